@@ -113,6 +113,7 @@ class NcRewriter {
   void move(const Block& block, const Point& to, double seconds, const Stretch& stretch);
   std::optional<Arc> round(const Block& block, const Point& to) const;
   std::vector<CorrectedPoint> chords(const Block& block) const;
+  std::vector<CorrectedPoint> half_turns(const Block& block) const;
   void plane(std::string_view letters);
   double feed(const Way& way, double seconds) const;
   double step(int joint) const;
@@ -337,6 +338,17 @@ std::vector<CorrectedPoint> NcRewriter::chords(const Block& block) const {
   return points;
 }
 
+/// Parts of at most half a turn of an arc that ends near its start or beyond a whole turn: its end
+/// and centre alone state less than a whole turn.
+std::vector<CorrectedPoint> NcRewriter::half_turns(const Block& block) const {
+  const Arc& arc = path_.arcs[block.shape];
+  const int n = std::max(2, int(std::ceil(std::abs(arc.sweep) / pi - 1e-9)));
+  std::vector<CorrectedPoint> points;
+  for (int k = 1; k <= n; ++k)
+    points.push_back({double(k) / n, k == n ? block.end : position(path_, block, double(k) / n), arc.centre, {}});
+  return points;
+}
+
 void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   const Block& block = path_.blocks[std::size_t(index)];
   if (is_cubic(block)) throw std::invalid_argument("expected a path of cubics only, or of none");
@@ -349,6 +361,15 @@ void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   if (!points.empty()) return pieces(index, points);
   if (block.interpolation == Interpolation::Arc && path_.arcs[block.shape].turned >= 0)
     return pieces(index, chords(block));
+  if (block.interpolation == Interpolation::Arc) {
+    const Arc& arc = path_.arcs[block.shape];
+    const Vector2d chord(block.end[arc.first] - block.start[arc.first],
+                         block.end[arc.second] - block.start[arc.second]);
+    constexpr double near = 0.01;  // of the radius: the angle there is a hundredth of its digits
+    if (std::abs(arc.sweep) > pi && chord.norm() < near * arc.radius)
+      return pieces(index, half_turns(block));
+    if (std::abs(arc.sweep) > 2 * pi) return pieces(index, half_turns(block));
+  }
   CorrectedPoint end{1.0, block.end, {}, {}};
   if (block.interpolation == Interpolation::Arc) end.centre = path_.arcs[block.shape].centre;
   // Onto whole words first, or what rounding moves would count as the way of a block that turns.

@@ -247,6 +247,37 @@ TEST(Rewrite, DialectStaysInchAndInverseTimeAndWordsWithoutMotion) {
   }
 }
 
+/// Returns the length of the arcs of a path in their planes, mm, signed by their sense.
+double arc_length(const Path& path) {
+  double length = 0.0;
+  for (const Block& block : path.blocks) {
+    if (block.interpolation != Interpolation::Arc) continue;
+    const Arc& arc = path.arcs[block.shape];
+    length += arc.sweep * (arc.radius + 0.5 * arc.growth);
+  }
+  return length;
+}
+
+TEST(Rewrite, WholeTurnsStayWholeTurns) {
+  const NcOptions options = test::options_for(test::gantry());
+  for (const char* move :
+       {"G2 I10", "G3 J-5", "G2 X0 Y0 I-3 J4", "G2 X0.002 Y0 I10", "G3 I10 Z-6", "G2 X20 I10",
+        "G18 G2 K4", "G19 G3 J4", "G3 X0 Y-0.001 I-10", "G20 G2 I0.5", "G93 G3 I8 F2"})
+    for (const int more : {0, 1, 4}) {  // turns besides
+      SCOPED_TRACE(fmt::format("{} and {} turns", move, more));
+      Path path = read_nc(fmt::format("G21 G90 G17 G94\nG1 X1 Y2 Z3 F100\nX0 Y0 Z0\n{}\nM2\n", move),
+                          "t", options);
+      ASSERT_EQ(path.arcs.size(), 1u);
+      path.arcs[0].sweep += std::copysign(2 * pi * more, path.arcs[0].sweep);
+      const std::string text = rewritten(path, CorrectedPath(path.blocks.size()), options).text;
+      const Path again = read_nc(text, "t", options);
+      EXPECT_NE(arc_length(path), 0.0);
+      EXPECT_NEAR(arc_length(again), arc_length(path), 1e-4 * (1 + more)) << text;
+      EXPECT_NEAR(again.blocks.back().end_s, path.blocks.back().end_s, 1e-4);
+      EXPECT_LT((again.blocks.back().end - path.blocks.back().end).cwiseAbs().maxCoeff(), 1.3e-5);
+    }
+}
+
 /// A rewriting of a program with a tolerance.
 struct Case {
   const char* name;
