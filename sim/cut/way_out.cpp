@@ -118,22 +118,65 @@ std::size_t first_feed(const Job& job) {
   return 0;
 }
 
-/// The same of a turned part: along the spindle as above, and to the radius that is nearest.
+/// The same of a turned part: mm along the spindle as above, and outwards to the nearest radius.
 Vector3d turned_shift(const Job& job) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
-  const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
   Vector3d shift = Vector3d::Zero();
-  if (!overlap(part[0], swept.feed[0]))
-    shift += (part[0].middle() - swept.tip[0].middle()) * line.direction_w;
-  const Vector3d arm = job.T_wt_nominal[first_feed(job)].translation() - line.point_w;
-  const Vector3d out = arm - arm.dot(line.direction_w) * line.direction_w;
-  if (!overlap(part[1], swept.feed[1]) && out.norm() > 0.0)
-    shift += (swept.feed[1].low > part[1].high ? part[1].high - swept.feed[1].low
-                                               : part[1].low - swept.feed[1].high) *
-             out.normalized();
+  if (!overlap(part[0], swept.feed[0])) shift[0] = part[0].middle() - swept.tip[0].middle();
+  if (!overlap(part[1], swept.feed[1]))
+    shift[1] = swept.feed[1].low > part[1].high ? part[1].high - swept.feed[1].low
+                                                : part[1].low - swept.feed[1].high;
   return shift;
 }
+
+/// How a change of offsets moves a program against its part, by three numbers in mm: a milled one
+/// along x y z of the workpiece; that of a turned part, which spins, along the spindle and outwards
+/// in the bed, the third being zero.
+class Displacement {
+ public:
+  explicit Displacement(const Job& job)
+      : turned_(!std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal)) {
+    if (!turned_) return;
+    line_ = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
+    const std::size_t first = first_feed(job);
+    const Vector3d arm = job.T_wt_nominal[first].translation() - line_.point_w;
+    const Vector3d out = arm - arm.dot(line_.direction_w) * line_.direction_w;
+    // a tool that begins on the spindle line points nowhere: it moves along the spindle alone
+    if (out.norm() > 1e-6)
+      out_b_ = bed_in_workpiece(job, first).transpose() * out.normalized();
+  }
+
+  bool turned() const { return turned_; }
+  /// Directions of the three numbers among which a search may step, in columns.
+  Eigen::Matrix3d steps(const Job& job) const {
+    if (!turned_) return job.scene.part.T_wm.linear();
+    return Vector3d(1.0, out_b_.norm(), 0.0).asDiagonal();
+  }
+  /// mm, workpiece frame, of the tool at a sample of a part of the job.
+  Vector3d at(const Job& part, std::size_t sample, const Vector3d& d) const {
+    if (!turned_) return d;
+    return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * out_b_);
+  }
+  /// By which a residual changes with each of the three numbers.
+  Vector3d gradient(const Vector3d& p_w, const Vector3d& n_w) const {
+    if (!turned_) return n_w;
+    const Vector3d arm = p_w - line_.point_w;
+    const Vector3d out = arm - arm.dot(line_.direction_w) * line_.direction_w;
+    const double radial = out.norm() > 1e-9 ? n_w.dot(out.normalized()) : 0.0;
+    return {n_w.dot(line_.direction_w), radial * out_b_.norm(), 0.0};
+  }
+
+ private:
+  static Eigen::Matrix3d bed_in_workpiece(const Job& part, std::size_t sample) {
+    return part.machine.nominal.workpiece_in_bed(part.samples.states[sample].q)
+        .linear()
+        .transpose();
+  }
+  bool turned_;
+  SpindleLine line_{Vector3d::Zero(), Vector3d::UnitZ()};
+  Vector3d out_b_ = Vector3d::Zero();
+};
 
 double rounded(double mm) { return std::round(mm * 1e3) / 1e3 + 0.0; }
 
@@ -166,7 +209,8 @@ struct Shifted {
   std::string words;
 };
 
-std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
+std::optional<Shifted> with_offsets(const Job& job, const Displacement& displacement,
+                                    const Vector3d& shift) {
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source))
     return std::nullopt;
   Shifted shifted{job.scene, ""};
@@ -181,7 +225,7 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
     if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size() ||
         job.scene.program.offsets)
       return std::nullopt;  // `work_offset` of the scene does not decide it
-    const auto change = change_of_words(job, i, shift_w);
+    const auto change = change_of_words(job, i, displacement.at(job, i, shift));
     if (!change) return std::nullopt;
     AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
     if (offset.size() == 0) offset = AxisVector::Zero(change->size());
@@ -290,46 +334,74 @@ struct Fit {
   double cost(double band) const { return median + band * uncut; }
 };
 
-/// The program of a milled part, moved in the workpiece, against the design.
+/// The program of a part, moved by a displacement, against the design.
 class ShiftTrial {
  public:
   ShiftTrial(const Job& job, const cutting::Design& few_w)
-      : few_w_(few_w),
+      : job_(job),
+        displacement_(job),
+        few_w_(few_w),
         search_(cutting::gouge_bands * job.scene.band),
         sweep_(error_free_sweep(job, {.band = search_, .progress = {}})) {}
 
-  /// Residuals at the places tried, with their normals.
+  /// Residuals at the places tried, and how they change with the displacement.
   struct Residuals {
     std::vector<double> r;    // mm, of what is cut or gouged
-    std::vector<Vector3d> n;  // their normals
+    std::vector<Vector3d> g;  // their gradients
     std::size_t uncut = 0;
     Fit fit(double search) const;
   };
-  Residuals at(const Vector3d& shift_w) const;
-  Fit fit(const Vector3d& shift_w) const { return at(shift_w).fit(search_); }
-  Vector3d refined(Vector3d shift_w) const;
+  Residuals at(const Vector3d& shift) const;
+  Fit fit(const Vector3d& shift) const { return at(shift).fit(search_); }
+  Vector3d refined(Vector3d shift) const;
 
  private:
+  cutting::Surface surface(const Vector3d& shift) const;
+
+  const Job& job_;
+  Displacement displacement_;
   const cutting::Design& few_w_;
   double search_;
   Sweep sweep_;
 };
 
-ShiftTrial::Residuals ShiftTrial::at(const Vector3d& shift_w) const {
-  cutting::Design moved = few_w_;
-  moved.vertices.rowwise() -= shift_w.transpose();
-  const cutting::Surface surface = sweep_.surface(moved);
+/// Of a milled part the design is moved the other way, which leaves the sweep as it is.
+cutting::Surface ShiftTrial::surface(const Vector3d& shift) const {
+  if (!displacement_.turned()) {
+    cutting::Design moved = few_w_;
+    moved.vertices.rowwise() -= shift.transpose();
+    return sweep_.surface(moved);
+  }
+  if (shift.isZero(0.0)) return sweep_.surface(few_w_);
+  std::vector<std::vector<Pose>> poses;
+  for (const Job& part : parts_of(job_)) {
+    poses.push_back(part.T_wt_nominal);
+    for (std::size_t i = 0; i < poses.back().size(); ++i)
+      poses.back()[i].translation() += displacement_.at(part, i, shift);
+  }
+  std::vector<ToolSweep> sweeps;
+  for (const Job& part : parts_of(job_))
+    sweeps.push_back({part.scene.tool.nominal, part.samples, poses[sweeps.size()],
+                      part.machine.nominal, part.machine.workpiece_spindle});
+  return machined_surface(few_w_, sweeps, {.band = search_, .progress = {}});
+}
+
+ShiftTrial::Residuals ShiftTrial::at(const Vector3d& shift) const {
+  const cutting::Surface surface = this->surface(shift);
+  const auto gradient = [&](Index i) {
+    return displacement_.gradient(few_w_.vertices.row(i), few_w_.normals.row(i));
+  };
   Residuals found;
-  for (Index i = 0; i < moved.vertices.rows(); ++i) {
+  for (Index i = 0; i < few_w_.vertices.rows(); ++i) {
     const auto status = surface.status[std::size_t(i)];
     if (status == cutting::VertexStatus::Uncut) ++found.uncut;
     if (status != cutting::VertexStatus::Cut) continue;
     found.r.push_back(surface.residual[i]);
-    found.n.push_back(moved.normals.row(i));
+    found.g.push_back(gradient(i));
   }
   for (const cutting::Gouge& gouge : surface.gouges) {
     found.r.push_back(-gouge.depth);
-    found.n.push_back(moved.normals.row(gouge.vertex));
+    found.g.push_back(gradient(gouge.vertex));
   }
   return found;
 }
@@ -343,8 +415,8 @@ Fit ShiftTrial::Residuals::fit(double search) const {
   return {*middle, double(uncut) / double(size.size())};
 }
 
-/// The shift that makes the sum of the magnitudes r + n d least, by least squares weighted anew
-/// until it stands; directions to which the normals are square stay zero.
+/// The shift that makes the sum of the magnitudes r + g d least, by least squares weighted anew
+/// until it stands; directions to which the gradients are square stay zero.
 Vector3d least_magnitudes(const ShiftTrial::Residuals& all) {
   constexpr int turns = 30;
   constexpr double nearest = 1e-4;     // mm: nearer than this counts the same
@@ -354,9 +426,9 @@ Vector3d least_magnitudes(const ShiftTrial::Residuals& all) {
     Eigen::Matrix3d N = Eigen::Matrix3d::Zero();
     Vector3d g = Vector3d::Zero();
     for (std::size_t i = 0; i < all.r.size(); ++i) {
-      const double weight = 1.0 / std::max(nearest, std::abs(all.r[i] + all.n[i].dot(d)));
-      N += weight * all.n[i] * all.n[i].transpose();
-      g -= weight * all.r[i] * all.n[i];
+      const double weight = 1.0 / std::max(nearest, std::abs(all.r[i] + all.g[i].dot(d)));
+      N += weight * all.g[i] * all.g[i].transpose();
+      g -= weight * all.r[i] * all.g[i];
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(N);
     Vector3d next = Vector3d::Zero();
@@ -372,52 +444,54 @@ Vector3d least_magnitudes(const ShiftTrial::Residuals& all) {
 }
 
 /// From a shift to the one near it at which the median of the magnitudes is least: the machined
-/// surface goes with the program, so each residual changes by its normal times the shift. As other
+/// surface goes with the program, so each residual changes by its gradient times the shift. As other
 /// passes then make the surface, that is done again until nothing is gained.
-Vector3d ShiftTrial::refined(Vector3d shift_w) const {
+Vector3d ShiftTrial::refined(Vector3d shift) const {
   constexpr int most_turns = 12;
-  Vector3d best = shift_w;
+  Vector3d best = shift;
   double least = infinity;
   for (int turn = 0; turn < most_turns; ++turn) {
-    const Residuals residuals = at(shift_w);
+    const Residuals residuals = at(shift);
     const double cost = residuals.fit(search_).cost(search_);
     if (cost < least) {
       least = cost;
-      best = shift_w;
+      best = shift;
     }
     if (residuals.r.empty()) break;
     const Vector3d step = least_magnitudes(residuals);
     if (step.norm() < 1e-4) break;
-    shift_w += std::min(1.0, search_ / step.norm()) * step;
+    shift += std::min(1.0, search_ / step.norm()) * step;
   }
   return best;
 }
 
-/// The shift at which the program of a milled part fits it best: from where it stands, and from
-/// where it first touches, each as it is and with the middle of the feed over that of the part.
-Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vector3d& touching_w) {
+/// The shift at which a program fits its part best: from where it stands, and from where it first
+/// touches, each as it is and with the middle of the feed over that of the part.
+Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vector3d& touching) {
   const ShiftTrial trial(job, few_w);
-  const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  const Displacement displacement(job);
+  const Eigen::Matrix3d steps = displacement.steps(job);
   const Spans feed = swept_spans(job).tip, part = part_spans(job);
-  const auto centred = [&](Vector3d shift_w) -> Vector3d {
-    Vector3d shift_m = R_wm.transpose() * shift_w;
-    for (std::size_t k = 0; k < 2; ++k) shift_m[Index(k)] = part[k].middle() - feed[k].middle();
-    return R_wm * shift_m;
+  const auto centred = [&](const Vector3d& shift) -> Vector3d {
+    const std::size_t directions = displacement.turned() ? 1 : 2;  // along the spindle; x y
+    Vector3d by = steps.transpose() * shift;
+    for (std::size_t k = 0; k < directions; ++k) by[Index(k)] = part[k].middle() - feed[k].middle();
+    return steps * by;
   };
   const double search = cutting::gouge_bands * job.scene.band;
   Vector3d best = Vector3d::Zero();
   double least = trial.fit(best).cost(search);
-  const auto consider = [&](const Vector3d& start_w) {
-    const Vector3d shift_w = trial.refined(start_w);
-    const double cost = trial.fit(shift_w).cost(search);
+  const auto consider = [&](const Vector3d& start) {
+    const Vector3d shift = trial.refined(start);
+    const double cost = trial.fit(shift).cost(search);
     if (cost >= least - 1e-5) return;  // of two as good the first
     least = cost;
-    best = shift_w;
+    best = shift;
   };
   consider(Vector3d::Zero());
-  consider(touching_w);
+  consider(touching);
   consider(centred(best));
-  consider(centred(touching_w));
+  consider(centred(touching));
   // residuals do not tell how far a flank reaches along itself: what is uncut does
   for (const double step : {1.0, 0.25}) {
     bool better = true;
@@ -425,11 +499,12 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
       better = false;
       for (Index k = 0; k < 3; ++k)
         for (const double sign : {-1.0, 1.0}) {
-          const Vector3d shift_w = best + sign * step * R_wm.col(k);
-          const double cost = trial.fit(shift_w).cost(search);
+          if (steps.col(k).isZero(0.0)) continue;
+          const Vector3d shift = best + sign * step * steps.col(k);
+          const double cost = trial.fit(shift).cost(search);
           if (cost >= least - 1e-5) continue;
           least = cost;
-          best = shift_w;
+          best = shift;
           better = true;
         }
     }
@@ -437,12 +512,12 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
   // a program that leaves more than this is none of the part, or of a few of its points
   constexpr double fits = 0.1;  // mm
   const Fit found = trial.fit(best);
-  if (!(found.median < fits)) return touching_w;
+  if (!(found.median < fits)) return touching;
   // cusps lift the median by their height: of offsets as good the one that a person would have set
   const double as_good = std::max(0.01, found.median);  // mm
   for (const double step : {1.0, 0.1, 0.01}) {
-    const Vector3d round_w = step * (best / step).array().round().matrix();
-    if (trial.fit(round_w).cost(search) < least + as_good) return round_w;
+    const Vector3d round = step * (best / step).array().round().matrix();
+    if (trial.fit(round).cost(search) < least + as_good) return round;
   }
   return best;
 }
@@ -457,17 +532,19 @@ std::string fit_words(const Fit& fit, double band) {
 
 /// @param feeding  the job, or some of its feed, which is brought to the part
 std::optional<WayOut> moved_by(const Job& job, const Job& feeding, const cutting::Design& few_w,
-                               const Vector3d& shift_w) {
-  if (!(shift_w.norm() > 0.0)) return std::nullopt;
+                               const Vector3d& shift) {
+  if (!(shift.norm() > 0.0)) return std::nullopt;
   const double band = job.scene.band;
   const auto words = [&](const Job& moved, const cutting::Design& design_w) {
-    const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
-    return fit_words(milled ? ShiftTrial(moved, design_w).fit(Vector3d::Zero()) : Fit{}, band);
+    return fit_words(ShiftTrial(moved, design_w).fit(Vector3d::Zero()), band);
   };
-  if (const auto shifted = with_offsets(feeding, shift_w))
+  const Displacement displacement(feeding);
+  if (const auto shifted = with_offsets(feeding, displacement, shift))
     if (const auto moved = error_free_job(shifted->scene))
       if (const WithinReach reach = within_reach(few_w, *moved); reach.share > 0.0)
         return WayOut{fmt::format("with {} it {}", shifted->words, words(*moved, few_w)), reach};
+  if (displacement.turned() && shift[1] != 0.0) return std::nullopt;  // the part stays on the spindle
+  const Vector3d shift_w = displacement.at(feeding, 0, shift);
   cutting::Design part = few_w;
   part.vertices.rowwise() -= shift_w.transpose();
   const WithinReach reach = within_reach(part, job);
@@ -480,12 +557,10 @@ std::optional<WayOut> moved_by(const Job& job, const Job& feeding, const cutting
 
 std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutting::Design& few_w) {
   const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
-  if (!milled) return moved_by(job, feeding, few_w, turned_shift(feeding));
-  const Vector3d touching_w = milled_shift(feeding, few_w);
-  if (auto out = moved_by(job, feeding, few_w, fitting_shift(feeding, few_w, touching_w)))
-    return out;
+  const Vector3d touching = milled ? milled_shift(feeding, few_w) : turned_shift(feeding);
+  if (auto out = moved_by(job, feeding, few_w, fitting_shift(feeding, few_w, touching))) return out;
   // where no better fit is found, as where one of several tools alone comes near, it may still touch
-  return moved_by(job, feeding, few_w, touching_w);
+  return moved_by(job, feeding, few_w, touching);
 }
 
 }  // namespace
@@ -495,6 +570,7 @@ std::optional<WayOut> way_out(const Job& job) {
   if (job.windows) return std::nullopt;
   const cutting::Design few_w = thinned(job.design_w);
   if (auto out = way_out_of(job, job, few_w)) return out;
+  if (Displacement(job).turned()) return std::nullopt;
   // where the axes turn in between, one offset moves each direction elsewhere in the workpiece
   const auto directions = feed_directions(job, most_tried);
   if (directions.size() < 2) return std::nullopt;

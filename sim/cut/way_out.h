@@ -28,9 +28,10 @@ struct WayOut {
 /// Where a program that does not fit the part would have to stand: where the median of the
 /// magnitudes of the error-free residuals of the thinned design is least. It is sought from where the
 /// program stands and from where it first touches; in directions that the residuals do not
-/// determine the middle of the feed comes over the middle of the part if more is cut then. A turned
-/// part, and a milled one of which half stays further away than the band, is brought to where the
-/// sweep of the feed first touches a judged vertex. Said as
+/// determine the middle of the feed comes over the middle of the part if more is cut then. The
+/// program of a turned part is moved along the spindle and outwards. A part of which half stays
+/// further away than the band is brought to where the sweep of the feed first touches a judged
+/// vertex. Said as
 /// work offsets that the program uses, to 1 um, where the program read with them cuts the part
 /// within the travel of the axes; else as part.at_mm. Where neither does and the axes turn between
 /// feeds, the same for the feed in each of its first directions alone; none where that does not

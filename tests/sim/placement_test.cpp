@@ -242,6 +242,58 @@ TEST_F(Moved, TheOffsetOfAMovedDomeIsThatAtWhichItWasProgrammed) {
   }
 }
 
+/// The turned shaft of the library, its program moved across and along the spindle.
+TEST(Placement, TheOffsetOfAMovedShaftIsThatAtWhichItWasProgrammed) {
+  const auto shaft = [](double x, double z) {
+    return job_of("stepped_shaft.toml",
+                  {{"part.vertices", "1000"},
+                   {"program.work_offset.G54", fmt::format("{{ X_mm = {}, Z_mm = {} }}", x, z)}});
+  };
+  const Placement fits = placement(shaft(0, 0));
+  EXPECT_FALSE(fits.fault);
+  EXPECT_TRUE(fits.warnings.empty()) << fits.warnings.front();
+  EXPECT_FALSE(way_out(shaft(0, 0))) << "it fits already";
+  for (const auto& [x, z] : {std::pair(3.0, 0.0), {-3.0, 0.0}, {7.0, 0.0}, {-1.5, 0.0}, {3.0, 60.0}}) {
+    const auto out = way_out(shaft(x, z));
+    ASSERT_TRUE(out) << x << " " << z;
+    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.002) << out->words;
+    EXPECT_GT(out->reach.share, 0.99) << out->words;
+    EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
+  }
+  const Placement deep = placement(shaft(-3, 0));
+  ASSERT_EQ(deep.warnings.size(), 1u);
+  EXPECT_TRUE(says(deep.warnings.front(), "; with G54 X = 0 (now -3) it fits best"))
+      << deep.warnings.front();
+}
+
+/// A dome is turned by an arc, so that both directions are determined.
+TEST(Placement, TheOffsetOfAMovedTurnedDomeIsThatAtWhichItWasProgrammed) {
+  SceneFolder folder;
+  folder.write("p.ngc",
+               "G8 G18 G21 G90 G94\nS1000 M3\nG0 X14.784 Z77.619\nG2 X0 Z83 I-14.784 K-17.619 "
+               "F20\nG0 Z120\nM5\nM30\n");
+  const auto dome = [&](double x, double z) {
+    return prepare(read_scene(folder.write(
+        "s.toml",
+        fmt::format("machine = \"{}machines/lathe_zx.toml\"\n[tool]\nkind = \"nose\"\nradius_mm = "
+                    "3\nlength_mm = 60\n[part]\nsurface = \"sphere_cap\"\nradius_mm = "
+                    "20\nrim_radius_mm = 12\nvertices = 500\nat_mm = [0, 0, 80]\n[program]\nfile = "
+                    "\"p.ngc\"\nwork_offset.G54 = {{ X_mm = {}, Z_mm = {} }}\n",
+                    packaged("").string(), x, z))));
+  };
+  EXPECT_FALSE(placement(dome(0, 0)).fault);
+  EXPECT_TRUE(placement(dome(0, 0)).warnings.empty());
+  for (const auto& [x, z] : {std::pair(0.0, 30.0), {0.0, -3.0}, {0.0, 5.0}, {4.0, 0.0}, {3.0, 12.0}}) {
+    const auto out = way_out(dome(x, z));
+    ASSERT_TRUE(out) << x << " " << z;
+    std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.05) << out->words;
+    EXPECT_NEAR(offset_in(out->words, "Z"), 0.0, 0.05) << out->words;
+    EXPECT_TRUE(says(out->words, "it fits best")) << out->words;
+  }
+}
+
 TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
   SceneFolder folder;
   folder.write("part.stl",

@@ -5,6 +5,7 @@
 #include "kinematics/numbers.h"
 #include "sim/cut/reach.h"
 #include "sim/cut/tool_poses.h"
+#include "sim/cut/way_out.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
 
@@ -96,6 +97,38 @@ Eigen::VectorXd least_of(const std::vector<cutting::Surface>& surfaces) {
           !(least[i] <= one.residual[i]))
         least[i] = one.residual[i];
   return least;
+}
+
+TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
+  const std::string program = passes(1, -7, 1, 0.0) + passes(2, -1, 7, 0.02);
+  const auto moved = [&](const Eigen::Vector3d& by) {
+    std::string text = scene(listed({t1, t2}), program);
+    const std::string offset = "{ Z_mm = -100 }";
+    text.replace(text.find(offset), offset.size(),
+                 fmt::format("{{ X_mm = {}, Y_mm = {}, Z_mm = {} }}", by.x(), by.y(),
+                             by.z() - 100.0));
+    return prepare(read_scene(folder_.write("s.toml", text)));
+  };
+  EXPECT_TRUE(placement(moved({0, 0, 0})).warnings.empty());
+  EXPECT_FALSE(way_out(moved({0, 0, 0}))) << "it fits already";
+  for (const Eigen::Vector3d& by : {Eigen::Vector3d(0, 0, 8), Eigen::Vector3d(0, 0, -3),
+                                    Eigen::Vector3d(40, 0, 0), Eigen::Vector3d(0, -30, 0),
+                                    Eigen::Vector3d(0, 0, 60)}) {
+    const auto out = way_out(moved(by));
+    ASSERT_TRUE(out) << by.transpose();
+    std::cout << by.transpose() << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
+    const std::array<double, 3> right = {0.0, 0.0, -100.0};
+    for (int k = 0; k < 3; ++k) {
+      const std::string name = fmt::format(" {} = ", "XYZ"[k]);
+      const auto at = out->words.find(name);
+      if (at == std::string::npos)
+        EXPECT_EQ(by[k], 0.0) << out->words;
+      else
+        EXPECT_NEAR(std::stod(out->words.substr(at + name.size())), right[std::size_t(k)], 0.1)
+            << out->words;
+    }
+    EXPECT_GT(out->reach.share, 0.99) << out->words;
+  }
 }
 
 TEST_F(SeveralTools, EachMoveIsCutWithItsToolAndTheLeastIsLeft) {
