@@ -66,6 +66,22 @@ std::optional<std::string> foreign_encoding(std::string_view text) {
   return std::nullopt;
 }
 
+/// Returns the first CR between words without a LF beside it. Controls read such lines as one: to
+/// take it as the end of a line would move otherwise than they do, to pass over it too.
+std::optional<std::size_t> lone_cr(std::string_view text) {
+  using namespace std::string_view_literals;
+  constexpr std::string_view moves = "\r\n\0"sv;
+  const std::size_t last = text.find_last_not_of(moves);
+  for (std::size_t at = std::min(text.find_first_not_of(moves), text.size());
+       (at = text.find('\r', at)) < last && last != std::string_view::npos;) {
+    const std::size_t begin = text.find_last_not_of(moves, at) + 1;
+    const std::size_t end = text.find_first_not_of(moves, at);
+    if (text.substr(begin, end - begin).find('\n') == std::string_view::npos) return at;
+    at = end;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::optional<std::size_t> first_not_utf8(std::string_view text) {
@@ -83,6 +99,13 @@ std::optional<std::size_t> first_not_utf8(std::string_view text) {
 void check_encoding(std::string_view text, const std::string& file) {
   if (auto seen = foreign_encoding(text))
     throw BadInput(file, 1, 1, "a text in ASCII or UTF-8", std::move(*seen));
+  if (const auto at = lone_cr(text)) {
+    const std::string_view before = text.substr(0, *at);
+    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const std::size_t begin = before.rfind('\n');  // npos + 1 is 0
+    throw BadInput(file, int(line), int(*at - (begin + 1)) + 1, "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
+                   "a CR alone");
+  }
 }
 
 std::string without_tape_marks(std::string_view text) {

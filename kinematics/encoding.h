@@ -12,7 +12,8 @@ namespace abbe {
 std::optional<std::size_t> first_not_utf8(std::string_view text);
 
 /// One input error for a file that no reader of text understands, instead of one a line.
-/// @throws BadInput with the encoding: UTF-16, UTF-32, EBCDIC, or none
+/// @throws BadInput with the encoding: UTF-16, UTF-32, EBCDIC, or none, and for a CR between words
+///         without a LF beside it, as in texts whose lines end in CR alone
 void check_encoding(std::string_view text, const std::string& file);
 
 /// The text without what only moves a paper tape or a print head: NUL bytes at either end of a line

@@ -1,6 +1,7 @@
 // What a program may ask of its reader: how deep it nests, how many moves it makes, in which
 // encoding it stands, and what of its input errors is said.
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -357,6 +358,38 @@ TEST(ProgramEncoding, WhatMovesATapeIsWhiteSpace) {
         EXPECT_EQ(read.path.blocks[i].line, wanted.path.blocks[i].line);
     }
   }
+}
+
+/// A control reads lines that end in CR alone as one block, LinuxCNC `G0 X1` and `Y2` as one move.
+TEST(ProgramEncoding, ACrAloneIsOneInputError) {
+  const std::vector<std::pair<Dialect, std::string>> programs = {
+      {Dialect::LinuxCnc, "G21 G90\n(a note)\nG0 X1\nY2\nM2\n"},
+      {Dialect::Fanuc, "%\nO1\nG21 G90\nG0 X10.\nY20. (a note)\nM30\n%\n"},
+      {Dialect::Siemens, "G71 G90 ;a note\nG0 X10\nY20\nM30\n"},
+      {Dialect::Heidenhain, "BEGIN PGM A MM\nTOOL CALL 1 Z S100 F100\nL X+10 R0 ;a note\nL Y+2\n"
+                            "END PGM A MM\n"},
+      {Dialect::Cl, "UNITS/MM\nFEDRAT/100,MMPM $$ a note\nGOTO/1,2,3\nGOTO/2,2,3\nFINI\n"}};
+  for (const auto& [dialect, text] : programs)
+    for (const Dialect read_as : {dialect, Dialect::Auto}) {
+      SCOPED_TRACE(name_of(dialect));
+      ASSERT_TRUE(errors_of(text, limits_options(dialect)).empty());
+      std::string old = text;
+      std::ranges::replace(old, '\n', '\r');
+      const auto all = errors_of(old, limits_options(read_as));
+      ASSERT_EQ(all.size(), 1u);
+      EXPECT_EQ(all[0].seen, "a CR alone") << all[0].what();
+      EXPECT_EQ(all[0].line, 1);
+      // one of them, at each place
+      for (std::size_t at = text.find('\n'); at + 1 < text.size(); at = text.find('\n', at + 1)) {
+        std::string one = text;
+        one[at] = '\r';
+        const auto errors = errors_of(one, limits_options(read_as));
+        ASSERT_EQ(errors.size(), 1u) << one;
+        EXPECT_EQ(errors[0].seen, "a CR alone");
+        EXPECT_EQ(errors[0].line, 1 + std::count(one.begin(), one.begin() + long(at), '\n'));
+        EXPECT_EQ(errors[0].column, int(at - (one.rfind('\n', at) + 1)) + 1);
+      }
+    }
 }
 
 TEST(OtherDialect, IsNamedWhereItReadsTheFileWithFewerErrors) {

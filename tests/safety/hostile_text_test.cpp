@@ -136,6 +136,34 @@ TEST_F(HostileText, AnEncodingIsOneErrorOfEveryReader) {
   EXPECT_EQ(ran.code, 0) << ran.text;
 }
 
+TEST_F(HostileText, ACrAloneIsOneErrorOfEveryReader) {
+  const auto old = [](std::string text) {
+    std::ranges::replace(text, '\n', '\r');
+    return text;
+  };
+  folder_.write("p.ngc", small_program);
+  folder_.write("good.toml", small_scene());
+  folder_.write("old.ngc", old(small_program));
+  folder_.write("old.cl", old("UNITS/MM\nGOTO/1,2,3\n"));
+  folder_.write("old.csv", old("time_s,X_mm,Y_mm,Z_mm,X_mm_per_s,Y_mm_per_s,Z_mm_per_s\n"
+                               "0,0,0,0,1,0,0\n1,1,0,0,1,0,0\n"));
+  folder_.write("scene.toml", old(small_scene()));
+  folder_.write("readings.csv", old("# instrument = \"laser\"\nposition_mm,reading_um\n1,2\n"));
+  folder_.write("tool.tbl", old("T1 P1 Z100 D10\nT2 P2 Z50 D5\n"));
+  folder_.write("poses.csv", old("X_mm,Y_mm,Z_mm\n1,2,3\n4,5,6\n"));
+  for (const char* command :
+       {"program old.ngc", "program old.cl", "program old.csv", "check scene.toml",
+        "evaluate readings.csv", "identify readings.csv",
+        "program p.ngc --dialect linuxcnc --unit mm --tools tool.tbl",
+        "pose good.toml --at-file poses.csv"}) {
+    const Ran ran = abbe(command);
+    EXPECT_EQ(ran.code, 3) << command << ": " << ran.text;
+    expect_one_a_line(ran, command);
+    EXPECT_EQ(ran.text.find("abbe: "), ran.text.rfind("abbe: ")) << command << ": " << ran.text;
+    EXPECT_NE(ran.text.find("a CR alone"), std::string::npos) << command << ": " << ran.text;
+  }
+}
+
 TEST_F(HostileText, TheDialectIsSaidWithItsSign) {
   folder_.write("p.ngc", small_program);
   folder_.write("scene.toml", small_scene());
