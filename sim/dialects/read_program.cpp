@@ -147,6 +147,11 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   } catch (const BadInput& fault) {
     throw BadProgram({fault});
   }
+  if (text.find('\0') != std::string_view::npos) {
+    // a NUL that is no tape mark is an input error of its line
+    const std::string plain = without_tape_marks(text);
+    if (plain.size() < text.size()) return read_program(plain, file, options);
+  }
   ReadProgram read;
   const Recognised found =
       options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
