@@ -103,7 +103,8 @@ void check_encoding(std::string_view text, const std::string& file) {
     const std::string_view before = text.substr(0, *at);
     const auto line = 1 + std::count(before.begin(), before.end(), '\n');
     const std::size_t begin = before.rfind('\n');  // npos + 1 is 0
-    throw BadInput(file, int(line), int(*at - (begin + 1)) + 1, "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
+    throw BadInput(file, int(line), int(*at - (begin + 1)) + 1,
+                   "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
                    "a CR alone");
   }
 }

@@ -154,6 +154,12 @@ struct Solution {
   std::vector<Confounded> not_found;
 };
 
+/// "EXX" of "EXX[2]": high orders are wanted where a curve needs them, however small they usually
+/// are.
+std::string element_of(const std::string& number) {
+  return number.substr(0, number.find_first_of(" ["));
+}
+
 /// Index among those found of the number that is known worst, by its limit; none is beyond it.
 std::optional<Index> weakest(const Problem& problem, const Solution& solution,
                              const MatrixXd& covariance) {
@@ -165,8 +171,8 @@ std::optional<Index> weakest(const Problem& problem, const Solution& solution,
     if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
     const double deviation = std::sqrt(covariance(Index(i), Index(i)));
     const double change = solution.x[Index(column)] - problem.start[Index(column)];
-    const double ratio = deviation / (problem.options.weak_limit *
-                                      typical_deviation(problem.design.unknowns.names[column]));
+    const double typical = typical_deviation(element_of(problem.design.unknowns.names[column]));
+    const double ratio = deviation / (problem.options.weak_limit * typical);
     if (ratio < most || std::abs(change) >= significant * deviation) continue;
     most = ratio;
     worst = Index(i);

@@ -77,9 +77,9 @@ struct EstimateOptions {
   double rank_tolerance = 1e-9;  ///< least pivot that counts, of the largest, columns of unit norm
   double outlier_limit = 0.0;    ///< studentised residual beyond which a reading is left out; 0:
                                  ///< none is
-  double weak_limit = 0.0;  ///< a number that is known to so many of its `typical_deviation` or
-                            ///< worse, and differs from its start by less than four of its own
-                            ///< standard deviations, stays there; 0: none does
+  double weak_limit = 0.0;  ///< a number that is known to so many times the `typical_deviation` of
+                            ///< its element or worse, and differs from its start by less than four
+                            ///< of its own standard deviations, stays there; 0: none does
   int most_iterations = 20;
   double tolerance = 1e-12;           ///< mm and rad: steps below it end the iteration
   bool noise_from_residuals = false;  ///< scale the covariance by the reduced chi-square

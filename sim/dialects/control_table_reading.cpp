@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 
 namespace abbe::sim::dialects {
@@ -42,6 +43,12 @@ void TableReading::state_unit(double mm, const Cursor& cursor, std::size_t from)
 }
 
 void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read) {
+  try {
+    check_encoding(reading.text, reading.table.file);
+  } catch (const BadInput& fault) {
+    reading.faults.add(fault);
+    return;
+  }
   Lines lines(reading.text);
   while (const auto line = lines.next()) {
     Cursor cursor{*line, {reading.table.file, lines.number()}};

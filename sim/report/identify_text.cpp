@@ -65,7 +65,7 @@ std::string weak_text(const errors::identification::Confounded& one) {
   const double unit = errors::identification::shown_unit(one.name);
   return fmt::format("{} to {:.2g} {} ({:.2g})", escaped(one.name), *one.standard_deviation / unit,
                      unit == units::um ? "um" : "urad",
-                     errors::identification::typical_deviation(one.name) / unit);
+                     errors::identification::typical_deviation(element_of(one.name)) / unit);
 }
 
 /// Numbers that were not found: those that others hide, then those that no reading depends on,

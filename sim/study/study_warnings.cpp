@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/coefficients.h"
 #include "kinematics/numbers.h"
 #include "sim/scene/key_unit.h"
 #include "sim/scene/scene.h"
@@ -60,6 +61,17 @@ std::string mistaken_spread(const std::string& key, double centre, double spread
   if (spread < finest_mm) return "m";
   if (centre != 0.0 && spread >= std::abs(centre)) return "um, as it is as large as its centre";
   return key.starts_with("tool.actual.") && spread > widest_tool_mm ? "um" : "";
+}
+
+/// Whether a belief states how uncertain a number is, and not the study.
+bool is_of_belief(const std::string& number, const Study& study, const Scene& scene) {
+  const errors::GeometricErrors& belief = scene.geometric;
+  const auto is_it = [&](const errors::Coefficient& one) {
+    return errors::name_of(one, belief.elements) == number;
+  };
+  return std::ranges::any_of(belief.covariance.of, is_it) ||
+         std::ranges::find(study.unidentified, number, &Unidentified::number) !=
+             study.unidentified.end();
 }
 
 std::string mistaken_spread(const Input& input) {
@@ -168,7 +180,7 @@ void add_sweep(const Study& study, const Sweep& sweep, std::vector<std::string>&
 std::vector<std::string> study_warnings(const Study& study, const Scene& scene) {
   std::vector<std::string> warnings;
   for (const Input& input : study.inputs) {
-    add_spread(input, warnings);
+    if (!is_of_belief(input.number, study, scene)) add_spread(input, warnings);
     add_centre(input, scene, warnings);
   }
   add_shared_elements(study, warnings);

@@ -109,8 +109,7 @@ TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
                              by.z() - 100.0));
     return prepare(read_scene(folder_.write("s.toml", text)));
   };
-  EXPECT_TRUE(placement(moved({0, 0, 0})).warnings.empty());
-  EXPECT_FALSE(way_out(moved({0, 0, 0}))) << "it fits already";
+  EXPECT_TRUE(placement(moved({0, 0, 0})).warnings.empty()) << "it fits already";
   for (const Eigen::Vector3d& by : {Eigen::Vector3d(0, 0, 8), Eigen::Vector3d(0, 0, -3),
                                     Eigen::Vector3d(40, 0, 0), Eigen::Vector3d(0, -30, 0),
                                     Eigen::Vector3d(0, 0, 60)}) {

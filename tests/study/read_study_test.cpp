@@ -6,7 +6,9 @@
 #include <gtest/gtest.h>
 
 #include "sim/scene/bad_scene.h"
+#include "sim/scene/read_scene.h"
 #include "sim/study/study.h"
+#include "sim/study/study_warnings.h"
 #include "tests/injured.h"
 #include "tests/sim/refusal.h"
 #include "tests/study/small_study.h"
@@ -509,6 +511,20 @@ TEST_F(ReadStudy, TakesTenMegabytesOfRemarksAndRefusesAsManyInputs) {
   for (int i = 0; i < 3000; ++i)
     sweeps += "[[sweep]]\ninput = \"EXX\"\nfrom = 0\nto = 1\nsteps = 10000\n";
   EXPECT_NE(refusal(sweeps).find("1000 sweeps"), std::string::npos);
+}
+
+// A belief's own covariance has spreads of some nanometres, which nobody wrote in a wrong unit.
+TEST(PackagedStudies, WarnOfNothing) {
+  int studies = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(
+           std::filesystem::path(ABBE_SOURCE_DIR) / "scenes/studies"))
+    if (entry.path().extension() == ".toml") {
+      const Study study = read_study(entry.path());
+      const Scene scene = read_scene(study.scene, study.overrides);
+      EXPECT_EQ(study_warnings(study, scene), std::vector<std::string>()) << entry.path();
+      ++studies;
+    }
+  EXPECT_GE(studies, 3);
 }
 
 TEST_F(ReadStudy, ReadsOrRefusesAnInjuredStudy) {
