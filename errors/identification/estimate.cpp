@@ -146,7 +146,7 @@ Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
   return fit;
 }
 
-/// What a first fit found, less what it found too badly.
+/// The numbers that a first fit found, less those that it found too badly.
 struct Solution {
   std::vector<int> found;  ///< columns
   VectorXd x;              ///< (n) all unknowns

@@ -229,7 +229,7 @@ void Machine::check_words(const Block& block) const {
     refuse(tool, "a whole tool number");
 }
 
-/// What a code of motion needs in its block.
+/// Refuses a code of motion without the words that it needs in its block.
 void Machine::check_motion(const Block& block) const {
   const Code& code = block[Group::Motion];
   const bool is_arc = code.tenths == 20 || code.tenths == 30;
@@ -242,7 +242,7 @@ void Machine::check_motion(const Block& block) const {
     refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
 }
 
-/// What M19 and the outputs of the control need in their block.
+/// Refuses M19 and outputs of the control without the words that they need in their block.
 void Machine::check_outputs(const Block& block) const {
   if (const Code& code = block[Group::Override]) {
     const bool digital = code.tenths >= 620 && code.tenths <= 650;
