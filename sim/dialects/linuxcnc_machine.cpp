@@ -115,8 +115,8 @@ void Machine::note_start_modes(const Block& block) {
   if (!first_axis_word(block)) return;
   if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
       run_.options().turning.x_words == XWords::OfControl)
-    canon_.assume({"X words are radii (G8): no word before says otherwise", "program.x_words",
-                   "--x-words"});
+    canon_.assume(
+        {"X words are radii (G8): no word before says otherwise", "program.x_words", "--x-words"});
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   run_.depend(StartMode::Units, "mm (G21)");
   run_.depend(StartMode::Distance, "absolute (G90)");
@@ -237,7 +237,8 @@ void Machine::check_motion(const Block& block) const {
     refuse(code.word, "axis words beside " + shown(code.word.text), "none");
   if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
     refuse(code.word, "I J K or R beside " + shown(code.word.text), "none");
-  const bool incremental = block[Group::Distance] ? block.tenths(Group::Distance) == 910 : incremental_;
+  const bool incremental =
+      block[Group::Distance] ? block.tenths(Group::Distance) == 910 : incremental_;
   if (const Code& once = block[Group::OneBlock]; once.tenths == 530 && incremental)
     refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
 }
@@ -258,7 +259,8 @@ void Machine::check_outputs(const Block& block) const {
   if (block.tenths(Group::Spindle) != 190) return;
   if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
     refuse(p, "P0, P1 or P2 beside M19");
-  if (const NcWord& q = block['Q']; q && !(q.value > 0)) refuse(q, "Q (seconds) above zero beside M19");
+  if (const NcWord& q = block['Q']; q && !(q.value > 0))
+    refuse(q, "Q (seconds) above zero beside M19");
 }
 
 void Machine::set_feed(const Block& block) {
