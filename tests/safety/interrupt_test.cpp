@@ -189,11 +189,15 @@ std::string unfinished_below(const fs::path& folder) {
 }
 
 /// Returns why a later run would not take one of the default folders; empty if it takes all.
+/// `identify` writes into `out` itself, the other commands into folders below it.
 std::string refused_folders(const fs::path& out) {
   std::string text;
   if (!fs::exists(out)) return text;
-  for (const auto& entry : fs::directory_iterator(out)) try {
-      sim::check_folder(entry.path(), {});
+  std::vector<fs::path> folders{out};
+  if (!fs::exists(out / sim::mark_name))
+    folders.assign(fs::directory_iterator(out), fs::directory_iterator());
+  for (const fs::path& folder : folders) try {
+      sim::check_folder(folder, {});
     } catch (const sim::OutputFailure& failure) {
       text += failure.what();
     }
