@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 namespace abbe::errors {
+
 namespace {
 
 using Eigen::Index;
@@ -36,7 +37,7 @@ auto places(SomeShape& shape) {
           result.push_back(&s.half);
         } else if constexpr (std::is_same_v<S, Table>) {
           append(result, s.value);
-        } else if constexpr (std::is_same_v<S, UpDown>) {
+        } else if constexpr (std::is_same_v<S, DirectionalTables>) {
           append(result, s.up.value);
           append(result, s.down.value);
         }
@@ -53,7 +54,7 @@ void renew(Table& table) {
 
 void renew(Shape& shape) {
   if (auto* table = std::get_if<Table>(&shape)) renew(*table);
-  if (auto* both = std::get_if<UpDown>(&shape)) {
+  if (auto* both = std::get_if<DirectionalTables>(&shape)) {
     renew(both->up);
     renew(both->down);
   }
@@ -66,22 +67,22 @@ std::string number_name(const Shape& shape, int number) {
     const int n = int(fourier->a.size());
     return number < n ? fmt::format(" cos {}", number + 1) : fmt::format(" sin {}", number - n + 1);
   }
-  if (const auto* both = std::get_if<UpDown>(&shape)) {
+  if (const auto* both = std::get_if<DirectionalTables>(&shape)) {
     const int n = int(both->up.value.size());
     return number < n ? fmt::format(" up[{}]", number) : fmt::format(" down[{}]", number - n);
   }
   return fmt::format("[{}]", number);
 }
 
-std::string curve_name(const Element& element, std::size_t curve, bool numbered) {
+std::string curve_name(const Element& element, std::size_t curve, bool numbered_name) {
   std::string name = to_string(element.name);
   const Curve& c = element.curves[curve];
   if (element.curves.size() > 1 && !c.name.empty()) name += " " + c.name;
-  if (numbered) name += fmt::format(" #{}", curve + 1);
+  if (numbered_name) name += fmt::format(" #{}", curve + 1);
   return name;
 }
 
-bool has_twins(const Element& element) {
+bool has_namesakes(const Element& element) {
   std::vector<std::string> names;
   for (std::size_t c = 0; c < element.curves.size(); ++c)
     for (int k = 0; k < int(places(element.curves[c].shape).size()); ++k)
@@ -107,7 +108,7 @@ std::vector<Coefficient> coefficients(const std::vector<Element>& elements) {
 std::string name_of(const Coefficient& coefficient, const std::vector<Element>& elements) {
   const Element& element = elements.at(std::size_t(coefficient.element));
   const auto curve = std::size_t(coefficient.curve);
-  return curve_name(element, curve, has_twins(element)) +
+  return curve_name(element, curve, has_namesakes(element)) +
          number_name(element.curves.at(curve).shape, coefficient.number);
 }
 

@@ -5,10 +5,24 @@
 
 #include <Eigen/Core>
 
-#include "errors/covariance.h"
 #include "errors/element.h"
 
 namespace abbe::errors {
+
+/// One number of one curve of a description.
+struct Coefficient {
+  int element = 0;  ///< index in the elements
+  int curve = 0;    ///< index in its curves
+  int number = 0;   ///< index in the shape
+  friend bool operator==(const Coefficient&, const Coefficient&) = default;
+};
+
+/// How well the numbers of a description are known; empty: they are taken as they stand. Numbers
+/// that are zero by convention (the constant of an error motion, say) have zero variance.
+struct Covariance {
+  std::vector<Coefficient> of;  ///< (m)
+  Eigen::MatrixXd matrix;       ///< (m x m) products of mm and rad
+};
 
 // The curves of a description as one vector of numbers. Every shape is linear in its numbers: those
 // of Constant, Polynomial, Legendre (from order 0), Fourier (cosines, then sines), Backlash, the

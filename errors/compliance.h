@@ -85,7 +85,7 @@ Eigen::Matrix3d local_compliance(const WorkpieceCompliance& part, const Eigen::V
 double cantilever_plate(double s, double poisson_ratio);
 
 /// A field with a tree over its nodes.
-struct FieldIndex {
+struct IndexedField {
   WorkpieceField field;            ///< nodes in the order of the tree
   std::vector<int> node;           ///< (n) number of each in the field that was given
   std::vector<std::int8_t> split;  ///< (n) coordinate by which a node parts those around it
@@ -97,7 +97,7 @@ struct PlateTable {
   std::array<double, intervals + 1> ratio{};  ///< cantilever_plate / s^2 at s = (1 - cos(pi i/n))/2
 };
 /// What a part's compliance becomes to be asked often. Immutable.
-using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, FieldIndex>;
+using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, IndexedField>;
 
 /// @throws std::invalid_argument as `validate`
 PreparedWorkpiece prepare(const WorkpieceCompliance& part);
@@ -155,7 +155,7 @@ struct ComplianceModel {
   std::vector<Compliance> joints;  ///< (chain size) zero where stiff
   Compliance tool, fixture;
   std::optional<PreparedWorkpiece> workpiece;
-  double workpiece_scale = 1.0;
+  double workpiece_factor = 1.0;
   struct Mass {
     std::vector<int> joints;  ///< of the chain that carry it, from the bed outwards
     bool on_tool = false;     ///< bears on the tool too

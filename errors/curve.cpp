@@ -7,24 +7,24 @@
 
 #include <fmt/format.h>
 
-#include "errors/series.h"
 #include "kinematics/hash.h"
 
 namespace abbe::errors {
+
 namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
 
 /// What one curve sees of the state: its own argument and which way that goes.
-struct Seen {
+struct CurveInput {
   double q = 0.0;
   int direction = 0;
   int stroke = 0;
   double per_command = 1.0;  ///< dq / dcommand
 };
 
-Seen seen_by(const Curve& curve, const CurveState& state) {
+CurveInput curve_input(const Curve& curve, const CurveState& state) {
   if (curve.argument == Argument::Command)
     return {state.command, state.direction, state.stroke, 1.0};
   const int sign = state.primed ? -1 : 1;
@@ -40,7 +40,7 @@ struct Piece {
   bool held = false;
 };
 
-[[noreturn]] void refuse_position(const Table& table, double q) {
+[[noreturn]] void throw_position_error(const Table& table, double q) {
   throw std::out_of_range(fmt::format("position {} is outside the table, {} .. {}", q, table.q[0],
                                       table.q[table.q.size() - 1]));
 }
@@ -60,7 +60,7 @@ Piece piece(const Table& table, double q) {
   const double high = table.q[table.q.size() - 1];
   Piece p;
   if (!(q >= low && q <= high)) {
-    if (table.outside == Outside::Refuse || std::isnan(q)) refuse_position(table, q);
+    if (table.outside == Outside::Refuse || std::isnan(q)) throw_position_error(table, q);
     p.held = true;
     q = std::clamp(q, low, high);
   }
@@ -111,32 +111,32 @@ VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
 
 // ---- shapes
 
-double height(const Constant& shape, const Seen&) { return shape.value; }
-double rise(const Constant&, const Seen&) { return 0.0; }
+double height(const Constant& shape, const CurveInput&) { return shape.value; }
+double rise(const Constant&, const CurveInput&) { return 0.0; }
 
-double height(const Polynomial& shape, const Seen& seen) {
+double height(const Polynomial& shape, const CurveInput& seen) {
   const double t = (seen.q - shape.centre) / shape.half_range;
   double sum = 0.0;
   for (Index k = shape.c.size() - 1; k >= 0; --k) sum = sum * t + shape.c[k];
   return sum;
 }
 
-double rise(const Polynomial& shape, const Seen& seen) {
+double rise(const Polynomial& shape, const CurveInput& seen) {
   const double t = (seen.q - shape.centre) / shape.half_range;
   double sum = 0.0;
   for (Index k = shape.c.size() - 1; k >= 1; --k) sum = sum * t + double(k) * shape.c[k];
   return sum / shape.half_range;
 }
 
-double height(const Legendre& shape, const Seen& seen) {
-  LegendreAt at{(seen.q - shape.centre) / shape.half_range};
+double height(const Legendre& shape, const CurveInput& seen) {
+  LegendreRecurrence at{(seen.q - shape.centre) / shape.half_range};
   double sum = 0.0;
   for (Index k = 0; k < shape.c.size(); ++k, at.next()) sum += shape.c[k] * at.P;
   return sum;
 }
 
-double rise(const Legendre& shape, const Seen& seen) {
-  LegendreAt at{(seen.q - shape.centre) / shape.half_range};
+double rise(const Legendre& shape, const CurveInput& seen) {
+  LegendreRecurrence at{(seen.q - shape.centre) / shape.half_range};
   double sum = 0.0;
   double slope_before = 0.0;
   double slope_P = 0.0;
@@ -149,35 +149,35 @@ double rise(const Legendre& shape, const Seen& seen) {
   return sum / shape.half_range;
 }
 
-double height(const Fourier& shape, const Seen& seen) {
-  HarmonicAt h(2.0 * std::numbers::pi * (seen.q / shape.period));
+double height(const Fourier& shape, const CurveInput& seen) {
+  HarmonicRecurrence h(2.0 * std::numbers::pi * (seen.q / shape.period));
   double sum = 0.0;
   for (Index k = 0; k < shape.a.size(); ++k, h.next()) sum += shape.a[k] * h.c + shape.b[k] * h.s;
   return sum;
 }
 
-double rise(const Fourier& shape, const Seen& seen) {
+double rise(const Fourier& shape, const CurveInput& seen) {
   const double rate = 2.0 * std::numbers::pi / shape.period;
-  HarmonicAt h(2.0 * std::numbers::pi * (seen.q / shape.period));
+  HarmonicRecurrence h(2.0 * std::numbers::pi * (seen.q / shape.period));
   double sum = 0.0;
   for (Index k = 0; k < shape.a.size(); ++k, h.next())
     sum += double(k + 1) * rate * (shape.b[k] * h.c - shape.a[k] * h.s);
   return sum;
 }
 
-double height(const Table& shape, const Seen& seen) { return height(shape, seen.q); }
-double rise(const Table& shape, const Seen& seen) { return rise(shape, seen.q); }
+double height(const Table& shape, const CurveInput& seen) { return height(shape, seen.q); }
+double rise(const Table& shape, const CurveInput& seen) { return rise(shape, seen.q); }
 
-double height(const Backlash& shape, const Seen& seen) { return shape.half * seen.direction; }
-double rise(const Backlash&, const Seen&) { return 0.0; }
+double height(const Backlash& shape, const CurveInput& seen) { return shape.half * seen.direction; }
+double rise(const Backlash&, const CurveInput&) { return 0.0; }
 
-double height(const UpDown& shape, const Seen& seen) {
+double height(const DirectionalTables& shape, const CurveInput& seen) {
   if (seen.direction > 0) return height(shape.up, seen.q);
   if (seen.direction < 0) return height(shape.down, seen.q);
   return 0.5 * (height(shape.up, seen.q) + height(shape.down, seen.q));
 }
 
-double rise(const UpDown& shape, const Seen& seen) {
+double rise(const DirectionalTables& shape, const CurveInput& seen) {
   if (seen.direction > 0) return rise(shape.up, seen.q);
   if (seen.direction < 0) return rise(shape.down, seen.q);
   return 0.5 * (rise(shape.up, seen.q) + rise(shape.down, seen.q));
@@ -209,7 +209,7 @@ Wave wave(const Asynchronous& shape, int k) {
 
 double amplitude(const Asynchronous& shape) { return shape.rms * std::sqrt(2.0 / waves); }
 
-double height(const Asynchronous& shape, const Seen& seen) {
+double height(const Asynchronous& shape, const CurveInput& seen) {
   double sum = 0.0;
   for (int k = 0; k < waves; ++k) {
     const Wave w = wave(shape, k);
@@ -218,7 +218,7 @@ double height(const Asynchronous& shape, const Seen& seen) {
   return amplitude(shape) * sum;
 }
 
-double rise(const Asynchronous& shape, const Seen& seen) {
+double rise(const Asynchronous& shape, const CurveInput& seen) {
   double sum = 0.0;
   for (int k = 0; k < waves; ++k) {
     const Wave w = wave(shape, k);
@@ -229,10 +229,10 @@ double rise(const Asynchronous& shape, const Seen& seen) {
 
 // ---- a draw a stroke
 
-double height(const Repeatability& shape, const Seen& seen) {
+double height(const Repeatability& shape, const CurveInput& seen) {
   return shape.sigma * normal_deviate(shape.seed, std::uint32_t(seen.stroke));
 }
-double rise(const Repeatability&, const Seen&) { return 0.0; }
+double rise(const Repeatability&, const CurveInput&) { return 0.0; }
 
 // ---- what a shape must hold
 
@@ -273,7 +273,7 @@ void check(const Fourier& shape) {
   expect(shape.period > 0.0 && std::isfinite(shape.period), "a period above 0");
 }
 void check(const Backlash& shape) { expect(std::isfinite(shape.half), "a finite half reversal"); }
-void check(const UpDown& shape) {
+void check(const DirectionalTables& shape) {
   check(shape.up);
   check(shape.down);
 }
@@ -311,7 +311,7 @@ double bend_of(const Other&) {
 // ---- chance
 
 /// Even in [-1, 1), 53 bits.
-double centred_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
+double symmetric_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
 
 /// Even in [0, 1).
 double uniform(std::uint64_t seed, std::uint64_t counter) {
@@ -319,7 +319,7 @@ double uniform(std::uint64_t seed, std::uint64_t counter) {
 }
 
 /// log by arithmetic alone, as libraries differ in their last bit. 0 < x; error below 1e-15.
-double plain_log(double x) {
+double portable_log(double x) {
   int exponent = 0;
   double m = std::frexp(x, &exponent);
   if (m < std::numbers::sqrt2 / 2.0) {
@@ -337,20 +337,20 @@ double plain_log(double x) {
 double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
   std::uint64_t bits = split_mix::stream(seed, counter);
   for (;;) {  // polar method: a point of the unit disc; 1.27 tries on average
-    const double u = centred_uniform(split_mix::mixed(bits += split_mix::golden));
-    const double v = centred_uniform(split_mix::mixed(bits += split_mix::golden));
+    const double u = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
+    const double v = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
     const double s = u * u + v * v;
-    if (s > 0.0 && s < 1.0) return u * std::sqrt(-2.0 * plain_log(s) / s);
+    if (s > 0.0 && s < 1.0) return u * std::sqrt(-2.0 * portable_log(s) / s);
   }
 }
 
 double value(const Curve& curve, const CurveState& state) {
-  const Seen seen = seen_by(curve, state);
+  const CurveInput seen = curve_input(curve, state);
   return factor(curve) * std::visit([&](const auto& s) { return height(s, seen); }, curve.shape);
 }
 
 double slope(const Curve& curve, const CurveState& state) {
-  const Seen seen = seen_by(curve, state);
+  const CurveInput seen = curve_input(curve, state);
   return factor(curve) * seen.per_command *
          std::visit([&](const auto& s) { return rise(s, seen); }, curve.shape);
 }
@@ -369,9 +369,9 @@ Table make_table(VectorXd q, VectorXd value, Between between, Outside outside) {
   return table;
 }
 
-Detrended detrend(const Table& table, Detrend how) {
+DetrendedTable detrend(const Table& table, Detrend how) {
   const Index last = table.q.size() - 1;
-  Detrended result{table, 0.0, 0.0};
+  DetrendedTable result{table, 0.0, 0.0};
   if (how == Detrend::Ends) {
     result.slope = (table.value[last] - table.value[0]) / (table.q[last] - table.q[0]);
     result.offset = table.value[0] - result.slope * table.q[0];
@@ -386,7 +386,7 @@ Detrended detrend(const Table& table, Detrend how) {
   return result;
 }
 
-double most_bend(const Curve& curve) {
+double max_bend(const Curve& curve) {
   return std::abs(curve.scale) * std::visit([](const auto& s) { return bend_of(s); }, curve.shape);
 }
 
@@ -394,5 +394,84 @@ bool is_random(const Curve& curve) {
   return std::holds_alternative<Repeatability>(curve.shape) ||
          std::holds_alternative<Asynchronous>(curve.shape);
 }
+
+HarmonicRecurrence::HarmonicRecurrence(double angle)
+    : c(std::cos(angle)), s(std::sin(angle)), first_c(c), first_s(s) {}
+
+namespace {
+
+/// In the order of the functions.
+std::vector<double> series_coefficients(const Curve& curve) {
+  if (const auto* legendre = std::get_if<Legendre>(&curve.shape))
+    return {legendre->c.begin(), legendre->c.end()};
+  const auto& fourier = std::get<Fourier>(curve.shape);
+  std::vector<double> all;
+  for (Eigen::Index k = 0; k < fourier.a.size(); ++k) {
+    all.push_back(fourier.a[k]);
+    all.push_back(fourier.b[k]);
+  }
+  return all;
+}
+
+}  // namespace
+
+bool SeriesBasis::shares(const SeriesBasis& other) const {
+  return kind == other.kind && argument == other.argument && centre == other.centre &&
+         range == other.range;
+}
+
+std::optional<SeriesBasis> basis_of(const Curve& curve) {
+  SeriesBasis basis;
+  basis.argument = curve.argument;
+  Eigen::Index functions = 0;
+  if (const auto* legendre = std::get_if<Legendre>(&curve.shape)) {
+    basis.centre = legendre->centre;
+    basis.range = legendre->half_range;
+    functions = legendre->c.size();
+  } else if (const auto* fourier = std::get_if<Fourier>(&curve.shape)) {
+    basis.kind = SeriesBasis::Kind::Harmonics;
+    basis.range = fourier->period;
+    functions = 2 * fourier->a.size();
+  } else {
+    return std::nullopt;
+  }
+  if (functions > SeriesBasis::max_functions) return std::nullopt;
+  basis.functions = int(functions);
+  return basis;
+}
+
+int add(const Curve& curve, SeriesGroup& group) {
+  const std::vector<double> own = series_coefficients(curve);
+  group.basis.functions = std::max(group.basis.functions, int(own.size()));
+  group.coefficients.resize(std::size_t(group.basis.functions * SeriesGroup::most), 0.0);
+  for (std::size_t k = 0; k < own.size(); ++k)
+    group.coefficients[k * SeriesGroup::most + std::size_t(group.count)] = own[k];
+  return group.count++;
+}
+
+SeriesGroup::Sums sums(const SeriesGroup& group, const CurveState& state) {
+  const SeriesBasis& basis = group.basis;
+  const double q = basis.argument == Argument::Command ? state.command : state.carriage;
+  const double* c = group.coefficients.data();
+  const double* const end = c + group.coefficients.size();
+  constexpr std::size_t most = SeriesGroup::most;
+  SeriesGroup::Sums sum{};
+  if (basis.kind == SeriesBasis::Kind::Legendre) {
+    LegendreRecurrence at{(q - basis.centre) / basis.range};
+    while (c != end) {
+      for (std::size_t i = 0; i < most; ++i) sum[i] += c[i] * at.P;
+      if ((c += most) != end) at.next();
+    }
+  } else {
+    HarmonicRecurrence at(2.0 * std::numbers::pi * (q / basis.range));
+    while (c != end) {
+      for (std::size_t i = 0; i < most; ++i) sum[i] += c[i] * at.c + c[most + i] * at.s;
+      if ((c += 2 * most) != end) at.next();
+    }
+  }
+  return sum;
+}
+
+double factor(const Curve& curve) { return curve.negate ? -curve.scale : curve.scale; }
 
 }  // namespace abbe::errors

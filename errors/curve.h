@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -58,7 +59,7 @@ struct Backlash {
   double half = 0.0;
 };
 /// One table for each way of approach; before the first motion their mean.
-struct UpDown {
+struct DirectionalTables {
   Table up;
   Table down;
 };
@@ -78,8 +79,8 @@ struct Asynchronous {
   double lowest_order = 0.3;    ///< per turn, > 0
   double highest_order = 20.0;  ///< > lowest, <= 10000
 };
-using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown,
-                           Repeatability, Asynchronous>;
+using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash,
+                           DirectionalTables, Repeatability, Asynchronous>;
 
 enum class Argument { Command, Carriage };
 
@@ -115,17 +116,17 @@ enum class Detrend {
   LeastSquares,  ///< the fitted line
 };
 /// The table without its line, and that line's slope, which belongs to the squareness.
-struct Detrended {
+struct DetrendedTable {
   Table table;
   double slope = 0.0;   ///< per mm or rad of q
   double offset = 0.0;  ///< of the line at q = 0: a shift of the whole, which means nothing
 };
-Detrended detrend(const Table& table, Detrend how);
+DetrendedTable detrend(const Table& table, Detrend how);
 
 /// Bound of the second derivative of harmonics, Fourier and asynchronous, with respect to the
 /// argument, per mm^2 or rad^2: sampled in steps d, lines between the samples miss the curve by at
 /// most that d^2 / 8. 0 for every other shape.
-double most_bend(const Curve& curve);
+double max_bend(const Curve& curve);
 
 /// True if the curve depends on chance. One that depends only on the way of approach does not: a
 /// backlash can be known.
@@ -134,5 +135,75 @@ bool is_random(const Curve& curve);
 /// Standard normal deviate number `counter` of the stream `seed`: a hash of both, the same bits on
 /// every machine of IEEE arithmetic (only + - * / and square root are used).
 double normal_deviate(std::uint64_t seed, std::uint64_t counter);
+
+/// P_0, P_1 ... one after the other, the Legendre polynomials at a place.
+struct LegendreRecurrence {
+  double t;             ///< (q - centre) / half_range
+  double before = 0.0;  ///< P_{k-1}
+  double P = 1.0;       ///< P_k
+  int k = 0;
+
+  void next() {
+    const double after = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
+    before = P;
+    P = after;
+    ++k;
+  }
+};
+
+/// Cosine and sine of an angle, twice the angle ..., without a call for each.
+struct HarmonicRecurrence {
+  explicit HarmonicRecurrence(double angle);
+
+  double c, s;              ///< of the harmonic
+  double first_c, first_s;  ///< of the angle
+
+  void next() {
+    const double c_next = c * first_c - s * first_s;
+    s = s * first_c + c * first_s;
+    c = c_next;
+  }
+};
+
+/// What Legendre or Fourier series of one argument and range share: their functions, whatever the
+/// coefficients are.
+struct SeriesBasis {
+  enum class Kind {
+    Legendre,   ///< P_0, P_1 ...
+    Harmonics,  ///< cos, sin, cos of twice the angle ...
+  };
+  static constexpr int max_functions = 24;
+
+  Kind kind = Kind::Legendre;
+  Argument argument = Argument::Command;
+  double centre = 0.0;  ///< mm or rad, of Legendre series
+  double range = 1.0;   ///< mm or rad: half range, period
+  int functions = 0;    ///< the most that a series uses
+
+  /// True of series that need the same functions, few or many of them.
+  bool shares(const SeriesBasis& other) const;
+};
+
+/// None of another shape, nor of a series with more than most_functions.
+std::optional<SeriesBasis> basis_of(const Curve& curve);
+
+/// Series of one basis, evaluated side by side.
+struct SeriesGroup {
+  static constexpr int most = 8;
+  using Sums = std::array<double, most>;
+
+  SeriesBasis basis;
+  int count = 0;
+  std::vector<double> coefficients = {};  ///< (functions x most), function by function
+};
+
+/// Puts a curve of the group's basis into a group that is not full. @return its place there
+int add(const Curve& curve, SeriesGroup& group);
+
+/// Every series to the last bit as `value` of its curve with a scale of 1, not negated.
+SeriesGroup::Sums sums(const SeriesGroup& group, const CurveState& state);
+
+/// By what a curve multiplies its shape: its scale, with the sign of the source.
+double factor(const Curve& curve);
 
 }  // namespace abbe::errors

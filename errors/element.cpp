@@ -1,8 +1,17 @@
 #include "errors/element.h"
 
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
+#include "kinematics/chain.h"
+
 namespace abbe::errors {
+
+using Eigen::Vector3d;
+
 namespace {
 
 constexpr std::string_view directions = "XYZABC";
@@ -35,6 +44,145 @@ ElementName parse_element_name(std::string_view text) {
 
 std::string to_string(const ElementName& name) {
   return std::string("E") + name.direction + (name.location ? "0" : "") + name.axis;
+}
+
+void refuse(const std::string& who, const std::string& why) {
+  throw std::invalid_argument(who + ": " + why);
+}
+
+void expect_positive(double value, const std::string& who, const char* what) {
+  if (!(value > 0.0) || !std::isfinite(value))
+    refuse(who, fmt::format("expected a {} above 0, seen {}", what, value));
+}
+
+void expect_not_negative(double value, const std::string& who, const char* what) {
+  if (!(value >= 0.0) || !std::isfinite(value))
+    refuse(who, fmt::format("expected a {} of 0 or more, seen {}", what, value));
+}
+
+void expect_finite(double value, const std::string& who, const char* what) {
+  if (!std::isfinite(value)) refuse(who, fmt::format("expected a finite {}, seen {}", what, value));
+}
+
+void expect_node(int node, int nodes, const std::string& who) {
+  if (node < 0 || node >= nodes)
+    refuse(who, fmt::format("expected a node 0 .. {}, seen {}", nodes - 1, node));
+}
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Joint;
+
+bool is_along(const ElementName& name, const Joint& joint) {
+  const Vector3d unit = Vector3d::Unit(name.component() % 3);
+  return unit.cross(joint.direction_b).norm() < 1e-9;
+}
+
+char letter(const kinematics::Chain& chain, int joint) {
+  return chain.joints()[std::size_t(joint)].name;
+}
+
+void check_squareness(const ElementName& name, const kinematics::Chain& chain, int joint) {
+  const kinematics::LocationElement element =
+      kinematics::location_element(chain.joints(), joint, name.component());
+  if (element.defined) return;
+  const std::string who = to_string(name);
+  const char along = char('X' + (name.direction - 'A'));
+  if (element.stating_slide)
+    refuse(who, fmt::format("{} is the reference of {}; write the angle of the two as E{}0{}, "
+                            "which has the opposite sign",
+                            name.axis, letter(chain, *element.stating_slide), name.direction,
+                            letter(chain, *element.stating_slide)));
+  if (!element.reference)
+    refuse(who, fmt::format("no other slide of this machine travels across {}, so there is none to "
+                            "which {} could be square; its angle to a rotary axis is written as "
+                            "that axis's",
+                            along, name.axis));
+  refuse(who, fmt::format("{} travels mainly along {} itself; write its squareness to the slides "
+                          "across it",
+                          name.axis, along));
+}
+
+void check_location(const ElementName& name, const kinematics::Chain& chain, int joint) {
+  const std::string who = to_string(name);
+  const std::string motion = std::string("E") + name.direction + name.axis;
+  const Joint& axis = chain.joints()[std::size_t(joint)];
+  if (name.is_angle() && is_along(name, axis))
+    refuse(who, "an axis has no squareness about itself; a constant " + motion + " moves its zero");
+  if (!name.is_angle() && axis.motion == kinematics::Motion::Linear)
+    refuse(who, "a slide has a direction but no place; write a constant " + motion);
+  if (!name.is_angle() && is_along(name, axis))
+    refuse(who, "a rotation axis has no place along itself; write a constant " + motion);
+  check_squareness(name, chain, joint);
+}
+
+}  // namespace
+
+int joint_of(char axis, const kinematics::Chain& chain, const std::string& who) {
+  if (const auto joint = chain.find(axis)) return *joint;
+  if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
+  std::string known;
+  for (const Joint& joint : chain.joints())
+    known += std::string(known.empty() ? "" : " ") + joint.name;
+  refuse(who, fmt::format("expected an axis of the machine ({}), seen {}", known, axis));
+}
+
+void check_meaning(const ElementName& name, const kinematics::Chain& chain, int joint) {
+  if (name.location) {
+    check_location(name, chain, joint);
+  } else if (name.axis == 'S' && name.is_angle() &&
+             is_along(name, chain.joints()[std::size_t(joint)])) {
+    refuse(to_string(name), "a spindle has no element about its own axis");
+  }
+}
+
+std::string meaning(const ElementName& name, const kinematics::Chain& chain, int joint) {
+  const kinematics::LocationElement element =
+      kinematics::location_element(chain.joints(), joint, name.component());
+  const char along = char('X' + name.component() % 3);
+  if (!name.is_angle()) return fmt::format("offset of {} along {}", name.axis, along);
+  if (!element.reference) return fmt::format("tilt of {} about {}", name.axis, along);
+  const Joint& axis = chain.joints()[std::size_t(joint)];
+  const Joint& reference = chain.joints()[std::size_t(*element.reference)];
+  const bool parallel = std::abs(axis.direction_b.dot(reference.direction_b)) > std::sqrt(0.5);
+  return parallel
+             ? fmt::format("parallelism of {} to {} about {}", name.axis, reference.name, along)
+             : fmt::format("squareness of {} to {}", name.axis, reference.name);
+}
+
+// A turn about the bed axis along which the slide mainly travels moves it only as far as it is
+// oblique: with this sine 4e-4 of the slope are neglected.
+constexpr double max_oblique_sine = 0.02;
+
+std::vector<SquarenessContribution> squareness_contributions(
+    const ElementName& straightness, double slope, std::span<const kinematics::Joint> joints) {
+  const auto refuse = [&](const char* why) {
+    throw std::invalid_argument(to_string(straightness) + ": " + why);
+  };
+  const auto slide = std::find_if(joints.begin(), joints.end(), [&](const auto& joint) {
+    return joint.name == straightness.axis && joint.motion == kinematics::Motion::Linear;
+  });
+  if (slide == joints.end() || straightness.location || straightness.is_angle())
+    refuse("expected a straightness of a slide");
+  const Vector3d turn = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
+  if (turn.norm() < 1e-9) refuse("expected a straightness of a slide");
+  std::vector<SquarenessContribution> shares;
+  for (int i = 0; i < 3; ++i) {
+    if (std::abs(turn[i]) < 1e-12) continue;
+    const kinematics::LocationElement element =
+        kinematics::location_element(joints, int(slide - joints.begin()), 3 + i);
+    const char direction = char('A' + i);
+    if (element.defined) {
+      shares.push_back({{direction, slide->name, true}, turn[i] * slope});
+    } else if (element.stating_slide) {
+      shares.push_back(
+          {{direction, joints[std::size_t(*element.stating_slide)].name, true}, -turn[i] * slope});
+    } else if (!element.reference || std::abs(turn[i]) > max_oblique_sine) {
+      refuse("its slope is no angle to another slide of this machine");
+    }
+  }
+  return shares;
 }
 
 }  // namespace abbe::errors

@@ -15,15 +15,15 @@
 namespace abbe::errors {
 namespace {
 
-constexpr std::size_t most_cells = 7;
+constexpr std::size_t max_cells = 7;
 
 /// A name of the head and what follows its underscore.
-struct HeadCell {
+struct HeaderCell {
   std::string_view name;
   std::optional<std::string_view> unit;
 };
 
-HeadCell head_cell(const Cell& cell) {
+HeaderCell header_cell(const Cell& cell) {
   const std::size_t at = cell.text.find('_');
   if (at == std::string_view::npos) return {cell.text, std::nullopt};
   return {cell.text.substr(0, at), cell.text.substr(at + 1)};
@@ -38,13 +38,13 @@ struct Head {
 };
 
 /// Reader of a head's cells: one axis, then its elements.
-class HeadReader {
+class HeaderReader {
  public:
-  HeadReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
+  HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
 
   Head read() {
-    head_.separator = separator_of(line_.text);
-    const std::vector<Cell> cells = cells_of(line_.text, head_.separator, most_cells);
+    head_.separator = cell_separator(line_.text);
+    const std::vector<Cell> cells = cells_of(line_.text, head_.separator, max_cells);
     read_axis(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) read_element(cells[i]);
     if (cells.size() < 2) refuse({"", int(line_.text.size()) + 1}, "an element after the axis");
@@ -57,7 +57,7 @@ class HeadReader {
   }
 
   void read_axis(const Cell& cell) {
-    const HeadCell head = head_cell(cell);
+    const HeaderCell head = header_cell(cell);
     constexpr std::string_view letters = "XYZUVWABCS";
     if (head.name.size() != 1 || letters.find(head.name.front()) == std::string_view::npos)
       refuse(cell, "a head such as X EXX EYX, first the letter of an axis");
@@ -73,7 +73,7 @@ class HeadReader {
   }
 
   void read_element(const Cell& cell) {
-    const HeadCell head = head_cell(cell);
+    const HeaderCell head = header_cell(cell);
     const ElementName name = element_name(cell, head.name);
     if (name.location || name.axis != head_.table.axis)
       refuse(cell, fmt::format("an error motion of {}, such as EX{}", head_.table.axis,
@@ -107,7 +107,7 @@ std::vector<double> read_rows(TableLines& lines, const Head& head) {
   const std::size_t width = head.units.size();
   std::vector<double> numbers;
   while (const auto line = lines.next()) {
-    const std::vector<Cell> cells = cells_of(line->text, head.separator, most_cells);
+    const std::vector<Cell> cells = cells_of(line->text, head.separator, max_cells);
     for (std::size_t i = 0; i < std::min(cells.size(), width); ++i)
       numbers.push_back(lines.number_in(cells[i]) * head.units[i]);
     const std::string wanted = fmt::format("{} cells, as the head has", width);
@@ -131,7 +131,7 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   TableLines lines(text, file);
   const auto first = lines.next();
   if (!first) throw BadInput(file, 1, 1, "a head such as X EXX EYX", "an empty table");
-  Head head = HeadReader(lines, *first).read();
+  Head head = HeaderReader(lines, *first).read();
   const std::vector<double> numbers = read_rows(lines, head);
   const auto width = Eigen::Index(head.units.size());
   const Eigen::Index rows = Eigen::Index(numbers.size()) / width;

@@ -5,11 +5,15 @@
 #include <cassert>
 #include <cmath>
 #include <stdexcept>
+#include <string_view>
 
-#include "errors/bound_element.h"
-#include "errors/expect.h"
+#include <fmt/format.h>
+
+#include "errors/element.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors {
+
 namespace {
 
 using Eigen::Vector3d;
@@ -33,7 +37,7 @@ void check(const Element& element, const Chain& chain, int joint) {
   }
 }
 
-GeometricModel::Line bound_line(const MeasuringLine& line, const Chain& chain) {
+GeometricModel::Line bind_line(const MeasuringLine& line, const Chain& chain) {
   const std::string who = std::string("measuring line of ") + line.axis;
   const int j = joint_of(line.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
@@ -55,7 +59,7 @@ std::optional<int> group_of(GeometricModel& model, int joint, const SeriesBasis&
            group.series.count < SeriesGroup::most;
   });
   if (known != model.groups.end()) return int(known - model.groups.begin());
-  if (model.groups.size() == GeometricModel::most_groups) return std::nullopt;
+  if (model.groups.size() == GeometricModel::max_groups) return std::nullopt;
   model.groups.push_back({joint, {basis}});
   return int(model.groups.size()) - 1;
 }
@@ -75,7 +79,7 @@ void add_term(GeometricModel& model, int element, int curve) {
 
 /// The model with its constant part and its terms made from its elements.
 GeometricModel prepared(GeometricModel model) {
-  model.constant.assign(model.joint_is_primed.size(), JointDeviation{});
+  model.constant.assign(model.is_joint_primed.size(), JointDeviation{});
   model.terms.clear();
   model.groups.clear();
   for (std::size_t e = 0; e < model.elements.size(); ++e) {
@@ -92,8 +96,8 @@ GeometricModel prepared(GeometricModel model) {
   return model;
 }
 
-[[noreturn]] void rethrow_named(const GeometricModel::Bound& bound, const Curve& curve,
-                                const std::out_of_range& fault) {
+[[noreturn]] void rethrow_with_name(const GeometricModel::Bound& bound, const Curve& curve,
+                                    const std::out_of_range& fault) {
   const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
   throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
 }
@@ -106,14 +110,14 @@ double curve_value(const GeometricModel& model, const GeometricModel::Term& term
   try {
     return value(curve, curve_state(model, state, term.joint));
   } catch (const std::out_of_range& fault) {
-    rethrow_named(bound, curve, fault);
+    rethrow_with_name(bound, curve, fault);
   }
 }
 
 /// d(P) = d(M) - theta x (M - P): the translations as they are at the joint's point P.
 void carry_to_joint(const GeometricModel::Line& line, double travel, JointDeviation& deviation) {
   Vector3d arm = line.arm_b;
-  if (line.fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
+  if (line.is_fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
   const Vector3d theta = deviation.motion.tail<3>();
   deviation.motion.head<3>() -= theta.cross(arm);
 }
@@ -123,7 +127,7 @@ void carry_to_joint(const GeometricModel::Line& line, double travel, JointDeviat
 GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
   GeometricModel model;
   for (const Joint& joint : chain.joints())
-    model.joint_is_primed.push_back(joint.side == kinematics::Side::Workpiece);
+    model.is_joint_primed.push_back(joint.side == kinematics::Side::Workpiece);
   for (const Element& element : errors.elements) {
     const std::string who = to_string(element.name);
     const int joint = joint_of(element.name.axis, chain, who);
@@ -133,7 +137,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
     model.elements.push_back({joint, element.name.component(), element.name.location, element});
   }
   for (const MeasuringLine& line : errors.measuring_lines) {
-    model.lines.push_back(bound_line(line, chain));
+    model.lines.push_back(bind_line(line, chain));
     for (std::size_t i = 0; i + 1 < model.lines.size(); ++i)
       if (model.lines[i].joint == model.lines.back().joint)
         refuse(std::string("measuring line of ") + line.axis, "comes twice");
@@ -142,7 +146,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
 }
 
 CurveState curve_state(const GeometricModel& model, const AxisState& state, int joint) {
-  const bool primed = model.joint_is_primed[std::size_t(joint)] != 0;
+  const bool primed = model.is_joint_primed[std::size_t(joint)] != 0;
   const auto side = primed ? kinematics::Side::Workpiece : kinematics::Side::Tool;
   const double command = state.q[joint];
   return {command, kinematics::carriage_travel(side, command), state.direction[std::size_t(joint)],
@@ -150,9 +154,9 @@ CurveState curve_state(const GeometricModel& model, const AxisState& state, int 
 }
 
 std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisState& state) {
-  assert(std::size_t(state.q.size()) == model.joint_is_primed.size());
+  assert(std::size_t(state.q.size()) == model.is_joint_primed.size());
   std::vector<JointDeviation> result = model.constant;
-  std::array<SeriesGroup::Sums, GeometricModel::most_groups> series;
+  std::array<SeriesGroup::Sums, GeometricModel::max_groups> series;
   for (std::size_t g = 0; g < model.groups.size(); ++g)
     series[g] = sums(model.groups[g].series, curve_state(model, state, model.groups[g].joint));
   for (const GeometricModel::Term& term : model.terms)
@@ -177,6 +181,180 @@ GeometricModel scaled(const GeometricModel& model, double factor) {
   for (GeometricModel::Bound& bound : result.elements)
     for (Curve& curve : bound.element.curves) curve.scale *= factor;
   return prepared(std::move(result));
+}
+
+namespace {
+
+using kinematics::AxisVector;
+
+/// The largest value of an element, mm or rad, and where its axis then stands.
+struct LargestDeviation {
+  double value = 0.0;
+  double at = 0.0;  // mm or rad
+};
+
+double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
+                const AxisVector& q) {
+  kinematics::AxisState state;
+  state.q = q;
+  state.direction.fill(1);
+  const CurveState at = curve_state(model, state, bound.joint);
+  double sum = 0.0;
+  for (const Curve& curve : bound.element.curves) sum += value(curve, at);
+  return sum;
+}
+
+LargestDeviation largest_deviation(const GeometricModel& model, const GeometricModel::Bound& bound,
+                                   const AxisVector& least, const AxisVector& most) {
+  constexpr int places = 129;
+  LargestDeviation largest;
+  for (int i = 0; i < places; ++i) {
+    const AxisVector q = least + (double(i) / (places - 1)) * (most - least);
+    try {
+      const double value = value_at(model, bound, q);
+      if (std::abs(value) > std::abs(largest.value)) largest = {value, q[bound.joint]};
+    } catch (const std::out_of_range&) {
+      continue;  // reported where the table is left
+    }
+  }
+  return largest;
+}
+
+bool is_slide_element(const ElementName& name) {
+  return !name.location && std::string_view("XYZUVW").find(name.axis) != std::string_view::npos;
+}
+
+/// Returns how far from its middle a position lies, in half ranges of a curve that has one; else 0.
+double position_in_half_ranges(const Curve& curve, double q) {
+  // a half range of 1 or 10 mm is none: the polynomial is one of mm or cm, as papers print it
+  const auto* polynomial = std::get_if<Polynomial>(&curve.shape);
+  if (polynomial && polynomial->half_range != 1.0 && polynomial->half_range != 10.0)
+    return std::abs(q - polynomial->centre) / polynomial->half_range;
+  if (const auto* legendre = std::get_if<Legendre>(&curve.shape))
+    return std::abs(q - legendre->centre) / legendre->half_range;
+  return 0.0;
+}
+
+/// Returns how far beyond the ends of a table that holds its last value a position lies, in lengths
+/// of the table; 0 within it.
+double excess_in_lengths(const Table& table, double q) {
+  if (table.outside != Outside::Hold) return 0.0;
+  const double low = table.q[0], high = table.q[table.q.size() - 1];
+  return std::max({0.0, low - q, q - high}) / (high - low);
+}
+
+double excess_in_lengths(const Curve& curve, double q) {
+  if (const auto* table = std::get_if<Table>(&curve.shape)) return excess_in_lengths(*table, q);
+  if (const auto* both = std::get_if<DirectionalTables>(&curve.shape))
+    return std::max(excess_in_lengths(both->up, q), excess_in_lengths(both->down, q));
+  return 0.0;
+}
+
+double curve_argument(const Curve& curve, const CurveState& at) {
+  return curve.argument == Argument::Command ? at.command : at.carriage;
+}
+
+/// "EXX 3.33, EYX 2" of the elements whose curves are followed beyond a limit at either end.
+/// @param beyond  (curve, position) of a curve
+template <typename Beyond>
+std::string extrapolated_elements(const GeometricModel& model,
+                                  const std::array<const AxisVector*, 2>& ends, double limit,
+                                  const Beyond& beyond) {
+  std::string text;
+  for (const auto& bound : model.elements) {
+    double farthest = 0.0;
+    for (const AxisVector* q : ends) {
+      kinematics::AxisState state;
+      state.q = *q;
+      const CurveState at = curve_state(model, state, bound.joint);
+      for (const Curve& curve : bound.element.curves)
+        farthest = std::max(farthest, beyond(curve, curve_argument(curve, at)));
+    }
+    if (farthest > limit)
+      text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", to_string(bound.element.name),
+                          farthest);
+  }
+  return text;
+}
+
+/// Returns what is said of curves that are followed beyond the range that they are stated over.
+std::vector<std::string> extrapolated(const GeometricModel& model, const AxisVector& least,
+                                      const AxisVector& most, const std::string& section) {
+  // a table that is held over half of its own length more is one of another travel, or in m
+  constexpr double max_held = 0.5;
+  const std::array<const AxisVector*, 2> ends{&least, &most};
+  std::vector<std::string> texts;
+  const std::string of = section == "errors" ? "" : section + ": ";
+  const auto by_range = [](const Curve& curve, double q) {
+    return position_in_half_ranges(curve, q);
+  };
+  if (const auto beyond = extrapolated_elements(model, ends, 1.0 + 1e-9, by_range); !beyond.empty())
+    texts.push_back(of +
+                    "curves are followed beyond the range that they are stated over, in half "
+                    "ranges from its middle: " +
+                    beyond);
+  const auto by_table = [](const Curve& curve, double q) { return excess_in_lengths(curve, q); };
+  if (const auto beyond = extrapolated_elements(model, ends, max_held, by_table); !beyond.empty())
+    texts.push_back(
+        of +
+        "tables hold their last value (outside = \"hold\") far beyond their range, in lengths of "
+        "the table: " +
+        beyond);
+  return texts;
+}
+
+std::string place_text(const ElementName& name, const LargestDeviation& largest) {
+  if (name.location) return "";
+  const double unit = is_slide_element(name) ? 1.0 : units::deg;
+  return fmt::format(" at {} = {:.4g} {}", name.axis, largest.at / unit,
+                     is_slide_element(name) ? "mm" : "deg");
+}
+
+std::string oversize_warning(const ElementName& name, const LargestDeviation& largest,
+                             const ElementSource& source) {
+  const std::string key = to_string(name);
+  const char* enum_value = name.is_angle() ? "urad" : "um";
+  const double unit = name.is_angle() ? units::urad : units::um;
+  const std::string size =
+      fmt::format("{:.4g} {}{}, and no machine is that wrong", largest.value / (unit * 1e3),
+                  name.is_angle() ? "mrad" : "mm", place_text(name, largest));
+  if (source.identified)
+    return fmt::format(
+        "{} comes to {}: readings may be in another unit, of the other sign or in another order",
+        key, size);
+  return fmt::format("{}.{} is {}: numbers of {}_{} are in {}, {:.4g} of them here", source.section,
+                     key, size, key, enum_value, enum_value, largest.value / unit);
+}
+
+}  // namespace
+
+std::vector<std::string> element_warnings(const GeometricModel& model, const AxisVector& least,
+                                          const AxisVector& most, const ElementSource& source) {
+  constexpr double large_mm = 0.25, large_rad = 2.5e-3, small_mm = 1e-5, small_rad = 1e-8;
+  std::vector<std::string> warnings;
+  for (const auto& bound : model.elements) {
+    const ElementName& name = bound.element.name;
+    const LargestDeviation largest = largest_deviation(model, bound, least, most);
+    const double size = std::abs(largest.value);
+    if (size >= (name.is_angle() ? large_rad : large_mm)) {
+      warnings.push_back(oversize_warning(name, largest, source));
+      continue;
+    }
+    // a perfect machine read without noise is found right, with elements of nearly nothing
+    if (source.identified || !(is_slide_element(name) || name.location)) continue;
+    const char* enum_value = name.is_angle() ? "urad" : "um";
+    if (size > 0.0 && size <= (name.is_angle() ? small_rad : small_mm))
+      warnings.push_back(fmt::format(
+          "{}.{} is at most {:.4g} {}, and no {} is that good: numbers of {}_{} "
+          "are in {}, not in {}",
+          source.section, to_string(name), size / (name.is_angle() ? units::urad : units::um),
+          enum_value, name.location ? "machine" : "slide", to_string(name), enum_value, enum_value,
+          name.is_angle() ? "rad" : "mm"));
+  }
+  if (!source.identified)
+    for (std::string& text : extrapolated(model, least, most, source.section))
+      warnings.push_back(std::move(text));
+  return warnings;
 }
 
 }  // namespace abbe::errors

@@ -3,11 +3,12 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
-#include "errors/covariance.h"
+#include "errors/coefficients.h"
+#include "errors/curve.h"
 #include "errors/element.h"
-#include "errors/series.h"
 #include "kinematics/chain.h"
 
 namespace abbe::errors {
@@ -47,10 +48,10 @@ struct GeometricModel {
     int joint = 0;
     Eigen::Vector3d arm_b;  ///< measured point minus joint point at zero
     Eigen::Vector3d direction_b = Eigen::Vector3d::Zero();  ///< of the joint, unit
-    bool fixed_in_bed = false;  ///< the joint's point leaves the measured point as it travels
+    bool is_fixed_in_bed = false;  ///< the joint's point leaves the measured point as it travels
   };
   std::vector<Line> lines;
-  std::vector<char> joint_is_primed;  ///< (chain size) 1 where the carriage travels by -command
+  std::vector<char> is_joint_primed;  ///< (chain size) 1 where the carriage travels by -command
 
   // Prepared from the above, so that `deviations` adds up only what changes.
   struct Term {
@@ -66,7 +67,7 @@ struct GeometricModel {
     int joint = 0;
     SeriesGroup series;
   };
-  static constexpr std::size_t most_groups = 24;
+  static constexpr std::size_t max_groups = 24;
   std::vector<kinematics::JointDeviation> constant;  ///< (chain size) sum of all constant curves
   std::vector<Term> terms;                           ///< every other curve
   std::vector<Group> groups;  ///< at most most_groups: series that share their functions
@@ -95,5 +96,22 @@ GeometricModel scaled(const GeometricModel& model, double factor);
 
 /// What the curves of a joint see at a state.
 CurveState curve_state(const GeometricModel& model, const kinematics::AxisState& state, int joint);
+
+/// Source of elements, for the wording of a warning.
+struct ElementSource {
+  std::string section = "errors";  ///< of the scene, before the name of an element
+  bool identified = false;         ///< found from readings, not stated
+};
+
+/// Returns a warning for each element whose size no machine has, as of a number in another unit
+/// than its key: 0.25 mm or 2.5 mrad and more; of a slide or a location, 10 nm or 0.01 urad and
+/// less but not nothing (only where it is stated). Each with its largest value at 129 positions of
+/// its axis from `least` to `most`, of a spindle over a turn. Of stated curves also those that are
+/// followed beyond their range, and tables held far beyond theirs.
+/// @param model  with the scale of the errors in it
+std::vector<std::string> element_warnings(const GeometricModel& model,
+                                          const kinematics::AxisVector& least,
+                                          const kinematics::AxisVector& most,
+                                          const ElementSource& source = {});
 
 }  // namespace abbe::errors

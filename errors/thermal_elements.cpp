@@ -6,8 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "errors/bound_element.h"
-#include "errors/expect.h"
+#include "errors/element.h"
 
 namespace abbe::errors {
 namespace {
@@ -17,7 +16,7 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::JointDeviation;
 
-constexpr double judged_T_C = 20.0;  // ISO 1
+constexpr double length_reference_T_C = 20.0;  // ISO 1
 
 void check(const ThermalFunction& function, int nodes, const std::string& who) {
   expect_finite(function.constant, who, "constant");
@@ -34,7 +33,7 @@ void check(const ThermalFunction& function, int nodes, const std::string& who) {
   }
 }
 
-bool is_nothing(const ThermalFunction& function) {
+bool is_zero_function(const ThermalFunction& function) {
   return function.constant == 0.0 && function.terms.empty();
 }
 
@@ -42,7 +41,7 @@ void check(const ThermalElement& element, const Chain& chain, int joint, int nod
   const std::string who = to_string(element.name);
   check_meaning(element.name, chain, joint);
   const bool moves = !element.name.location && element.name.axis != 'S';
-  if (!moves && !is_nothing(element.slope))
+  if (!moves && !is_zero_function(element.slope))
     refuse(who, "a location or spindle element has no slope along an axis");
   check(element.offset, nodes, who);
   check(element.slope, nodes, who);
@@ -69,8 +68,8 @@ const Expansion& shown(const AxisExpansion& axis, int nodes) {
 }
 
 /// Growth along a slide as elements of its joint: one where it lies along a bed axis.
-std::vector<ThermalModel::Bound> bound_expansion(const AxisExpansion& axis, const Chain& chain,
-                                                 int nodes) {
+std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const Chain& chain,
+                                                int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
   const int j = joint_of(axis.axis, chain, who);
   const Joint& joint = chain.joints()[std::size_t(j)];
@@ -167,7 +166,7 @@ ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
     for (std::size_t j = 0; j < i; ++j)
       if (errors.expansions[j].axis == axis.axis)
         refuse(std::string("expansion of ") + axis.axis, "comes twice");
-    for (ThermalModel::Bound& part : bound_expansion(axis, chain, nodes))
+    for (ThermalModel::Bound& part : bind_expansion(axis, chain, nodes))
       model.elements.push_back(std::move(part));
   }
   if (errors.workpiece) check(*errors.workpiece, nodes);
@@ -196,7 +195,7 @@ Eigen::Vector3d at_20_C(const ThermalModel& model, const VectorXd& T_C,
                         const Eigen::Vector3d& point_w) {
   if (!model.workpiece) return point_w;
   const WorkpieceExpansion& workpiece = *model.workpiece;
-  const double growth = workpiece.per_K * (T_C[workpiece.node] - judged_T_C);
+  const double growth = workpiece.per_K * (T_C[workpiece.node] - length_reference_T_C);
   if (growth == 0.0) return point_w;
   return workpiece.fixed_w + (point_w - workpiece.fixed_w) / (1.0 + growth);
 }

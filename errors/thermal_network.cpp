@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "errors/expect.h"
+#include "errors/element.h"
 
 namespace abbe::errors {
 
@@ -107,11 +107,11 @@ void validate(const ThermalNetwork& network) {
   check_nodes(network);
   check_links(network);
   check_sources(network);
-  if (const auto node = cut_off_node(network))
+  if (const auto node = isolated_node(network))
     refuse(named(network, *node), "no heat can reach the room from it");
 }
 
-std::optional<int> cut_off_node(const ThermalNetwork& network) {
+std::optional<int> isolated_node(const ThermalNetwork& network) {
   std::vector<std::vector<int>> neighbours(network.nodes.size());
   for (const ThermalLink& link : network.links) {
     neighbours[std::size_t(link.a)].push_back(link.b);

@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "kinematics/axis.h"
+#include "kinematics/axes.h"
 
 namespace abbe::errors {
 
@@ -77,7 +77,7 @@ struct ThermalNetwork {
 void validate(const ThermalNetwork& network);
 
 /// First node from which no heat can reach the room, if there is one.
-std::optional<int> cut_off_node(const ThermalNetwork& network);
+std::optional<int> isolated_node(const ThermalNetwork& network);
 
 /// What the machine does at an instant. Between two knots the heat flows and the surroundings
 /// change linearly; `coolant` holds until the next knot. Equal instants are a jump.

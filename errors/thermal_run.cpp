@@ -1,22 +1,124 @@
 #include "errors/thermal_run.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
-#include "errors/expect.h"
-#include "errors/exponential_differences.h"
-#include "errors/thermal_stretch.h"
-#include "kinematics/singular_values.h"
+#include "errors/curve.h"
+#include "errors/element.h"
+#include "kinematics/decompositions.h"
 
+/// Divided differences of exp, by which one mode answers linear heat; inline, for they are asked of
+/// every mode at every knot.
 namespace abbe::errors {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+/// Divided difference of exp over `zeros` zeros, -x and -y: sum of (-1)^k h_k(x, y) / (k + zeros +
+/// 1)!, h_k the complete homogeneous polynomial.
+inline double series(int zeros, double x, double y) {
+  constexpr int terms = 20;  // the last is below 1e-19 where both arguments are at most 1
+  double coefficient = 1.0;
+  for (int k = 2; k <= zeros + 1; ++k) coefficient /= k;
+  double h = 1.0, power = 1.0, sum = coefficient;
+  for (int k = 1; k < terms; ++k) {
+    power *= -x;
+    h = -y * h + power;
+    coefficient /= k + zeros + 1;
+    sum += coefficient * h;
+  }
+  return sum;
+}
+
+// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0; below 1 the
+// differences would cancel.
+inline double phi1(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
+inline double phi2(double x) { return x < 1.0 ? series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
+inline double phi3(double x) { return x < 1.0 ? series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
+
+/// Divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >= 0.
+inline std::array<double, 3> lagged(double x, double y) {
+  if (x > y) std::swap(x, y);
+  const double first = std::exp(-x) * phi1(y - x);
+  if (y < 1.0) return {first, series(1, x, y), series(2, x, y)};
+  const double second = (phi1(x) - first) / y;
+  return {first, second, (phi2(x) - second) / y};
+}
+
+/// The modes' equations from one knot to the next: z' = -rate z + flow + t flow_rise.
+struct ThermalSegment {
+  const ThermalModes* modes = nullptr;
+  Eigen::VectorXd flow, flow_rise;  ///< (nodes) in modes
+  double length = 0.0;              ///< s; 0 after the last knot, whose activity goes on
+};
+
+/// After a knot of a run.
+ThermalSegment segment_after(const ThermalRun& run, std::size_t knot);
+
+/// Temperatures of a run at a knot over its base, in modes.
+Eigen::VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot);
+
+/// The last knot that is not after an instant, which is not before the first.
+std::size_t last_knot_before(const ThermalRun& run, double time_s);
+
+/// All is counted from the room as it was first, so that a machine at that temperature stays there
+/// to the last bit.
+double base_T_C(const ThermalRun& run);
+
+/// Heat from the surroundings into every node at an instant if all stood at `base_T_C`, W.
+Eigen::VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, bool coolant,
+                                    double base_T_C);
+
+ThermalSegment segment_after(const ThermalRun& run, std::size_t knot) {
+  const Activity& from = run.knots[knot];
+  ThermalSegment stretch;
+  stretch.modes = from.coolant ? &run.wet : &run.dry;
+  const auto modal_flow = [&](std::size_t i) -> VectorXd {
+    const VectorXd surroundings =
+        surroundings_heat_W(run.network, run.knots[i], from.coolant, base_T_C(run));
+    return stretch.modes->to_nodes.transpose() *
+           (surroundings + run.heat_W.row(Index(i)).transpose());
+  };
+  stretch.flow = modal_flow(knot);
+  stretch.flow_rise = VectorXd::Zero(stretch.flow.size());
+  if (knot + 1 < run.knots.size()) stretch.length = run.knots[knot + 1].time_s - from.time_s;
+  if (stretch.length > 0.0)
+    stretch.flow_rise = (modal_flow(knot + 1) - stretch.flow) / stretch.length;
+  return stretch;
+}
+
+VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot) {
+  return modes.to_modes * (run.T_C.row(Index(knot)).transpose().array() - base_T_C(run)).matrix();
+}
+
+std::size_t last_knot_before(const ThermalRun& run, double time_s) {
+  const auto above = std::upper_bound(run.knots.begin(), run.knots.end(), time_s,
+                                      [](double t, const Activity& a) { return t < a.time_s; });
+  return std::size_t(above - run.knots.begin()) - 1;
+}
+
+double base_T_C(const ThermalRun& run) { return run.knots.front().room_T_C; }
+
+VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, bool coolant,
+                             double base_T_C) {
+  VectorXd flow = VectorXd::Zero(Index(network.nodes.size()));
+  for (const SurroundingsLink& link : network.surroundings) {
+    if (link.to == Surroundings::Room)
+      flow[link.node] += link.conductance_W_per_K * (at.room_T_C - base_T_C);
+    else if (coolant)
+      flow[link.node] += link.conductance_W_per_K * (at.coolant_T_C - base_T_C);
+  }
+  return flow;
+}
 
 namespace {
 
@@ -46,7 +148,7 @@ void check(std::span<const Activity> knots, const ThermalNetwork& network) {
   }
 }
 
-VectorXd heats_W(const ThermalNetwork& network, const Activity& activity) {
+VectorXd node_heats_W(const ThermalNetwork& network, const Activity& activity) {
   VectorXd heats = VectorXd::Zero(Index(network.nodes.size()));
   for (const HeatSource& source : network.sources) heats[source.node] += heat_W(source, activity);
   return heats;
@@ -74,7 +176,7 @@ Mesh mesh_of(const ThermalNetwork& network, bool coolant) {
 }
 
 /// Square roots of heat capacities.
-VectorXd roots_of(const ThermalNetwork& network) {
+VectorXd capacity_roots(const ThermalNetwork& network) {
   VectorXd root(Index(network.nodes.size()));
   for (Index i = 0; i < root.size(); ++i)
     root[i] = std::sqrt(network.nodes[std::size_t(i)].capacity_J_per_K);
@@ -102,7 +204,7 @@ MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
 /// a slow rate in the rounding of a fast one; the singular values of B lie only half as many
 /// decades apart.
 ThermalModes modes(const ThermalNetwork& network, bool coolant) {
-  const VectorXd root = roots_of(network);
+  const VectorXd root = capacity_roots(network);
   const MatrixXd B = incidence(mesh_of(network, coolant), root);
   if (!B.allFinite())
     refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
@@ -125,7 +227,7 @@ bool has_coolant(const ThermalNetwork& network) {
 
 /// How far the modes go in a time h, from z. As a difference, so that its rounding is that of the
 /// change and not of the whole.
-VectorXd change(const ThermalStretch& stretch, const VectorXd& z, double h) {
+VectorXd change(const ThermalSegment& stretch, const VectorXd& z, double h) {
   VectorXd dz(z.size());
   for (Index k = 0; k < z.size(); ++k) {
     const double rate = stretch.modes->rate_per_s[k];
@@ -136,7 +238,7 @@ VectorXd change(const ThermalStretch& stretch, const VectorXd& z, double h) {
 }
 
 /// Integral of the modes over a whole stretch.
-VectorXd integral(const ThermalStretch& stretch, const VectorXd& z) {
+VectorXd integral(const ThermalSegment& stretch, const VectorXd& z) {
   const double h = stretch.length;
   VectorXd sum(z.size());
   for (Index k = 0; k < z.size(); ++k) {
@@ -149,10 +251,11 @@ VectorXd integral(const ThermalStretch& stretch, const VectorXd& z) {
 
 /// A sum that keeps what rounding takes off: near a steady state a knot's change is far below an
 /// ulp of the whole, and it must not stop there.
-struct KeptSum {
+struct CompensatedSum {
   VectorXd value, lost;
 
-  explicit KeptSum(VectorXd start) : value(std::move(start)), lost(VectorXd::Zero(value.size())) {}
+  explicit CompensatedSum(VectorXd start)
+      : value(std::move(start)), lost(VectorXd::Zero(value.size())) {}
   void add(const VectorXd& change) {
     const VectorXd wanted = change - lost;
     const VectorXd next = value + wanted;
@@ -163,7 +266,7 @@ struct KeptSum {
 
 /// Temperatures over the ground for heat into the nodes, by turning the star about one node after
 /// another into a mesh. Nothing is subtracted, so no conductance is lost beside a larger one.
-VectorXd over_ground(Mesh mesh, VectorXd heat) {
+VectorXd solve_star_mesh(Mesh mesh, VectorXd heat) {
   const Index n = heat.size();
   VectorXd total(n);
   for (Index k = n - 1; k >= 0; --k) {
@@ -194,16 +297,16 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
                  modes(network, false),
                  {}};
   run.wet = has_coolant(network) ? modes(network, true) : run.dry;
-  for (Index i = 0; i < n; ++i) run.heat_W.row(i) = heats_W(network, knots[std::size_t(i)]);
+  for (Index i = 0; i < n; ++i) run.heat_W.row(i) = node_heats_W(network, knots[std::size_t(i)]);
   if (!run.heat_W.allFinite()) refuse("activity", "expected finite heat of every source");
   run.T_C.row(0) = network.start_T_C;
   const ThermalModes* current = nullptr;
-  KeptSum z{VectorXd()};
+  CompensatedSum z{VectorXd()};
   for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
     run.T_C.row(Index(i) + 1) = run.T_C.row(Index(i));
-    const ThermalStretch stretch = stretch_after(run, i);
+    const ThermalSegment stretch = segment_after(run, i);
     if (stretch.length == 0.0) continue;
-    if (stretch.modes != current) z = KeptSum(modal(run, *stretch.modes, i));
+    if (stretch.modes != current) z = CompensatedSum(modal(run, *stretch.modes, i));
     current = stretch.modes;
     z.add(change(stretch, z.value, stretch.length));
     run.T_C.row(Index(i) + 1) = (current->to_nodes * z.value).transpose().array() + base_T_C(run);
@@ -213,10 +316,10 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
 
 VectorXd temperatures(const ThermalRun& run, double time_s) {
   if (!(time_s > run.knots.front().time_s)) return run.T_C.row(0);
-  const std::size_t knot = knot_before(run, time_s);
+  const std::size_t knot = last_knot_before(run, time_s);
   const double h = time_s - run.knots[knot].time_s;
   if (h == 0.0) return run.T_C.row(Index(knot));
-  const ThermalStretch stretch = stretch_after(run, knot);
+  const ThermalSegment stretch = segment_after(run, knot);
   const VectorXd z = modal(run, *stretch.modes, knot);
   return run.T_C.row(Index(knot)).transpose() + stretch.modes->to_nodes * change(stretch, z, h);
 }
@@ -224,9 +327,9 @@ VectorXd temperatures(const ThermalRun& run, double time_s) {
 VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
   validate(network);
   check(activity, network);
-  const VectorXd heat =
-      heats_W(network, activity) + inflow(network, activity, activity.coolant, activity.room_T_C);
-  return over_ground(mesh_of(network, activity.coolant), heat).array() + activity.room_T_C;
+  const VectorXd heat = node_heats_W(network, activity) +
+                        surroundings_heat_W(network, activity, activity.coolant, activity.room_T_C);
+  return solve_star_mesh(mesh_of(network, activity.coolant), heat).array() + activity.room_T_C;
 }
 
 HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot) {
@@ -237,7 +340,7 @@ HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size
   const double base = base_T_C(run);
   for (std::size_t i = from_knot; i < to_knot; ++i) {
     const Activity &from = run.knots[i], &to = run.knots[i + 1];
-    const ThermalStretch stretch = stretch_after(run, i);
+    const ThermalSegment stretch = segment_after(run, i);
     const double h = stretch.length;
     balance.generated_J +=
         0.5 * h * (run.heat_W.row(Index(i)).sum() + run.heat_W.row(Index(i) + 1).sum());
@@ -256,6 +359,102 @@ HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size
     balance.stored_J += run.network.nodes[std::size_t(k)].capacity_J_per_K *
                         (run.T_C(Index(to_knot), k) - run.T_C(Index(from_knot), k));
   return balance;
+}
+
+namespace {
+
+/// The sensor's own mass behind its node: S' = (T_node - S) / lag, mode by mode.
+class LaggedNode {
+ public:
+  LaggedNode(const ThermalRun& run, const TemperatureSensor& sensor)
+      : run_(run), node_(sensor.node), per_s_(std::min(1.0 / sensor.lag_s, 1e200)) {
+    at_knot_.push_back(run.T_C(0, node_) - base_T_C(run));
+  }
+
+  double T_C(double time_s) {
+    if (time_s <= run_.knots.front().time_s) return run_.T_C(0, node_);
+    const std::size_t knot = last_knot_before(run_, time_s);
+    while (at_knot_.size() <= knot) {
+      const std::size_t last = at_knot_.size() - 1;
+      at_knot_.push_back(after(last, run_.knots[last + 1].time_s - run_.knots[last].time_s));
+    }
+    return base_T_C(run_) + after(knot, time_s - run_.knots[knot].time_s);
+  }
+
+ private:
+  double after(std::size_t knot, double h) const {
+    const ThermalSegment stretch = segment_after(run_, knot);
+    const VectorXd z = modal(run_, *stretch.modes, knot);
+    const auto of_node = stretch.modes->to_nodes.row(node_);
+    const double y = per_s_ * h;
+    double driven = 0.0;
+    for (Index k = 0; k < z.size(); ++k) {
+      const auto [first, second, third] = lagged(stretch.modes->rate_per_s[k] * h, y);
+      driven += of_node[k] *
+                (first * z[k] + h * (second * stretch.flow[k] + h * third * stretch.flow_rise[k]));
+    }
+    return std::exp(-y) * at_knot_[knot] + y * driven;
+  }
+
+  const ThermalRun& run_;
+  Index node_;
+  double per_s_;
+  std::vector<double> at_knot_;  ///< sensor over the base, as far as it was asked for
+};
+
+/// Number of the last sample that is not after an instant.
+double last_sample_number(double time_s, double sampling_s) {
+  double k = std::floor(time_s / sampling_s);
+  if ((k + 1.0) * sampling_s <= time_s) k += 1.0;
+  if (k * sampling_s > time_s) k -= 1.0;
+  return k;
+}
+
+void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
+  const std::string who = "sensor " + sensor.name;
+  for (Index i = 0; i < times_s.size(); ++i) {
+    if (!(std::abs(times_s[i]) < 9e15 * std::min(1.0, sensor.sampling_s)))
+      refuse(who, fmt::format("expected a time that its samples can be counted to, seen {} s",
+                              times_s[i]));
+    if (i > 0 && times_s[i] < times_s[i - 1])
+      refuse(who, fmt::format("time goes back from {} s to {} s", times_s[i - 1], times_s[i]));
+  }
+}
+
+}  // namespace
+
+void validate(const TemperatureSensor& sensor, const ThermalNetwork& network) {
+  const std::string who = "sensor " + sensor.name;
+  expect_node(sensor.node, int(network.nodes.size()), who);
+  expect_finite(sensor.offset_K, who, "offset");
+  expect_not_negative(sensor.noise_K, who, "noise");
+  expect_not_negative(sensor.resolution_K, who, "resolution");
+  expect_not_negative(sensor.lag_s, who, "lag");
+  expect_positive(sensor.sampling_s, who, "sampling time");
+}
+
+VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run, const VectorXd& times_s) {
+  validate(sensor, run.network);
+  check_times(times_s, sensor);
+  LaggedNode lagged_node(run, sensor);
+  VectorXd result(times_s.size());
+  double last = 0.0;
+  for (Index i = 0; i < times_s.size(); ++i) {
+    const double k = last_sample_number(times_s[i], sensor.sampling_s);
+    if (i > 0 && k == last) {
+      result[i] = result[i - 1];
+      continue;
+    }
+    last = k;
+    const double at_s = k * sensor.sampling_s;
+    double T = sensor.lag_s > 0.0 ? lagged_node.T_C(at_s) : temperatures(run, at_s)[sensor.node];
+    T += sensor.offset_K;
+    if (sensor.noise_K > 0.0)
+      T += sensor.noise_K * normal_deviate(sensor.seed, std::uint64_t(std::int64_t(k)));
+    if (sensor.resolution_K > 0.0) T = std::round(T / sensor.resolution_K) * sensor.resolution_K;
+    result[i] = T;
+  }
+  return result;
 }
 
 }  // namespace abbe::errors

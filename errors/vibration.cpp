@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "errors/bound_element.h"
+#include "errors/element.h"
 
 namespace abbe::errors {
 namespace {

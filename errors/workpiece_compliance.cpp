@@ -1,15 +1,295 @@
+#include "errors/workpiece_compliance.h"
+
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "errors/compliance.h"
-#include "errors/compliance_field.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
 #include "kinematics/units.h"
 
+// Along the endless wall the deflection is a Fourier integral. For a wave number k (in units of
+// 1/c) the deflection over the height obeys (d^2 - k^2)^2 f = delta(y - s), clamped at y = 0, free
+// at y = 1, which four coefficients solve; its value under the load, integrated over k, is the
+// compliance.
 namespace abbe::errors {
+
+namespace {
+
+using Eigen::Matrix4d;
+using Eigen::Vector4d;
+
+/// Value and three derivatives.
+using Jet = std::array<double, 4>;
+
+/// x cosh x - sinh x and x sinh x, which with their first derivatives vanish at 0, over the height
+/// y; divided by k^3 and k^2, so that k = 0 leaves the cubic and the parabola.
+std::array<Jet, 2> clamped(double k, double y) {
+  const double x = k * y, ch = std::cosh(x), sh = std::sinh(x);
+  const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;  // sinh x / x
+  double odd = 0.0;                                            // (x cosh x - sinh x) / x^3
+  if (x < 1.0) {
+    double power = 1.0, factorial = 6.0;  // x^2n-2, (2n + 1)!
+    for (int n = 1; n <= 9; ++n) {
+      odd += power * 2.0 * n / factorial;
+      power *= x * x;
+      factorial *= (2.0 * n + 2.0) * (2.0 * n + 3.0);
+    }
+  } else {
+    odd = (x * ch - sh) / (x * x * x);
+  }
+  return {Jet{y * y * y * odd, y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh},
+          Jet{y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh, k * (3.0 * sh + x * ch)}};
+}
+
+/// The two that leave no moment and no shear at the free end, over the distance t below it; their
+/// derivatives count upwards.
+std::array<Jet, 2> free_end(double k, double t, double nu) {
+  const double x = k * t, ch = std::cosh(x), sh = std::sinh(x);
+  const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;
+  const double a = -0.5 * (1.0 - nu), b = (1.0 - nu) / (1.0 + nu);
+  const double k2 = k * k;
+  return {
+      Jet{ch + a * x * sh, -k * ((1.0 + a) * sh + a * x * ch),
+          k2 * ((1.0 + 2.0 * a) * ch + a * x * sh), -k2 * k * ((1.0 + 3.0 * a) * sh + a * x * ch)},
+      Jet{t * (sinhc + b * ch), -((1.0 + b) * ch + b * x * sh),
+          k * ((1.0 + 2.0 * b) * sh + b * x * ch), -k2 * ((1.0 + 3.0 * b) * ch + b * x * sh)}};
+}
+
+/// Long waves: both halves from their own ends, joined at the load.
+double long_wave(double k, double s, double nu) {
+  const auto below = clamped(k, s);
+  const auto above = free_end(k, 1.0 - s, nu);
+  Matrix4d A;
+  for (int i = 0; i < 4; ++i)
+    A.row(i) << -below[0][std::size_t(i)], -below[1][std::size_t(i)], above[0][std::size_t(i)],
+        above[1][std::size_t(i)];
+  const Vector4d c = A.partialPivLu().solve(Vector4d(0.0, 0.0, 0.0, 1.0));
+  return c[0] * below[0][0] + c[1] * below[1][0];
+}
+
+/// Short waves: that of an endless plate in both directions, and what each end adds to it, which
+/// dies away from there. In units of y = k times the height; the result times k^3.
+double short_wave(double k, double s, double nu) {
+  const double r0 = k * s, r1 = k - r0, e0 = 0.25 * std::exp(-r0), e1 = 0.25 * std::exp(-r1);
+  const double e = std::exp(-k);
+  // rows: value and slope at the clamp, moment and shear at the free end
+  const auto ends = [&](const Jet& at_foot, const Jet& at_top) {
+    return Vector4d(at_foot[0], at_foot[1], at_top[2] - nu * at_top[0],
+                    at_top[3] - (2.0 - nu) * at_top[1]);
+  };
+  Matrix4d A;
+  A.col(0) = ends({1, -1, 1, -1}, {e, -e, e, -e});
+  A.col(1) = ends({0, 1, -2, 3}, {k * e, (1 - k) * e, (k - 2) * e, (3 - k) * e});
+  A.col(2) = ends({e, e, e, e}, {1, 1, 1, 1});
+  A.col(3) = ends({k * e, (k - 1) * e, (k - 2) * e, (k - 3) * e}, {0, -1, -2, -3});
+  const Vector4d loaded =
+      ends({(1 + r0) * e0, r0 * e0, 0, 0}, {(1 + r1) * e1, -r1 * e1, (r1 - 1) * e1, (2 - r1) * e1});
+  const Vector4d c = A.partialPivLu().solve(-loaded);
+  return 0.25 + 4.0 * (e0 * (c[0] + c[1] * r0) + e1 * (c[2] + c[3] * r1));
+}
+
+double under_load(double k, double s, double nu) {
+  return k < 3.0 ? long_wave(k, s, nu) : short_wave(k, s, nu) / (k * k * k);
+}
+
+/// Integral from a to b by eight Gauss points.
+double gauss(double a, double b, double s, double nu) {
+  constexpr std::array<double, 4> x{0.1834346424956498, 0.5255324099163290, 0.7966664774136267,
+                                    0.9602898564975363};
+  constexpr std::array<double, 4> w{0.3626837833783620, 0.3137066458778873, 0.2223810344533745,
+                                    0.1012285362903763};
+  const double middle = 0.5 * (a + b), half = 0.5 * (b - a);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < 4; ++i)
+    sum +=
+        w[i] * (under_load(middle - half * x[i], s, nu) + under_load(middle + half * x[i], s, nu));
+  return half * sum;
+}
+
+}  // namespace
+
+double cantilever_plate(double s, double nu) {
+  if (!(s >= 0.0 && s <= 1.0) || !(nu > -1.0 && nu <= 0.5))
+    throw std::invalid_argument(fmt::format(
+        "cantilever plate: expected a height 0 .. 1 and a Poisson ratio above -1 and at most 0.5, "
+        "seen {} and {}",
+        s, nu));
+  if (s == 0.0) return 0.0;
+  double sum = 0.0, k = 0.0;
+  for (const double step = 0.25; k < 6.0; k += step) sum += gauss(k, k + step, s, nu);
+  // beyond `far` both ends are far from the load, or it is on the free end: f goes as 1/k^3
+  const double above = s < 1.0 ? std::max(1.0 - s, 4e-6) : 1.0;
+  const double far = 40.0 / std::min(s, above);
+  for (; k < far; k *= 1.25) sum += gauss(k, 1.25 * k, s, nu);
+  sum += 0.5 * k * under_load(k, s, nu);
+  return sum / pi;
+}
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::RowVector3d;
+using Eigen::Vector3d;
+
+constexpr int leaf = 8;  // nodes that are looked at one by one
+
+/// Best five so far. Compared with the number too, so that the order of the search does not matter.
+class Best {
+ public:
+  void offer(double squared, int number, int place) {
+    const auto nearer = [](const NearestNodes::Node& a, const NearestNodes::Node& b) {
+      return a.squared < b.squared || (a.squared == b.squared && a.number < b.number);
+    };
+    const NearestNodes::Node node{squared, number, place};
+    auto& nodes = found_.nodes;
+    if (!nearer(node, nodes.back())) return;
+    std::size_t i = nodes.size() - 1;
+    for (; i > 0 && nearer(node, nodes[i - 1]); --i) nodes[i] = nodes[i - 1];
+    nodes[i] = node;
+  }
+  double worst() const { return found_.nodes.back().squared; }
+  const NearestNodes& found() const { return found_; }
+
+ private:
+  NearestNodes found_;
+};
+
+void build(IndexedField& index, std::vector<int>& order, const WorkpieceField& field, int from,
+           int to) {
+  if (to - from <= leaf) return;
+  RowVector3d least = field.points_w.row(order[std::size_t(from)]), most = least;
+  for (int i = from; i < to; ++i) {
+    least = least.cwiseMin(field.points_w.row(order[std::size_t(i)]));
+    most = most.cwiseMax(field.points_w.row(order[std::size_t(i)]));
+  }
+  int axis = 0;
+  (most - least).maxCoeff(&axis);
+  const int middle = from + (to - from) / 2;
+  std::nth_element(order.begin() + from, order.begin() + middle, order.begin() + to,
+                   [&](int a, int b) { return field.points_w(a, axis) < field.points_w(b, axis); });
+  index.split[std::size_t(middle)] = std::int8_t(axis);
+  build(index, order, field, from, middle);
+  build(index, order, field, middle + 1, to);
+}
+
+class Search {
+ public:
+  Search(const IndexedField& index, const Vector3d& point_w) : index_(index), point_w_(point_w) {
+    look(0, int(index.node.size()));
+  }
+  const NearestNodes& found() const { return best_.found(); }
+
+ private:
+  void look(int from, int to) {
+    if (to - from <= leaf) {
+      for (int i = from; i < to; ++i) offer(i);
+      return;
+    }
+    const int middle = from + (to - from) / 2;
+    const int axis = index_.split[std::size_t(middle)];
+    const double beyond = point_w_[axis] - index_.field.points_w(middle, axis);
+    offer(middle);
+    if (beyond < 0.0) {
+      look(from, middle);
+      if (beyond * beyond <= best_.worst()) look(middle + 1, to);
+    } else {
+      look(middle + 1, to);
+      if (beyond * beyond <= best_.worst()) look(from, middle);
+    }
+  }
+  void offer(int i) {
+    best_.offer((index_.field.points_w.row(i).transpose() - point_w_).squaredNorm(),
+                index_.node[std::size_t(i)], i);
+  }
+
+  const IndexedField& index_;
+  const Vector3d& point_w_;
+  Best best_;
+};
+
+}  // namespace
+
+IndexedField indexed(const WorkpieceField& field) {
+  const int n = int(field.compliance_w.size());
+  IndexedField index;
+  index.node.resize(std::size_t(n));
+  std::iota(index.node.begin(), index.node.end(), 0);
+  index.split.assign(std::size_t(n), 0);
+  build(index, index.node, field, 0, n);
+  index.field.points_w.resize(n, 3);
+  index.field.compliance_w.reserve(std::size_t(n));
+  for (int i = 0; i < n; ++i) {
+    const int node = index.node[std::size_t(i)];
+    index.field.points_w.row(i) = field.points_w.row(node);
+    index.field.compliance_w.push_back(field.compliance_w[std::size_t(node)]);
+  }
+  return index;
+}
+
+NearestNodes nearest_nodes(const WorkpieceField& field, const Vector3d& point_w) {
+  Best best;
+  for (int i = 0; i < int(field.points_w.rows()); ++i)
+    best.offer((field.points_w.row(i).transpose() - point_w).squaredNorm(), i, i);
+  return best.found();
+}
+
+NearestNodes nearest_nodes(const IndexedField& index, const Vector3d& point_w) {
+  return Search(index, point_w).found();
+}
+
+Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes& nearest) {
+  const auto& nodes = nearest.nodes;
+  const auto C = [&](std::size_t i) -> const Matrix3d& {
+    return field.compliance_w[std::size_t(nodes[i].place)];
+  };
+  if (nodes[0].place < 0) return Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  if (nodes[0].squared == 0.0) return C(0);
+  // Times the first distance, so that nothing overflows; a fifth that is not there is far away.
+  const double first = std::sqrt(nodes[0].squared);
+  const double last = first / std::sqrt(nodes[4].squared);
+  Matrix3d sum = Matrix3d::Zero();
+  double weights = 0.0;
+  for (std::size_t i = 0; i < 4 && nodes[i].place >= 0; ++i) {
+    const double near = first / std::sqrt(nodes[i].squared) - last;
+    sum += near * near * C(i);
+    weights += near * near;
+  }
+  if (weights > 0.0) return sum / weights;
+  sum.setZero();  // five at one distance
+  for (std::size_t i = 0; i < 5; ++i) sum += C(i) / 5.0;
+  return sum;
+}
+
+double node_spacing(const WorkpieceField& field) {
+  const IndexedField index = indexed(field);
+  const Eigen::Index n = field.points_w.rows(), every = std::max<Eigen::Index>(1, n / 1000);
+  std::vector<double> squared;
+  for (Eigen::Index i = 0; i < n; i += every)
+    squared.push_back(nearest_nodes(index, field.points_w.row(i).transpose()).nodes[1].squared);
+  std::nth_element(squared.begin(), squared.begin() + std::ptrdiff_t(squared.size() / 2),
+                   squared.end());
+  const double middle = squared[squared.size() / 2];
+  return std::isfinite(middle) ? std::sqrt(middle) : 0.0;
+}
+
+double coverage(const WorkpieceField& field,
+                const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w) {
+  const IndexedField index = indexed(field);
+  double most = 0.0;
+  for (const auto& point : points_w.rowwise())
+    most = std::max(most, nearest_nodes(index, point.transpose()).nodes[0].squared);
+  return std::sqrt(most);
+}
+
 namespace {
 
 using Eigen::Matrix3d;
@@ -55,7 +335,7 @@ void check(const WorkpieceField& field) {
           fmt::format("one compliance a node, seen {} for {} nodes", n, field.points_w.rows()));
   for (std::size_t i = 0; i < n; ++i) {
     const std::string fault =
-        fault_of_node(field.points_w.row(Eigen::Index(i)).transpose(), field.compliance_w[i]);
+        node_error(field.points_w.row(Eigen::Index(i)).transpose(), field.compliance_w[i]);
     require(fault.empty(), fmt::format("{} at node {}", fault, i + 1));
   }
 }
@@ -105,7 +385,7 @@ double looked_up(const PlateTable& table, double s) {
 
 }  // namespace
 
-std::string fault_of_node(const Vector3d& point_w, const Matrix3d& C) {
+std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
   if (!point_w.allFinite()) return "a finite point";
   if (!C.allFinite()) return "a finite compliance";
   const double largest = C.cwiseAbs().maxCoeff();
@@ -128,7 +408,7 @@ Matrix3d local_compliance(const WorkpieceCompliance& part, const Vector3d& point
     return across(*plate, cantilever_plate(relative_height(*plate, point_w), plate->poisson_ratio));
   }
   const auto& field = std::get<WorkpieceField>(part);
-  return blended(field, nearest_nodes(field, point_w));
+  return interpolated_compliance(field, nearest_nodes(field, point_w));
 }
 
 PreparedWorkpiece prepare(const WorkpieceCompliance& part) {
@@ -143,8 +423,137 @@ Matrix3d local_compliance(const PreparedWorkpiece& part, const Vector3d& point_w
   if (const auto* table = std::get_if<PlateTable>(&part)) {
     return across(table->plate, looked_up(*table, relative_height(table->plate, point_w)));
   }
-  const auto& index = std::get<FieldIndex>(part);
-  return blended(index.field, nearest_nodes(index, point_w));
+  const auto& index = std::get<IndexedField>(part);
+  return interpolated_compliance(index.field, nearest_nodes(index, point_w));
+}
+
+namespace {
+
+constexpr std::string_view expected_header =
+    "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
+
+/// A column of the head: the coordinate it holds, or the entry of the compliance.
+struct Column {
+  std::string_view name;
+  int row = 0;
+  int entry = -1;  ///< column of the compliance; -1: coordinate `row`
+  bool required = true;
+};
+constexpr std::array columns{Column{"x_mm", 0},
+                             Column{"y_mm", 1},
+                             Column{"z_mm", 2},
+                             Column{"Cxx_um_per_N", 0, 0},
+                             Column{"Cyy_um_per_N", 1, 1},
+                             Column{"Czz_um_per_N", 2, 2},
+                             Column{"Cxy_um_per_N", 0, 1, false},
+                             Column{"Cyz_um_per_N", 1, 2, false},
+                             Column{"Cxz_um_per_N", 0, 2, false}};
+
+/// A line at a time, with its number for refusals.
+class Reader {
+ public:
+  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
+    check_encoding(text, file);
+  }
+
+  [[noreturn]] void refuse(int column, const std::string& expected, const std::string& seen) const {
+    throw BadInput(file_, lines_.number(), column, expected, seen);
+  }
+
+  /// Goes on to the next line that says something; false at the end.
+  bool next() {
+    while (const auto line = lines_.next()) {
+      line_ = *line;
+      const std::size_t start = line_.find_first_not_of(" \t");
+      if (start != std::string_view::npos && line_[start] != '#') return true;
+    }
+    return false;
+  }
+
+  std::string_view line() const { return line_; }
+  std::vector<Cell> cells(char separator) const {
+    return cells_of(line_, separator, columns.size());
+  }
+
+ private:
+  Lines lines_;
+  std::string_view line_;
+  const std::string& file_;
+};
+
+std::vector<const Column*> read_head(const Reader& reader, char separator) {
+  std::vector<const Column*> head;
+  for (const Cell& cell : reader.cells(separator)) {
+    const auto found = std::find_if(columns.begin(), columns.end(),
+                                    [&](const Column& c) { return c.name == cell.text; });
+    if (found == columns.end())
+      reader.refuse(cell.column, fmt::format("a column of a head such as {}", expected_header),
+                    in_quotes(cell.text));
+    if (std::find(head.begin(), head.end(), &*found) != head.end())
+      reader.refuse(cell.column, "every column once", in_quotes(cell.text));
+    head.push_back(&*found);
+  }
+  for (const Column& column : columns) {
+    if (column.required && std::find(head.begin(), head.end(), &column) == head.end())
+      reader.refuse(int(reader.line().size()) + 1, fmt::format("a column {}", column.name), "none");
+  }
+  return head;
+}
+
+double number(const Reader& reader, const Cell& cell) {
+  const std::optional<double> x = number_of(cell.text);
+  if (!x) reader.refuse(cell.column, "a number within +-1e9", in_quotes(cell.text));
+  return *x;
+}
+
+struct NodeRow {
+  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d C = Eigen::Matrix3d::Zero();
+};
+
+NodeRow read_row(const Reader& reader, const std::vector<const Column*>& head, char separator) {
+  const std::vector<Cell> cells = reader.cells(separator);
+  const std::string wanted = fmt::format("{} cells, as the head has", head.size());
+  if (cells.size() < head.size())
+    reader.refuse(int(reader.line().size()) + 1, wanted, fmt::format("{}", cells.size()));
+  if (cells.size() > head.size()) reader.refuse(cells[head.size()].column, wanted, "more");
+  NodeRow node;
+  for (std::size_t i = 0; i < head.size(); ++i) {
+    const Column& column = *head[i];
+    const double x = number(reader, cells[i]);
+    if (column.entry < 0) {
+      node.point_w[column.row] = x;
+    } else {
+      node.C(column.row, column.entry) = x * units::um;
+      node.C(column.entry, column.row) = x * units::um;
+    }
+  }
+  const std::string fault = node_error(node.point_w, node.C);
+  if (!fault.empty()) reader.refuse(1, fault, in_quotes(reader.line()));
+  return node;
+}
+
+}  // namespace
+
+WorkpieceField read_compliance_field(std::string_view text, const std::string& file) {
+  Reader reader(text, file);
+  if (text.size() > max_field_bytes)
+    reader.refuse(0, "at most 64 MiB", fmt::format("{} bytes", text.size()));
+  if (!reader.next())
+    reader.refuse(0, fmt::format("a head such as {}", expected_header), "nothing");
+  const char separator = reader.line().find(';') != std::string_view::npos ? ';' : ',';
+  const std::vector<const Column*> head = read_head(reader, separator);
+  std::vector<double> points;
+  WorkpieceField field;
+  while (reader.next()) {
+    const NodeRow node = read_row(reader, head, separator);
+    points.insert(points.end(), node.point_w.data(), node.point_w.data() + 3);
+    field.compliance_w.push_back(node.C);
+  }
+  if (field.compliance_w.empty()) reader.refuse(0, "at least one node", "none");
+  field.points_w = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(
+      points.data(), Eigen::Index(field.compliance_w.size()), 3);
+  return field;
 }
 
 }  // namespace abbe::errors

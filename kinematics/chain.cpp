@@ -1,22 +1,25 @@
 #include "kinematics/chain.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "kinematics/frame.h"
-#include "kinematics/location.h"
 
 namespace abbe::kinematics {
+
 namespace {
 
 // What moves a frame is inlined: a frame then stays in registers all along the chain.
 
 /// R - 1 of a rotation vector. Angles of deviations are small: three terms of each sine in it are
 /// then exact to the last bit, at a tenth of the price.
-[[gnu::always_inline]] inline Eigen::Matrix3d rotation_change(const Eigen::Vector3d& v) {
+[[gnu::always_inline]] inline Eigen::Matrix3d rotation_minus_identity(const Eigen::Vector3d& v) {
   const double angle2 = v.squaredNorm();
   if (!(angle2 < 1e-5)) return rotation(v) - Eigen::Matrix3d::Identity();
   const double s = 1.0 - angle2 / 6.0 * (1.0 - angle2 / 20.0);           // sin(a) / a
@@ -33,7 +36,7 @@ namespace {
 /// T * motion(deviation, point)
 [[gnu::always_inline]] inline Frame displaced(const Frame& T, const Deviation& deviation,
                                               const Eigen::Vector3d& point) {
-  const Eigen::Matrix3d change = rotation_change(deviation.tail<3>());
+  const Eigen::Matrix3d change = rotation_minus_identity(deviation.tail<3>());
   const Eigen::Vector3d shift = deviation.head<3>() - change * point;
   return {T.x + turned(T, change.col(0)), T.y + turned(T, change.col(1)),
           T.z + turned(T, change.col(2)), T.p + turned(T, shift)};
@@ -44,28 +47,28 @@ bool is_none(const Deviation& E) {
 }
 
 /// A location error, parted by what it displaces.
-struct LocationParts {
+struct LocationDisplacements {
   Deviation frame = Deviation::Zero();
   Deviation carried = Deviation::Zero();
   Eigen::Vector3d axis = Eigen::Vector3d::Zero();  // rotation vector
 };
 
-LocationParts parts(const Deviation& location, const LocationRule& rule) {
+LocationDisplacements parts(const Deviation& location, const LocationRule& rule) {
   constexpr LocationRule all_frame{};
-  LocationParts result;
+  LocationDisplacements result;
   if (rule == all_frame) {
     result.frame = location;
     return result;
   }
   for (int k = 0; k < 6; ++k) {
     switch (rule[std::size_t(k)]) {
-      case Displaces::Frame:
+      case DisplacedPart::Frame:
         result.frame[k] = location[k];
         break;
-      case Displaces::Carried:
+      case DisplacedPart::Carried:
         result.carried[k] = -location[k];
         break;
-      case Displaces::Axis:
+      case DisplacedPart::Axis:
         result.axis[k - 3] = location[k];
         break;
     }
@@ -79,11 +82,11 @@ LocationParts parts(const Deviation& location, const LocationRule& rule) {
                                               const JointDeviation& deviation) {
   Frame result = T;
   Eigen::Vector3d direction = joint.direction_b;
-  LocationParts location;
+  LocationDisplacements location;
   if (!is_none(deviation.location)) {
     location = parts(deviation.location, rule);
     if (!is_none(location.frame)) result = displaced(result, location.frame, joint.point_b);
-    if (!location.axis.isZero(0.0)) direction += rotation_change(location.axis) * direction;
+    if (!location.axis.isZero(0.0)) direction += rotation_minus_identity(location.axis) * direction;
   }
   const bool moves = !is_none(deviation.motion);
   const bool before =
@@ -190,8 +193,8 @@ Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> dev
   return to_pose(tool_frame(*this, q, deviations));
 }
 
-std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
-                                   std::span<const JointDeviation> deviations) {
+std::vector<Pose> carriage_poses(const Chain& chain, const AxisVector& q,
+                                 std::span<const JointDeviation> deviations) {
   const int n = chain.size();
   assert(q.size() == n && (deviations.empty() || int(deviations.size()) == n));
   std::vector<Pose> T(std::size_t(n), Pose::Identity());
@@ -230,10 +233,94 @@ std::vector<JointDeviation> sum(std::vector<JointDeviation> a, std::span<const J
   return a;
 }
 
-Topology topology_of(std::span<const Joint> joints) {
+Topology chain_topology(std::span<const Joint> joints) {
   Topology topology;
   for (const Joint& joint : joints) topology.push_back({joint.name, joint.side});
   return topology;
+}
+
+namespace {
+
+using MainSlides = std::array<std::optional<int>, 3>;
+
+constexpr std::string_view slide_letters = "XYZUVWPQR";
+constexpr double min_axis_cosine =
+    0.5;                           // cosine: a slide within 60 degrees of a bed axis may be its own
+constexpr double is_along = 1e-9;  // sine between two directions that are one
+
+std::optional<int> bed_axis_index(const MainSlides& slides, int joint) {
+  for (int k = 0; k < 3; ++k)
+    if (slides[std::size_t(k)] == joint) return k;
+  return std::nullopt;
+}
+
+/// Main slides that see a component of another joint, in the order of their rank.
+std::vector<int> seen_by(const MainSlides& slides, int joint, int component) {
+  std::vector<int> result;
+  for (int k = 0; k < 3; ++k) {
+    const bool sees = component < 3 ? k == component : k != component - 3;
+    const std::optional<int> slide = slides[std::size_t(k)];
+    if (sees && slide && *slide != joint) result.push_back(*slide);
+  }
+  return result;
+}
+
+DisplacedPart displaces(std::span<const Joint> joints, int joint, int component,
+                        const std::vector<int>& seen) {
+  const bool is_angle = component >= 3;
+  if (is_angle && joints[std::size_t(joint)].squareness == Squareness::Travel)
+    return DisplacedPart::Axis;
+  const auto carried = std::count_if(seen.begin(), seen.end(),
+                                     [&](int slide) { return carries(joints, joint, slide); });
+  if (carried == 0) return DisplacedPart::Frame;
+  return carried == std::ptrdiff_t(seen.size()) ? DisplacedPart::Carried : DisplacedPart::Axis;
+}
+
+}  // namespace
+
+bool carries(std::span<const Joint> joints, int one, int other) {
+  const Side side = joints[std::size_t(one)].side;
+  if (joints[std::size_t(other)].side != side) return false;
+  return side == Side::Tool ? one < other : one > other;
+}
+
+MainSlides main_slides(std::span<const Joint> joints) {
+  MainSlides slides;
+  for (const char letter : slide_letters) {
+    const auto joint = std::find_if(joints.begin(), joints.end(),
+                                    [&](const Joint& one) { return one.name == letter; });
+    if (joint == joints.end() || joint->motion != Motion::Linear) continue;
+    int best = -1;
+    double most = min_axis_cosine;
+    for (int k = 0; k < 3; ++k) {
+      const double along = std::abs(joint->direction_b[k]);
+      if (slides[std::size_t(k)] || along <= most) continue;
+      best = k;
+      most = along;
+    }
+    if (best >= 0) slides[std::size_t(best)] = int(joint - joints.begin());
+  }
+  return slides;
+}
+
+LocationElement location_element(std::span<const Joint> joints, int joint, int component) {
+  const Joint& one = joints[std::size_t(joint)];
+  const MainSlides slides = main_slides(joints);
+  const std::vector<int> seen = seen_by(slides, joint, component);
+  LocationElement element;
+  if (!seen.empty()) element.reference = seen.front();
+  const Eigen::Vector3d unit = Eigen::Vector3d::Unit(component % 3);
+  element.defined = !(unit.cross(one.direction_b).norm() < is_along);
+  if (one.motion == Motion::Linear)
+    element.defined = element.defined && component >= 3 && !seen.empty();
+  if (const auto own = bed_axis_index(slides, joint); own && element.defined) {
+    // the angle of a pair of main slides is the later one's
+    element.defined = seen.size() == 1 && *bed_axis_index(slides, seen.front()) < *own;
+    if (!element.defined && seen.size() == 1) element.stating_slide = seen.front();
+  }
+  const bool alone = component >= 3 && one.squareness == Squareness::Travel;
+  if (element.defined || alone) element.displaces = displaces(joints, joint, component, seen);
+  return element;
 }
 
 }  // namespace abbe::kinematics

@@ -3,11 +3,11 @@
 #include <array>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
-#include "kinematics/axis.h"
+#include "kinematics/axes.h"
 #include "kinematics/pose.h"
-#include "kinematics/topology.h"
 
 namespace abbe::kinematics {
 
@@ -24,12 +24,12 @@ enum class Squareness {
 };
 
 /// What one component of a location error displaces, by the structural code (`location.h`).
-enum class Displaces {
+enum class DisplacedPart {
   Frame,    ///< the joint's frame about its point, before its motion, with all that it carries
   Carried,  ///< what it carries, about its point as carried, after its motion, by the opposite
   Axis,     ///< the direction of travel or the rotation axis alone
 };
-using LocationRule = std::array<Displaces, 6>;  ///< of [EX EY EZ EA EB EC]
+using LocationRule = std::array<DisplacedPart, 6>;  ///< of [EX EY EZ EA EB EC]
 
 /// One moving part, described in the bed frame with all axes at zero.
 struct Joint {
@@ -99,7 +99,7 @@ class Chain {
 };
 
 /// The order of a chain's moving parts, of which `to_string` makes its structural code.
-Topology topology_of(std::span<const Joint> joints);
+Topology chain_topology(std::span<const Joint> joints);
 
 /// Nominal displacement of the joint's own carriage, in its parent's frame at zero, by `travel` (mm
 /// or rad of the carriage itself). Identity for a spindle nose.
@@ -113,10 +113,43 @@ constexpr double carriage_travel(Side side, double command) {
 /// Where every carriage is in the bed, joint by joint: what it carries is placed by this from where
 /// it is with the axes at zero.
 /// @param q, deviations  as of Chain
-std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
-                                   std::span<const JointDeviation> deviations = {});
+std::vector<Pose> carriage_poses(const Chain& chain, const AxisVector& q,
+                                 std::span<const JointDeviation> deviations = {});
 
 /// E = T_nominal^-1 T_actual, expressed in the nominal tool frame (Guo et al. 2016, equation 4).
 Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual);
+
+/// Whether joint `one` carries joint `other`: on the same side of the bed and nearer to it.
+bool carries(std::span<const Joint> joints, int one, int other);
+
+/// The slides that make the machine's frame, by the bed axis along which each mainly travels. Of
+/// two along one axis it is the first of X Y Z U V W P Q R. X is primary, Y secondary, Z third.
+std::array<std::optional<int>, 3> main_slides(std::span<const Joint> joints);
+
+/// What one component of a joint's location error is on a machine of this structural code.
+struct LocationElement {
+  DisplacedPart displaces = DisplacedPart::Frame;
+  std::optional<int> reference;      ///< slide against which the axis is located, if one sees it
+  std::optional<int> stating_slide;  ///< set where the angle is already that of this later slide
+  bool defined = true;  ///< a slide has no place, no angle about its own direction, and
+                        ///< none where no earlier slide sees it; what is not defined
+                        ///< displaces the frame
+};
+
+/// A rotary axis and a slide beyond the main ones are located against the main slides that see it:
+/// of a turn about a bed axis the two that travel across it, of an offset the one along it. A main
+/// slide is located against the one that makes a pair with it. The frame of the axis is displaced
+/// with all that it carries; where it carries all those slides, that would show nowhere, and what
+/// it carries is displaced by the opposite instead; where it carries some of them, the axis alone
+/// is turned. `Squareness::Travel` turns the axis alone in any case.
+/// @param component  0..5 of [EX EY EZ EA EB EC]
+LocationElement location_element(std::span<const Joint> joints, int joint, int component);
+
+/// "CXYZAs", a letter a joint in the order of the structural code.
+inline std::string letters(const std::vector<Joint>& joints) {
+  std::string all;
+  for (const Joint& joint : joints) all += joint.name;
+  return all;
+}
 
 }  // namespace abbe::kinematics

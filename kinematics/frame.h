@@ -18,24 +18,24 @@
 namespace abbe::kinematics {
 
 namespace stdx = std::experimental;
-using Four = stdx::simd<double, stdx::simd_abi::deduce_t<double, 4>>;
+using Vector4 = stdx::simd<double, stdx::simd_abi::deduce_t<double, 4>>;
 
 /// A rigid transform: columns of its rotation, its translation; the fourth numbers are zero.
 struct Frame {
-  Four x, y, z, p;
+  Vector4 x, y, z, p;
 };
 
-inline Four four(double a, double b, double c, double d) {
+inline Vector4 vector4(double a, double b, double c, double d) {
   const std::array<double, 4> all{a, b, c, d};
-  return Four([&](auto i) { return all[i]; });
+  return Vector4([&](auto i) { return all[i]; });
 }
 
 inline Frame identity_frame() {
-  return {four(1, 0, 0, 0), four(0, 1, 0, 0), four(0, 0, 1, 0), Four(0.0)};
+  return {vector4(1, 0, 0, 0), vector4(0, 1, 0, 0), vector4(0, 0, 1, 0), Vector4(0.0)};
 }
 
 inline Frame to_frame(const Pose& T) {
-  const auto column = [&](int k) { return four(T(0, k), T(1, k), T(2, k), 0.0); };
+  const auto column = [&](int k) { return vector4(T(0, k), T(1, k), T(2, k), 0.0); };
   return {column(0), column(1), column(2), column(3)};
 }
 
@@ -50,39 +50,40 @@ inline Pose to_pose(const Frame& T) {
   return pose;
 }
 
-inline Eigen::Vector3d vector(const Four& v) { return {v[0], v[1], v[2]}; }
+inline Eigen::Vector3d vector(const Vector4& v) { return {v[0], v[1], v[2]}; }
 
 /// a * b + c as Eigen has it
-[[gnu::always_inline]] inline Four fused(const Four& a, const Four& b, const Four& c) {
+[[gnu::always_inline]] inline Vector4 fused(const Vector4& a, const Vector4& b, const Vector4& c) {
 #ifdef __FMA__
-  return Four(_mm256_fmadd_pd(__m256d(a), __m256d(b), __m256d(c)));
+  return Vector4(_mm256_fmadd_pd(__m256d(a), __m256d(b), __m256d(c)));
 #else
   return a * b + c;
 #endif
 }
 
 /// The first two rows of a, the others of b.
-[[gnu::always_inline]] inline Four upper_and_lower(const Four& a, const Four& b) {
+[[gnu::always_inline]] inline Vector4 blend_halves(const Vector4& a, const Vector4& b) {
 #ifdef __AVX__
-  return Four(_mm256_blend_pd(__m256d(a), __m256d(b), 0b1100));
+  return Vector4(_mm256_blend_pd(__m256d(a), __m256d(b), 0b1100));
 #else
-  return four(a[0], a[1], b[2], b[3]);
+  return vector4(a[0], a[1], b[2], b[3]);
 #endif
 }
 
 /// R * v
-[[gnu::always_inline]] inline Four turned(const Frame& T, double v_x, double v_y, double v_z) {
-  const Four x = T.x * v_x;
-  return upper_and_lower(fused(T.z, Four(v_z), fused(T.y, Four(v_y), x)),
-                         x + (T.y * v_y + T.z * v_z));
+[[gnu::always_inline]] inline Vector4 turned(const Frame& T, double v_x, double v_y, double v_z) {
+  const Vector4 x = T.x * v_x;
+  return blend_halves(fused(T.z, Vector4(v_z), fused(T.y, Vector4(v_y), x)),
+                      x + (T.y * v_y + T.z * v_z));
 }
-inline Four turned(const Frame& T, const Eigen::Vector3d& v) {
+inline Vector4 turned(const Frame& T, const Eigen::Vector3d& v) {
   return turned(T, v.x(), v.y(), v.z());
 }
 
 /// T * point
 inline Eigen::Vector3d placed(const Frame& T, const Eigen::Vector3d& point) {
-  const Four sum = fused(T.z, Four(point.z()), fused(T.y, Four(point.y()), T.x * point.x()));
+  const Vector4 sum =
+      fused(T.z, Vector4(point.z()), fused(T.y, Vector4(point.y()), T.x * point.x()));
   return vector(sum + T.p);
 }
 
@@ -92,9 +93,9 @@ inline Frame operator*(const Frame& a, const Frame& b) {
 }
 
 inline Frame inverse(const Frame& T) {
-  const auto row = [&](int k) { return four(T.x[k], T.y[k], T.z[k], 0.0); };
-  Frame result{row(0), row(1), row(2), Four(0.0)};
-  const Frame negative{-result.x, -result.y, -result.z, Four(0.0)};
+  const auto row = [&](int k) { return vector4(T.x[k], T.y[k], T.z[k], 0.0); };
+  Frame result{row(0), row(1), row(2), Vector4(0.0)};
+  const Frame negative{-result.x, -result.y, -result.z, Vector4(0.0)};
   result.p = turned(negative, T.p[0], T.p[1], T.p[2]);
   return result;
 }

@@ -12,13 +12,13 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 // The chain from workpiece to tool, cut before and after every joint: T[i] takes the bed frame at
 // zero to the workpiece frame as the joints before i, in the order of the code, have moved it. In
 // that order both sides turn by the command itself, since the workpiece side comes inverted.
-struct Cuts {
+struct ChainFrames {
   std::array<Frame, max_joints + 1> T;  // size + 1 of them
   Eigen::Vector3d tip_w;
 };
 
-Cuts cuts(const Chain& chain, const AxisVector& q) {
-  Cuts result;
+ChainFrames cuts(const Chain& chain, const AxisVector& q) {
+  ChainFrames result;
   Frame T = inverse(to_frame(chain.T_bw_home()));
   result.T[0] = T;
   for (int i = 0; i < chain.size(); ++i) {
@@ -41,14 +41,15 @@ Matrix6 transport(const Pose& T, const Eigen::Vector3d& point_b, const Eigen::Ve
 
 // A displacement stands before the motion of the carriage in its own order, bed outwards, which a
 // chain from workpiece to tool meets reversed and inverted on the workpiece side.
-Matrix6 displaced(const Cuts& cut, const Joint& joint, int i, bool before_motion) {
+Matrix6 displaced(const ChainFrames& cut, const Joint& joint, int i, bool before_motion) {
   const bool primed = joint.side == Side::Workpiece;
   const Pose T = to_pose(cut.T[std::size_t(before_motion == primed ? i + 1 : i)]);
   return (primed ? -1.0 : 1.0) * transport(T, joint.point_b, cut.tip_w);
 }
 
 // Turns of the direction of travel alone.
-Eigen::Matrix<double, 6, 3> travel_turned(const Cuts& cut, const Joint& joint, int i, double q) {
+Eigen::Matrix<double, 6, 3> travel_rotation_columns(const ChainFrames& cut, const Joint& joint,
+                                                    int i, double q) {
   Eigen::Matrix<double, 6, 3> M = Eigen::Matrix<double, 6, 3>::Zero();
   const Pose T = to_pose(cut.T[std::size_t(i)]);
   if (joint.motion == Motion::Linear)
@@ -63,7 +64,7 @@ Eigen::Matrix<double, 6, 3> travel_turned(const Cuts& cut, const Joint& joint, i
 }  // namespace
 
 AxisJacobian axis_jacobian(const Chain& chain, const AxisVector& q) {
-  const Cuts cut = cuts(chain, q);
+  const ChainFrames cut = cuts(chain, q);
   AxisJacobian J = AxisJacobian::Zero(6, chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
@@ -77,7 +78,7 @@ AxisJacobian axis_jacobian(const Chain& chain, const AxisVector& q) {
 }
 
 Eigen::MatrixXd motion_jacobian(const Chain& chain, const AxisVector& q) {
-  const Cuts cut = cuts(chain, q);
+  const ChainFrames cut = cuts(chain, q);
   Eigen::MatrixXd J(6, 6 * chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
@@ -89,21 +90,21 @@ Eigen::MatrixXd motion_jacobian(const Chain& chain, const AxisVector& q) {
 }
 
 Eigen::MatrixXd location_jacobian(const Chain& chain, const AxisVector& q) {
-  const Cuts cut = cuts(chain, q);
+  const ChainFrames cut = cuts(chain, q);
   Eigen::MatrixXd J(6, 6 * chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     const Matrix6 frame = displaced(cut, joint, i, true);
     for (int k = 0; k < 6; ++k) {
       switch (chain.location_rule(i)[std::size_t(k)]) {
-        case Displaces::Frame:
+        case DisplacedPart::Frame:
           J.col(6 * i + k) = frame.col(k);
           break;
-        case Displaces::Carried:
+        case DisplacedPart::Carried:
           J.col(6 * i + k) = -displaced(cut, joint, i, false).col(k);
           break;
-        case Displaces::Axis:
-          J.col(6 * i + k) = travel_turned(cut, joint, i, q[i]).col(k - 3);
+        case DisplacedPart::Axis:
+          J.col(6 * i + k) = travel_rotation_columns(cut, joint, i, q[i]).col(k - 3);
       }
     }
   }

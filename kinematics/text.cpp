@@ -3,15 +3,138 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <fstream>
 #include <system_error>
 
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/encoding.h"
 
 namespace abbe {
+
+namespace {
+
+constexpr std::size_t max_sample_bytes = std::size_t(1) << 16;  // bytes
+
+bool is_control(unsigned char c) { return (c < 0x20 && (c < 0x09 || c > 0x0d)) || c == 0x7f; }
+
+/// A letter, digit or blank of EBCDIC, or what ends its lines.
+bool is_ebcdic(unsigned char c) {
+  const int low = c & 0x0f;
+  const bool letter = (c >= 0xc1 && c <= 0xe9 && low >= 1 && low <= 9) ||
+                      (c >= 0x81 && c <= 0xa9 && low >= 1 && low <= 9);
+  return letter || (c >= 0xf0 && c <= 0xf9) || c == 0x40 || c == 0x15 || c == 0x25 || c == 0x0d ||
+         c == 0x4b || c == 0x4d || c == 0x5d || c == 0x60 || c == 0x61 || c == 0x6b || c == 0x6c ||
+         c == 0x7b || c == 0x7e;
+}
+
+struct Counts {
+  std::size_t bytes = 0, even_nul = 0, odd_nul = 0, control = 0, ebcdic = 0, high = 0;
+};
+
+Counts counts_of(std::string_view text) {
+  Counts counts;
+  counts.bytes = text.size();
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    if (c == 0) ++(i % 2 == 0 ? counts.even_nul : counts.odd_nul);
+    counts.control += is_control(c);
+    counts.ebcdic += is_ebcdic(c);
+    counts.high += c >= 0x80;
+  }
+  return counts;
+}
+
+/// The encoding in words; none where the text may be ASCII, UTF-8 or a code page above ASCII.
+std::optional<std::string> foreign_encoding(std::string_view text) {
+  using namespace std::string_view_literals;
+  if (text.starts_with("\xff\xfe\0\0"sv) || text.starts_with("\0\0\xfe\xff"sv)) return "UTF-32";
+  if (text.starts_with("\xff\xfe"sv)) return "UTF-16, little endian";
+  if (text.starts_with("\xfe\xff"sv)) return "UTF-16, big endian";
+  // leaders of NUL bytes are of a tape
+  const std::size_t begin = text.find_first_not_of('\0');
+  if (begin == std::string_view::npos) return std::nullopt;
+  text = text.substr(begin - begin % 2, max_sample_bytes);
+  const std::size_t last = text.find_last_not_of("\0\r"sv);
+  text = text.substr(0, std::min(text.size(), (last / 2 + 1) * 2));
+  const Counts n = counts_of(text);
+  const double half = 0.5 * double(n.bytes);
+  if (n.bytes >= 8 && double(n.odd_nul) > 0.7 * half && double(n.even_nul) < 0.1 * half)
+    return "UTF-16, little endian";
+  if (n.bytes >= 8 && double(n.even_nul) > 0.7 * half && double(n.odd_nul) < 0.1 * half)
+    return "UTF-16, big endian";
+  if (n.high >= 8 && double(n.high) > 0.4 * double(n.bytes) &&
+      double(n.ebcdic) > 0.9 * double(n.bytes))
+    return "EBCDIC";
+  if (n.control >= 16 && double(n.control) > 0.1 * double(n.bytes)) return "binary data";
+  return std::nullopt;
+}
+
+/// Returns the first CR between words without a LF beside it. Controls read such lines as one: to
+/// take it as the end of a line would move otherwise than they do, to pass over it too.
+std::optional<std::size_t> find_lone_cr(std::string_view text) {
+  using namespace std::string_view_literals;
+  constexpr std::string_view moves = "\r\n\0"sv;
+  const std::size_t last = text.find_last_not_of(moves);
+  for (std::size_t at = std::min(text.find_first_not_of(moves), text.size());
+       (at = text.find('\r', at)) < last && last != std::string_view::npos;) {
+    const std::size_t begin = text.find_last_not_of(moves, at) + 1;
+    const std::size_t end = text.find_first_not_of(moves, at);
+    if (text.substr(begin, end - begin).find('\n') == std::string_view::npos) return at;
+    at = end;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<std::size_t> find_invalid_utf8(std::string_view text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    const std::size_t more = c < 0x80 ? 0 : c >= 0xf0 ? 3 : c >= 0xe0 ? 2 : c >= 0xc2 ? 1 : 4;
+    if (more == 4 || c > 0xf4 || i + more >= text.size()) return i;
+    for (std::size_t k = 1; k <= more; ++k)
+      if ((static_cast<unsigned char>(text[i + k]) & 0xc0) != 0x80) return i;
+    i += more + 1;
+  }
+  return std::nullopt;
+}
+
+void check_encoding(std::string_view text, const std::string& file) {
+  if (auto seen = foreign_encoding(text))
+    throw BadInput(file, 1, 1, "a text in ASCII or UTF-8", std::move(*seen));
+  if (const auto at = find_lone_cr(text)) {
+    const std::string_view before = text.substr(0, *at);
+    const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+    const std::size_t begin = before.rfind('\n');  // npos + 1 is 0
+    throw BadInput(file, int(line), int(*at - (begin + 1)) + 1,
+                   "lines that end in LF or CR LF, not in CR alone as on old Macintosh computers",
+                   "a CR alone");
+  }
+}
+
+std::string strip_tape_characters(std::string_view text) {
+  const auto moves = [](char c) { return c == '\r' || c == '\n' || c == '\0'; };
+  std::string plain;
+  plain.reserve(text.size());
+  for (std::size_t at = 0; at < text.size();) {
+    if (!moves(text[at])) {
+      plain += text[at++];
+      continue;
+    }
+    std::size_t end = at;
+    while (end < text.size() && moves(text[end])) ++end;
+    const std::string_view run = text.substr(at, end - at);
+    const auto lines = std::count(run.begin(), run.end(), '\n');
+    if (lines > 0 || at == 0 || end == text.size())
+      plain.append(std::size_t(lines), '\n');
+    else
+      plain += run;
+    at = end;
+  }
+  return plain;
+}
 
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) {
   std::error_code failure;
@@ -76,7 +199,7 @@ Cell trimmed(std::string_view text, std::size_t at) {
 
 }  // namespace
 
-char separator_of(std::string_view line) {
+char cell_separator(std::string_view line) {
   for (const char c : {';', ','})
     if (line.find(c) != std::string_view::npos) return c;
   return ' ';
@@ -140,7 +263,7 @@ double TableLines::number_in(const Cell& cell) const {
   return *x;
 }
 
-int TableLines::count_in(const Cell& cell, int least, int most) const {
+int TableLines::whole_number_in(const Cell& cell, int least, int most) const {
   const auto x = number_of(cell.text);
   if (!x || *x != std::floor(*x) || *x < least || *x > most)
     refuse(cell, fmt::format("a whole number from {} to {}", least, most));

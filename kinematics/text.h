@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
@@ -7,8 +8,58 @@
 #include <string_view>
 #include <vector>
 
-/// Text from outside, as every reader takes it apart.
+/// Texts from outside that are no text, or one of another encoding than ASCII and UTF-8.
 namespace abbe {
+
+/// Returns the first byte that is not UTF-8; none if all are.
+std::optional<std::size_t> find_invalid_utf8(std::string_view text);
+
+/// One input error for a file that no reader of text understands, instead of one a line.
+/// @throws BadInput with the encoding: UTF-16, UTF-32, EBCDIC, or none, and for a CR between words
+///         without a LF beside it, as in texts whose lines end in CR alone
+void check_encoding(std::string_view text, const std::string& file);
+
+/// The text without what only moves a paper tape or a print head: NUL bytes at either end of a line
+/// or of the text, and CR beside LF. Lines keep their numbers.
+std::string strip_tape_characters(std::string_view text);
+
+// The one limit on how deep a text from outside may nest. Readers descend by recursion: without it
+// a file of nothing but brackets ends the stack.
+
+/// Levels of brackets, signs, functions, parameters, tables or arrays within each other.
+inline constexpr int max_nesting = 100;
+
+/// One level of a recursive descent, counted in `depth` while it lives.
+class NestingLevel {
+ public:
+  explicit NestingLevel(int& depth) : depth_(depth) { ++depth_; }
+  ~NestingLevel() { --depth_; }
+  NestingLevel(const NestingLevel&) = delete;
+  NestingLevel& operator=(const NestingLevel&) = delete;
+
+  bool too_deep() const { return depth_ > max_nesting; }
+
+ private:
+  int& depth_;
+};
+
+/// Returns how deep the brackets and braces of a JSON text nest, those in strings left out. Its
+/// values are copied, written and thrown away by recursion, so this is asked before it is parsed.
+inline int json_depth(std::string_view text) {
+  int depth = 0, deepest = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (quoted && c == '\\') ++i;
+    if (c == '"') quoted = !quoted;
+    if (quoted) continue;
+    if (c == '[' || c == '{') deepest = std::max(deepest, ++depth);
+    if (c == ']' || c == '}') --depth;
+  }
+  return deepest;
+}
+
+// Text from outside, as every reader takes it apart.
 
 /// Whole text of a file.
 /// @throws BadInput if it cannot be read or is larger than `max_bytes`
@@ -38,7 +89,7 @@ struct Cell {
 };
 
 /// What parts the cells of a line: the first of ; and , that it has, else blanks and tabs (' ').
-char separator_of(std::string_view line);
+char cell_separator(std::string_view line);
 
 /// Cells of a line, but no more than one beyond `most`, so that a line of nothing but separators
 /// costs nothing.
@@ -69,7 +120,7 @@ class TableLines {
   /// The number that a cell holds. @throws BadInput unless it is one within +-1e9
   double number_in(const Cell& cell) const;
   /// A whole number. @throws BadInput unless it is one from `least` to `most`
-  int count_in(const Cell& cell, int least, int most) const;
+  int whole_number_in(const Cell& cell, int least, int most) const;
 
  private:
   Lines lines_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <numbers>
 
 /// Units inside are mm, rad, s, N, K. These literals are for the borders: `4.0_um`, `90.0_deg`.
@@ -23,5 +24,9 @@ constexpr double operator""_nm(long double value) { return double(value) * units
 constexpr double operator""_urad(long double value) { return double(value) * units::urad; }
 constexpr double operator""_deg(long double value) { return double(value) * units::deg; }
 }  // namespace literals
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
+/// A figure that there is none of.
+inline constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace abbe

@@ -1,13 +1,17 @@
 #include "render/canvas.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
+#include <fmt/format.h>
 #include <vtkActor.h>
 #include <vtkBrush.h>
 #include <vtkCamera.h>
@@ -19,11 +23,14 @@
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkIntArray.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
+#include <vtkPath.h>
 #include <vtkPen.h>
 #include <vtkPointData.h>
+#include <vtkPoints.h>
 #include <vtkPolyData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
@@ -32,15 +39,24 @@
 #include <vtkTextProperty.h>
 #include <vtkTextRenderer.h>
 #include <vtkUnsignedCharArray.h>
+#include <vtkVersion.h>
+#include <zlib.h>
 
-#include "render/bytes.h"
-#include "render/fonts.h"
-#include "render/poly_data.h"
-#include "render/text_property.h"
-#include "render/vector_page.h"
-#include "render/window.h"
+#include "render/vtk_environment.h"
+#include "render/vtk_writer.h"
+
+#if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
+#include <vtkUnicodeString.h>
+#endif
+
+class vtkTextProperty;
 
 namespace abbe::render {
+
+inline constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
+
+/// Sets font, size and colour for a text.
+void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property);
 
 /// Everything flat, painted in the order it was drawn.
 class FlatItem : public vtkContextItem {
@@ -61,8 +77,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-std::recursive_mutex
-    one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
+std::recursive_mutex canvas_mutex;  // VTK's font cache and OpenGL state belong to the whole process
 
 /// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
 /// pixels, so that the letters do not blur.
@@ -138,14 +153,14 @@ Pixels averaged(const Drawn& all) {
   const auto& [width, height, finer, bytes] = all;
   const unsigned char* const drawn = bytes->GetPointer(0);
   Pixels pixels{width, height, {}};
-  const std::size_t row = 3 * std::size_t(width), row_drawn = row * std::size_t(finer);
+  const std::size_t row = 3 * std::size_t(width), supersampled_row = row * std::size_t(finer);
   pixels.rgb.reserve(row * std::size_t(height));
   std::vector<unsigned> sums(row);
   const auto points = unsigned(finer * finer);
   for (int y = finer * height - 1; y >= 0;) {
     std::ranges::fill(sums, points / 2);
     for (int k = 0; k < finer; ++k, --y) {
-      const unsigned char* from = drawn + row_drawn * std::size_t(y);
+      const unsigned char* from = drawn + supersampled_row * std::size_t(y);
       for (std::size_t x = 0; x < row; x += 3)
         for (int j = 0; j < finer; ++j, from += 3)
           for (std::size_t c = 0; c < 3; ++c) sums[x + c] += from[c];
@@ -172,7 +187,7 @@ void apply_style(const TextStyle& style, const std::string& text, vtkTextPropert
 }
 
 struct Canvas::Sheet {
-  std::unique_lock<std::recursive_mutex> alone{one_canvas_at_a_time};
+  std::unique_lock<std::recursive_mutex> alone{canvas_mutex};
   HeadlessContext context;
   int width;
   int height;
@@ -231,26 +246,28 @@ Canvas::Canvas(int width, int height, int finer) {
 Canvas::~Canvas() = default;
 
 Vector2d text_size(const std::string& text, const TextStyle& style) {
-  const std::lock_guard<std::recursive_mutex> alone(one_canvas_at_a_time);
+  const std::lock_guard<std::recursive_mutex> alone(canvas_mutex);
   vtkNew<vtkTextProperty> property;
   apply_style(style, text, *property);
   int box[4] = {0, -1, 0, -1};
   // as fine as it is drawn, since letters end at whole points
-  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box, fineness * dots_per_inch);
-  return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / fineness;
+  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box,
+                                                 supersampling * dots_per_inch);
+  return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / supersampling;
 }
 
 void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
   if (text.empty()) return;
   const Vector2d position = corner(at, text_size(text, style), style);
   sheet_->marks.emplace_back(FlatText{position, text, style});
-  const Vector2d drawn_at = sheet_->finer * position;
+  const Vector2d device_position = sheet_->finer * position;
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
     apply_style(style, text, *painter.GetTextProp());
     painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
     painter.GetTextProp()->SetJustificationToLeft();
     painter.GetTextProp()->SetVerticalJustificationToBottom();
-    painter.DrawString(static_cast<float>(drawn_at.x()), static_cast<float>(drawn_at.y()), text);
+    painter.DrawString(static_cast<float>(device_position.x()),
+                       static_cast<float>(device_position.y()), text);
   });
 }
 
@@ -277,8 +294,8 @@ void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, do
   }
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
     painter.GetPen()->SetLineType(vtkPen::NO_PEN);
-    painter.GetBrush()->SetColor(byte_of(colour.r), byte_of(colour.g), byte_of(colour.b),
-                                 byte_of(opacity));
+    painter.GetBrush()->SetColor(to_byte(colour.r), to_byte(colour.g), to_byte(colour.b),
+                                 to_byte(opacity));
     painter.DrawPolygon(xy.data(), static_cast<int>(xy.size() / 2));
   });
 }
@@ -369,12 +386,12 @@ Pixels Canvas::pixels() { return averaged(sheet_->draw()); }
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
 
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
-  const bool flat_apart = format != PictureFormat::Png;
-  if (flat_apart) sheet_->flat->strokes.clear();
+  const bool keeps_flat_apart = format != PictureFormat::Png;
+  if (keeps_flat_apart) sheet_->flat->strokes.clear();
   const int width = sheet_->width, height = sheet_->height;
   const std::vector<FlatMark> marks = std::move(sheet_->marks);
   std::optional<Drawn> drawn;
-  if (!flat_apart || sheet_->has_scene) drawn = sheet_->draw();
+  if (!keeps_flat_apart || sheet_->has_scene) drawn = sheet_->draw();
   sheet_.reset();  // so that the next canvas is drawn while this one is compressed
   Raster raster;
   if (drawn) {
@@ -382,11 +399,225 @@ void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
     raster.png = png_file(picture);
     if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
   }
-  std::unique_lock<std::recursive_mutex> alone(one_canvas_at_a_time, std::defer_lock);
-  if (flat_apart) alone.lock();  // letters are outlined by VTK's fonts
+  std::unique_lock<std::recursive_mutex> alone(canvas_mutex, std::defer_lock);
+  if (keeps_flat_apart) alone.lock();  // letters are outlined by VTK's fonts
   write_bytes(path, format == PictureFormat::Png   ? raster.png
-                    : format == PictureFormat::Svg ? svg_of(width, height, marks, raster)
-                                                   : pdf_of(width, height, marks, raster));
+                    : format == PictureFormat::Svg ? svg_document(width, height, marks, raster)
+                                                   : pdf_document(width, height, marks, raster));
+}
+
+namespace {
+
+using Eigen::Vector2d;
+
+/// A piece of an outline: M to a point, L a line, C a cubic, Z closed.
+struct Piece {
+  char kind = 'M';
+  std::array<Vector2d, 3> to;
+};
+
+/// VTK 9.1 leaves out what is not ASCII, unless it is asked in the older way.
+void to_path(const std::string& text, vtkTextProperty& property, vtkPath& path) {
+#if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+  vtkTextRenderer::GetInstance()->StringToPath(&property, vtkUnicodeString::from_utf8(text), &path,
+                                               dots_per_inch);
+#pragma GCC diagnostic pop
+#else
+  vtkTextRenderer::GetInstance()->StringToPath(&property, text, &path, dots_per_inch);
+#endif
+}
+
+/// The letters of a text, in px of the picture.
+std::vector<Piece> outlines(const FlatText& text) {
+  vtkNew<vtkTextProperty> property;
+  apply_style(text.style, text.text, *property);
+  property->SetJustificationToLeft();
+  property->SetVerticalJustificationToBottom();
+  vtkNew<vtkPath> path;
+  to_path(text.text, *property, *path);
+  const auto place = [&](vtkIdType i) -> Vector2d {
+    const double* p = path->GetPoints()->GetPoint(i);
+    return text.style.turned_left ? text.at + Vector2d(-p[1], p[0])
+                                  : text.at + Vector2d(p[0], p[1]);
+  };
+  std::vector<Piece> pieces;
+  Vector2d last(0.0, 0.0);
+  const vtkIdType n = path->GetCodes()->GetNumberOfValues();
+  for (vtkIdType i = 0; i < n;) {
+    const int code = path->GetCodes()->GetValue(i);
+    const Vector2d first = place(i);
+    if (code == vtkPath::MOVE_TO) {
+      if (!pieces.empty()) pieces.push_back({'Z', {}});
+      pieces.push_back({'M', {first, first, first}});
+      last = first;
+      i += 1;
+    } else if (code == vtkPath::LINE_TO) {
+      pieces.push_back({'L', {first, first, first}});
+      last = first;
+      i += 1;
+    } else if (code == vtkPath::CONIC_CURVE) {
+      const Vector2d end = place(i + 1);
+      pieces.push_back(
+          {'C', {last + (first - last) * (2.0 / 3.0), end + (first - end) * (2.0 / 3.0), end}});
+      last = end;
+      i += 2;
+    } else {
+      const Vector2d end = place(i + 2);
+      pieces.push_back({'C', {first, place(i + 1), end}});
+      last = end;
+      i += 3;
+    }
+  }
+  if (!pieces.empty()) pieces.push_back({'Z', {}});
+  return pieces;
+}
+
+std::string base64(const std::string& bytes) {
+  constexpr const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t word = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      word = (word << 8) | (i + k < bytes.size() ? std::uint8_t(bytes[i + k]) : 0u);
+    for (std::size_t k = 0; k < 4; ++k)
+      text += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63] : '=';
+  }
+  return text;
+}
+
+std::string hex(const Colour& c) {
+  const auto byte = [](double part) {
+    return int(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
+  };
+  return fmt::format("#{:02x}{:02x}{:02x}", byte(c.r), byte(c.g), byte(c.b));
+}
+
+/// SVG counts downwards.
+std::string svg_path(const FlatMark& mark, double height) {
+  const auto xy = [&](const Vector2d& p) {
+    return fmt::format("{:.2f} {:.2f}", p.x(), height - p.y());
+  };
+  std::string d;
+  if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
+    for (const Vector2d& corner : polygon->corners) d += (d.empty() ? "M" : "L") + xy(corner);
+    return d + "Z";
+  }
+  for (const Piece& piece : outlines(std::get<FlatText>(mark))) {
+    d += piece.kind;
+    if (piece.kind == 'C') d += xy(piece.to[0]) + " " + xy(piece.to[1]) + " ";
+    if (piece.kind != 'Z') d += xy(piece.to[2]);
+  }
+  return d;
+}
+
+std::string pdf_path(const FlatMark& mark) {
+  const auto xy = [](const Vector2d& p) { return fmt::format("{:.2f} {:.2f} ", p.x(), p.y()); };
+  std::string d;
+  if (const auto* polygon = std::get_if<FlatPolygon>(&mark)) {
+    for (const Vector2d& corner : polygon->corners) d += xy(corner) + (d.empty() ? "m " : "l ");
+    return d + "h f\n";
+  }
+  for (const Piece& piece : outlines(std::get<FlatText>(mark))) {
+    if (piece.kind == 'Z') d += "h ";
+    if (piece.kind == 'C') d += xy(piece.to[0]) + xy(piece.to[1]) + xy(piece.to[2]) + "c ";
+    if (piece.kind == 'M' || piece.kind == 'L')
+      d += xy(piece.to[2]) + (piece.kind == 'M' ? "m " : "l ");
+  }
+  return d + "f\n";
+}
+
+struct Ink {
+  Colour colour;
+  double opacity;
+};
+
+Ink mark_ink(const FlatMark& mark) {
+  if (const auto* polygon = std::get_if<FlatPolygon>(&mark))
+    return {polygon->colour, polygon->opacity};
+  return {std::get<FlatText>(mark).style.colour, 1.0};
+}
+
+std::string deflate_bytes(const std::string& bytes) {
+  uLongf size = compressBound(uLong(bytes.size()));
+  std::string packed(size, '\0');
+  if (compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
+                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), 6) != Z_OK)
+    throw std::runtime_error("a picture could not be compressed");
+  packed.resize(size);
+  return packed;
+}
+
+std::string stream(const std::string& entries, const std::string& bytes) {
+  const std::string packed = deflate_bytes(bytes);
+  return fmt::format("<< {}/Filter /FlateDecode /Length {} >>\nstream\n", entries, packed.size()) +
+         packed + "\nendstream";
+}
+
+/// Objects 1, 2 ... with the table of where they begin.
+std::string pdf_file(const std::vector<std::string>& objects) {
+  std::string file = "%PDF-1.5\n%\xE2\xE3\xCF\xD3\n";
+  std::string table = fmt::format("xref\n0 {}\n0000000000 65535 f \n", objects.size() + 1);
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    table += fmt::format("{:010} 00000 n \n", file.size());
+    file += fmt::format("{} 0 obj\n", i + 1) + objects[i] + "\nendobj\n";
+  }
+  return file + table +
+         fmt::format("trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{}\n%%EOF\n",
+                     objects.size() + 1, file.size());
+}
+
+}  // namespace
+
+std::string svg_document(int width, int height, const std::vector<FlatMark>& marks,
+                         const Raster& behind) {
+  std::string svg = fmt::format(
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
+      "width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\">\n"
+      "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n",
+      width, height);
+  if (!behind.png.empty())
+    svg += fmt::format("<image width=\"{}\" height=\"{}\" xlink:href=\"data:image/png;base64,",
+                       width, height) +
+           base64(behind.png) + "\"/>\n";
+  for (const FlatMark& mark : marks) {
+    const Ink ink = mark_ink(mark);
+    const std::string opacity =
+        ink.opacity < 1.0 ? fmt::format(" fill-opacity=\"{:.2f}\"", ink.opacity) : "";
+    svg += fmt::format("<path fill=\"{}\"{} d=\"{}\"/>\n", hex(ink.colour), opacity,
+                       svg_path(mark, height));
+  }
+  return svg + "</svg>\n";
+}
+
+std::string pdf_document(int width, int height, const std::vector<FlatMark>& marks,
+                         const Raster& behind) {
+  constexpr double point_per_px = 0.5;  // 1600 px are 28 cm
+  std::string page = fmt::format("{0} 0 0 {0} 0 0 cm\n", point_per_px);
+  if (!behind.rgb.empty()) page += fmt::format("q {} 0 0 {} 0 0 cm /Im Do Q\n", width, height);
+  std::string states;
+  for (int i = 0; i <= 20; ++i) states += fmt::format("/G{} << /ca {:.2f} >> ", i, i / 20.0);
+  for (const FlatMark& mark : marks) {
+    const Ink ink = mark_ink(mark);
+    page += fmt::format("/G{} gs {:.4f} {:.4f} {:.4f} rg ", std::lround(20.0 * ink.opacity),
+                        ink.colour.r, ink.colour.g, ink.colour.b) +
+            pdf_path(mark);
+  }
+  std::vector<std::string> objects{
+      "<< /Type /Catalog /Pages 2 0 R >>", "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+      fmt::format("<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {:g} {:g}] /Contents 4 0 R "
+                  "/Resources << /ExtGState << {}>> {}>> >>",
+                  point_per_px * width, point_per_px * height, states,
+                  behind.rgb.empty() ? "" : "/XObject << /Im 5 0 R >> "),
+      stream("", page)};
+  if (!behind.rgb.empty())
+    objects.push_back(stream(
+        fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace /DeviceRGB "
+                    "/BitsPerComponent 8 ",
+                    width, height),
+        behind.rgb));
+  return pdf_file(objects);
 }
 
 }  // namespace abbe::render

@@ -4,14 +4,13 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "cutting/mesh.h"
-#include "render/colour.h"
-#include "render/png.h"
-#include "render/view.h"
+#include "cutting/part/mesh.h"
+#include "render/picture.h"
 
 class vtkActor;
 class vtkRenderer;
@@ -21,7 +20,7 @@ class vtkSmartPointer;
 namespace abbe::render {
 
 inline constexpr int longest_side = 16384;  ///< px, of a picture
-inline constexpr int fineness = 2;          ///< points drawn a pixel each way, unless asked for
+inline constexpr int supersampling = 2;     ///< points drawn a pixel each way, unless asked for
 
 struct TextStyle {
   double size_px = 24.0;  ///< height of the font's em
@@ -71,7 +70,7 @@ class Canvas {
   ///               more would make the picture longer than longest_side
   /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side and finer in 1 .. 4
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
-  Canvas(int width, int height, int finer = fineness);
+  Canvas(int width, int height, int finer = supersampling);
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
@@ -110,5 +109,33 @@ vtkSmartPointer<vtkActor> wire_actor(const Wire& wire);
 
 /// Puts the camera of a scene where the view says.
 void look(vtkRenderer& scene, const View& view);
+
+// Pictures whose flat parts stay sharp at any size. Letters are written as outlines, so that a
+// reader needs no font.
+
+/// A convex polygon.
+struct FlatPolygon {
+  std::vector<Eigen::Vector2d> corners;  ///< px from the lower left corner of the picture
+  Colour colour;
+  double opacity = 1.0;
+};
+struct FlatText {
+  Eigen::Vector2d at;  ///< px, its lower left corner before it is turned
+  std::string text;
+  TextStyle style;
+};
+using FlatMark = std::variant<FlatPolygon, FlatText>;
+
+/// What stands behind the flat marks, on the whole page; empty where nothing does.
+struct Raster {
+  std::string png;  ///< a file
+  std::string rgb;  ///< the same as three bytes a pixel, the upper row first
+};
+
+/// A whole file; marks in the order in which they are painted.
+std::string svg_document(int width, int height, const std::vector<FlatMark>& marks,
+                         const Raster& behind);
+std::string pdf_document(int width, int height, const std::vector<FlatMark>& marks,
+                         const Raster& behind);
 
 }  // namespace abbe::render

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/label.h"
+#include "render/figures.h"
 
 namespace abbe::render {
 namespace {
@@ -33,8 +33,9 @@ const Colour& colour_at(const ColourScale& scale, double part) {
 
 }  // namespace
 
-std::vector<double> bar_shares(const Eigen::VectorXd& values, const Eigen::VectorXd& weights,
-                               const Span& ends, int bins) {
+std::vector<double> histogram_fractions(const Eigen::VectorXd& values,
+                                        const Eigen::VectorXd& weights, const Span& ends,
+                                        int bins) {
   std::vector<double> shares(std::size_t(std::max(bins, 1)), 0.0);
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const double part = (values[i] - ends.lower) / (ends.upper - ends.lower);
@@ -60,7 +61,7 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
     canvas.fill({{box.x, bottom}, {middle, bottom - arrow}, {box.x + box.width, bottom}},
                 bar.scale.below);
   draw_shares(canvas, {box.x, bottom, box.width, rows}, bar.shares, bar.histogram_px);
-  const LengthUnit unit = unit_for(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
+  const LengthUnit unit = length_unit(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
   const double low = bar.scale.low * unit.per_um, high = bar.scale.high * unit.per_um;
   TextStyle label = style;
   label.across = 0.0;
@@ -111,18 +112,18 @@ void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar
     canvas.line({{box.x, y}, {right + 0.35 * style.size_px, y}}, style.colour, 2.0);
     if (!bar.limits_um) continue;
     const LengthUnit unit =
-        unit_for(std::max(std::abs(bar.limits_um->lower), std::abs(bar.limits_um->upper)));
+        length_unit(std::max(std::abs(bar.limits_um->lower), std::abs(bar.limits_um->upper)));
     const double value = (upper ? bar.limits_um->upper : bar.limits_um->lower) * unit.per_um;
     canvas.text({beside, y}, signed_figure(value) + " " + unit.name, label);
   }
   canvas.text({box.x, bottom + 4.0 * quarter + 0.5 * style.size_px}, "tolerance", head);
 }
 
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
-                      const TextStyle& style) {
-  const LengthUnit unit = unit_for(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
+void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
+                           const TextStyle& style) {
+  const LengthUnit unit = length_unit(std::max(std::abs(bar.scale.low), std::abs(bar.scale.high)));
   const int digits =
-      std::max(0, figure_decimals((bar.scale.high - bar.scale.low) * unit.per_um) - 1);
+      std::max(0, significant_decimals((bar.scale.high - bar.scale.low) * unit.per_um) - 1);
   const auto end_text = [&](double um) {
     return um == 0.0 ? std::string("0") : signed_fixed(um * unit.per_um, digits);
   };
@@ -146,9 +147,9 @@ void lying_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar
     canvas.fill({{first, y - half}, {first, y + half}, {first - arrow, y}}, bar.scale.below);
 }
 
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
-                      const TextStyle& style) {
-  const int digits = std::max(0, figure_decimals(bar.range) - 1);  // ranges have two digits
+void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const HorizontalBar& bar,
+                           const TextStyle& style) {
+  const int digits = std::max(0, significant_decimals(bar.range) - 1);  // ranges have two digits
   const std::string low = bar.one_sided ? "0" : fixed(-bar.range, digits);
   std::string high = bar.one_sided ? fixed(bar.range, digits) : signed_fixed(bar.range, digits);
   if (!bar.unit.empty()) high += " " + bar.unit;

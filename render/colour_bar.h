@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "render/axes.h"
 #include "render/canvas.h"
+#include "render/layout.h"
 
 /// Colour scales as they stand beside a map.
 namespace abbe::render {
@@ -35,23 +35,23 @@ void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar
 
 /// Shares of the weight of the values in equal bins from `ends.lower` to `ends.upper`; of what is
 /// not finite nothing, what lies beyond is left out.
-std::vector<double> bar_shares(const Eigen::VectorXd& values, const Eigen::VectorXd& weights,
-                               const Span& ends, int bins);
+std::vector<double> histogram_fractions(const Eigen::VectorXd& values,
+                                        const Eigen::VectorXd& weights, const Span& ends, int bins);
 
 /// A lying scale in colours of its own, its ends written beside it; all of it is within `box`.
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
-                      const TextStyle& style);
+void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
+                           const TextStyle& style);
 
 /// A lying colour bar, the ends of its scale written beside it: -range .. +range, or 0 .. range.
 /// All of it is within `box`.
-struct LyingBar {
+struct HorizontalBar {
   double range = 1.0;      ///< in the unit that is written
   std::string unit{};      ///< behind the upper end
   bool one_sided = false;  ///< from 0
   bool low_end = false;    ///< as of ColourBar
   bool high_end = false;
 };
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
-                      const TextStyle& style);
+void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const HorizontalBar& bar,
+                           const TextStyle& style);
 
 }  // namespace abbe::render

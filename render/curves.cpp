@@ -1,13 +1,19 @@
+#include "render/curves.h"
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
 #include "render/canvas.h"
-#include "render/label.h"
-#include "render/page.h"
-#include "render/panel.h"
+#include "render/figures.h"
+#include "render/layout.h"
+#include "render/plot.h"
 
 namespace abbe::render {
+
 namespace {
 
 using Eigen::Index;
@@ -46,7 +52,7 @@ void include(Extent& extent, const Series& s) {
 }
 
 /// Round ticks, as many as leave room between their labels.
-Ticks spaced_ticks(const Span& span, double length_px, const TextStyle& style, bool across) {
+Ticks fitting_ticks(const Span& span, double length_px, const TextStyle& style, bool across) {
   Ticks best = round_ticks(span.lower, span.upper, 1);
   for (int wanted = 2; wanted <= 10; ++wanted) {
     const Ticks ticks = round_ticks(span.lower, span.upper, wanted);
@@ -54,15 +60,16 @@ Ticks spaced_ticks(const Span& span, double length_px, const TextStyle& style, b
     double widest = 0.0;
     for (const double value : ticks.values)
       widest = std::max(widest, text_size(fixed(value, ticks.decimals), style).x());
-    const double apart =
+    const double length_mismatch_text =
         length_px * (ticks.values[1] - ticks.values[0]) / (span.upper - span.lower);
-    if (apart > (across ? widest + style.size_px : 1.9 * style.size_px)) best = ticks;
+    if (length_mismatch_text > (across ? widest + style.size_px : 1.9 * style.size_px))
+      best = ticks;
   }
   return best;
 }
 
 /// A panel laid out in its cell of the page.
-struct Placed {
+struct PanelGeometry {
   Axes axes;
   Ticks x;
   Ticks y;
@@ -72,23 +79,23 @@ struct Placed {
 Ticks named_ticks(const std::vector<std::string>& names, const Axes& axes, const TextStyle& style) {
   double widest = 0.0;
   for (const std::string& name : names) widest = std::max(widest, text_size(name, style).x());
-  const double apart = axes.box.width / (axes.x.upper - axes.x.lower);
-  const auto every =
-      std::max<std::size_t>(1, std::size_t(std::ceil((widest + style.size_px) / apart)));
+  const double length_mismatch_text = axes.box.width / (axes.x.upper - axes.x.lower);
+  const auto every = std::max<std::size_t>(
+      1, std::size_t(std::ceil((widest + style.size_px) / length_mismatch_text)));
   Ticks ticks;
   for (std::size_t i = 0; i < names.size(); i += every)
     if (double(i) >= axes.x.lower && double(i) <= axes.x.upper) ticks.values.push_back(double(i));
   return ticks;
 }
 
-std::string x_text(const Panel& panel, const Placed& p, double value) {
+std::string x_text(const Panel& panel, const PanelGeometry& p, double value) {
   return panel.x_names.empty() ? fixed(value, p.x.decimals)
                                : panel.x_names[std::size_t(std::lround(value))];
 }
 
-Placed placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
-              const PanelLook& look) {
-  Placed p;
+PanelGeometry placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
+                     const PanelStyle& look) {
+  PanelGeometry p;
   p.axes.x = seen.x.value_or(Span{});
   const Span y = seen.y.value_or(Span{});
   const bool points = std::any_of(panel.series.begin(), panel.series.end(),
@@ -100,16 +107,16 @@ Placed placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
   const double above = panel.title.empty() ? 0.8 * em : line_height(look.title) + 0.6 * em;
   p.axes.box.y = cell.y + below;
   p.axes.box.height = cell.height - below - above;
-  p.y = spaced_ticks(p.axes.y, p.axes.box.height, look.body, false);
+  p.y = fitting_ticks(p.axes.y, p.axes.box.height, look.body, false);
   const double left = look.ticks_px + (panel.y_label.empty() ? 1.4 : 3.0) * em;
   p.axes.box.x = cell.x + left;
   p.axes.box.width = cell.width - left - look.side_px - 1.2 * em;
-  p.x = panel.x_names.empty() ? spaced_ticks(p.axes.x, p.axes.box.width, look.body, true)
+  p.x = panel.x_names.empty() ? fitting_ticks(p.axes.x, p.axes.box.width, look.body, true)
                               : named_ticks(panel.x_names, p.axes, look.body);
   return p;
 }
 
-void draw_axes(Canvas& canvas, const Panel& panel, const Placed& p, const PanelLook& look) {
+void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p, const PanelStyle& look) {
   const Axes& a = p.axes;
   const double em = look.body.size_px, thin = 1.5 * look.unit;
   const Vector2d right(a.box.width, 0.0), up(0.0, a.box.height);
@@ -172,8 +179,8 @@ void draw_series(Canvas& canvas, const Axes& a, const Series& s, int colour, dou
   const auto flush = [&] {
     if (s.mark != Mark::Points) stroke(canvas, thinned(run), colour, 3.0 * unit);
     if (s.mark != Mark::Line) {
-      constexpr std::size_t most_marks = 20000;
-      for (const Vector2d& p : run.size() > most_marks ? thinned(run) : run)
+      constexpr std::size_t max_marks = 20000;
+      for (const Vector2d& p : run.size() > max_marks ? thinned(run) : run)
         draw_mark(canvas, p, colour, 10.0 * unit);
     }
     run.clear();
@@ -208,11 +215,11 @@ Extent extent(const Panel& panel) {
   return all;
 }
 
-double ticks_px(const std::vector<Panel>& panels, const Rectangle& one_cell,
-                const std::vector<Extent>& seen, const PanelLook& look) {
+double ticks_px(const std::vector<Panel>& panels, const Rectangle& cell_size,
+                const std::vector<Extent>& seen, const PanelStyle& look) {
   double widest = 0.0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
-    const Placed p = placed(panels[i], one_cell, seen[i], look);
+    const PanelGeometry p = placed(panels[i], cell_size, seen[i], look);
     for (const double value : p.y.values)
       widest = std::max(widest, text_size(fixed(value, p.y.decimals), look.body).x());
   }
@@ -220,8 +227,8 @@ double ticks_px(const std::vector<Panel>& panels, const Rectangle& one_cell,
 }
 
 Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& seen,
-                const PanelLook& look) {
-  const Placed p = placed(panel, cell, seen, look);
+                const PanelStyle& look) {
+  const PanelGeometry p = placed(panel, cell, seen, look);
   draw_axes(canvas, panel, p, look);
   for (std::size_t i = 0; i < panel.series.size(); ++i)
     draw_band(canvas, p.axes, panel.series[i], colour_of(panel, i));
@@ -280,7 +287,7 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
   const bool beside = std::any_of(panels.begin(), panels.end(), [](const Panel& panel) {
     return !legend(panel).empty() || !panel.note.empty();
   });
-  PanelLook look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  PanelStyle look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
   if (beside) look.side_px = (columns == 1 ? 340.0 : 250.0) * unit;
   const std::vector<Extent> seen = extents(panels, options.common_y);
   look.ticks_px = ticks_px(panels, cell(p.inner, columns, rows, 0), seen, look);
@@ -309,7 +316,7 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
                                  page_margins(options.width, options.title, options.caption, unit));
   const Page p = page(options.width, height, options.title, options.caption, unit);
   const double em = std::clamp(options.width / columns / 24.0, 12.0 * unit, 22.0 * unit);
-  PanelLook look{{.size_px = em}, {.size_px = 1.1 * em, .bold = true}, 0.6 * unit};
+  PanelStyle look{{.size_px = em}, {.size_px = 1.1 * em, .bold = true}, 0.6 * unit};
   Rectangle inner = p.inner;
   inner.height -= legend_height;
   const std::vector<Extent> seen = extents(panels, options.common_y);
@@ -329,6 +336,157 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
   }
   draw_legend_row(canvas, {40.0 * unit, inner.y + inner.height + 0.5 * legend_height},
                   legend(panels.front()), p.body);
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector2d;
+
+constexpr double nominal_radius_ratio = 0.6;  // radius of the nominal circle, of the outermost one
+
+/// The magnified circle of a picture.
+struct Dial {
+  Vector2d centre = Vector2d::Zero();
+  double nominal_px = 0.0;
+  double px_per_um = 0.0;
+  double division_um = 1.0;
+  int divisions = 1;  ///< on either side of the nominal circle
+
+  Vector2d at(double angle, double deviation_um) const {
+    const double r = nominal_px + px_per_um * deviation_um;
+    return centre + r * Vector2d(std::cos(angle), std::sin(angle));
+  }
+};
+
+double largest(const std::vector<PolarTrace>& traces) {
+  double most = 0.0;
+  for (const PolarTrace& t : traces)
+    for (Index i = 0; i < t.angle.size(); ++i)
+      if (std::isfinite(t.angle[i]) && std::isfinite(t.deviation_um[i]))
+        most = std::max(most, std::abs(t.deviation_um[i]));
+  return most;
+}
+
+Dial dial(const Vector2d& centre, double radius_px, double largest_um, double division_um) {
+  Dial d;
+  d.centre = centre;
+  d.division_um = division_um > 0.0 ? division_um : round_up_125(largest_um / 4.0);
+  if (!(d.division_um > 0.0)) d.division_um = 1.0;
+  d.divisions = std::clamp(int(std::ceil(largest_um / d.division_um - 1e-9)), 2, 20);
+  d.nominal_px = nominal_radius_ratio * radius_px;
+  d.px_per_um = (radius_px - d.nominal_px) / (d.divisions * d.division_um);
+  return d;
+}
+
+void draw_circle(Canvas& canvas, const Dial& d, double deviation_um, const Colour& colour,
+                 double width) {
+  std::vector<Vector2d> points;
+  for (int i = 0; i <= 360; ++i) points.push_back(d.at(2.0 * pi * i / 360.0, deviation_um));
+  canvas.line(points, colour, width);
+}
+
+std::string axis_label(const PolarOptions& options, int eighth) {
+  switch (eighth) {
+    case 0:
+      return "+" + options.first_axis;
+    case 2:
+      return "+" + options.second_axis;
+    case 4:
+      return "−" + options.first_axis;
+    case 6:
+      return "−" + options.second_axis;
+    default:
+      return fmt::format("{}°", 45 * eighth);
+  }
+}
+
+void draw_dial(Canvas& canvas, const Dial& d, const PolarOptions& options, const TextStyle& body) {
+  const double unit = body.size_px / 22.0;
+  const double outermost = d.divisions * d.division_um;
+  for (int i = 0; i < 8; ++i) {
+    const double angle = 0.25 * pi * i;
+    canvas.line({d.at(angle, -outermost), d.at(angle, outermost)}, colours::rule, 1.5 * unit);
+    TextStyle end = body;
+    end.across = 0.5 - 0.5 * std::cos(angle);
+    end.upward = 0.5 - 0.5 * std::sin(angle);
+    end.bold = i % 2 == 0;
+    if (i % 2 == 1) end.colour = colours::faint_ink;
+    canvas.text(
+        d.at(angle, outermost) + 0.6 * body.size_px * Vector2d(std::cos(angle), std::sin(angle)),
+        axis_label(options, i), end);
+  }
+  for (int k = -d.divisions; k <= d.divisions; ++k)
+    draw_circle(canvas, d, k * d.division_um, k == 0 ? colours::faint_ink : colours::rule,
+                (k == 0 ? 3.0 : 1.5) * unit);
+}
+
+/// Values of the circles, where no spoke is; every second or fifth where they stand close.
+void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
+  TextStyle style = body;
+  style.size_px = 0.85 * body.size_px;
+  style.across = style.upward = 0.5;
+  const double spacing = d.px_per_um * d.division_um;
+  const int every = spacing > 1.3 * style.size_px ? 1 : (spacing > 0.7 * style.size_px ? 2 : 5);
+  const int decimals = round_decimals(d.division_um);
+  for (int k = -d.divisions; k <= d.divisions; ++k) {
+    if (k % every != 0) continue;
+    const Vector2d p = d.at(0.375 * pi, k * d.division_um);
+    const std::string text = signed_fixed(k * d.division_um, decimals);
+    const Vector2d size = text_size(text, style) + Vector2d(6.0, 2.0);
+    canvas.fill({p.x() - 0.5 * size.x(), p.y() - 0.5 * size.y(), size.x(), size.y()},
+                colours::white, 0.85);
+    canvas.text(p, text, style);
+  }
+}
+
+void draw_trace(Canvas& canvas, const Dial& d, const PolarTrace& trace, int index, double width) {
+  std::vector<Vector2d> run;
+  const auto flush = [&] {
+    stroke(canvas, run, index, width);
+    run.clear();
+  };
+  for (Index i = 0; i < trace.angle.size(); ++i) {
+    if (std::isfinite(trace.angle[i]) && std::isfinite(trace.deviation_um[i]))
+      run.push_back(d.at(trace.angle[i], trace.deviation_um[i]));
+    else
+      flush();
+  }
+  flush();
+}
+
+}  // namespace
+
+void write_polar(const std::filesystem::path& path, const std::vector<PolarTrace>& traces,
+                 const PolarOptions& options) {
+  if (traces.empty()) throw std::invalid_argument("polar: at least one trace is needed");
+  for (const PolarTrace& t : traces)
+    if (t.angle.size() != t.deviation_um.size())
+      throw std::invalid_argument("polar: angles and deviations of a trace need one size");
+  const double unit = std::max(0.4, std::min(options.width / 1500.0, options.height / 1200.0));
+  const Page p = page(options.width, options.height, options.title, options.caption, unit);
+  const double em = p.body.size_px, side = 380.0 * unit;
+  const double across = p.inner.width - side,
+               radius =
+                   std::max(20.0, 0.5 * std::min(across - 6.0 * em, p.inner.height - 4.5 * em));
+  const Vector2d centre(p.inner.x + 0.5 * across, p.inner.y + 0.5 * p.inner.height);
+  const Dial d = dial(centre, radius, largest(traces), options.division_um);
+  Canvas canvas(p.width, p.height);
+  draw_dial(canvas, d, options, p.body);
+  std::vector<LegendEntry> entries;
+  for (std::size_t i = 0; i < traces.size(); ++i) {
+    draw_trace(canvas, d, traces[i], int(i), 3.0 * unit);
+    if (!traces[i].name.empty()) entries.push_back({traces[i].name, int(i), true, false, false});
+  }
+  draw_scale(canvas, d, p.body);
+  std::vector<std::string> note{
+      fmt::format("{} µm per division", fixed(d.division_um, round_decimals(d.division_um))),
+      "radial deviation, + outwards", ""};
+  note.insert(note.end(), options.note.begin(), options.note.end());
+  draw_legend_column(canvas, {p.inner.x + across, p.inner.y + p.inner.height - em}, side - em,
+                     entries, note, p.body);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

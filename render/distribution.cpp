@@ -8,16 +8,16 @@
 
 #include "kinematics/units.h"
 #include "render/canvas.h"
-#include "render/label.h"
-#include "render/page.h"
-#include "render/panel.h"
+#include "render/curves.h"
+#include "render/figures.h"
+#include "render/layout.h"
 
 namespace abbe::render {
 namespace {
 
 using Eigen::Vector2d;
 
-constexpr std::size_t most_series = 24;
+constexpr std::size_t max_series = 24;
 constexpr double beyond_share =
     0.001;  // of the values, at either end, that may lie beyond the axis
 
@@ -200,7 +200,7 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
 }
 
 void check(const std::vector<DistributionSeries>& series, const DistributionOptions& options) {
-  if (series.empty() || series.size() > most_series)
+  if (series.empty() || series.size() > max_series)
     throw std::invalid_argument("distribution: expected 1 to 24 series");
   for (const DistributionSeries& s : series)
     if (!s.figures.empty() && s.figures.size() != options.heads.size())
@@ -255,7 +255,7 @@ void write_distribution(const std::filesystem::path& path,
   const Page p = page(options.width, int(std::lround(options.height * 1.0 + table)), options.title,
                       caption(series, histograms, b, options), unit);
   const double em = body.size_px;
-  PanelLook look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  PanelStyle look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
   const Rectangle cell{p.inner.x, p.inner.y + table, p.inner.width,
                        p.inner.height - table - 1.2 * em};
   const Extent shown = seen(panel, options);

@@ -22,8 +22,8 @@
 #include <vtkUnsignedCharArray.h>
 
 #include "render/layout.h"
-#include "render/poly_data.h"
-#include "render/sharp_edges.h"
+#include "render/machine_picture.h"
+#include "render/vtk_writer.h"
 
 namespace abbe::render {
 namespace {
@@ -114,7 +114,7 @@ View carried(View view, const Pose& T_bw) {
 }
 
 /// A mesh with one vertex in every cell of a grid.
-struct Thinned {
+struct DecimatedMesh {
   FilmMesh mesh;
   std::vector<Eigen::Index> kept;  ///< (vertices) rows of the mesh that it was
 };
@@ -131,22 +131,22 @@ double mean_edge(const FilmMesh& mesh) {
 }
 
 /// What is smaller than a cell cannot be seen, and costs as much time as what can.
-Thinned thinned(const FilmMesh& mesh, double cell) {
+DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
   if (mean_edge(mesh) >= cell) {
-    Thinned whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
+    DecimatedMesh whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
     std::iota(whole.kept.begin(), whole.kept.end(), Eigen::Index(0));
     return whole;
   }
-  std::unordered_map<std::uint64_t, int> cells_met;
+  std::unordered_map<std::uint64_t, int> vertex_of_cell;
   std::vector<int> number(std::size_t(mesh.vertices.rows()));
-  Thinned made;
+  DecimatedMesh made;
   const Eigen::RowVector3d low = mesh.vertices.colwise().minCoeff();
   for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i) {
     const Eigen::Array3d at = ((mesh.vertices.row(i) - low) / cell).array().floor();
     constexpr double most = double(1 << 21) - 1.0;
     std::uint64_t key = 0;
     for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(at[k], most));
-    const auto [met, is_new] = cells_met.try_emplace(key, int(made.kept.size()));
+    const auto [met, is_new] = vertex_of_cell.try_emplace(key, int(made.kept.size()));
     if (is_new) made.kept.push_back(i);
     number[std::size_t(i)] = met->second;
   }
@@ -169,9 +169,9 @@ Thinned thinned(const FilmMesh& mesh, double cell) {
 class PartActor {
  public:
   /// @param cell  mm, of the grid to which it is thinned
-  PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
-    for (const FilmSetting::Named& look : looks)
-      colours_.push_back({byte_of(look.colour.r), byte_of(look.colour.g), byte_of(look.colour.b)});
+  PartActor(const std::vector<FilmSetting::NamedFiles>& looks, double cell) : cell_(cell) {
+    for (const FilmSetting::NamedFiles& look : looks)
+      colours_.push_back({to_byte(look.colour.r), to_byte(look.colour.g), to_byte(look.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
   }
 
@@ -219,7 +219,7 @@ class PartActor {
   double cell_;
   std::vector<std::array<unsigned char, 3>> colours_;
   std::shared_ptr<const FilmMesh> mesh_;
-  Thinned thinned_;
+  DecimatedMesh thinned_;
   vtkSmartPointer<vtkPolyData> data_;
   vtkSmartPointer<vtkPolyDataMapper> mapper_;
 };
@@ -257,9 +257,8 @@ Film::Stage::Stage(FilmSetting given)
     : setting(std::move(given)),
       layout(film_layout(setting.width, setting.height)),
       canvas(setting.width, setting.height, points_each_way),
-      machine_view(
-          fitted_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
-      part_view(fitted_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
+      machine_view(fit_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
+      part_view(fit_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
       part_far(setting.looks, finest_px * machine_view.mm_per_px),
       part_near(setting.looks, finest_px * part_view.mm_per_px) {
   part_view.depth = std::max(part_view.depth, setting.part_depth);
@@ -303,7 +302,7 @@ void Film::Stage::write_legend() {
   const TextStyle small{.size_px = 0.85 * layout.type.body};
   Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
   for (const auto* names : {&setting.looks, &setting.lines})
-    for (const FilmSetting::Named& one : *names)
+    for (const FilmSetting::NamedFiles& one : *names)
       if (!one.name.empty())
         at.x() += swatch(canvas, at, one.colour, one.name, small) + 1.2 * small.size_px;
 }

@@ -6,11 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "cutting/mesh.h"
+#include "cutting/part/mesh.h"
 #include "kinematics/pose.h"
 #include "render/canvas.h"
-#include "render/colour.h"
-#include "render/png.h"
+#include "render/picture.h"
 
 /// Pictures of a machine that moves, one after the other by one camera.
 namespace abbe::render {
@@ -38,12 +37,12 @@ struct FilmSetting {
   int height = 720;  ///< px
   std::string title, subtitle, machine_name = "machine", part_name = "part and tool";
   std::vector<FilmBody> bodies;
-  struct Named {
+  struct NamedFiles {
     std::string name;
     Colour colour;
   };
-  std::vector<Named> looks;   ///< of the vertices of the part, by number
-  std::vector<Named> lines;   ///< of the paths, for the legend
+  std::vector<NamedFiles> looks;  ///< of the vertices of the part, by number
+  std::vector<NamedFiles> lines;  ///< of the paths, for the legend
   cutting::Points machine_b;  ///< (n x 3) all that the picture of the machine must hold, bed frame
   cutting::Points part_w;  ///< (n x 3) all that the picture of the part must hold, workpiece frame
   double part_depth = 1000.0;               ///< mm, before and behind it anything else is cut off

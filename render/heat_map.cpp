@@ -6,8 +6,8 @@
 
 #include "render/canvas.h"
 #include "render/colour_bar.h"
-#include "render/label.h"
-#include "render/page.h"
+#include "render/figures.h"
+#include "render/layout.h"
 
 namespace abbe::render {
 namespace {
@@ -16,7 +16,7 @@ using Eigen::Index;
 using Eigen::Vector2d;
 
 constexpr int most_rows = 256;
-constexpr int most_columns = 64;
+constexpr int max_columns = 64;
 constexpr std::size_t few_rows = 6, few_columns = 8;
 constexpr double row_px = 36.0;  // of a picture 1600 px wide
 
@@ -60,7 +60,7 @@ int decimals(const HeatMap& map, const HeatMapOptions& options) {
   double largest = 0.0;
   for (const double value : map.values.reshaped())
     if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
-  return figure_decimals(largest);
+  return significant_decimals(largest);
 }
 
 std::string number(double value, int digits) {
@@ -162,7 +162,7 @@ void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
 }
 
 void check(const HeatMap& map) {
-  if (map.values.size() == 0 || map.values.rows() > most_rows || map.values.cols() > most_columns)
+  if (map.values.size() == 0 || map.values.rows() > most_rows || map.values.cols() > max_columns)
     throw std::invalid_argument("heat map: expected 1 to 256 rows and 1 to 64 columns");
   if (map.values.rows() != Index(map.rows.size()) || map.values.cols() != Index(map.columns.size()))
     throw std::invalid_argument("heat map: one name a row and a column is needed");
@@ -191,8 +191,8 @@ void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
   canvas.text(legend, options.value_label, name);
   const double beside =
       options.value_label.empty() ? 0.0 : text_size(options.value_label, name).x() + 1.2 * em;
-  lying_colour_bar(canvas, {legend.x() + beside, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
-                   {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
+  horizontal_colour_bar(canvas, {legend.x() + beside, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
+                        {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

@@ -7,9 +7,13 @@
 #include <numeric>
 #include <string_view>
 
-#include "render/label.h"
+#include "kinematics/units.h"
+#include "render/figures.h"
 
 namespace abbe::render {
+
+using Eigen::Vector2d;
+
 namespace {
 
 using Eigen::Vector2d;
@@ -34,7 +38,7 @@ bool unit_at(std::string_view text) {
 }
 
 /// Whether a sign ends there, which stays with the number that follows.
-bool sign_before(std::string_view text) {
+bool ends_with_sign(std::string_view text) {
   constexpr std::array signs = {" ±", " <", " >"};
   return std::ranges::any_of(signs, [&](const char* sign) { return text.ends_with(sign); });
 }
@@ -50,7 +54,7 @@ std::vector<std::vector<std::string>> words(const std::string& text) {
     const bool number = inner && std::isdigit(static_cast<unsigned char>(text[i - 1]));
     const std::string_view all = text;
     const bool space = text[i] == ' ' && !(number && unit_at(all.substr(i + 1))) &&
-                       !(inner && sign_before(all.substr(0, i)));
+                       !(inner && ends_with_sign(all.substr(0, i)));
     if (space)
       found.emplace_back(1);
     else if (hyphen || (text[i] == '_' && inner))
@@ -168,6 +172,188 @@ double swatch(Canvas& canvas, const Vector2d& left, const Colour& colour, const 
   beside.upward = 0.5;
   canvas.text(left + Vector2d(side + 0.45 * style.size_px, 0), label, beside);
   return side + 0.45 * style.size_px + text_size(label, style).x();
+}
+
+namespace {
+
+/// Beyond the colours there are, series are distinguished by their dashes: lengths drawn and left
+/// out, in widths of the line.
+struct Dash {
+  double drawn = 0.0;  ///< 0: without gaps
+  double gap = 0.0;
+};
+Dash series_dash(int index) {
+  constexpr Dash dashes[] = {{}, {5.0, 3.0}, {1.5, 2.0}};
+  return dashes[std::min(index / series_colours, 2)];
+}
+
+}  // namespace
+
+Vector2d at(const Axes& axes, double x, double y) {
+  return {axes.box.x + axes.box.width * (x - axes.x.lower) / (axes.x.upper - axes.x.lower),
+          axes.box.y + axes.box.height * (y - axes.y.lower) / (axes.y.upper - axes.y.lower)};
+}
+
+void widen(Span& span, double value) {
+  span.lower = std::min(span.lower, value);
+  span.upper = std::max(span.upper, value);
+}
+
+Span padded(Span span) {
+  const double size = span.upper - span.lower;
+  const double pad = size > 0.0 ? 0.06 * size : std::max(1e-6, 0.1 * std::abs(span.lower));
+  return {span.lower - pad, span.upper + pad};
+}
+
+std::vector<Vector2d> thinned(const std::vector<Vector2d>& run) {
+  std::vector<Vector2d> kept;
+  for (std::size_t i = 0; i < run.size();) {
+    const double column = std::floor(run[i].x());
+    std::size_t end = i;
+    std::size_t low = i;
+    std::size_t high = i;
+    for (; end < run.size() && std::floor(run[end].x()) == column; ++end) {
+      if (run[end].y() < run[low].y()) low = end;
+      if (run[end].y() > run[high].y()) high = end;
+    }
+    std::array<std::size_t, 4> shown{i, std::min(low, high), std::max(low, high), end - 1};
+    const auto last = std::unique(shown.begin(), shown.end());
+    for (auto k = shown.begin(); k != last; ++k) kept.push_back(run[*k]);
+    i = end;
+  }
+  return kept;
+}
+
+void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, double width_px) {
+  const Dash dash = series_dash(index);
+  if (dash.drawn == 0.0) {
+    canvas.line(points, series_colour(index), width_px);
+    return;
+  }
+  std::vector<Vector2d> piece;
+  bool drawing = true;
+  double left = dash.drawn * width_px;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (i > 0) {
+      Vector2d from = points[i - 1];
+      double length = (points[i] - from).norm();
+      while (length > left) {
+        from += (points[i] - from) * (left / length);
+        length -= left;
+        if (drawing) {
+          piece.push_back(from);
+          canvas.line(piece, series_colour(index), width_px);
+        }
+        drawing = !drawing;
+        piece.assign(drawing ? 1 : 0, from);
+        left = (drawing ? dash.drawn : dash.gap) * width_px;
+      }
+      left -= length;
+    }
+    if (drawing) piece.push_back(points[i]);
+  }
+  if (drawing && piece.size() > 1) canvas.line(piece, series_colour(index), width_px);
+}
+
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double side_margin = 40.0;  // of the chosen size
+
+std::vector<std::string> caption_lines(int width, const std::vector<std::string>& caption,
+                                       const TextStyle& body, double unit) {
+  std::vector<std::string> lines;
+  for (const std::string& line : caption)
+    for (const std::string& part : wrapped(line, body, width - 2.0 * side_margin * unit))
+      lines.push_back(part);
+  return lines;
+}
+
+/// The sign of a series in a legend, about `left` and as wide as two letters.
+void draw_sign(Canvas& canvas, const Vector2d& left, const LegendEntry& entry, double size) {
+  const Vector2d right = left + Vector2d(2.0 * size, 0.0);
+  if (entry.band)
+    canvas.fill({left.x(), left.y() - 0.4 * size, 2.0 * size, 0.8 * size},
+                series_colour(entry.colour), 0.2);
+  if (entry.line) stroke(canvas, {left, right}, entry.colour, 0.16 * size);
+  if (entry.points) draw_mark(canvas, 0.5 * (left + right), entry.colour, 0.5 * size);
+}
+
+}  // namespace
+
+Page page(int width, int height, const std::string& title, const std::vector<std::string>& caption,
+          double unit) {
+  Page p;
+  p.width = width;
+  p.height = height;
+  p.unit = unit;
+  p.title = {.size_px = 36.0 * unit, .bold = true};
+  p.body = {.size_px = 22.0 * unit};
+  const double m = side_margin * unit;
+  if (!title.empty()) p.title_lines = wrapped(title, p.title, width - 2.0 * m, 2);
+  p.caption_lines = caption_lines(width, caption, p.body, unit);
+  const double above = 0.6 * m + double(p.title_lines.size()) * line_height(p.title);
+  const double below = 0.6 * m + double(p.caption_lines.size()) * line_height(p.body);
+  p.inner = {0.5 * m, below, width - m, height - above - below};
+  return p;
+}
+
+double page_margins(int width, const std::string& title, const std::vector<std::string>& caption,
+                    double unit) {
+  constexpr int height = 1000;  // the margins are the same for any
+  return height - page(width, height, title, caption, unit).inner.height;
+}
+
+void draw_page(Canvas& canvas, const Page& p) {
+  const double m = side_margin * p.unit;
+  paragraph(canvas, {m, p.height - 0.5 * m}, p.title_lines, p.title);
+  paragraph(canvas, {m, 0.5 * m + double(p.caption_lines.size()) * line_height(p.body)},
+            p.caption_lines, p.body);
+}
+
+void draw_mark(Canvas& canvas, const Vector2d& at, int colour, double size_px) {
+  constexpr int corners[] = {12, 4, 4, 3};
+  constexpr double turns[] = {0.0, 0.125, 0.0, 0.25};
+  const int kind = colour % 4;
+  std::vector<Vector2d> shape;
+  for (int i = 0; i < corners[kind]; ++i) {
+    const double angle = 2.0 * pi * (turns[kind] + double(i) / corners[kind]);
+    shape.push_back(at + 0.5 * size_px * (kind == 0 ? 0.9 : 1.15) *
+                             Vector2d(std::cos(angle), std::sin(angle)));
+  }
+  canvas.fill(shape, series_colour(colour));
+}
+
+double draw_legend_column(Canvas& canvas, const Vector2d& top_left, double width,
+                          const std::vector<LegendEntry>& entries,
+                          const std::vector<std::string>& note, const TextStyle& style) {
+  const double indent = 2.6 * style.size_px;
+  Vector2d at = top_left;
+  for (const LegendEntry& entry : entries) {
+    draw_sign(canvas, at - Vector2d(0.0, 0.62 * style.size_px), entry, style.size_px);
+    at.y() -= paragraph(canvas, at + Vector2d(indent, 0.0),
+                        wrapped(entry.name, style, width - indent, 3), style) +
+              0.3 * style.size_px;
+  }
+  if (!entries.empty() && !note.empty()) at.y() -= 0.6 * style.size_px;
+  for (const std::string& line : note)
+    at.y() -= paragraph(canvas, at, wrapped(line, style, width, 3), style);
+  return top_left.y() - at.y();
+}
+
+double draw_legend_row(Canvas& canvas, const Vector2d& left,
+                       const std::vector<LegendEntry>& entries, const TextStyle& style) {
+  TextStyle beside = style;
+  beside.upward = 0.5;
+  Vector2d at = left;
+  for (const LegendEntry& entry : entries) {
+    draw_sign(canvas, at, entry, style.size_px);
+    at.x() += 2.6 * style.size_px;
+    canvas.text(at, entry.name, beside);
+    at.x() += text_size(entry.name, beside).x() + 1.8 * style.size_px;
+  }
+  return at.x() - left.x();
 }
 
 }  // namespace abbe::render

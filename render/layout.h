@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "render/canvas.h"
 
 /// Text and marks that several kinds of picture share.
@@ -45,5 +47,78 @@ void triad(Canvas& canvas, const View& view, const Eigen::Vector2d& centre, doub
 /// @return the width used, px
 double swatch(Canvas& canvas, const Eigen::Vector2d& left, const Colour& colour,
               const std::string& label, const TextStyle& style);
+
+// What plots of every kind do with coordinates and lines.
+
+struct Span {
+  double lower = 0.0;
+  double upper = 1.0;
+};
+
+void widen(Span& span, double value);
+
+/// A little more on both sides, and never empty.
+Span padded(Span span);
+
+/// The rectangle of a plot and what its edges mean.
+struct Axes {
+  Rectangle box;
+  Span x;
+  Span y;
+};
+
+/// Pixels of a point.
+Eigen::Vector2d at(const Axes& axes, double x, double y);
+
+/// The same curve to the eye with at most four points for each run through one column of pixels.
+std::vector<Eigen::Vector2d> thinned(const std::vector<Eigen::Vector2d>& run);
+
+/// A line in the colour of a series, or the pieces of it that the dash of that series leaves.
+void stroke(Canvas& canvas, const std::vector<Eigen::Vector2d>& points, int index, double width_px);
+
+/// A page with a title above, a caption below and a rectangle for everything else.
+struct Page {
+  int width = 1600;
+  int height = 900;
+  TextStyle title;
+  TextStyle body;
+  std::vector<std::string> title_lines;
+  std::vector<std::string> caption_lines;
+  double unit = 1.0;  ///< px of this picture for one of the size that type is chosen for
+  Rectangle inner;
+};
+
+/// @param unit  1 for type as in a picture 1600 px wide
+Page page(int width, int height, const std::string& title, const std::vector<std::string>& caption,
+          double unit);
+
+/// Height in pixels that title and caption take, so that a page can be made around its content.
+double page_margins(int width, const std::string& title, const std::vector<std::string>& caption,
+                    double unit);
+
+void draw_page(Canvas& canvas, const Page& page);
+
+/// An entry of a legend: how it is drawn and called.
+struct LegendEntry {
+  std::string name;
+  int colour = 0;
+  bool line = true;
+  bool points = false;
+  bool band = false;
+};
+
+/// A mark of a series about a point: disc, square, diamond or triangle, by the number of its
+/// colour.
+void draw_mark(Canvas& canvas, const Eigen::Vector2d& at, int colour, double size_px);
+
+/// Entries downwards from `top_left`, names wrapped to `width`, then lines of text.
+/// @return the height used, px
+double draw_legend_column(Canvas& canvas, const Eigen::Vector2d& top_left, double width,
+                          const std::vector<LegendEntry>& entries,
+                          const std::vector<std::string>& note, const TextStyle& style);
+
+/// Entries side by side from `left` (the middle of their line). @return the width used, px
+double draw_legend_row(Canvas& canvas, const Eigen::Vector2d& left,
+                       const std::vector<LegendEntry>& entries, const TextStyle& style);
 
 }  // namespace abbe::render

@@ -7,14 +7,14 @@
 #include <optional>
 #include <ranges>
 
-#include "cutting/part_deviation.h"
-#include "kinematics/require.h"
+#include "cutting/stock/part_deviation.h"
+#include "kinematics/bad_input.h"
 #include "render/canvas.h"
 #include "render/colour_bar.h"
-#include "render/flags.h"
-#include "render/label.h"
+#include "render/figures.h"
 #include "render/layout.h"
-#include "render/map.h"
+#include "render/residual_map.h"
+#include "render/surface_scene.h"
 
 namespace abbe::render {
 namespace {
@@ -22,7 +22,7 @@ namespace {
 using Eigen::Vector2d;
 
 /// The deviation as a map of the skin: what is compared as cut, all else as outside.
-Field map_of_skin(const StockField& stock, bool with_cut_off) {
+Field skin_field(const StockField& stock, bool include_cut_off) {
   Field field;
   field.design.vertices = stock.mesh.vertices_w;
   field.design.triangles = stock.mesh.triangles;
@@ -32,7 +32,7 @@ Field map_of_skin(const StockField& stock, bool with_cut_off) {
   for (Eigen::Index i = 0; i < stock.deviation_um.size(); ++i) {
     const auto status = cutting::SkinStatus(stock.compared[std::size_t(i)]);
     const bool shows = status == cutting::SkinStatus::Compared ||
-                       (with_cut_off && status == cutting::SkinStatus::CutOff);
+                       (include_cut_off && status == cutting::SkinStatus::CutOff);
     field.status.push_back(shows ? 0 : 2);
     // what was cut off at the band lies beyond it, in the colour beyond the scale
     if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
@@ -47,11 +47,11 @@ bool has_compared(const Field& field) {
 
 /// Zero and most of what is compared, no finer than the dexels are cut where an axis turns.
 Span scale_ends(const Field& field) {
-  constexpr double least_um = 1.0;
-  if (!has_compared(field)) return {-least_um, least_um};
+  constexpr double min_um = 1.0;
+  if (!has_compared(field)) return {-min_um, min_um};
   Span ends = fitted_ends_um(field);
   widen(ends, 0.0);
-  return ends.upper - ends.lower < least_um ? Span{-least_um, least_um} : ends;
+  return ends.upper - ends.lower < min_um ? Span{-min_um, min_um} : ends;
 }
 
 /// Values at an end of the scale are within it, not in the colour of what lies beyond.
@@ -66,7 +66,7 @@ Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourSc
 }
 
 /// The triangles of which every corner has, or has not, a deviation.
-std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
+std::vector<Solid> skin_solids(const Field& field, const ColourScale& scale) {
   std::vector<int> corners[2];
   for (const auto& t : field.design.triangles.rowwise()) {
     bool shows = true;
@@ -111,9 +111,9 @@ std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
 
 /// A place in view of a finding, where it is about as deep as anywhere if that is seen; none where
 /// all that is tried is hidden.
-std::optional<Eigen::Vector3d> place_in_view(const StockField& field, int number, const View& view,
+std::optional<Eigen::Vector3d> visible_point(const StockField& field, int number, const View& view,
                                              const cutting::Design& design) {
-  constexpr std::size_t most_tried = 16;
+  constexpr std::size_t max_tried = 16;
   constexpr double about = 0.8;
   const auto depth = [&](Eigen::Index v) {
     const double um = std::abs(field.deviation_um[v]);
@@ -125,7 +125,7 @@ std::optional<Eigen::Vector3d> place_in_view(const StockField& field, int number
   std::vector<Eigen::Index> deep;
   std::ranges::copy_if(all, std::back_inserter(deep), [&](auto v) { return depth(v) >= least; });
   for (const std::vector<Eigen::Index>& tried : {deep, all})
-    for (std::size_t i = 0; i < tried.size(); i += 1 + tried.size() / most_tried) {
+    for (std::size_t i = 0; i < tried.size(); i += 1 + tried.size() / max_tried) {
       const Eigen::Vector3d place = field.mesh.vertices_w.row(tried[i]);
       if (!is_hidden(view, design, place)) return place;
     }
@@ -133,22 +133,22 @@ std::optional<Eigen::Vector3d> place_in_view(const StockField& field, int number
 }
 
 /// The marks that are shown, in their order.
-std::vector<Flag> flags_of(const StockPicture& picture, const View& view,
-                           const cutting::Design& design) {
+std::vector<Flag> extreme_flags(const StockPicture& picture, const View& view,
+                                const cutting::Design& design) {
   std::vector<char> hidden, shown(picture.marks.size(), 0);
   std::vector<Eigen::Vector3d> at;
   for (const StockPicture::Mark& mark : picture.marks) {
     at.push_back(mark.at);
     hidden.push_back(is_hidden(view, design, mark.at));
     if (hidden.back() == 0 || mark.number == 0) continue;
-    const auto other = place_in_view(picture.field, mark.number, view, design);
+    const auto other = visible_point(picture.field, mark.number, view, design);
     hidden.back() = !other;
     at.back() = other.value_or(mark.at);
   }
   std::map<int, int> count;  // of a kind
   for (const char wanted : {0, 1})
     for (std::size_t i = 0; i < hidden.size(); ++i)
-      if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.most_of_a_kind) {
+      if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.max_marks_per_kind) {
         ++count[picture.marks[i].kind];
         shown[i] = 1;
       }
@@ -170,7 +170,7 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
   require(stock.mesh.triangles.rows() > 0, "stock: there is nothing to draw");
   require(std::size_t(stock.deviation_um.size()) == n && stock.compared.size() == n,
           "stock: one deviation a vertex is needed");
-  const Field field = map_of_skin(stock, true), within = map_of_skin(stock, false);
+  const Field field = skin_field(stock, true), within = skin_field(stock, false);
   const Span ends = scale_ends(within);
   const ColourScale scale = colour_scale(ends.lower, ends.upper);
 
@@ -190,8 +190,8 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
                       map.height - 72.0 * u - 190.0 * u};
 
   Canvas canvas(picture.width, picture.height);
-  const View view = fitted_view(field.design.vertices, picture.from, picture.up, map);
-  canvas.scene(view, coloured_skin(field, scale), {});
+  const View view = fit_view(field.design.vertices, picture.from, picture.up, map);
+  canvas.scene(view, skin_solids(field, scale), {});
   paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
   const double middle = strip + 32.0 * u;
   scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
@@ -203,15 +203,15 @@ void write_stock_picture(const std::filesystem::path& path, const StockPicture& 
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.lower).minCoeff();
     const double highest =
         field.deviation_um.array().isFinite().select(field.deviation_um, ends.upper).maxCoeff();
-    ColourBar scale_beside{scale, lowest<ends.lower, highest> ends.upper};
-    scale_beside.shares =
-        bar_shares(field.deviation_um, field.design.area, ends, std::max(8, int(bar.height / 7.0)));
-    scale_beside.histogram_px = 74.0 / 38.0 * bar.width;
-    colour_bar(canvas, bar, scale_beside, body);
+    ColourBar side_bar{scale, lowest<ends.lower, highest> ends.upper};
+    side_bar.shares = histogram_fractions(field.deviation_um, field.design.area, ends,
+                                          std::max(8, int(bar.height / 7.0)));
+    side_bar.histogram_px = 74.0 / 38.0 * bar.width;
+    colour_bar(canvas, bar, side_bar, body);
   }
   triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u}, 46.0 * u,
         body);
-  draw_flags(canvas, flags_of(picture, view, field.design), map, body);
+  draw_flags(canvas, extreme_flags(picture, view, field.design), map, body);
   paragraph(canvas, {margin, strip}, lines, body);
   canvas.write_png(path);
 }

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "render/field.h"
+#include "render/residual_field.h"
 
 namespace abbe::render {
 
@@ -19,8 +19,8 @@ struct StockPicture {
     int number = 0;  ///< of the finding of the field; 0: none. Where `at` is hidden, another place
                      ///< of it is marked that is not
   };
-  std::vector<Mark> marks;  ///< those of a kind in the order in which they are wanted
-  int most_of_a_kind = 3;   ///< are shown: what is seen in this view comes first
+  std::vector<Mark> marks;     ///< those of a kind in the order in which they are wanted
+  int max_marks_per_kind = 3;  ///< are shown: what is seen in this view comes first
   std::vector<std::string> caption;
   int width = 1600;                                         ///< px
   int height = 1200;                                        ///< px

@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "render/axes.h"
 #include "render/canvas.h"
-#include "render/field.h"
+#include "render/layout.h"
+#include "render/residual_field.h"
 
 /// A coloured residual as it stands in a map, alone or among others.
 namespace abbe::render {
@@ -44,5 +44,26 @@ struct Tally {
 /// @param ends  of the scale
 Tally tally(const Field& field, const Span& ends_um);
 Tally tally(const Field& field, double range_um);
+
+// Marked places of a map with what is to be read there.
+
+struct Flag {
+  Eigen::Vector2d at;  ///< px
+  std::string text;
+  bool hidden = false;  ///< the surface lies before it: an open mark
+};
+
+/// Whether the surface, seen in this view, lies before a point of it.
+bool is_hidden(const View& view, const cutting::Design& design, const Eigen::Vector3d& point);
+
+/// Where labels of these sizes stand: each near its point, within the room, over no other label
+/// and no point, as long as there is such a place.
+std::vector<Rectangle> place_labels(const std::vector<Eigen::Vector2d>& points,
+                                    const std::vector<Eigen::Vector2d>& sizes,
+                                    const Rectangle& room, double em);
+
+/// Marks the places, with leaders to their labels.
+void draw_flags(Canvas& canvas, const std::vector<Flag>& flags, const Rectangle& room,
+                const TextStyle& style);
 
 }  // namespace abbe::render

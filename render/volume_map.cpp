@@ -7,12 +7,11 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
-#include "kinematics/require.h"
+#include "kinematics/bad_input.h"
 #include "render/canvas.h"
 #include "render/colour_bar.h"
-#include "render/label.h"
+#include "render/figures.h"
 #include "render/layout.h"
-#include "render/page.h"
 
 namespace abbe::render {
 namespace {
@@ -189,7 +188,7 @@ View draw_main(Canvas& canvas, const VolumePicture& picture, double magnificatio
   const cutting::Points moved = displaced(picture, magnification);
   cutting::Points both(2 * moved.rows(), 3);
   both << moved, picture.points;
-  const View view = fitted_view(both, from, Vector3d::UnitZ(), area);
+  const View view = fit_view(both, from, Vector3d::UnitZ(), area);
   const Wire lines{moved, hull_lines(picture.size), {0.25, 0.26, 0.28}, 1.0};
   canvas.scene(view,
                {solid(moved, hull(picture.size), picture.displacement_um.rowwise().norm(),
@@ -206,7 +205,7 @@ View draw_main(Canvas& canvas, const VolumePicture& picture, double magnificatio
 void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, double range,
                     const TextStyle& body) {
   const double em = body.size_px;
-  lying_colour_bar(
+  horizontal_colour_bar(
       canvas, {foot.x + 5.0 * em, foot.y + 0.55 * foot.height, foot.width - 5.0 * em, 1.6 * em},
       ColourBar{colour_scale(0.0, range)}, body);
   triad(canvas, view, {foot.x + 1.9 * em, foot.y + 0.5 * foot.height}, 1.5 * em, body);
@@ -222,7 +221,7 @@ void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, dou
 void draw_components(Canvas& canvas, const VolumePicture& picture, const Places& p,
                      const Vector3d& from, const TextStyle& body) {
   const double range = scale_end(picture.displacement_um.cwiseAbs().maxCoeff());
-  const LengthUnit unit = unit_for(range);
+  const LengthUnit unit = length_unit(range);
   const cutting::Triangles triangles = hull(picture.size);
   TextStyle head = body;
   head.bold = true;
@@ -231,7 +230,7 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
     const Eigen::VectorXd values = picture.displacement_um.col(i);
     const Rectangle& box = p.components[std::size_t(i)];
     const Rectangle area{box.x, box.y + 8.0, box.width, box.height - title - 8.0};
-    const View view = fitted_view(picture.points, from, Vector3d::UnitZ(), area);
+    const View view = fit_view(picture.points, from, Vector3d::UnitZ(), area);
     Wire outline{picture.points, {}, {0.25, 0.26, 0.28}, 1.0};
     for (const std::vector<int>& edge : edges(picture.size))
       for (std::size_t k = 1; k < edge.size(); ++k)
@@ -239,7 +238,7 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
     canvas.scene(view, {solid(picture.points, triangles, values, colour_scale(-range, range))},
                  {outline});
     const double low = values.minCoeff() * unit.per_um, high = values.maxCoeff() * unit.per_um;
-    const int digits = figure_decimals(std::max(std::abs(low), std::abs(high)));
+    const int digits = significant_decimals(std::max(std::abs(low), std::abs(high)));
     const std::string name = fmt::format("in {}", "XYZ"[i]);
     const double y = box.y + box.height - 0.2 * line_height(body);
     TextStyle hung = head;
@@ -253,8 +252,9 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
         hung);
   }
   const Rectangle& foot = p.component_foot;
-  lying_colour_bar(canvas, {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
-                   ColourBar{colour_scale(-range, range)}, body);
+  horizontal_colour_bar(canvas,
+                        {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
+                        ColourBar{colour_scale(-range, range)}, body);
 }
 
 }  // namespace
@@ -280,7 +280,7 @@ void write_volume_map(const std::filesystem::path& path, const VolumePicture& pi
       fmt::format("displacements magnified {} ×, coloured by their length at the left, by their "
                   "components at the right; view {}",
                   fixed(magnification, round_decimals(magnification)),
-                  view_name(fitted_view({}, from, Vector3d::UnitZ(), {})))};
+                  view_description(fit_view({}, from, Vector3d::UnitZ(), {})))};
   caption.insert(caption.end(), picture.caption.begin(), picture.caption.end());
   const double unit = type_sizes(options.width, options.height).unit;
   const Page p = page(options.width, options.height, picture.title, caption, unit);

@@ -8,7 +8,7 @@
 
 #include <Eigen/Core>
 
-#include "cutting/mesh.h"
+#include "cutting/part/mesh.h"
 
 namespace abbe::render {
 

@@ -2,17 +2,151 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <stdexcept>
+#include <string>
 
 #include <fmt/format.h>
 
-#include "errors/identification/check_readings.h"
+#include "errors/coefficients.h"
+#include "errors/geometric.h"
+#include "errors/metrology/readings.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/jacobian.h"
-#include "kinematics/symmetric.h"
-#include "kinematics/triangle.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using kinematics::Chain;
+using kinematics::Joint;
+using metrology::Measurement;
+using metrology::Readings;
+
+/// @throws std::invalid_argument unless there are readings, all of one nominal machine, with one
+///         finite number at every measurement, and a model of finite numbers without chance
+void check_readings(const GeometricErrors& model, std::span<const metrology::Readings> readings);
+
+namespace {
+
+bool near(double a, double b) { return a == b || std::abs(a - b) <= 1e-9; }
+
+bool same(const Joint& a, const Joint& b) {
+  return a.name == b.name && a.side == b.side && a.motion == b.motion && near(a.min, b.min) &&
+         near(a.max, b.max) && (a.direction_b - b.direction_b).norm() <= 1e-9 &&
+         (a.point_b - b.point_b).norm() <= 1e-9 && a.deviation_axes == b.deviation_axes &&
+         a.squareness == b.squareness;
+}
+
+bool same(const Chain& a, const Chain& b) {
+  const auto far_apart = [](const kinematics::Pose& S, const kinematics::Pose& T) {
+    return (S.matrix() - T.matrix()).cwiseAbs().maxCoeff() > 1e-9;
+  };
+  if (a.size() != b.size() || far_apart(a.T_bw_home(), b.T_bw_home()) ||
+      far_apart(a.T_bt_home(), b.T_bt_home()))
+    return false;
+  for (int i = 0; i < a.size(); ++i)
+    if (!same(a.joints()[std::size_t(i)], b.joints()[std::size_t(i)])) return false;
+  return true;
+}
+
+void check_readings_complete(const Readings& readings) {
+  const metrology::Plan& plan = readings.plan;
+  const auto fault = [&](Index i, const std::string& what) {
+    throw std::invalid_argument(fmt::format("reading {} of {}: {}", i + 1, plan.instrument, what));
+  };
+  if (readings.value.size() != 0 && readings.value.size() != Index(plan.measurements.size()))
+    throw std::invalid_argument(fmt::format("readings of {}: expected {} values, seen {}",
+                                            plan.instrument, plan.measurements.size(),
+                                            readings.value.size()));
+  for (Index i = 0; i < readings.value.size(); ++i) {
+    const Measurement& measurement = plan.measurements[std::size_t(i)];
+    if (measurement.set_up < 0 || measurement.set_up >= int(plan.set_ups.size()))
+      fault(i, fmt::format("there is no set-up {}", measurement.set_up));
+    const auto& channels = plan.set_ups[std::size_t(measurement.set_up)].channels;
+    if (channels.empty()) continue;
+    if (measurement.channel < 0 || measurement.channel >= int(channels.size()))
+      fault(i, fmt::format("there is no channel {}", measurement.channel));
+    if (measurement.state.q.size() != readings.nominal.size() || !measurement.state.q.allFinite() ||
+        !std::isfinite(measurement.state.time_s))
+      fault(i, "expected one finite position of every axis");
+    if (!std::isfinite(readings.value[i])) fault(i, "expected a finite number");
+    const double noise = metrology::standard_deviation(channels[std::size_t(measurement.channel)]);
+    if (!std::isfinite(noise)) fault(i, "expected a finite noise");
+  }
+}
+
+}  // namespace
+
+void check_readings(const GeometricErrors& model, std::span<const Readings> readings) {
+  if (readings.empty()) throw std::invalid_argument("there are no readings");
+  for (const Readings& r : readings) {
+    check_readings_complete(r);
+    if (!same(r.nominal, readings.front().nominal))
+      throw std::invalid_argument(fmt::format("readings of {} and of {} are of different machines",
+                                              readings.front().plan.instrument, r.plan.instrument));
+  }
+  if (!values(model.elements).allFinite())
+    throw std::invalid_argument("a starting value is not finite");
+  for (const Element& element : model.elements)
+    for (const Curve& curve : element.curves)
+      if (is_random(curve))
+        throw std::invalid_argument(to_string(element.name) + ": chance cannot be identified");
+}
+
+namespace {
+
+std::string owner(std::span<const Readings> readings, std::size_t r) {
+  const std::string& name = readings[r].plan.instrument;
+  const auto namesakes =
+      std::count_if(readings.begin(), readings.end(),
+                    [&](const Readings& other) { return other.plan.instrument == name; });
+  return namesakes > 1 ? fmt::format("{} (readings {})", name, r + 1) : name;
+}
+
+}  // namespace
+
+Unknowns model_unknowns(const GeometricErrors& model, std::span<const Readings> readings) {
+  Unknowns result;
+  result.coefficients = coefficients(model.elements);
+  for (const Coefficient& coefficient : result.coefficients)
+    result.names.push_back(name_of(coefficient, model.elements));
+  for (std::size_t r = 0; r < readings.size(); ++r) {
+    const auto& list = readings[r].plan.set_ups;
+    for (std::size_t s = 0; s < list.size(); ++s) {
+      const std::vector<metrology::SetUpUnknown> unknowns = metrology::unknowns(list[s]);
+      result.set_ups.push_back({int(r), int(s), result.size(), int(unknowns.size())});
+      for (const metrology::SetUpUnknown& unknown : unknowns)
+        result.names.push_back(
+            fmt::format("{}, {}: {}", owner(readings, r), list[s].name, unknown.name));
+    }
+  }
+  return result;
+}
+
+const Unknowns::SetUp& place_of(const Unknowns& unknowns, int readings, int set_up) {
+  for (const Unknowns::SetUp& place : unknowns.set_ups)
+    if (place.readings == readings && place.set_up == set_up) return place;
+  throw std::logic_error("a set-up without a place");
+}
+
+VectorXd start(const GeometricErrors& model, const Unknowns& unknowns) {
+  VectorXd x = VectorXd::Zero(unknowns.size());
+  x.head(Index(unknowns.coefficients.size())) = values(model.elements);
+  return x;
+}
+
+std::vector<metrology::Misalignment> set_ups(std::span<const Readings> readings,
+                                             const Unknowns& unknowns, const VectorXd& values) {
+  std::vector<metrology::Misalignment> result;
+  for (const Unknowns::SetUp& place : unknowns.set_ups)
+    result.push_back(metrology::misalignment(
+        readings[std::size_t(place.readings)].plan.set_ups[std::size_t(place.set_up)],
+        values.segment(place.first, place.count)));
+  return result;
+}
+
 namespace {
 
 using Eigen::Index;
@@ -24,17 +158,17 @@ using kinematics::Deviation;
 using kinematics::Joint;
 using kinematics::JointDeviation;
 using metrology::Bodies;
-using metrology::Look;
+using metrology::Measurement;
 using metrology::Readings;
 
-constexpr double dust = 1e-12;  // of what a column would be without cancellation
+constexpr double cancellation_limit = 1e-12;  // of what a column would be without cancellation
 
 std::vector<Row> rows_of(std::span<const Readings> readings) {
   std::vector<Row> rows;
   for (std::size_t r = 0; r < readings.size(); ++r)
     for (Index i = 0; i < readings[r].value.size(); ++i) {
-      const Look& look = readings[r].plan.looks[std::size_t(i)];
-      if (!readings[r].plan.set_ups[std::size_t(look.set_up)].channels.empty())
+      const Measurement& measurement = readings[r].plan.measurements[std::size_t(i)];
+      if (!readings[r].plan.set_ups[std::size_t(measurement.set_up)].channels.empty())
         rows.push_back({int(r), int(i)});
     }
   return rows;
@@ -44,7 +178,7 @@ std::vector<Row> rows_of(std::span<const Readings> readings) {
 
 /// What a unit of each component of each joint's deviation does to the body that the joint carries:
 /// small motions [translation | rotation] about the bed's origin, in the bed frame.
-struct Twists {
+struct BodyTwists {
   MatrixXd motion;    ///< (6 x 6 size)
   MatrixXd location;  ///< (6 x 6 size)
 };
@@ -63,7 +197,7 @@ MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const Bodies& bodies) 
   return result;
 }
 
-Twists twists(const Chain& chain, const AxisState& state, const Bodies& bodies) {
+BodyTwists twists(const Chain& chain, const AxisState& state, const Bodies& bodies) {
   return {in_bed(kinematics::motion_jacobian(chain, state.q), chain, bodies),
           in_bed(kinematics::location_jacobian(chain, state.q), chain, bodies)};
 }
@@ -88,12 +222,12 @@ std::vector<UnitElement> unit_elements(const GeometricErrors& model, const Chain
 }
 
 /// Everything that rows are made of.
-struct Maker {
+struct DesignInputs {
   const GeometricErrors& model;
   std::span<const Readings> readings;
   const Chain& chain;
   std::vector<UnitElement> elements;
-  std::vector<VectorXd> since_s;  ///< (readings) of every look
+  std::vector<VectorXd> since_s;  ///< (readings) of every measurement
 };
 
 /// Change of one reading per unit of each number; `natural` is what it would be if nothing in it
@@ -103,10 +237,10 @@ struct NumberRow {
   VectorXd natural;
 };
 
-NumberRow number_row(const Maker& maker, const metrology::Channel& channel, const AxisState& state,
-                     const Bodies& bodies, Index count) {
+NumberRow number_row(const DesignInputs& maker, const metrology::Channel& channel,
+                     const AxisState& state, const Bodies& bodies, Index count) {
   const metrology::ReadingGradient gradient = metrology::gradient(channel, bodies);
-  const Twists twist = twists(maker.chain, state, bodies);
+  const BodyTwists twist = twists(maker.chain, state, bodies);
   NumberRow row{VectorXd::Zero(count), VectorXd::Zero(count)};
   Index next = 0;
   for (std::size_t e = 0; e < maker.elements.size(); ++e) {
@@ -140,7 +274,7 @@ struct Prior {
 };
 
 /// Rows of the model's own covariance; numbers of zero variance are marked as not sought.
-Prior prior_of(const GeometricErrors& model, Design& design) {
+Prior model_prior(const GeometricErrors& model, Design& design) {
   const Covariance& covariance = model.covariance;
   const auto m = Index(covariance.of.size());
   if (covariance.matrix.rows() != m || covariance.matrix.cols() != m)
@@ -156,7 +290,7 @@ Prior prior_of(const GeometricErrors& model, Design& design) {
       throw std::invalid_argument(
           "the covariance of the model speaks of a number it does not have");
     if (covariance.matrix(i, i) == 0.0) {
-      design.sought[std::size_t(at - all.begin())] = 0;
+      design.is_sought[std::size_t(at - all.begin())] = 0;
     } else {
       kept.push_back(i);
       prior.unknown.push_back(at - all.begin());
@@ -174,7 +308,7 @@ Prior prior_of(const GeometricErrors& model, Design& design) {
 }
 
 void add_prior(const GeometricErrors& model, std::span<const Readings> readings, Design& design) {
-  const Prior prior = prior_of(model, design);
+  const Prior prior = model_prior(model, design);
   std::vector<std::pair<Index, double>> finite;  // unknowns of set-ups and their weights
   for (const Unknowns::SetUp& place : design.unknowns.set_ups) {
     const auto& set_up =
@@ -194,7 +328,7 @@ void add_prior(const GeometricErrors& model, std::span<const Readings> readings,
 
 }  // namespace
 
-constexpr double most_entries = 2e8;  // of the design matrix, 1.6 GB
+constexpr double max_entries = 2e8;  // of the design matrix, 1.6 GB
 
 double sigma_of(const metrology::Channel& channel) {
   const double stated = metrology::standard_deviation(channel);
@@ -206,47 +340,48 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
   check_readings(model, readings);
   const Chain& chain = readings.front().nominal;
   bind(model, chain);  // refuses by name what does not fit
-  Maker maker{model, readings, chain, unit_elements(model, chain), {}};
-  for (const Readings& r : readings) maker.since_s.push_back(metrology::since_set_up(r.plan));
+  DesignInputs maker{model, readings, chain, unit_elements(model, chain), {}};
+  for (const Readings& r : readings) maker.since_s.push_back(metrology::time_since_set_up(r.plan));
 
-  Design result{unknowns_of(model, readings), rows_of(readings), {}, {}, {}, {}, {}};
+  Design result{model_unknowns(model, readings), rows_of(readings), {}, {}, {}, {}, {}};
   const auto m = Index(result.rows.size());
   const Index n = result.unknowns.size();
   const auto p = Index(result.unknowns.coefficients.size());
-  if (double(m) * double(n) > most_entries)
+  if (double(m) * double(n) > max_entries)
     throw std::invalid_argument(fmt::format(
-        "expected readings times unknowns below {:.0e}, seen {} times {}", most_entries, m, n));
+        "expected readings times unknowns below {:.0e}, seen {} times {}", max_entries, m, n));
   result.sigma.resize(m);
   result.A = MatrixXd::Zero(m, n);
   VectorXd natural = VectorXd::Zero(p);
   for (Index i = 0; i < m; ++i) {
     const Row& row = result.rows[std::size_t(i)];
     const Readings& r = readings[std::size_t(row.readings)];
-    const Look& look = r.plan.looks[std::size_t(row.look)];
-    const metrology::SetUp& set_up = r.plan.set_ups[std::size_t(look.set_up)];
-    const metrology::Channel& channel = set_up.channels[std::size_t(look.channel)];
-    const Bodies bodies = metrology::nominal_bodies(chain, look.state.q);
+    const Measurement& measurement = r.plan.measurements[std::size_t(row.measurement)];
+    const metrology::SetUp& set_up = r.plan.set_ups[std::size_t(measurement.set_up)];
+    const metrology::Channel& channel = set_up.channels[std::size_t(measurement.channel)];
+    const Bodies bodies = metrology::nominal_bodies(chain, measurement.state.q);
     const double weight = 1.0 / sigma_of(channel);
     result.sigma[i] = 1.0 / weight;
-    const NumberRow numbers = number_row(maker, channel, look.state, bodies, p);
+    const NumberRow numbers = number_row(maker, channel, measurement.state, bodies, p);
     result.A.row(i).head(p) = weight * numbers.change;
     natural += (weight * numbers.natural).cwiseAbs2();
-    const Unknowns::SetUp& place = place_of(result.unknowns, row.readings, look.set_up);
+    const Unknowns::SetUp& place = place_of(result.unknowns, row.readings, measurement.set_up);
     const VectorXd change = metrology::unknowns_gradient(
-        set_up, look.channel, bodies, metrology::spindle_angle(chain, look.state),
-        maker.since_s[std::size_t(row.readings)][row.look]);
+        set_up, measurement.channel, bodies, metrology::spindle_angle(chain, measurement.state),
+        maker.since_s[std::size_t(row.readings)][row.measurement]);
     result.A.row(i).segment(place.first, place.count) = weight * change;
   }
-  result.sought.assign(std::size_t(n), 1);
-  result.blind.assign(std::size_t(n), 0);
+  result.is_sought.assign(std::size_t(n), 1);
+  result.is_unobservable.assign(std::size_t(n), 0);
   add_prior(model, readings, result);
   for (Index j = 0; j < n; ++j) {
-    if (j < p && result.A.col(j).norm() <= dust * std::sqrt(natural[j])) result.A.col(j).setZero();
-    if (!result.sought[std::size_t(j)] || !result.A.col(j).isZero(0.0) ||
+    if (j < p && result.A.col(j).norm() <= cancellation_limit * std::sqrt(natural[j]))
+      result.A.col(j).setZero();
+    if (!result.is_sought[std::size_t(j)] || !result.A.col(j).isZero(0.0) ||
         !result.prior.col(j).isZero(0.0))
       continue;
-    result.blind[std::size_t(j)] = 1;
-    result.sought[std::size_t(j)] = 0;
+    result.is_unobservable[std::size_t(j)] = 1;
+    result.is_sought[std::size_t(j)] = 0;
   }
   return result;
 }
@@ -254,25 +389,26 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
 namespace {
 
 /// A machine with deviations, looked at row by row.
-struct Looking {
+struct DeviatedMachine {
   std::span<const Readings> readings;
   const Chain& chain;
   GeometricModel bound;
-  std::vector<VectorXd> since_s;   ///< (readings) of every look
+  std::vector<VectorXd> since_s;   ///< (readings) of every measurement
   std::vector<std::size_t> first;  ///< (readings) number of the first of its set-ups
 };
 
-Looking looking(const GeometricErrors& model, std::span<const Readings> readings,
-                const VectorXd& numbers) {
+DeviatedMachine deviated_machine(const GeometricErrors& model, std::span<const Readings> readings,
+                                 const VectorXd& numbers) {
   const Chain& chain = readings.front().nominal;
-  Looking result{readings,
-                 chain,
-                 bind({with_values(model.elements, numbers), model.measuring_lines, {}}, chain),
-                 {},
-                 {}};
+  DeviatedMachine result{
+      readings,
+      chain,
+      bind({with_values(model.elements, numbers), model.measuring_lines, {}}, chain),
+      {},
+      {}};
   std::size_t next = 0;
   for (const Readings& r : readings) {
-    result.since_s.push_back(metrology::since_set_up(r.plan));
+    result.since_s.push_back(metrology::time_since_set_up(r.plan));
     result.first.push_back(next);
     next += r.plan.set_ups.size();
   }
@@ -282,33 +418,36 @@ Looking looking(const GeometricErrors& model, std::span<const Readings> readings
 /// One row, read with the bodies anywhere and any misalignment.
 struct RowReading {
   const Chain& chain;
-  const Look& look;
+  const Measurement& measurement;
   const metrology::SetUp& set_up;
   double since_s;
   Bodies nominal;
 
   Bodies bodies(const std::vector<JointDeviation>& D) const {
-    return {chain.workpiece_in_bed(look.state.q, D), chain.tool_in_bed(look.state.q, D)};
+    return {chain.workpiece_in_bed(measurement.state.q, D),
+            chain.tool_in_bed(measurement.state.q, D)};
   }
   double operator()(const Bodies& actual, const metrology::Misalignment& m) const {
-    return metrology::reading(set_up, look.channel, m, actual, nominal,
-                              metrology::spindle_angle(chain, look.state), since_s);
+    return metrology::reading(set_up, measurement.channel, m, actual, nominal,
+                              metrology::spindle_angle(chain, measurement.state), since_s);
   }
 };
 
-RowReading at_row(const Looking& looking, const Row& row) {
+RowReading at_row(const DeviatedMachine& deviated_machine, const Row& row) {
   const auto r = std::size_t(row.readings);
-  const metrology::Plan& plan = looking.readings[r].plan;
-  const Look& look = plan.looks[std::size_t(row.look)];
-  return {looking.chain, look, plan.set_ups[std::size_t(look.set_up)], looking.since_s[r][row.look],
-          metrology::nominal_bodies(looking.chain, look.state.q)};
+  const metrology::Plan& plan = deviated_machine.readings[r].plan;
+  const Measurement& measurement = plan.measurements[std::size_t(row.measurement)];
+  return {deviated_machine.chain, measurement, plan.set_ups[std::size_t(measurement.set_up)],
+          deviated_machine.since_s[r][row.measurement],
+          metrology::nominal_bodies(deviated_machine.chain, measurement.state.q)};
 }
 
 /// Number of its set-up among those of all readings.
-std::size_t set_up_of(const Looking& looking, const Row& row) {
+std::size_t set_up_of(const DeviatedMachine& deviated_machine, const Row& row) {
   const auto r = std::size_t(row.readings);
-  return looking.first[r] +
-         std::size_t(looking.readings[r].plan.looks[std::size_t(row.look)].set_up);
+  return deviated_machine.first[r] +
+         std::size_t(
+             deviated_machine.readings[r].plan.measurements[std::size_t(row.measurement)].set_up);
 }
 
 }  // namespace
@@ -316,13 +455,13 @@ std::size_t set_up_of(const Looking& looking, const Row& row) {
 VectorXd predicted(const GeometricErrors& model, std::span<const Readings> readings,
                    const Design& design, const VectorXd& unknowns) {
   const auto p = Index(design.unknowns.coefficients.size());
-  const Looking machine = looking(model, readings, unknowns.head(p));
+  const DeviatedMachine machine = deviated_machine(model, readings, unknowns.head(p));
   const std::vector<metrology::Misalignment> all = set_ups(readings, design.unknowns, unknowns);
   VectorXd result(Index(design.rows.size()));
   for (Index i = 0; i < result.size(); ++i) {
     const Row& row = design.rows[std::size_t(i)];
     const RowReading reading = at_row(machine, row);
-    const Bodies actual = reading.bodies(deviations(machine.bound, reading.look.state));
+    const Bodies actual = reading.bodies(deviations(machine.bound, reading.measurement.state));
     result[i] = reading(actual, all[set_up_of(machine, row)]);
   }
   return result;
@@ -338,7 +477,7 @@ Bodies with_change(const RowReading& reading, Bodies actual, std::vector<JointDe
   JointDeviation& changed = D[std::size_t(joint)];
   changed.motion += amount * unit.motion;
   changed.location += amount * unit.location;
-  const auto& q = reading.look.state.q;
+  const auto& q = reading.measurement.state.q;
   if (reading.chain.joints()[std::size_t(joint)].side == kinematics::Side::Workpiece) {
     actual.T_bw = reading.chain.workpiece_in_bed(q, D);
   } else {
@@ -347,34 +486,34 @@ Bodies with_change(const RowReading& reading, Bodies actual, std::vector<JointDe
   return actual;
 }
 
-bool is_any(const std::vector<char>& sought, Index first, Index count) {
-  const auto begin = sought.begin() + first;
+bool is_any_sought(const std::vector<char>& is_sought, Index first, Index count) {
+  const auto begin = is_sought.begin() + first;
   return std::any_of(begin, begin + count, [](char one) { return one != 0; });
 }
 
 /// Change of one row per unit of each number that is sought.
-VectorXd number_changes(const Maker& maker, const Design& design, const RowReading& reading,
+VectorXd number_changes(const DesignInputs& maker, const Design& design, const RowReading& reading,
                         const std::vector<JointDeviation>& D, const metrology::Misalignment& m) {
   const Bodies actual = reading.bodies(D);
   VectorXd change = VectorXd::Zero(Index(design.unknowns.coefficients.size()));
   Index next = 0;
   for (std::size_t e = 0; e < maker.elements.size(); ++e) {
     const UnitElement& element = maker.elements[e];
-    if (!is_any(design.sought, next, element.numbers)) {
+    if (!is_any_sought(design.is_sought, next, element.numbers)) {
       next += element.numbers;
       continue;
     }
     const JointDeviation unit =
-        deviations(element.unit, reading.look.state)[std::size_t(element.joint)];
+        deviations(element.unit, reading.measurement.state)[std::size_t(element.joint)];
     const auto moved = [&](double amount) {
       return reading(with_change(reading, actual, D, element.joint, unit, amount), m);
     };
     const double effect = (moved(difference) - moved(-difference)) / (2.0 * difference);
-    const CurveState seen = curve_state(element.unit, reading.look.state, element.joint);
+    const CurveState seen = curve_state(element.unit, reading.measurement.state, element.joint);
     for (const Curve& curve : maker.model.elements[e].curves) {
       const VectorXd b = basis(curve, seen);
       for (Index k = 0; k < b.size(); ++k, ++next)
-        if (design.sought[std::size_t(next)]) change[next] = effect * b[k];
+        if (design.is_sought[std::size_t(next)]) change[next] = effect * b[k];
     }
   }
   return change;
@@ -401,13 +540,13 @@ VectorXd set_up_changes(const RowReading& reading, const std::vector<JointDeviat
 Design design_at(Design design, const GeometricErrors& model, std::span<const Readings> readings,
                  const VectorXd& unknowns) {
   const auto p = Index(design.unknowns.coefficients.size());
-  const Looking machine = looking(model, readings, unknowns.head(p));
-  const Maker maker{model, readings, machine.chain, unit_elements(model, machine.chain), {}};
+  const DeviatedMachine machine = deviated_machine(model, readings, unknowns.head(p));
+  const DesignInputs maker{model, readings, machine.chain, unit_elements(model, machine.chain), {}};
   const std::vector<metrology::Misalignment> all = set_ups(readings, design.unknowns, unknowns);
   for (Index i = 0; i < Index(design.rows.size()); ++i) {
     const Row& row = design.rows[std::size_t(i)];
     const RowReading reading = at_row(machine, row);
-    const std::vector<JointDeviation> D = deviations(machine.bound, reading.look.state);
+    const std::vector<JointDeviation> D = deviations(machine.bound, reading.measurement.state);
     const std::size_t set_up = set_up_of(machine, row);
     const double weight = 1.0 / design.sigma[i];
     design.A.row(i).head(p) = weight * number_changes(maker, design, reading, D, all[set_up]);
@@ -422,7 +561,7 @@ VectorXd observed(std::span<const Readings> readings, const Design& design) {
   VectorXd result(Index(design.rows.size()));
   for (Index i = 0; i < result.size(); ++i) {
     const Row& row = design.rows[std::size_t(i)];
-    result[i] = readings[std::size_t(row.readings)].value[row.look];
+    result[i] = readings[std::size_t(row.readings)].value[row.measurement];
   }
   return result;
 }

@@ -2,18 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 #include <variant>
 
 #include <fmt/format.h>
 
-#include "errors/bound_element.h"
+#include "errors/element.h"
 #include "errors/identification/design.h"
 #include "errors/identification/factor.h"
 #include "errors/identification/model.h"
 #include "errors/metrology/reading_diagnostics.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors::identification {
+
 namespace {
 
 using Eigen::Index;
@@ -34,8 +37,8 @@ bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
          name.component() != int(along);
 }
 
-Preference preference_of(const Coefficient& coefficient, const GeometricErrors& model,
-                         const kinematics::Chain& chain) {
+Preference number_preference(const Coefficient& coefficient, const GeometricErrors& model,
+                             const kinematics::Chain& chain) {
   const Element& element = model.elements[std::size_t(coefficient.element)];
   if (element.name.location) return Location;
   const Shape& shape = element.curves[std::size_t(coefficient.curve)].shape;
@@ -52,7 +55,7 @@ std::vector<int> preferences(const GeometricErrors& model, const Design& design,
                              const kinematics::Chain& chain) {
   std::vector<int> result(std::size_t(design.unknowns.size()), SetUpUnknown);
   for (std::size_t j = 0; j < design.unknowns.coefficients.size(); ++j)
-    result[j] = preference_of(design.unknowns.coefficients[j], model, chain);
+    result[j] = number_preference(design.unknowns.coefficients[j], model, chain);
   return result;
 }
 
@@ -66,7 +69,7 @@ void check(const EstimateOptions& options) {
          "a rank tolerance between 0 and 1");
   expect(options.outlier_limit >= 0.0, "an outlier limit of 0 or more");
   expect(options.weak_limit >= 0.0, "a limit of weak numbers of 0 or more");
-  expect(options.most_iterations >= 1, "at least one iteration");
+  expect(options.max_iterations >= 1, "at least one iteration");
   expect(options.tolerance > 0.0, "a tolerance above 0");
 }
 
@@ -94,10 +97,10 @@ Factor factor_of(const Problem& problem, const std::vector<char>& is_out) {
   const Design& design = problem.design;
   MatrixXd A(Index(rows.size()) + design.prior.rows(), design.unknowns.size());
   A << design.A(rows, Eigen::all), design.prior;
-  return factor(A, design.sought, problem.preference, problem.options.rank_tolerance);
+  return factor(A, design.is_sought, problem.preference, problem.options.rank_tolerance);
 }
 
-/// Reading minus model in standard deviations, of every look. (m)
+/// Reading minus model in standard deviations, of every measurement. (m)
 VectorXd misfit(const Problem& problem, const VectorXd& x) {
   const VectorXd model = predicted(problem.model, problem.readings, problem.design, x);
   return (problem.observed - model).cwiseQuotient(problem.design.sigma);
@@ -122,7 +125,7 @@ bool is_over(const VectorXd& step, const VectorXd& former, const VectorXd& devia
   return now <= 1e-3 && now >= 0.5 * before;
 }
 
-constexpr double beyond_reason = 1e3;  // mm or rad: a step of a fit that runs away
+constexpr double max_plausible_step = 1e3;  // mm or rad: a step of a fit that runs away
 
 /// Chord iteration: the one factor of zero deviations serves, since it errs by the size of the
 /// deviations, about 1e-4, and shrinks the step by that each time.
@@ -132,12 +135,12 @@ Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
   const VectorXd deviation = covariance(fit.factor).diagonal().cwiseSqrt();
   fit.misfit = misfit(problem, fit.x);
   VectorXd former;
-  while (!fit.converged && fit.iterations < problem.options.most_iterations) {
+  while (!fit.converged && fit.iterations < problem.options.max_iterations) {
     VectorXd b(Index(rows.size()) + problem.design.prior.rows());
     b << fit.misfit(rows), problem.design.prior * (problem.start - fit.x);
     const VectorXd step = solve(fit.factor, b);
     ++fit.iterations;
-    if (!(step.size() == 0 || step.cwiseAbs().maxCoeff() < beyond_reason)) break;
+    if (!(step.size() == 0 || step.cwiseAbs().maxCoeff() < max_plausible_step)) break;
     fit.x(fit.factor.found) += step;
     fit.misfit = misfit(problem, fit.x);
     fit.converged = is_over(step, former, deviation, problem.options.tolerance);
@@ -154,12 +157,6 @@ struct Solution {
   std::vector<Confounded> not_found;
 };
 
-/// "EXX" of "EXX[2]": high orders are wanted where a curve needs them, however small they usually
-/// are.
-std::string element_of(const std::string& number) {
-  return number.substr(0, number.find_first_of(" ["));
-}
-
 /// Index among those found of the number that is known worst, by its limit; none is beyond it.
 std::optional<Index> weakest(const Problem& problem, const Solution& solution,
                              const MatrixXd& covariance) {
@@ -171,7 +168,10 @@ std::optional<Index> weakest(const Problem& problem, const Solution& solution,
     if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
     const double deviation = std::sqrt(covariance(Index(i), Index(i)));
     const double change = solution.x[Index(column)] - problem.start[Index(column)];
-    const double typical = typical_deviation(element_of(problem.design.unknowns.names[column]));
+    // of the element, not of the number: high orders are wanted where a curve needs them, however
+    // small they usually are
+    const double typical =
+        typical_deviation(element_of_number(problem.design.unknowns.names[column]));
     const double ratio = deviation / (problem.options.weak_limit * typical);
     if (ratio < most || std::abs(change) >= significant * deviation) continue;
     most = ratio;
@@ -223,7 +223,8 @@ void leave(Index i, const Problem& problem, Solution& solution, MatrixXd& covari
 
 /// The first fit without the numbers that it found worse than machines differ: one after the other,
 /// since what hides one may be well known once that one is held.
-Solution without_weak(const Problem& problem, const Fit& first, std::vector<Confounded> not_found) {
+Solution leave_out_weak(const Problem& problem, const Fit& first,
+                        std::vector<Confounded> not_found) {
   Solution solution{first.factor.found, first.x, first.converged, std::move(not_found)};
   if (problem.options.weak_limit == 0.0) return solution;
   MatrixXd known = covariance(first.factor);
@@ -234,10 +235,10 @@ Solution without_weak(const Problem& problem, const Fit& first, std::vector<Conf
 /// From a first solution, with what it found alone, the equations as they are there. Rank is a
 /// matter of zero deviations: at others what is confounded differs by their squares, which means
 /// nothing.
-void set_out_from(Problem& problem, const Solution& first) {
-  std::vector<char>& sought = problem.design.sought;
-  std::fill(sought.begin(), sought.end(), char(0));
-  for (const int column : first.found) sought[std::size_t(column)] = 1;
+void restart_from(Problem& problem, const Solution& first) {
+  std::vector<char>& is_sought = problem.design.is_sought;
+  std::fill(is_sought.begin(), is_sought.end(), char(0));
+  for (const int column : first.found) is_sought[std::size_t(column)] = 1;
   problem.first_guess = first.x;
   const bool may_multiply = problem.design.prior.rows() > 0;
   if (may_multiply && first.converged)
@@ -252,7 +253,7 @@ struct Quality {
   double reduced_chi_square = 0.0;
 };
 
-Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
+Quality quality_range(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const double chi_square = fit.misfit(rows).squaredNorm() +
                             (problem.design.prior * (problem.start - fit.x)).squaredNorm();
@@ -260,8 +261,8 @@ Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>&
   return {freedom, chi_square, freedom > 0 ? chi_square / freedom : 0.0};
 }
 
-std::vector<FitQuality> quality_of_each(const Problem& problem, const Fit& fit,
-                                        const std::vector<char>& is_out) {
+std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit,
+                                          const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const VectorXd share = leverage(fit.factor, problem.design.A(rows, Eigen::all));
   std::vector<FitQuality> result(problem.readings.size());
@@ -280,14 +281,15 @@ std::vector<std::vector<Index>> steady_channels(const Problem& problem, int read
                                                 const VectorXd& nominal) {
   constexpr double same = 1e-9;  // mm or rad
   const Readings& of = problem.readings[std::size_t(readings)];
-  std::vector<Index> row_at(of.plan.looks.size(), -1);
+  std::vector<Index> row_at(of.plan.measurements.size(), -1);
   for (std::size_t i = 0; i < problem.design.rows.size(); ++i)
     if (problem.design.rows[i].readings == readings)
-      row_at[std::size_t(problem.design.rows[i].look)] = Index(i);
+      row_at[std::size_t(problem.design.rows[i].measurement)] = Index(i);
   std::vector<std::vector<Index>> channels;
-  for (const metrology::ChannelLooks& channel : metrology::channel_looks(of.plan)) {
+  for (const metrology::ChannelMeasurements& channel : metrology::channel_measurements(of.plan)) {
     std::vector<Index> rows;
-    for (const int look : channel.looks) rows.push_back(row_at[std::size_t(look)]);
+    for (const int measurement : channel.measurements)
+      rows.push_back(row_at[std::size_t(measurement)]);
     const VectorXd v = nominal(rows);
     if (v.maxCoeff() - v.minCoeff() <= same) channels.push_back(std::move(rows));
   }
@@ -347,7 +349,7 @@ std::vector<Alternative> alternatives(const Problem& problem, const Fit& fit,
 VectorXd studentised(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const VectorXd share = leverage(fit.factor, problem.design.A(rows, Eigen::all));
-  const Quality q = quality(problem, fit, is_out);
+  const Quality q = quality_range(problem, fit, is_out);
   const bool scale = problem.options.noise_from_residuals && q.reduced_chi_square > 0.0;
   const double noise = scale ? std::sqrt(q.reduced_chi_square) : 1.0;
   VectorXd result = VectorXd::Zero(fit.misfit.size());
@@ -399,7 +401,7 @@ std::vector<Confounded> confounded(const Problem& problem, const Factor& factor)
   std::vector<Confounded> result;
   for (int j = 0; j < design.unknowns.size(); ++j) {
     const std::string& name = design.unknowns.names[std::size_t(j)];
-    if (design.blind[std::size_t(j)]) result.push_back({name, {}, {}});
+    if (design.is_unobservable[std::size_t(j)]) result.push_back({name, {}, {}});
     const auto at = std::find(factor.left.begin(), factor.left.end(), j);
     if (at == factor.left.end()) continue;
     Confounded one{name, {}, {}};
@@ -462,10 +464,10 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
 
   std::vector<char> is_out(problem.design.rows.size(), 0);
   const Fit first = fitted(problem, is_out);
-  Solution solution = without_weak(problem, first, confounded(problem, first.factor));
-  set_out_from(problem, solution);
+  Solution solution = leave_out_weak(problem, first, confounded(problem, first.factor));
+  restart_from(problem, solution);
   const Fit fit = without_outliers(problem, is_out);
-  const Quality q = quality(problem, fit, is_out);
+  const Quality q = quality_range(problem, fit, is_out);
   const bool scale = options.noise_from_residuals && q.degrees_of_freedom > 0;
 
   const Unknowns& unknowns = problem.design.unknowns;
@@ -484,12 +486,186 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   result.chi_square = q.chi_square;
   result.reduced_chi_square = q.reduced_chi_square;
   if (options.compare_mistakes) {
-    result.quality = quality_of_each(problem, fit, is_out);
+    result.quality_range = reading_qualities(problem, fit, is_out);
     result.alternatives = alternatives(problem, fit, is_out);
   }
   result.condition = fit.factor.condition;
   result.iterations = first.iterations + fit.iterations;
   result.converged = fit.converged;
+  return result;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using metrology::Readings;
+
+constexpr Index samples = 121;
+
+/// Numbers of one element: where they stand among all, and their basis at a state.
+struct Numbers {
+  int first = 0;
+  int count = 0;
+};
+
+std::vector<Numbers> numbers_of(const GeometricErrors& belief) {
+  std::vector<Numbers> result(belief.elements.size());
+  const std::vector<Coefficient> all = coefficients(belief.elements);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    Numbers& one = result[std::size_t(all[i].element)];
+    if (one.count++ == 0) one.first = int(i);
+  }
+  return result;
+}
+
+VectorXd basis_of(const Element& element, int count, const CurveState& state) {
+  VectorXd result(count);
+  Index at = 0;
+  for (const Curve& curve : element.curves) {
+    const VectorXd one = basis(curve, state);
+    result.segment(at, one.size()) = one;
+    at += one.size();
+  }
+  return result;
+}
+
+/// Covariance of the numbers of one element; what is not known there counts as exact.
+Eigen::MatrixXd covariance_of(const GeometricErrors& belief, int element, const Numbers& numbers) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(numbers.count, numbers.count);
+  const std::vector<Coefficient> all = coefficients(belief.elements);
+  const auto& of = belief.covariance.of;
+  const auto place = [&](const Coefficient& one) {
+    return int(std::find(all.begin(), all.end(), one) - all.begin()) - numbers.first;
+  };
+  for (std::size_t i = 0; i < of.size(); ++i)
+    for (std::size_t k = 0; k < of.size(); ++k)
+      if (of[i].element == element && of[k].element == element)
+        result(place(of[i]), place(of[k])) = belief.covariance.matrix(Index(i), Index(k));
+  return result;
+}
+
+/// Whether a row bears on an element: whether its numbers, each 1 um or 10 urad, would change the
+/// reading at least a quarter as much as those of the element that changes it most.
+/// (rows x elements)
+std::vector<std::vector<bool>> is_informative(const Design& design, const GeometricErrors& belief,
+                                              const std::vector<Numbers>& numbers) {
+  std::vector<std::vector<bool>> result(design.rows.size());
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    std::vector<double> change(numbers.size(), 0.0);
+    for (std::size_t e = 0; e < numbers.size(); ++e) {
+      if (belief.elements[e].name.location || numbers[e].count == 0) continue;
+      const double usual = belief.elements[e].name.is_angle() ? 10 * units::urad : units::um;
+      change[e] = usual * design.A.row(Index(i)).segment(numbers[e].first, numbers[e].count).norm();
+    }
+    const double most = *std::max_element(change.begin(), change.end());
+    for (const double one : change) result[i].push_back(most > 0.0 && one >= 0.25 * most);
+  }
+  return result;
+}
+
+/// The same at every position: nothing to draw.
+bool is_constant(const Element& element) {
+  return std::all_of(element.curves.begin(), element.curves.end(), [](const Curve& curve) {
+    return std::holds_alternative<Constant>(curve.shape);
+  });
+}
+
+/// What is needed to draw any element of an estimate.
+struct CurveInputs {
+  const Estimate& estimate;
+  std::span<const Readings> readings;
+  Design design;
+  GeometricModel bound;
+  std::vector<Numbers> numbers;
+  std::vector<std::vector<bool>> is_informative;
+  std::vector<bool> outlier;  ///< (rows)
+
+  int joint(std::size_t e) const {
+    return joint_of(estimate.belief.elements[e].name.axis, readings.front().nominal, "a belief");
+  }
+  VectorXd basis(std::size_t e, const kinematics::AxisState& state) const {
+    return basis_of(estimate.belief.elements[e], numbers[e].count,
+                    curve_state(bound, state, joint(e)));
+  }
+  VectorXd found(std::size_t e) const {
+    return estimate.value.segment(numbers[e].first, numbers[e].count);
+  }
+  const kinematics::AxisState& state(std::size_t row) const {
+    const Row& at = design.rows[row];
+    return readings[std::size_t(at.readings)].plan.measurements[std::size_t(at.measurement)].state;
+  }
+};
+
+/// The readings of one element, each as its value.
+void add_readings(const CurveInputs& drawing, std::size_t e, CurveReadings& curve) {
+  std::vector<double> at, seen;
+  for (std::size_t i = 0; i < drawing.is_informative.size(); ++i) {
+    if (!drawing.is_informative[i][e] || drawing.outlier[i]) continue;
+    const VectorXd b = drawing.basis(e, drawing.state(i));
+    Index k = 0;
+    if (b.cwiseAbs().maxCoeff(&k) == 0.0) continue;
+    const double per_value = drawing.design.A(Index(i), drawing.numbers[e].first + k) / b[k];
+    if (per_value == 0.0) continue;
+    at.push_back(drawing.state(i).q[drawing.joint(e)]);
+    seen.push_back(b.dot(drawing.found(e)) + drawing.estimate.fit_residual[Index(i)] / per_value);
+  }
+  curve.reading_q = VectorXd::Map(at.data(), Index(at.size()));
+  curve.reading = VectorXd::Map(seen.data(), Index(seen.size()));
+}
+
+/// The curve over where it was read, or over the travel.
+void add_curve(const CurveInputs& drawing, std::size_t e, CurveReadings& curve) {
+  const kinematics::Chain& nominal = drawing.readings.front().nominal;
+  const kinematics::Joint& joint = nominal.joints()[std::size_t(drawing.joint(e))];
+  double least = joint.min, most = joint.max;
+  if (curve.reading_q.size() > 0 && curve.reading_q.maxCoeff() > curve.reading_q.minCoeff()) {
+    least = curve.reading_q.minCoeff();
+    most = curve.reading_q.maxCoeff();
+  } else if (joint.motion != kinematics::Motion::Linear) {
+    least = std::max(least, -pi);
+    most = std::min(most, pi);
+  }
+  curve.q = VectorXd::LinSpaced(samples, least, most);
+  curve.value.resize(samples);
+  curve.sigma.resize(samples);
+  const Eigen::MatrixXd covariance =
+      covariance_of(drawing.estimate.belief, int(e), drawing.numbers[e]);
+  kinematics::AxisState state;
+  state.q = kinematics::AxisVector::Zero(nominal.size());
+  for (Index i = 0; i < samples; ++i) {
+    state.q[drawing.joint(e)] = curve.q[i];
+    const VectorXd b = drawing.basis(e, state);
+    curve.value[i] = b.dot(drawing.found(e));
+    curve.sigma[i] = std::sqrt(std::max(0.0, b.dot(covariance * b)));
+  }
+}
+
+}  // namespace
+
+std::vector<CurveReadings> curve_readings(const Estimate& estimate,
+                                          std::span<const Readings> readings) {
+  const GeometricErrors& belief = estimate.belief;
+  CurveInputs drawing{estimate,
+                      readings,
+                      design(belief, readings),
+                      bind(belief, readings.front().nominal),
+                      numbers_of(belief),
+                      {},
+                      {}};
+  drawing.is_informative = is_informative(drawing.design, belief, drawing.numbers);
+  drawing.outlier.resize(drawing.is_informative.size(), false);
+  for (const int i : estimate.outliers) drawing.outlier[std::size_t(i)] = true;
+  std::vector<CurveReadings> result;
+  for (std::size_t e = 0; e < drawing.numbers.size(); ++e) {
+    const Element& element = belief.elements[e];
+    if (element.name.location || drawing.numbers[e].count == 0 || is_constant(element)) continue;
+    CurveReadings curve;
+    curve.element = element.name;
+    add_readings(drawing, e, curve);
+    add_curve(drawing, e, curve);
+    result.push_back(std::move(curve));
+  }
   return result;
 }
 

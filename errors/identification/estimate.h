@@ -35,7 +35,7 @@ struct FitQuality {
 };
 
 /// A mistake in writing readings down that the nominal machine cannot show: it concerns channels
-/// that read the same at every look of the nominal machine.
+/// that read the same at every measurement of the nominal machine.
 enum class Mistake { Negated, Reversed, TimesThousand, OverThousand };
 
 /// How all readings would fit if one of them had been written down with a mistake.
@@ -54,17 +54,17 @@ struct Estimate {
   Eigen::VectorXd value;           ///< (p) mm or rad
   std::vector<Confounded> confounded;
   std::vector<metrology::Misalignment> set_ups;  ///< found for every set-up, readings by readings
-  Eigen::VectorXd fit_residual;     ///< (looks, temperatures left out) reading minus model, in
-                                    ///< standard deviations
-  std::vector<int> outliers;        ///< indices of those left out
-  int degrees_of_freedom = 0;       ///< readings used and what was known beforehand, less numbers
+  Eigen::VectorXd fit_residual;  ///< (measurements, temperatures left out) reading minus model, in
+                                 ///< standard deviations
+  std::vector<int> outliers;     ///< indices of those left out
+  int degrees_of_freedom = 0;    ///< readings used and what was known beforehand, less numbers
   double reduced_chi_square = 0.0;  ///< 1 where the stated noise is true
   double condition = 0.0;           ///< of the scaled design matrix over what was found, to some
                                     ///< percent
   int iterations = 0;
   bool converged = false;
   double chi_square = 0.0;                ///< of the readings used and what was known beforehand
-  std::vector<FitQuality> quality;        ///< (readings) where mistakes are compared
+  std::vector<FitQuality> quality_range;  ///< (readings) where mistakes are compared
   std::vector<Alternative> alternatives;  ///< of all readings with channels of that kind, the same
 };
 
@@ -80,10 +80,10 @@ struct EstimateOptions {
   double weak_limit = 0.0;  ///< a number that is known to so many times the `typical_deviation` of
                             ///< its element or worse, and differs from its start by less than four
                             ///< of its own standard deviations, stays there; 0: none does
-  int most_iterations = 20;
+  int max_iterations = 20;
   double tolerance = 1e-12;           ///< mm and rad: steps below it end the iteration
   bool noise_from_residuals = false;  ///< scale the covariance by the reduced chi-square
-  bool compare_mistakes = false;      ///< find `quality` and `alternatives`
+  bool compare_mistakes = false;      ///< find `quality_range` and `alternatives`
 };
 
 /// Weighted least squares for any readings on any machine, by Gauss-Newton on the exact chain: the
@@ -113,5 +113,23 @@ struct EstimateOptions {
 ///         std::out_of_range where a table is left
 Estimate estimate(const GeometricErrors& model, std::span<const metrology::Readings> readings,
                   const EstimateOptions& options = {});
+
+/// One identified element over its axis, with its uncertainty and the readings that bear on it.
+struct CurveReadings {
+  ElementName element;
+  Eigen::VectorXd q;          ///< (k) mm or rad, over where the axis was read
+  Eigen::VectorXd value;      ///< (k) mm or rad, the mean of both ways of approach
+  Eigen::VectorXd sigma;      ///< (k) standard uncertainty of it
+  Eigen::VectorXd reading_q;  ///< (r) positions of the readings that bear on this element
+  Eigen::VectorXd reading;    ///< (r) its value there as each reading alone would have it, all else
+                              ///< as identified; readings left out as outliers are left out here
+};
+
+/// Every element of a belief that has a curve, in its order; a location error or a constant has
+/// none. A reading bears on an element whose numbers, each 1 um or 10 urad, would change it at
+/// least a quarter as much as those of the element that changes it most.
+/// @param readings  those of the estimate
+std::vector<CurveReadings> curve_readings(const Estimate& estimate,
+                                          std::span<const metrology::Readings> readings);
 
 }  // namespace abbe::errors::identification

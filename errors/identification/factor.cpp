@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -12,11 +12,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double takes_part = 1e-5;  // of a unit null vector: less is not worth being left out for
-constexpr double among_equals = 0.1;
+constexpr double min_participation =
+    1e-5;  // of a unit null vector: less is not worth being left out for
+constexpr double equal_participation = 0.1;
 constexpr double hides = 1e-6;
 
-std::vector<int> where(const std::vector<char>& wanted) {
+std::vector<int> selected_indices(const std::vector<char>& wanted) {
   std::vector<int> result;
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i]) result.push_back(int(i));
@@ -24,7 +25,7 @@ std::vector<int> where(const std::vector<char>& wanted) {
 }
 
 /// Row of N to leave out next: of the lowest preference that takes part at all.
-Index next_left(const MatrixXd& N, const std::vector<int>& preference) {
+Index next_left_out(const MatrixXd& N, const std::vector<int>& preference) {
   const VectorXd part = N.rowwise().norm();
   std::vector<int> levels = preference;
   std::sort(levels.begin(), levels.end());
@@ -33,9 +34,9 @@ Index next_left(const MatrixXd& N, const std::vector<int>& preference) {
     double most = 0.0;
     for (Index i = 0; i < N.rows(); ++i)
       if (preference[std::size_t(i)] == level) most = std::max(most, part[i]);
-    if (most < takes_part) continue;
+    if (most < min_participation) continue;
     for (Index i = N.rows() - 1; i >= 0; --i)
-      if (preference[std::size_t(i)] == level && part[i] >= among_equals * most) return i;
+      if (preference[std::size_t(i)] == level && part[i] >= equal_participation * most) return i;
   }
   Index largest = 0;  // of unit vectors one row is never small
   part.maxCoeff(&largest);
@@ -46,7 +47,7 @@ Index next_left(const MatrixXd& N, const std::vector<int>& preference) {
 std::vector<Index> chosen(MatrixXd N, const std::vector<int>& preference) {
   std::vector<Index> rows;
   for (Index d = N.cols(); d > 0; --d) {
-    const Index i = next_left(N, preference);
+    const Index i = next_left_out(N, preference);
     rows.push_back(i);
     const VectorXd direction = N.row(i).transpose().normalized();
     N -= (N * direction) * direction.transpose();
@@ -74,7 +75,7 @@ VectorXd norms(const MatrixXd& A, const std::vector<int>& columns) {
 
 /// Square root of the largest eigenvalue of a symmetric operator, by its powers.
 template <typename Operator>
-double root_of_largest(Index n, const Operator& apply) {
+double root_of_max(Index n, const Operator& apply) {
   VectorXd v = VectorXd::LinSpaced(n, 1.0, 2.0).normalized();  // along no axis of symmetry
   double largest = 0.0;
   for (int i = 0; i < 200; ++i) {
@@ -91,10 +92,10 @@ double root_of_largest(Index n, const Operator& apply) {
 double condition_of(const MatrixXd& R) {
   if (R.cols() == 0) return 1.0;
   const auto upper = R.triangularView<Eigen::Upper>();
-  const double most = root_of_largest(R.cols(), [&](const VectorXd& v) -> VectorXd {
+  const double most = root_of_max(R.cols(), [&](const VectorXd& v) -> VectorXd {
     return upper.transpose() * VectorXd(upper * v);
   });
-  const double least = root_of_largest(R.cols(), [&](const VectorXd& v) -> VectorXd {
+  const double least = root_of_max(R.cols(), [&](const VectorXd& v) -> VectorXd {
     return upper.solve(VectorXd(upper.transpose().solve(v)));
   });
   return most * least;
@@ -102,16 +103,16 @@ double condition_of(const MatrixXd& R) {
 
 }  // namespace
 
-Factor factor(const MatrixXd& A, const std::vector<char>& sought,
+Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
               const std::vector<int>& preference, double tolerance) {
   Factor result;
   result.rows = int(A.rows());
-  const std::vector<int> columns = where(sought);
+  const std::vector<int> columns = selected_indices(is_sought);
   const auto n = Index(columns.size());
   result.hidden = MatrixXd::Zero(A.cols(), 0);
   if (n == 0) return result;
   const VectorXd norm = norms(A, columns);
-  result.outer = reflected(scaled(A, columns, norm));
+  result.outer = factor_by_householder(scaled(A, columns, norm));
   const MatrixXd R = triangle(result.outer);
   const MatrixXd N = null_space(R, tolerance);
 
@@ -124,12 +125,12 @@ Factor factor(const MatrixXd& A, const std::vector<char>& sought,
   for (const Index j : left) result.left.push_back(columns[std::size_t(j)]);
   for (const Index j : found) result.found.push_back(columns[std::size_t(j)]);
   result.norm = norm(found);
-  result.inner = reflected(R(Eigen::all, found));
+  result.inner = factor_by_householder(R(Eigen::all, found));
   result.condition = condition_of(triangle(result.inner));
   result.hidden = MatrixXd::Zero(A.cols(), N.cols());
   if (left.empty()) return result;
   const MatrixXd N_left = N(left, Eigen::all);
-  const MatrixXd along = N * inverted(N_left);  // null vectors, a unit of each in turn
+  const MatrixXd along = N * full_pivot_inverse(N_left);  // null vectors, a unit of each in turn
   for (Index k = 0; k < N.cols(); ++k)
     for (const Index j : found)
       if (std::abs(along(j, k)) > hides)
@@ -142,7 +143,7 @@ VectorXd solve(const Factor& factor, const VectorXd& b) {
   if (factor.found.empty()) return VectorXd();
   VectorXd all = VectorXd::Zero(factor.outer.packed.rows());
   all.head(b.size()) = b;
-  const VectorXd head = reflect(factor.outer, all).head(factor.outer.packed.cols());
+  const VectorXd head = apply_reflections(factor.outer, all).head(factor.outer.packed.cols());
   return abbe::solve(factor.inner, head).cwiseQuotient(factor.norm);
 }
 

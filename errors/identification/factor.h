@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "kinematics/triangle.h"
+#include "kinematics/decompositions.h"
 
 namespace abbe::errors::identification {
 
@@ -18,8 +18,8 @@ struct Factor {
   double condition = 0.0;  ///< of the scaled matrix over what is solved for, to some percent
   int rows = 0;
 
-  Reflected outer;       ///< of the scaled matrix, sought columns
-  Reflected inner;       ///< of its triangle, columns found
+  HouseholderQr outer;   ///< of the scaled matrix, sought columns
+  HouseholderQr inner;   ///< of its triangle, columns found
   Eigen::VectorXd norm;  ///< (found) that the columns were divided by
 };
 
@@ -28,7 +28,7 @@ struct Factor {
 /// @param preference  (n) columns of the lowest are left out first; among equals that take part
 ///                    to a tenth of the most, the last
 /// @param tolerance   least pivot that counts, of the largest
-Factor factor(const Eigen::MatrixXd& A, const std::vector<char>& sought,
+Factor factor(const Eigen::MatrixXd& A, const std::vector<char>& is_sought,
               const std::vector<int>& preference, double tolerance);
 
 /// Least squares: changes of the columns found for right-hand sides b. (found)

@@ -16,7 +16,7 @@
 #include <dlib/optimization.h>
 #include <dlib/svm.h>
 
-#include "kinematics/require.h"
+#include "kinematics/bad_input.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -144,12 +144,12 @@ KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
 KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
                            const KernelRidgeOptions& options) {
   validate_training(Z, y);
-  require(options.gamma > 0 && options.penalty > 0 && options.most_support > 0,
+  require(options.gamma > 0 && options.penalty > 0 && options.max_support > 0,
           "an option of kernel ridge is not positive");
   dlib::krr_trainer<Kernel> trainer;
   trainer.set_kernel(Kernel(options.gamma));
   trainer.set_lambda(options.penalty * static_cast<double>(y.size()));
-  trainer.set_max_basis_size(static_cast<unsigned long>(options.most_support));
+  trainer.set_max_basis_size(static_cast<unsigned long>(options.max_support));
   return trained(trainer, Z, y);
 }
 
@@ -163,7 +163,7 @@ double value(const Network& network, const VectorXd& z) {
 Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& options) {
   validate_training(Z, y);
   require(options.hidden >= 1 && options.hidden <= 1000 && options.decay >= 0 &&
-              std::isfinite(options.decay) && options.starts >= 1 && options.most_iterations >= 1,
+              std::isfinite(options.decay) && options.starts >= 1 && options.max_iterations >= 1,
           "an option of a network is out of range");
   const NetworkLoss loss(Z, y, options);
   std::mt19937_64 random(options.seed);
@@ -177,7 +177,7 @@ Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& 
     const double end = dlib::find_min(
         dlib::lbfgs_search_strategy(20),
         dlib::objective_delta_stop_strategy(1e-10,
-                                            static_cast<unsigned long>(options.most_iterations)),
+                                            static_cast<unsigned long>(options.max_iterations)),
         [&](const Sample& x) { return loss.loss(x); },
         [&](const Sample& x) { return loss.gradient(x); }, w,
         -std::numeric_limits<double>::infinity());

@@ -30,8 +30,8 @@ KernelSum fit_support_vectors(const Eigen::MatrixXd& Z, const Eigen::VectorXd& y
 
 struct KernelRidgeOptions {
   double gamma = 0.1;
-  double penalty = 1e-3;   ///< sum of squares + n penalty (|f|^2 + bias^2)
-  int most_support = 400;  ///< rows that carry the kernels, the most independent ones
+  double penalty = 1e-3;  ///< sum of squares + n penalty (|f|^2 + bias^2)
+  int max_support = 400;  ///< rows that carry the kernels, the most independent ones
 };
 /// @throws as above
 KernelSum fit_kernel_ridge(const Eigen::MatrixXd& Z, const Eigen::VectorXd& y,
@@ -50,7 +50,7 @@ struct NetworkOptions {
   int hidden = 5;
   double decay = 1e-3;  ///< min mean square + decay (|in|^2 + |out|^2)
   int starts = 3;       ///< from random weights; the best end is kept
-  int most_iterations = 500;
+  int max_iterations = 500;
   std::uint64_t seed = 1;
 };
 /// Quasi-Newton (L-BFGS) over all rows at once, gradient by the chain rule. A local minimum, the

@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "errors/identification/estimate.h"
+#include "errors/geometric.h"
+#include "errors/metrology/readings.h"
 
 namespace abbe::errors::identification {
 
@@ -42,6 +43,10 @@ inline constexpr const char* pitch_name = "screw pitch";
 /// @throws std::invalid_argument naming an unknown element, a slide without limits, or a number out
 ///         of range (orders 0 to 60)
 GeometricErrors model_of(const kinematics::Chain& nominal, const ModelOptions& options = {});
+
+/// Returns the name of the element that a number belongs to: "EXX" of "EXX[2]" and of
+/// "EXX screw pitch cos 1".
+std::string element_of_number(const std::string& number);
 
 /// Returns the standard deviation that machine tools of good making have of a number of an element
 /// ("EXX[2]", "EXC cos 1", "EC0Y"), mm or rad: half of what ISO 10791-1 and -2 allow of new

@@ -8,8 +8,8 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 
-#include "kinematics/require.h"
-#include "kinematics/symmetric.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/decompositions.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -139,7 +139,7 @@ Index rank_of(const Qr& qr, double tolerance) {
 }
 
 /// Inverse of A'A of the scaled design.
-RealMatrix inverse_normal(const Qr& qr, Index q) {
+RealMatrix inverse_normal_matrix(const Qr& qr, Index q) {
   const RealMatrix R_inverse =
       qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>().solve(
           RealMatrix::Identity(q, q));
@@ -191,18 +191,18 @@ double press_rms(const RealVector& residual, const VectorXd& leverage, const Rea
 }
 
 /// Columns scaled to mean 0 and standard deviation 1 (0 for one that stands still).
-struct Standard {
+struct StandardisedData {
   MatrixXd Z;
   VectorXd mean, sd;
   VectorXd centred;  ///< y minus its mean
   double y_mean = 0.0;
 };
 
-Standard standardise(const MatrixXd& A, const VectorXd& y) {
+StandardisedData standardise(const MatrixXd& A, const VectorXd& y) {
   validate(A, y);
   require(A.rows() >= 1 && A.cols() >= 1, "a shrunk fit needs a row and a column");
   const double n = static_cast<double>(A.rows());
-  Standard s{A, A.colwise().mean(), VectorXd::Zero(A.cols()), y, y.mean()};
+  StandardisedData s{A, A.colwise().mean(), VectorXd::Zero(A.cols()), y, y.mean()};
   s.Z.rowwise() -= s.mean.transpose();
   s.centred.array() -= s.y_mean;
   for (Index j = 0; j < A.cols(); ++j) {
@@ -214,14 +214,14 @@ Standard standardise(const MatrixXd& A, const VectorXd& y) {
   return s;
 }
 
-Shrunk in_units(const Standard& s, const VectorXd& b) {
-  Shrunk result;
+ShrunkFit in_original_units(const StandardisedData& s, const VectorXd& b) {
+  ShrunkFit result;
   result.beta = (s.sd.array() > 0).select(b.array() / s.sd.array(), 0.0);
   result.constant = s.y_mean - s.mean.dot(result.beta);
   return result;
 }
 
-double largest_gradient(const Standard& s) {
+double largest_gradient(const StandardisedData& s) {
   return (s.Z.transpose() * s.centred).cwiseAbs().maxCoeff() / static_cast<double>(s.Z.rows());
 }
 
@@ -266,7 +266,7 @@ Regression fit_regression(const MatrixXd& A, const VectorXd& y, const Regression
   const RealVector fitted = (A.cast<Real>() * coefficient.tail(p)).array() +
                             (options.constant ? coefficient(0) : Real(0));
   const RealVector residual = y.cast<Real>() - fitted;
-  const RealMatrix inverse = inverse_normal(qr, q);
+  const RealMatrix inverse = inverse_normal_matrix(qr, q);
   const Real squares = weighted_residual.squaredNorm();
 
   fit.degrees_of_freedom = static_cast<int>(rows - q);
@@ -304,18 +304,19 @@ std::string describe(const std::vector<Dependence>& confounded,
   return text;
 }
 
-Shrunk fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
+ShrunkFit fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
   require(std::isfinite(penalty) && penalty > 0, "a ridge penalty is positive");
-  const Standard s = standardise(A, y);
+  const StandardisedData s = standardise(A, y);
   const double n = static_cast<double>(A.rows());
   MatrixXd normal = s.Z.transpose() * s.Z / n;
   normal.diagonal().array() += penalty;
-  return in_units(s, solve_semidefinite(normal, VectorXd(s.Z.transpose() * s.centred / n)));
+  return in_original_units(s,
+                           solve_semidefinite(normal, VectorXd(s.Z.transpose() * s.centred / n)));
 }
 
-Shrunk fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
+ShrunkFit fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
   require(std::isfinite(penalty) && penalty >= 0, "a LASSO penalty is not negative");
-  const Standard s = standardise(A, y);
+  const StandardisedData s = standardise(A, y);
   const double n = static_cast<double>(A.rows());
   const MatrixXd gram = s.Z.transpose() * s.Z / n;
   const VectorXd moment = s.Z.transpose() * s.centred / n;
@@ -330,13 +331,13 @@ Shrunk fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
     }
     worst = violation(gram, moment, b, penalty);
   }
-  Shrunk result = in_units(s, b);
+  ShrunkFit result = in_original_units(s, b);
   result.converged = worst <= 1e-9 * most;
   result.kkt = most > 0 ? worst / most : 0.0;
   return result;
 }
 
-double most_penalty(const MatrixXd& A, const VectorXd& y) {
+double max_penalty(const MatrixXd& A, const VectorXd& y) {
   return largest_gradient(standardise(A, y));
 }
 

@@ -43,7 +43,7 @@ struct Regression {
   double condition = 0.0;          ///< 2-norm, of the design with columns scaled to length 1
   Eigen::VectorXd vif;             ///< (p) variance inflation, 1 / (1 - R^2 on the other columns)
   double press_rms = 0.0;  ///< RMS of each row predicted by a fit to all others: rows of one run
-                           ///< are correlated, so this flatters; see cross_validation.h
+                           ///< are correlated, so this flatters; see thermal_model.h
 };
 
 /// Householder QR with column exchange in 64-bit mantissas, then one step of refinement from a
@@ -60,24 +60,26 @@ std::string describe(const std::vector<Dependence>& confounded,
                      const std::vector<std::string>& names);
 
 /// Fit with shrunk coefficients, of columns scaled to standard deviation 1; the constant is free.
-struct Shrunk {
+struct ShrunkFit {
   bool converged = true;
   double constant = 0.0;
   Eigen::VectorXd beta;  ///< (p) in the units of the columns; 0 for a column that stands still
-  double kkt = 0.0;      ///< LASSO: largest violation of its optimality, as part of `most_penalty`
+  double kkt = 0.0;      ///< LASSO: largest violation of its optimality, as part of `max_penalty`
 };
 
 /// min (1/2n) |y - a - Z b|^2 + (penalty/2) |b|^2, Z the scaled columns, by Cholesky.
 /// @param penalty  > 0
-[[nodiscard]] Shrunk fit_ridge(const Eigen::MatrixXd& A, const Eigen::VectorXd& y, double penalty);
+[[nodiscard]] ShrunkFit fit_ridge(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
+                                  double penalty);
 
 /// min (1/2n) |y - a - Z b|^2 + penalty |b|_1 by coordinate descent. Converged means that every
 /// column's gradient g = Z_j' r / n keeps |g| <= penalty where b_j = 0 and g = penalty sign(b_j)
-/// elsewhere, both within 1e-9 of `most_penalty`; at most 20 000 sweeps.
+/// elsewhere, both within 1e-9 of `max_penalty`; at most 20 000 sweeps.
 /// @param penalty  >= 0
-[[nodiscard]] Shrunk fit_lasso(const Eigen::MatrixXd& A, const Eigen::VectorXd& y, double penalty);
+[[nodiscard]] ShrunkFit fit_lasso(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
+                                  double penalty);
 
 /// Smallest LASSO penalty at which every coefficient is 0: the largest |Z_j' (y - mean)| / n.
-double most_penalty(const Eigen::MatrixXd& A, const Eigen::VectorXd& y);
+double max_penalty(const Eigen::MatrixXd& A, const Eigen::VectorXd& y);
 
 }  // namespace abbe::errors::identification

@@ -11,9 +11,155 @@
 #include <tbb/parallel_for.h>
 
 #include "errors/curve.h"
-#include "errors/identification/cross_validation.h"
+#include "errors/identification/thermal_model.h"
+#include "kinematics/bad_input.h"
 
 namespace abbe::errors::identification {
+
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+void validate_series(const MatrixXd& series, const GreyOptions& options) {
+  require(series.rows() >= 2, "a grey degree needs two instants or more");
+  require(series.cols() >= 1, "a grey degree needs a series");
+  require(series.allFinite(), "a grey degree needs finite numbers");
+  require(options.rho > 0 && options.rho <= 1, "rho of a grey degree lies in (0, 1]");
+  require(options.theta >= 0 && options.theta <= 1, "theta of a grey degree lies in [0, 1]");
+}
+
+struct Images {
+  GreyStatus status = GreyStatus::Ok;
+  int series = -1;
+  MatrixXd image;
+};
+
+/// Every column divided, or shifted and divided, as the image says.
+Images images(const MatrixXd& series, Image image) {
+  Images result;
+  result.image = series;
+  for (int i = 0; i < series.cols() && result.status == GreyStatus::Ok; ++i) {
+    auto x = result.image.col(i);
+    double divisor = 1.0;
+    if (image == Image::Initial) {
+      divisor = x(0);
+      if (divisor == 0) result.status = GreyStatus::StartsAtZero;
+    } else if (image == Image::Mean) {
+      divisor = x.mean();
+      if (divisor == 0) result.status = GreyStatus::MeanIsZero;
+    } else if (image == Image::Interval) {
+      divisor = x.maxCoeff() - x.minCoeff();
+      if (divisor == 0) result.status = GreyStatus::StandsStill;
+      x.array() -= x.minCoeff();
+    }
+    if (result.status == GreyStatus::Ok)
+      x /= divisor;
+    else
+      result.series = i;
+  }
+  return result;
+}
+
+/// |s| of each column: the area from the column's own start.
+VectorXd areas(const MatrixXd& series) {
+  const auto n = series.rows();
+  const MatrixXd from_start = series.rowwise() - series.row(0);
+  return (from_start.middleRows(1, n - 2).colwise().sum() + 0.5 * from_start.row(n - 1))
+      .transpose();
+}
+
+double liu_degree(double s0, double si) {
+  const double sum = 1.0 + std::abs(s0) + std::abs(si);
+  return sum / (sum + std::abs(si - s0));
+}
+
+/// Liu's degree of every pair of areas.
+MatrixXd liu_matrix(const VectorXd& s) {
+  return MatrixXd::NullaryExpr(s.size(), s.size(),
+                               [&](auto i, auto j) { return liu_degree(s(i), s(j)); });
+}
+
+double mean_grade(const ArrayXd& difference, double least, double most, double rho) {
+  if (most == 0) return 1.0;
+  return ((least + rho * most) / (difference + rho * most)).mean();
+}
+
+/// Liu's degrees of all pairs, by the kind asked for.
+MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
+  MutualDegrees result;
+  const bool absolute = options.kind != GreyKind::Relative;
+  const bool relative = options.kind != GreyKind::Absolute;
+  const double theta = !relative ? 1.0 : !absolute ? 0.0 : options.theta;
+  result.degree.setZero(series.cols(), series.cols());
+  if (absolute) result.degree += theta * liu_matrix(areas(series));
+  if (relative) {
+    const Images initial = images(series, Image::Initial);
+    if (initial.status != GreyStatus::Ok) return {initial.status, initial.series, {}};
+    result.degree += (1 - theta) * liu_matrix(areas(initial.image));
+  }
+  return result;
+}
+
+}  // namespace
+
+GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
+                         const GreyOptions& options) {
+  require(reference.size() == series.rows(),
+          "reference and series of a grey degree differ in length");
+  const auto m = series.cols();
+  MatrixXd all(series.rows(), m + 1);
+  all << reference, series;
+  validate_series(all, options);
+  require(m >= 1, "a grey degree needs a series");
+  if (options.kind != GreyKind::Deng) {
+    const MutualDegrees mutual = liu_degrees(all, options);
+    if (mutual.status != GreyStatus::Ok) return {mutual.status, mutual.series - 1, {}};
+    return {GreyStatus::Ok, -1, mutual.degree.col(0).tail(m)};
+  }
+  const Images made = images(all, options.image);
+  if (made.status != GreyStatus::Ok) return {made.status, made.series - 1, {}};
+  const MatrixXd difference = (made.image.rightCols(m).colwise() - made.image.col(0)).cwiseAbs();
+  const double least = difference.minCoeff(), most = difference.maxCoeff();
+  GreyDegrees result{GreyStatus::Ok, -1, VectorXd(m)};
+  for (int i = 0; i < m; ++i)
+    result.degree(i) = mean_grade(difference.col(i).array(), least, most, options.rho);
+  return result;
+}
+
+MutualDegrees mutual_degrees(const MatrixXd& series, const GreyOptions& options) {
+  validate_series(series, options);
+  if (options.kind != GreyKind::Deng) return liu_degrees(series, options);
+  const Images made = images(series, options.image);
+  if (made.status != GreyStatus::Ok) return {made.status, made.series, {}};
+  const auto m = series.cols();
+  double most = 0;
+  for (int i = 0; i < m; ++i)
+    most = std::max(most, (made.image.colwise() - made.image.col(i)).cwiseAbs().maxCoeff());
+  MutualDegrees result{GreyStatus::Ok, -1, MatrixXd::Identity(m, m)};
+  for (int i = 0; i < m; ++i)
+    for (int j = 0; j < i; ++j) {
+      const ArrayXd difference = (made.image.col(i) - made.image.col(j)).cwiseAbs().array();
+      result.degree(i, j) = result.degree(j, i) = mean_grade(difference, 0, most, options.rho);
+    }
+  return result;
+}
+
+const char* to_string(GreyStatus status) {
+  switch (status) {
+    case GreyStatus::Ok:
+      return "ok";
+    case GreyStatus::StartsAtZero:
+      return "a series that starts at zero has no initial image";
+    case GreyStatus::MeanIsZero:
+      return "a series of mean zero has no mean image";
+    case GreyStatus::StandsStill:
+      return "a series that stands still has no interval image";
+  }
+  return "";
+}
+
 namespace {
 
 using Eigen::Index;
@@ -47,7 +193,7 @@ struct Degrees {
   std::vector<std::optional<int>> first_row = {};  ///< (errors)
 };
 
-Degrees by_correlation(std::span<const ThermalData> errors) {
+Degrees correlation_degrees(std::span<const ThermalData> errors) {
   Degrees result{GreyStatus::Ok, -1, correlations(errors.front()),
                  mutual_correlations(errors.front())};
   for (const ThermalData& error : errors)
@@ -57,9 +203,9 @@ Degrees by_correlation(std::span<const ThermalData> errors) {
 
 /// The first row at which neither the error nor an input is too near to zero to divide by.
 std::optional<int> first_row(const ThermalData& error, const std::vector<int>& inputs,
-                             double least_start) {
+                             double min_start) {
   for (Index k = 0; k + 1 < error.y.size(); ++k)
-    if (std::abs(error.y(k)) > least_start && (error.T(k, inputs).array() != 0.0).all())
+    if (std::abs(error.y(k)) > min_start && (error.T(k, inputs).array() != 0.0).all())
       return int(k);
   return std::nullopt;
 }
@@ -75,8 +221,8 @@ MatrixXd series_of(const ThermalData& error, const std::vector<int>& inputs,
   return series;
 }
 
-Degrees by_grey(std::span<const ThermalData> errors, const std::vector<int>& inputs,
-                const SensorChoiceOptions& options) {
+Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::vector<int>& inputs,
+                                const SensorChoiceOptions& options) {
   const Index m = errors.front().T.cols();
   const auto input_of = [&](int series) {
     return series < 0 ? -1 : inputs[static_cast<std::size_t>(series)];
@@ -85,8 +231,8 @@ Degrees by_grey(std::span<const ThermalData> errors, const std::vector<int>& inp
   for (std::size_t e = 0; e < errors.size(); ++e) {
     const ThermalData& error = errors[e];
     std::optional<int> first = 0;
-    if (divides_by_start(options))
-      first = first_row(error, inputs, options.least_start.empty() ? 0.0 : options.least_start[e]);
+    if (is_divided_by_start(options))
+      first = first_row(error, inputs, options.min_start.empty() ? 0.0 : options.min_start[e]);
     result.first_row.push_back(first);
     if (!first) continue;
     const Index rows = error.y.size() - *first;
@@ -103,8 +249,8 @@ Degrees by_grey(std::span<const ThermalData> errors, const std::vector<int>& inp
   return result;
 }
 
-std::vector<std::vector<int>> grouped(const std::vector<int>& by_degree, const MatrixXd& mutual,
-                                      double threshold) {
+std::vector<std::vector<int>> group_sensors(const std::vector<int>& by_degree,
+                                            const MatrixXd& mutual, double threshold) {
   std::vector<std::vector<int>> groups;
   for (const int sensor : by_degree) {
     const auto leader = std::ranges::find_if(groups, [&](const std::vector<int>& group) {
@@ -126,18 +272,18 @@ double threshold_for(const std::vector<int>& by_degree, const MatrixXd& mutual,
     for (const int j : by_degree)
       if (i != j) candidates.insert(mutual(i, j));
   for (const double threshold : candidates)
-    if (grouped(by_degree, mutual, threshold).size() >= wanted) return threshold;
+    if (group_sensors(by_degree, mutual, threshold).size() >= wanted) return threshold;
   return 1.0 + 1e-9;  // each sensor a group of its own
 }
 
 /// Mean square of what regressions on these inputs leave of all errors; infinite where one cannot
 /// be made.
-double left_by(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
+double regression_residual(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
   ThermalModelOptions options;
   options.sigma_from_runs = false;
   double sum = 0.0;
   for (const ThermalData& error : errors) {
-    const ThermalData some = only_inputs(error, inputs);
+    const ThermalData some = select_inputs(error, inputs);
     if (runs(error).size() >= 2) {
       const Validation validation = cross_validate(some, options);
       if (validation.status != FitStatus::Ok) return INFINITY;
@@ -151,15 +297,15 @@ double left_by(std::span<const ThermalData> errors, const std::vector<int>& inpu
   return sum;
 }
 
-std::vector<int> screened_by_regression(std::span<const ThermalData> errors,
-                                        std::vector<int> leaders, std::size_t count) {
+std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::vector<int> leaders,
+                                      std::size_t count) {
   std::vector<int> chosen;
   while (chosen.size() < count && !leaders.empty()) {
     std::vector<double> left;
     for (const int leader : leaders) {
       std::vector<int> with = chosen;
       with.push_back(leader);
-      left.push_back(left_by(errors, with));
+      left.push_back(regression_residual(errors, with));
     }
     const auto best = std::ranges::min_element(left) - left.begin();
     chosen.push_back(leaders[static_cast<std::size_t>(best)]);
@@ -190,14 +336,15 @@ void check(std::span<const ThermalData> errors, const SensorChoiceOptions& optio
   }
   if (options.count < 1 || options.groups < 1)
     throw std::invalid_argument("a choice of sensors needs one or more");
-  if (!options.least_start.empty() && options.least_start.size() != errors.size())
+  if (!options.min_start.empty() && options.min_start.size() != errors.size())
     throw std::invalid_argument("a choice of sensors needs a least start for every error");
 }
 
 }  // namespace
 
-bool divides_by_start(const SensorChoiceOptions& options) {
-  if (options.likeness == Likeness::Correlation || !options.fixed.empty()) return false;
+bool is_divided_by_start(const SensorChoiceOptions& options) {
+  if (options.similarity_measure == SimilarityMeasure::Correlation || !options.fixed.empty())
+    return false;
   const GreyOptions& grey = options.grey;
   return grey.kind == GreyKind::Deng ? grey.image == Image::Initial
                                      : grey.kind != GreyKind::Absolute;
@@ -223,8 +370,9 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
     choice.chosen = columns_of(options.fixed, errors.front().names);
     return choice;
   }
-  Degrees degrees = options.likeness == Likeness::Correlation ? by_correlation(errors)
-                                                              : by_grey(errors, inputs, options);
+  Degrees degrees = options.similarity_measure == SimilarityMeasure::Correlation
+                        ? correlation_degrees(errors)
+                        : grey_relational_degrees(errors, inputs, options);
   choice.status = degrees.status;
   choice.input = degrees.input;
   choice.first_row = std::move(degrees.first_row);
@@ -238,13 +386,13 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
       std::min(static_cast<std::size_t>(std::max(options.groups, options.count)), by_degree.size());
   choice.threshold =
       options.threshold ? *options.threshold : threshold_for(by_degree, choice.mutual, wanted);
-  choice.groups = grouped(by_degree, choice.mutual, choice.threshold);
+  choice.groups = group_sensors(by_degree, choice.mutual, choice.threshold);
 
   std::vector<int> leaders;
   for (const std::vector<int>& group : choice.groups) leaders.push_back(group.front());
   const auto count = std::min(static_cast<std::size_t>(options.count), leaders.size());
   if (options.screening == Screening::Regression)
-    choice.chosen = screened_by_regression(errors, leaders, count);
+    choice.chosen = screen_by_regression(errors, leaders, count);
   else
     choice.chosen.assign(leaders.begin(), leaders.begin() + static_cast<std::ptrdiff_t>(count));
   return choice;
@@ -253,8 +401,8 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
 namespace {
 
 /// The rows from `start` on with noise added.
-std::vector<ThermalData> redrawn(std::span<const ThermalData> errors, Index start,
-                                 const ChoiceSpreadOptions& spread, std::uint64_t stream) {
+std::vector<ThermalData> redraw_noise(std::span<const ThermalData> errors, Index start,
+                                      const ChoiceSpreadOptions& spread, std::uint64_t stream) {
   const Index n = errors.front().y.size() - start, m = errors.front().T.cols();
   Eigen::MatrixXd T = errors.front().T.bottomRows(n);
   std::uint64_t counter = 0;
@@ -301,8 +449,8 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
   tbb::parallel_for(0, spread.draws, [&](int draw) {
     // each start row in turn, so that none is left out of a few draws
     choices[std::size_t(draw)] =
-        choose_sensors(redrawn(errors, draw % (last + 1), spread,
-                               spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
+        choose_sensors(redraw_noise(errors, draw % (last + 1), spread,
+                                    spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
                        options);
   });
   ChoiceSpread result{0,
@@ -365,6 +513,140 @@ std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
     subsets.push_back(std::move(all));
   }
   return subsets;
+}
+
+namespace {
+
+/// The value below which this part of the sorted values lies, linear between neighbours.
+double percentile(const std::vector<double>& sorted, double part) {
+  if (sorted.empty()) return 0.0;
+  const double at = part * static_cast<double>(sorted.size() - 1);
+  const auto low = static_cast<std::size_t>(at);
+  const std::size_t high = std::min(low + 1, sorted.size() - 1);
+  return sorted[low] + (at - static_cast<double>(low)) * (sorted[high] - sorted[low]);
+}
+
+/// Training and test data of every error and what is done with a choice of their inputs.
+struct Trial {
+  std::span<const ThermalData> training;
+  std::span<const ThermalData> test;
+  Recipe recipe;
+  double range = 0.0;  ///< root of the sum of the squares of the errors' ranges
+
+  Validation of(std::size_t error, const std::vector<int>& inputs) const {
+    return validate_on(select_inputs(training[error], inputs), select_inputs(test[error], inputs),
+                       recipe);
+  }
+  /// RMS over range of all errors; none where one could not be fitted.
+  std::optional<double> graded(const std::vector<int>& inputs) const {
+    double sum = 0.0;
+    for (std::size_t e = 0; e < training.size(); ++e) {
+      const Validation validation = of(e, inputs);
+      if (validation.status != FitStatus::Ok) return std::nullopt;
+      sum += validation.overall.rms * validation.overall.rms;
+    }
+    return std::sqrt(sum) / range;
+  }
+};
+
+RandomChoices random_choices(const Trial& trial, const ThermalStudyOptions& options,
+                             const ThermalStudy& study) {
+  std::vector<int> usable;
+  for (int j = 0; j < trial.training.front().T.cols(); ++j)
+    if (!std::ranges::count(study.choice.still, j)) usable.push_back(j);
+  const auto subsets =
+      random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
+                     options.random_subsets, options.seed);
+  std::vector<std::optional<double>> grades(subsets.size());
+  tbb::parallel_for(std::size_t(0), subsets.size(), [&](std::size_t i) {
+    std::vector<int> inputs;
+    for (const int k : subsets[i]) inputs.push_back(usable[static_cast<std::size_t>(k)]);
+    grades[i] = trial.graded(inputs);
+  });
+  RandomChoices result;
+  for (const std::optional<double>& grade : grades)
+    if (grade)
+      result.rms_over_range.push_back(*grade);
+    else
+      ++result.unfitted_count;
+  std::vector<double>& ratios = result.rms_over_range;
+  std::ranges::sort(ratios);
+  result.p05 = percentile(ratios, 0.05);
+  result.p25 = percentile(ratios, 0.25);
+  result.p50 = percentile(ratios, 0.50);
+  result.p75 = percentile(ratios, 0.75);
+  result.p95 = percentile(ratios, 0.95);
+  const auto worse =
+      std::ranges::count_if(ratios, [&](double ratio) { return ratio > study.rms_over_range; });
+  if (!ratios.empty())
+    result.fraction_beaten = static_cast<double>(worse) / static_cast<double>(ratios.size());
+  return result;
+}
+
+void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
+  if (training.names != test.names)
+    throw std::invalid_argument("training and test data differ in their inputs");
+  const std::vector<int> seen = runs(training);
+  for (const int label : runs(test))
+    if (std::ranges::count(seen, label))
+      throw std::invalid_argument("run " + std::to_string(label) +
+                                  " stands in the training and in the test data");
+}
+
+ErrorStudy study_error(const Trial& trial, std::size_t error, const std::vector<int>& chosen,
+                       const ThermalModelOptions& model) {
+  const ThermalData& test = trial.test[error];
+  ErrorStudy study;
+  study.drift_range = test.y.maxCoeff() - test.y.minCoeff();
+  const ThermalData seen =
+      with_features(select_inputs(trial.training[error], chosen), trial.recipe.features);
+  study.fitted = fit(seen, model);
+  if (!study.fitted.model) return study;
+  study.in_cycle = spread(seen.y - values(*study.fitted.model, seen.T));
+  if (runs(seen).size() >= 2) study.left_out = cross_validate(seen, model);
+  study.test = trial.of(error, chosen);
+  if (study.drift_range > 0) study.rms_over_range = study.test.overall.rms / study.drift_range;
+  return study;
+}
+
+}  // namespace
+
+ThermalStudy study_sensors(const ThermalData& training, const ThermalData& test,
+                           const ThermalStudyOptions& options) {
+  return study_sensors(std::span(&training, 1), std::span(&test, 1), options);
+}
+
+ThermalStudy study_sensors(std::span<const ThermalData> training, std::span<const ThermalData> test,
+                           const ThermalStudyOptions& options) {
+  if (training.empty() || training.size() != test.size())
+    throw std::invalid_argument("training and test data differ in their errors");
+  for (std::size_t e = 0; e < training.size(); ++e) {
+    validate(training[e]);
+    validate(test[e]);
+    check_disjoint_runs(training[e], test[e]);
+  }
+  ThermalStudy study;
+  // Lagged copies are made of the chosen sensors only, so the choice goes by the sensors
+  // themselves.
+  std::vector<ThermalData> featured;
+  for (const ThermalData& error : training)
+    featured.push_back(with_features(error, {options.features.since_start, 0}));
+  study.choice = choose_sensors(featured, options.choice);
+  if (study.choice.status != GreyStatus::Ok) return study;
+  for (const int input : study.choice.chosen)
+    study.chosen.push_back(training.front().names[static_cast<std::size_t>(input)]);
+  Trial trial{training, test, {options.features, options.model}};
+  double squares = 0.0;
+  for (std::size_t e = 0; e < training.size(); ++e) {
+    study.errors.push_back(study_error(trial, e, study.choice.chosen, options.model));
+    squares += study.errors.back().drift_range * study.errors.back().drift_range;
+  }
+  trial.range = std::sqrt(squares);
+  const auto graded = trial.range > 0 ? trial.graded(study.choice.chosen) : std::nullopt;
+  if (!graded) return study;
+  study.rms_over_range = *graded;
+  study.random = random_choices(trial, options, study);
+  return study;
 }
 
 }  // namespace abbe::errors::identification

@@ -4,21 +4,167 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "errors/coefficients.h"
+#include "errors/element.h"
 #include "errors/identification/design.h"
-#include "errors/identification/step_path.h"
-#include "errors/squareness.h"
-#include "kinematics/least_squares.h"
-#include "kinematics/singular_values.h"
-#include "kinematics/symmetric.h"
+#include "errors/metrology/readings.h"
+#include "kinematics/chain.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using kinematics::Chain;
+using kinematics::Joint;
+using metrology::Measurement;
+using metrology::Readings;
+
+inline constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
+
+/// A slide of a chain by its number, 0 1 2.
+/// @throws std::invalid_argument unless the chain has it and it runs along that axis of the bed
+kinematics::Joint slide(const kinematics::Chain& chain, int axis);
+
+/// One leg: a change of reading against its length, over one interval of one axis.
+struct StepLeg {
+  int axis = 0;
+  int interval = 0;
+  int diagonal = 0;        ///< set-up
+  Eigen::Vector3d across;  ///< change of reading per unit of E(upper) - E(lower)
+  Eigen::Index from = 0;   ///< readings it is the difference of
+  Eigen::Index to = 0;
+};
+
+/// Steps of the three axes, each from its lower end upwards.
+using Steps = std::array<std::vector<double>, 3>;
+
+/// The way of four step diagonals.
+struct StepPath {
+  Steps steps;
+  std::vector<StepLeg> legs;
+};
+
+/// @throws std::invalid_argument unless the readings are those of four diagonals, finite, each one
+///         step of X, Y or Z from the one before, with the same steps on every diagonal
+StepPath step_path(const metrology::Readings& readings);
+
+/// @throws std::invalid_argument, always: "step diagonal: " and why
+[[noreturn]] void throw_diagonal_error(const std::string& why);
+
+namespace {
+
+constexpr double same_place = 1e-6;  // mm
+
+void check_diagonals(const Readings& readings) {
+  const metrology::Plan& plan = readings.plan;
+  if (plan.set_ups.size() != 4)
+    throw_diagonal_error(fmt::format("expected four diagonals, seen {}", plan.set_ups.size()));
+  for (const metrology::SetUp& set_up : plan.set_ups)
+    if (set_up.channels.size() != 1 || set_up.channels[0].is_angle() ||
+        set_up.channels[0].quantity == metrology::Quantity::Length)
+      throw_diagonal_error("expected one beam along each diagonal");
+  if (plan.measurements.empty() || readings.value.size() != Index(plan.measurements.size()) ||
+      !readings.value.allFinite())
+    throw_diagonal_error("expected one finite reading at every look");
+  for (const Measurement& measurement : plan.measurements)
+    if (measurement.set_up < 0 || measurement.set_up > 3 || measurement.channel != 0 ||
+        measurement.state.q.size() != readings.nominal.size())
+      throw_diagonal_error("expected looks along four diagonals");
+}
+
+int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
+
+/// The slide that moved between two states, -1 if not exactly one did and nothing else.
+int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
+  int which = -1;
+  for (int j = 0; j < chain.size(); ++j) {
+    if (std::abs(b[j] - a[j]) <= same_place) continue;
+    int axis = 0;
+    while (axis < 3 && joint_index(chain, axis) != j) ++axis;
+    if (which >= 0 || axis == 3) return -1;
+    which = axis;
+  }
+  return which;
+}
+
+void add_step_position(std::vector<double>& places, double q) {
+  const auto at = std::lower_bound(places.begin(), places.end(), q - same_place);
+  if (at == places.end() || *at > q + same_place) places.insert(at, q);
+}
+
+int step_interval(const std::vector<double>& places, double a, double b) {
+  const double low = std::min(a, b);
+  const auto at = std::lower_bound(places.begin(), places.end(), low - same_place);
+  const auto next = at + 1;
+  if (next == places.end() || std::abs(*next - std::max(a, b)) > same_place)
+    throw_diagonal_error("expected the same steps on every diagonal");
+  return int(at - places.begin());
+}
+
+}  // namespace
+
+void throw_diagonal_error(const std::string& why) {
+  throw std::invalid_argument("step diagonal: " + why);
+}
+
+Joint slide(const Chain& chain, int axis) {
+  const auto joint = chain.find(slides[std::size_t(axis)]);
+  if (!joint) throw_diagonal_error(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
+  const Joint& j = chain.joints()[std::size_t(*joint)];
+  if (j.motion != kinematics::Motion::Linear ||
+      (j.direction_b - Vector3d::Unit(axis)).norm() > 1e-9)
+    throw_diagonal_error(
+        fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
+  return j;
+}
+
+StepPath step_path(const Readings& readings) {
+  check_diagonals(readings);
+  const Chain& chain = readings.nominal;
+  const std::vector<Measurement>& measurements = readings.plan.measurements;
+  std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
+  std::map<std::pair<int, int>, std::size_t> last;  // of each set-up and run
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  StepPath path;
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis)
+      add_step_position(path.steps[std::size_t(axis)],
+                        measurements[i].state.q[joint_index(chain, axis)]);
+    const auto before = last.find({measurements[i].set_up, measurements[i].run});
+    if (before != last.end()) pairs.emplace_back(before->second, i);
+    last[{measurements[i].set_up, measurements[i].run}] = i;
+  }
+  for (const auto& [from, to] : pairs) {
+    const auto& q_from = measurements[from].state.q;
+    const auto& q_to = measurements[to].state.q;
+    const int axis = moved(chain, q_from, q_to);
+    if (axis < 0) throw_diagonal_error("expected readings that are one step of X, Y or Z apart");
+    const int j = joint_index(chain, axis);
+    const metrology::Channel& channel =
+        readings.plan.set_ups[std::size_t(measurements[to].set_up)].channels[0];
+    const metrology::ReadingGradient g =
+        metrology::gradient(channel, metrology::nominal_bodies(chain, q_to));
+    const bool primed = joints[std::size_t(axis)].side == kinematics::Side::Workpiece;
+    const Vector3d direction = primed ? g.workpiece.head<3>() : g.tool.head<3>();
+    const double way = q_to[j] > q_from[j] ? 1.0 : -1.0;
+    path.legs.push_back({axis, step_interval(path.steps[std::size_t(axis)], q_from[j], q_to[j]),
+                         measurements[to].set_up, way * direction, Index(from), Index(to)});
+  }
+  return path;
+}
+
 namespace {
 
 using Eigen::Index;
@@ -26,19 +172,19 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using kinematics::Chain;
-using metrology::Look;
+using metrology::Measurement;
 using metrology::Readings;
 
-/// What a machine would read at every look, set up perfectly. (looks)
-VectorXd read_on(const Readings& readings, const GeometricErrors& errors) {
+/// What a machine would read at every measurement, set up perfectly. (measurements)
+VectorXd perfect_readings(const Readings& readings, const GeometricErrors& errors) {
   const Chain& chain = readings.nominal;
   const GeometricModel model = bind(errors, chain);
   VectorXd result(readings.value.size());
   for (Index i = 0; i < result.size(); ++i) {
-    const Look& look = readings.plan.looks[std::size_t(i)];
-    const auto& q = look.state.q;
-    const std::vector<kinematics::JointDeviation> D = deviations(model, look.state);
-    result[i] = metrology::reading(readings.plan.set_ups[std::size_t(look.set_up)], 0, {},
+    const Measurement& measurement = readings.plan.measurements[std::size_t(i)];
+    const auto& q = measurement.state.q;
+    const std::vector<kinematics::JointDeviation> D = deviations(model, measurement.state);
+    result[i] = metrology::reading(readings.plan.set_ups[std::size_t(measurement.set_up)], 0, {},
                                    {chain.workpiece_in_bed(q, D), chain.tool_in_bed(q, D)},
                                    metrology::nominal_bodies(chain, q));
   }
@@ -72,10 +218,10 @@ Linear linear(const StepPath& path, Index readings) {
       N.row(leg->diagonal) = leg->across.transpose();
       count[leg->diagonal] += 1.0;
     }
-    if (count.minCoeff() == 0.0) refuse_diagonals("expected the same steps on every diagonal");
+    if (count.minCoeff() == 0.0) throw_diagonal_error("expected the same steps on every diagonal");
     const SingularValues svd = singular_values(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
     if (svd.values[2] < 1e-3 * svd.values[0])
-      refuse_diagonals("expected diagonals that differ in three directions");
+      throw_diagonal_error("expected diagonals that differ in three directions");
     const MatrixXd inverse =
         svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
     for (const StepLeg* leg : legs[std::size_t(k)]) {
@@ -97,7 +243,7 @@ VectorXd slope_weights(const VectorXd& q) {
   return dq / dq.squaredNorm();
 }
 
-ElementName element_of(int component, int axis) {
+ElementName axis_element(int component, int axis) {
   return {slides[std::size_t(component)], slides[std::size_t(axis)], false};
 }
 
@@ -132,8 +278,8 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
         const Eigen::RowVectorXd mean = rows.colwise().mean();
         rows -= (q.array() - q.mean()).matrix() * slope;
         rows.rowwise() -= mean;
-        for (const SquarenessShare& share :
-             squareness_shares(element_of(component, axis), 1.0, chain.joints()))
+        for (const SquarenessContribution& share :
+             squareness_contributions(axis_element(component, axis), 1.0, chain.joints()))
           for (std::size_t s = 0; s < 3; ++s)
             if (identified_squarenesses[s] == share.name)
               result.squareness.row(Index(s)) += share.value * travel * slope;
@@ -149,11 +295,11 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
 
 /// A direction of travel turned by theta runs sin(theta) off: the angle of a slope, and what the
 /// travel itself lacks.
-struct Turned {
+struct TravelTilt {
   double angle_per_slope = 1.0;
   double shortening = 0.0;  ///< 1 - cos(theta)
 };
-Turned turned(double slope) {
+TravelTilt turned(double slope) {
   if (slope == 0.0) return {};
   const double angle = std::asin(std::min(slope, 1.0));
   return {angle / slope, 2.0 * std::pow(std::sin(0.5 * angle), 2)};
@@ -162,8 +308,8 @@ Turned turned(double slope) {
 GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorXd& sigma,
                           const Chain& chain) {
   const Vector3d slope = curves.squareness * y;
-  const std::array<Turned, 3> turn = {Turned{}, turned(std::abs(slope[0])),
-                                      turned(std::hypot(slope[1], slope[2]))};
+  const std::array<TravelTilt, 3> turn = {TravelTilt{}, turned(std::abs(slope[0])),
+                                          turned(std::hypot(slope[1], slope[2]))};
   GeometricErrors belief;
   std::vector<MatrixXd> rows;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -176,7 +322,7 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
         value.array() -= value[0];
       }
       belief.elements.push_back(
-          {element_of(int(component), int(axis)), {Curve{make_table(curves.q[axis], value)}}});
+          {axis_element(int(component), int(axis)), {Curve{make_table(curves.q[axis], value)}}});
       rows.push_back(r);
     }
   }
@@ -200,7 +346,7 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
 // ---- what contradicts it
 
 /// Chi-square that chance exceeds once in a thousand (Wilson and Hilferty 1931).
-double rare(double freedom) {
+double rare_chi_square(double freedom) {
   const double t = 2.0 / (9.0 * freedom);
   return freedom * std::pow(1.0 - t + 3.0902 * std::sqrt(t), 3);
 }
@@ -208,7 +354,7 @@ double rare(double freedom) {
 struct Contradiction {
   double chi_square = 0.0;
   double freedom = 0.0;
-  bool is_rare() const { return freedom > 0.0 && chi_square > rare(freedom); }
+  bool is_rare() const { return freedom > 0.0 && chi_square > rare_chi_square(freedom); }
 };
 
 Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const VectorXd& sigma) {
@@ -219,16 +365,16 @@ Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const V
 }
 
 /// The same contrasts as the mean of each axis, and as changes from one interval to the next.
-struct Parts {
+struct ContrastParts {
   MatrixXd steady;   ///< (3 x intervals)
   MatrixXd varying;  ///< (intervals - 3 x intervals)
 };
 
-Parts parts(const Steps& steps) {
+ContrastParts parts(const Steps& steps) {
   std::array<Index, 3> n{};
   Index all = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) all += n[axis] = Index(steps[axis].size()) - 1;
-  Parts result{MatrixXd::Zero(3, all), MatrixXd::Zero(all - 3, all)};
+  ContrastParts result{MatrixXd::Zero(3, all), MatrixXd::Zero(all - 3, all)};
   Index first = 0;
   Index row = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -242,9 +388,9 @@ Parts parts(const Steps& steps) {
   return result;
 }
 
-std::vector<std::string> warnings_of(const Steps& steps, const MatrixXd& contrast,
-                                     const VectorXd& y, const VectorXd& sigma) {
-  const Parts part = parts(steps);
+std::vector<std::string> contradiction_warnings(const Steps& steps, const MatrixXd& contrast,
+                                                const VectorXd& y, const VectorXd& sigma) {
+  const ContrastParts part = parts(steps);
   const Contradiction all = contradiction(contrast, y, sigma);
   const Contradiction steady = contradiction(part.steady * contrast, y, sigma);
   const Contradiction varying = contradiction(part.varying * contrast, y, sigma);
@@ -285,16 +431,17 @@ double largest_value(const Curves& curves, const VectorXd& y) {
 }
 
 /// Every angular error tried on the nominal machine: those that leave no contradiction.
-std::string caution_of(const Readings& readings, const StepPath& path, const MatrixXd& contrast,
-                       const Curves& curves) {
+std::string angular_caution(const Readings& readings, const StepPath& path,
+                            const MatrixXd& contrast, const Curves& curves) {
   constexpr double angle = 20.0 * units::urad;
-  const VectorXd perfect = read_on(readings, {});
+  const VectorXd perfect = perfect_readings(readings, {});
   std::string unseen;
   double worst = 0.0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (const char about : {'A', 'B', 'C'}) {
       const ElementName name{about, slides[axis], false};
-      const VectorXd y = read_on(readings, turning(name, path.steps[axis], angle)) - perfect;
+      const VectorXd y =
+          perfect_readings(readings, turning(name, path.steps[axis], angle)) - perfect;
       const double largest = largest_value(curves, y);
       const double contradicts = (contrast * y).cwiseAbs().maxCoeff();
       if (largest < units::nm || contradicts > 1e-2 * largest / double(path.steps[axis].size()))
@@ -347,18 +494,18 @@ Quantities quantities(const GeometricErrors& belief) {
 StepDiagonal step_diagonal(const Readings& readings) {
   const StepPath path = step_path(readings);
   const Linear estimator = linear(path, readings.value.size());
-  const VectorXd y = readings.value - read_on(readings, {});
+  const VectorXd y = readings.value - perfect_readings(readings, {});
   VectorXd sigma(y.size());
   for (Index i = 0; i < y.size(); ++i) {
-    const Look& look = readings.plan.looks[std::size_t(i)];
-    sigma[i] = sigma_of(
-        readings.plan.set_ups[std::size_t(look.set_up)].channels[std::size_t(look.channel)]);
+    const Measurement& measurement = readings.plan.measurements[std::size_t(i)];
+    sigma[i] = sigma_of(readings.plan.set_ups[std::size_t(measurement.set_up)]
+                            .channels[std::size_t(measurement.channel)]);
   }
   StepDiagonal result;
   const Curves found = curves(path, estimator, readings.nominal);
   result.belief = belief_of(found, y, sigma, readings.nominal);
-  result.warnings = warnings_of(path.steps, estimator.contrast, y, sigma);
-  result.caution = caution_of(readings, path, estimator.contrast, found);
+  result.warnings = contradiction_warnings(path.steps, estimator.contrast, y, sigma);
+  result.caution = angular_caution(readings, path, estimator.contrast, found);
   const Contradiction all = contradiction(estimator.contrast, y, sigma);
   result.reduced_chi_square = all.chi_square / all.freedom;
   return result;
@@ -368,9 +515,9 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const auto m = Index(results.size());
   const Index k = dT_K.cols();
   if (dT_K.rows() != m || !dT_K.allFinite())
-    refuse_diagonals("expected one row of finite temperatures for each result");
+    throw_diagonal_error("expected one row of finite temperatures for each result");
   if (m < k + 1)
-    refuse_diagonals(
+    throw_diagonal_error(
         fmt::format("expected at least {} results for {} temperatures, seen {}", k + 1, k, m));
   StepDiagonalTrend trend;
   MatrixXd values;
@@ -381,7 +528,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
       trend.is_length = q.is_length;
       values.resize(m, Index(q.names.size()));
     }
-    if (q.names != trend.names) refuse_diagonals("expected results over the same steps");
+    if (q.names != trend.names) throw_diagonal_error("expected results over the same steps");
     values.row(i) = VectorXd::Map(q.value.data(), Index(q.value.size())).transpose();
   }
   MatrixXd A(m, k + 1);
@@ -390,7 +537,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const MatrixXd scaled = A * norm.cwiseInverse().asDiagonal();
   const auto fit = least_squares(scaled, values, 1e-9);
   if (fit.rank < k + 1)
-    refuse_diagonals("the temperatures do not vary enough to separate their slopes");
+    throw_diagonal_error("the temperatures do not vary enough to separate their slopes");
   const MatrixXd solved = norm.cwiseInverse().asDiagonal() * fit.x;
   trend.at_zero = solved.row(0).transpose();
   trend.per_K = solved.bottomRows(k).transpose();

@@ -10,29 +10,29 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/require.h"
 #include "kinematics/text.h"
 
 namespace abbe::errors::identification {
+
 namespace {
 
 using Eigen::Index;
 
-ThermalData only_rows(const ThermalData& data, const std::vector<Index>& rows) {
+ThermalData select_rows_of(const ThermalData& data, const std::vector<Index>& rows) {
   ThermalData result{data.names, data.T(rows, Eigen::all), data.y(rows), {}};
   for (const Index row : rows) result.run.push_back(data.run[static_cast<std::size_t>(row)]);
   return result;
 }
 
 template <typename Keep>
-ThermalData where(const ThermalData& data, const Keep& keep) {
+ThermalData filter_rows(const ThermalData& data, const Keep& keep) {
   std::vector<Index> rows;
   for (Index row = 0; row < data.y.size(); ++row)
     if (keep(data.run[static_cast<std::size_t>(row)])) rows.push_back(row);
-  return only_rows(data, rows);
+  return select_rows_of(data, rows);
 }
 
-constexpr std::size_t most_inputs = 1000;
+constexpr std::size_t max_inputs = 1000;
 
 /// Reads the rows of a log one by one.
 class LogReader {
@@ -42,10 +42,10 @@ class LogReader {
 
   void heads(std::string_view line, int number) {
     std::set<std::string, std::less<>> seen;
-    separator_ = separator_of(line);
-    const std::vector<Cell> cells = cells_of(line, separator_, most_inputs);
-    if (cells.size() > most_inputs)
-      refuse(number, cells.back().column, fmt::format("at most {} columns", most_inputs), "more");
+    separator_ = cell_separator(line);
+    const std::vector<Cell> cells = cells_of(line, separator_, max_inputs);
+    if (cells.size() > max_inputs)
+      refuse(number, cells.back().column, fmt::format("at most {} columns", max_inputs), "more");
     for (const Cell& cell : cells) {
       const std::string name(cell.text);
       if (name.empty() || !seen.insert(name).second)
@@ -150,15 +150,15 @@ std::vector<int> runs(const ThermalData& data) {
   return labels;
 }
 
-ThermalData only_runs(const ThermalData& data, const std::vector<int>& labels) {
-  return where(data, [&](int run) { return std::ranges::count(labels, run) > 0; });
+ThermalData select_runs(const ThermalData& data, const std::vector<int>& labels) {
+  return filter_rows(data, [&](int run) { return std::ranges::count(labels, run) > 0; });
 }
 
-ThermalData without_run(const ThermalData& data, int label) {
-  return where(data, [&](int run) { return run != label; });
+ThermalData exclude_run(const ThermalData& data, int label) {
+  return filter_rows(data, [&](int run) { return run != label; });
 }
 
-ThermalData only_inputs(const ThermalData& data, const std::vector<int>& inputs) {
+ThermalData select_inputs(const ThermalData& data, const std::vector<int>& inputs) {
   ThermalData result{{}, data.T(Eigen::all, inputs), data.y, data.run};
   for (const int input : inputs)
     result.names.push_back(data.names.at(static_cast<std::size_t>(input)));
@@ -174,7 +174,7 @@ ThermalData thinned(const ThermalData& data, int every) {
       start = row;
     if ((row - start) % every == 0) rows.push_back(row);
   }
-  return only_rows(data, rows);
+  return select_rows_of(data, rows);
 }
 
 Spread spread(const Eigen::VectorXd& values) {
@@ -199,6 +199,58 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
   }
   if (!headed) reader.refuse(1, 1, "a line of column heads", "an empty file");
   return reader.finish(lines.number());
+}
+
+namespace {
+
+using Eigen::Index;
+
+/// Calls visit(first row, number of rows) for every run.
+template <typename Visit>
+void transform_runs(const ThermalData& data, const Visit& visit) {
+  const auto n = static_cast<Index>(data.run.size());
+  for (Index start = 0, end = 0; start < n; start = end) {
+    while (end < n &&
+           data.run[static_cast<std::size_t>(end)] == data.run[static_cast<std::size_t>(start)])
+      ++end;
+    visit(start, end - start);
+  }
+}
+
+Eigen::MatrixXd lagged(const ThermalData& data, double rows) {
+  Eigen::MatrixXd result = data.T;
+  const double kept = std::exp(-1.0 / rows);
+  transform_runs(data, [&](Index start, Index count) {
+    for (Index row = start + 1; row < start + count; ++row)
+      result.row(row) = kept * result.row(row - 1) + (1 - kept) * data.T.row(row);
+  });
+  return result;
+}
+
+}  // namespace
+
+ThermalData with_features(const ThermalData& data, const ThermalFeatures& features) {
+  if (!(features.lag_rows >= 0) || !std::isfinite(features.lag_rows))
+    throw std::invalid_argument("a lag is a number of rows, 0 or more");
+  ThermalData result = data;
+  if (features.since_start)
+    transform_runs(data, [&](Index start, Index count) {
+      result.T.middleRows(start, count).rowwise() -= data.T.row(start);
+    });
+  if (features.lag_rows == 0) return result;
+  Eigen::MatrixXd both(result.T.rows(), 2 * result.T.cols());
+  both << result.T, lagged(result, features.lag_rows);
+  result.T = std::move(both);
+  for (const std::string& name : data.names) result.names.push_back(name + " lag");
+  return result;
+}
+
+ThermalData zeroed_at_start(const ThermalData& data) {
+  ThermalData result = data;
+  transform_runs(data, [&](Index start, Index count) {
+    result.y.segment(start, count).array() -= data.y(start);
+  });
+  return result;
 }
 
 }  // namespace abbe::errors::identification

@@ -26,11 +26,11 @@ void validate(const ThermalData& data);
 std::vector<int> runs(const ThermalData& data);
 
 /// The rows of the runs named, in the order of the data.
-ThermalData only_runs(const ThermalData& data, const std::vector<int>& labels);
-ThermalData without_run(const ThermalData& data, int label);
+ThermalData select_runs(const ThermalData& data, const std::vector<int>& labels);
+ThermalData exclude_run(const ThermalData& data, int label);
 
 /// The inputs named by index, in that order.
-ThermalData only_inputs(const ThermalData& data, const std::vector<int>& inputs);
+ThermalData select_inputs(const ThermalData& data, const std::vector<int>& inputs);
 
 /// Every k-th row of each run, its first among them.
 ThermalData thinned(const ThermalData& data, int every);
@@ -56,5 +56,22 @@ struct ThermalColumns {
 ///         pieces, no rows
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns = {});
+
+/// What is made of the temperatures of a run before a model sees them. Every feature of a row uses
+/// that row and earlier ones of its own run only, as a control could.
+struct ThermalFeatures {
+  bool since_start = false;  ///< each input minus its value at the first row of the run
+  /// Beside every input its copy behind a first-order lag of this many rows, the reaction of a mass
+  /// that it heats; it starts settled at the first row. 0: none.
+  double lag_rows = 0.0;
+};
+
+/// The same rows, lagged copies named "NAME lag".
+/// @throws std::invalid_argument if lag_rows < 0 or not finite
+ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
+
+/// y counted from the first row of each run: another problem, that of a control which resets its
+/// zero at the start of a run.
+ThermalData zeroed_at_start(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

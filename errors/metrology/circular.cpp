@@ -3,14 +3,110 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
+#include <vector>
 
 #include "errors/metrology/form.h"
-#include "errors/metrology/shares.h"
-#include "kinematics/singular_values.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double full_turn = 2.0 * pi;
+constexpr double one_place = 1e-9;  // rad: rounding of an angle that was made of two coordinates
+
+/// The places of readings around a circle and the gap that follows each.
+struct Ring {
+  std::vector<double> place;  ///< (m) rad in [0, 2 pi), rising
+  std::vector<double> gap;    ///< (m) rad to the next place, round the end too
+  std::vector<int> place_of;  ///< (n) of each reading
+  std::vector<int> readings;  ///< (m) at each place
+
+  std::size_t size() const { return place.size(); }
+  std::size_t widest() const {
+    return std::size_t(std::max_element(gap.begin(), gap.end()) - gap.begin());
+  }
+};
+
+Ring ring_of(const VectorXd& angle) {
+  std::vector<Index> order(static_cast<std::size_t>(angle.size()));
+  std::iota(order.begin(), order.end(), 0);
+  const VectorXd within = angle.unaryExpr([](double a) {
+    const double rest = a - full_turn * std::floor(a / full_turn);
+    return rest > full_turn - one_place ? 0.0 : rest;
+  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return within[a] < within[b]; });
+  Ring ring;
+  ring.place_of.resize(order.size());
+  for (const Index i : order) {
+    if (ring.place.empty() || within[i] - ring.place.back() > one_place) {
+      ring.place.push_back(within[i]);
+      ring.readings.push_back(0);
+    }
+    ring.place_of[std::size_t(i)] = int(ring.size()) - 1;
+    ++ring.readings.back();
+  }
+  for (std::size_t k = 0; k + 1 < ring.size(); ++k)
+    ring.gap.push_back(ring.place[k + 1] - ring.place[k]);
+  if (ring.size() > 0) ring.gap.push_back(full_turn - (ring.place.back() - ring.place.front()));
+  return ring;
+}
+
+bool is_full_ring(const Ring& ring) {
+  if (ring.size() < 3) return false;
+  std::vector<double> gap = ring.gap;
+  std::sort(gap.begin(), gap.end());
+  return gap.back() < 5.0 * units::deg || gap.back() < 1.5 * gap[(gap.size() - 1) / 2];
+}
+
+}  // namespace
+
+VectorXd arc_weights(const VectorXd& angle) {
+  const Ring ring = ring_of(angle);
+  const std::size_t m = ring.size(), widest = m > 0 ? ring.widest() : 0;
+  const bool whole = is_full_ring(ring);
+  VectorXd shares(angle.size());
+  for (Index i = 0; i < shares.size(); ++i) {
+    const auto k = std::size_t(ring.place_of[std::size_t(i)]);
+    double before = ring.gap[(k + m - 1) % m], after = ring.gap[k];
+    if (!whole && k == widest) after = std::min(before, after);
+    if (!whole && (k + m - 1) % m == widest) before = std::min(before, after);
+    shares[i] = 0.5 * (before + after) / ring.readings[k];
+  }
+  return shares;
+}
+
+bool is_full_turn(const VectorXd& angle) { return is_full_ring(ring_of(angle)); }
+
+// Rows are sorted by one number that differs from place to place nearly always, so that only those
+// next to each other are compared.
+VectorXd place_weights(const Eigen::MatrixXd& places, double tolerance) {
+  const Index n = places.rows();
+  VectorXd along(places.cols());
+  for (Index c = 0; c < along.size(); ++c)
+    along[c] = 0.5 + std::fmod(0.6180339887498949 * double(c + 1), 1.0);
+  const VectorXd key = places * along;
+  const double reach = tolerance * along.sum();
+  std::vector<Index> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return key[a] < key[b]; });
+  VectorXd count = VectorXd::Ones(n);
+  for (std::size_t i = 0; i < order.size(); ++i)
+    for (std::size_t j = i + 1; j < order.size() && key[order[j]] - key[order[i]] <= reach; ++j) {
+      if ((places.row(order[i]) - places.row(order[j])).cwiseAbs().maxCoeff() > tolerance) continue;
+      count[order[i]] += 1.0;
+      count[order[j]] += 1.0;
+    }
+  return count.cwiseInverse();
+}
+
 namespace {
 
 using Eigen::Index;
@@ -42,21 +138,21 @@ void check(const CircularRuns& runs) {
 }
 
 /// The path of a sense, or of both, and what each of its points stands for.
-struct TracedPath {
+struct CircularPath {
   MatrixX2d points;
   VectorXd shares;
 };
 
-TracedPath traced(const CircularTrace& trace) {
-  TracedPath path{MatrixX2d(trace.radius.size(), 2), arc_shares(trace.angle)};
+CircularPath traced(const CircularTrace& trace) {
+  CircularPath path{MatrixX2d(trace.radius.size(), 2), arc_weights(trace.angle)};
   path.points.col(0) = trace.radius.array() * trace.angle.array().cos();
   path.points.col(1) = trace.radius.array() * trace.angle.array().sin();
   return path;
 }
 
-TracedPath together(const TracedPath& a, const TracedPath& b) {
-  TracedPath all{MatrixX2d(a.points.rows() + b.points.rows(), 2),
-                 VectorXd(a.shares.size() + b.shares.size())};
+CircularPath together(const CircularPath& a, const CircularPath& b) {
+  CircularPath all{MatrixX2d(a.points.rows() + b.points.rows(), 2),
+                   VectorXd(a.shares.size() + b.shares.size())};
   all.points << a.points, b.points;
   all.shares << a.shares, b.shares;
   return all;
@@ -66,7 +162,7 @@ VectorXd distances(const MatrixX2d& points, const Vector2d& centre) {
   return (points.rowwise() - centre.transpose()).rowwise().norm();
 }
 
-CircularFigures figures(const TracedPath& path, const Vector2d& centre, double nominal_radius) {
+CircularFigures figures(const CircularPath& path, const Vector2d& centre, double nominal_radius) {
   const VectorXd radius = distances(path.points, centre);
   return {least_squares_circle(path.points, path.shares).circularity,
           minimum_zone_circles(path.points).circularity, radius.maxCoeff() - nominal_radius,
@@ -79,7 +175,7 @@ class RadiiOverAngle {
   RadiiOverAngle(const VectorXd& angle, const VectorXd& radius) : from_(angle.minCoeff()) {
     for (Index i = 0; i < radius.size(); ++i) at_.emplace_back(since_start(angle[i]), radius[i]);
     std::sort(at_.begin(), at_.end());
-    if (goes_round(angle)) at_.emplace_back(2.0 * pi, at_.front().second);
+    if (is_full_turn(angle)) at_.emplace_back(2.0 * pi, at_.front().second);
   }
 
   /// Straight between readings; nothing where the sense did not go.
@@ -112,15 +208,15 @@ class RadiiOverAngle {
 std::optional<double> hysteresis(const CircularRuns& runs, const VectorXd& forth,
                                  const VectorXd& back) {
   std::optional<double> most;
-  const auto look = [&](const VectorXd& angle, const VectorXd& radius,
-                        const RadiiOverAngle& other) {
+  const auto measurement = [&](const VectorXd& angle, const VectorXd& radius,
+                               const RadiiOverAngle& other) {
     for (Index i = 0; i < radius.size(); ++i)
       if (const auto there = other.radius(angle[i]))
         most = std::max(most.value_or(0.0), std::abs(radius[i] - *there));
   };
   const VectorXd &up = runs.anticlockwise.angle, &down = runs.clockwise.angle;
-  look(up, forth, RadiiOverAngle(down, back));
-  look(down, back, RadiiOverAngle(up, forth));
+  measurement(up, forth, RadiiOverAngle(down, back));
+  measurement(down, back, RadiiOverAngle(up, forth));
   return most;
 }
 
@@ -155,7 +251,7 @@ struct Deviations {
 Deviations deviations(const CircularRuns& runs) {
   const Index n = runs.anticlockwise.radius.size(), k = runs.clockwise.radius.size();
   Deviations all{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};
-  all.share << arc_shares(runs.anticlockwise.angle), arc_shares(runs.clockwise.angle);
+  all.share << arc_weights(runs.anticlockwise.angle), arc_weights(runs.clockwise.angle);
   all.deviation << runs.anticlockwise.radius, runs.clockwise.radius;
   all.deviation.array() -= runs.nominal_radius;
   for (Index i = 0; i < n; ++i)
@@ -209,15 +305,15 @@ Solution solution(const Deviations& all, Index causes) {
 
 Circular circular(const CircularRuns& runs, const CircularOptions& options) {
   check(runs);
-  const TracedPath forth = traced(runs.anticlockwise), back = traced(runs.clockwise);
-  const TracedPath all = together(forth, back);
+  const CircularPath forth = traced(runs.anticlockwise), back = traced(runs.clockwise);
+  const CircularPath all = together(forth, back);
   Circular result;
   result.circle = least_squares_circle(all.points, all.shares);
-  const bool whole = (forth.shares.size() == 0 || goes_round(runs.anticlockwise.angle)) &&
-                     (back.shares.size() == 0 || goes_round(runs.clockwise.angle));
+  const bool whole = (forth.shares.size() == 0 || is_full_turn(runs.anticlockwise.angle)) &&
+                     (back.shares.size() == 0 || is_full_turn(runs.clockwise.angle));
   if (options.centre == CircleCentre::LeastSquares && whole) {
     result.centre = result.circle.centre;
-    result.centre_is = CircleCentre::LeastSquares;
+    result.centre_kind = CircleCentre::LeastSquares;
   }
   const double R = runs.nominal_radius;
   result.D = result.circle.radius - R;
@@ -235,7 +331,7 @@ int place_count(const CircularRuns& runs) {
   for (const CircularTrace* trace : {&runs.anticlockwise, &runs.clockwise}) {
     Eigen::MatrixX2d place(trace->angle.size(), 2);
     place << trace->angle.array().cos(), trace->angle.array().sin();
-    count += int(std::lround(place_shares(place, 1e-9).sum()));
+    count += int(std::lround(place_weights(place, 1e-9).sum()));
   }
   return count;
 }
@@ -244,20 +340,20 @@ CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& opt
   check(runs);
   static_assert(Causes == circular_cause_count);
   const Deviations all = deviations(runs);
-  const Index causes = options.no_lag ? Lag : Causes;
+  const Index causes = options.is_lag_excluded ? Lag : Causes;
   if (place_count(runs) <= causes)
     throw std::invalid_argument("circular: expected more readings than causes");
   const Solution found = solution(all, causes);
   CircularCauses result;
   result.residual = found.residual;
-  const std::array<std::optional<Estimated>*, Causes> fields{
+  const std::array<std::optional<EstimatedValue>*, Causes> fields{
       &result.radius,     &result.centre_u,   &result.centre_v,   &result.scale,
       &result.squareness, &result.reversal_u, &result.reversal_v, &result.lag};
   for (Index c = 0; c < causes; ++c) {
     if (found.open[std::size_t(c)])
       result.undetermined.push_back(cause_names[std::size_t(c)]);
     else
-      *fields[std::size_t(c)] = Estimated{found.value[c], found.u[c]};
+      *fields[std::size_t(c)] = EstimatedValue{found.value[c], found.u[c]};
   }
   return result;
 }

@@ -9,7 +9,27 @@
 
 #include "errors/metrology/form.h"
 
+/// How much of a path each of its readings stands for, so that a place that is read again does not
+/// count twice.
 namespace abbe::errors::metrology {
+
+/// What each reading along a circle stands for: half the way to its neighbours on either side, by
+/// whichever turn they were read. Readings at one place (to 1e-9 rad) share what it stands for. At
+/// the two ends of an arc a reading reaches as far outwards as inwards, so evenly spaced readings
+/// of an arc count alike, and so do those of a circle with its end point read again or not.
+/// @param angle  (n) rad, in any order and of any turn
+/// @return (n) rad, > 0
+Eigen::VectorXd arc_weights(const Eigen::VectorXd& angle);
+
+/// Whether readings go all the way round: the widest gap between neighbouring places is narrower
+/// than 5 degrees or than 1.5 times the median gap. Fewer than 3 places never do.
+bool is_full_turn(const Eigen::VectorXd& angle);
+
+/// 1 over the number of rows at the same place, itself among them, so that every place counts once.
+/// @param places     (n x k) coordinates; of an angle its cosine and its sine
+/// @param tolerance  rows that differ by less in every coordinate are at one place
+/// @return (n) in (0, 1]
+Eigen::VectorXd place_weights(const Eigen::MatrixXd& places, double tolerance);
 
 /// Radii along a circular path in a plane, as a ball bar shows them. A ball bar knows the angle
 /// only as commanded; taking it for the true one leaves e^2 / R out of every figure, e the largest
@@ -46,14 +66,14 @@ struct CircularFigures {
 };
 
 /// Figures of ISO 230-4. `both` is G(b) with its two definitions and the extremes of F. Least
-/// squares weight every reading by the arc that it stands for (shares.h), so that a first place
+/// squares weight every reading by the arc that it stands for, so that a first place
 /// that is read again at the end counts once, and both senses count alike.
 struct Circular {
   std::optional<CircularFigures> anticlockwise;
   std::optional<CircularFigures> clockwise;
   std::optional<CircularFigures> both;               ///< bidirectional; needs both senses
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< mm, that F and H were taken from
-  CircleCentre centre_is = CircleCentre::Set;        ///< which one that is
+  CircleCentre centre_kind = CircleCentre::Set;      ///< which one that is
   LeastSquaresCircle circle;                         ///< of everything measured
   double D = 0.0;  ///< mean radial deviation, radius of that circle minus the nominal, mm
   /// Circular hysteresis, the largest radial difference of the two senses at one angle, mm; between
@@ -66,7 +86,7 @@ struct Circular {
 Circular circular(const CircularRuns& runs, const CircularOptions& options = {});
 
 /// A number found by least squares.
-struct Estimated {
+struct EstimatedValue {
   double value = 0.0;
   double u = 0.0;  ///< standard uncertainty, from the residual
 };
@@ -74,20 +94,22 @@ struct Estimated {
 /// Causes that the shape of a circular test shows. A cause that the arcs measured cannot separate
 /// from others is left out and named.
 struct CircularCauses {
-  std::optional<Estimated> radius;      ///< mm, mean of both scales and the bar's own length
-  std::optional<Estimated> centre_u;    ///< mm, centre of the path along the first axis
-  std::optional<Estimated> centre_v;    ///< mm, along the second
-  std::optional<Estimated> scale;       ///< relative: first axis minus second axis
-  std::optional<Estimated> squareness;  ///< rad, the second axis turned about first x second
-  std::optional<Estimated> reversal_u;  ///< mm, B of the first axis: mean going up minus down
-  std::optional<Estimated> reversal_v;  ///< mm, of the second
-  std::optional<Estimated> lag;  ///< rad, angular speed times how much the first axis lags more
+  std::optional<EstimatedValue> radius;      ///< mm, mean of both scales and the bar's own length
+  std::optional<EstimatedValue> centre_u;    ///< mm, centre of the path along the first axis
+  std::optional<EstimatedValue> centre_v;    ///< mm, along the second
+  std::optional<EstimatedValue> scale;       ///< relative: first axis minus second axis
+  std::optional<EstimatedValue> squareness;  ///< rad, the second axis turned about first x second
+  std::optional<EstimatedValue> reversal_u;  ///< mm, B of the first axis: mean going up minus down
+  std::optional<EstimatedValue> reversal_v;  ///< mm, of the second
+  std::optional<EstimatedValue>
+      lag;  ///< rad, angular speed times how much the first axis lags more
   std::vector<std::string> undetermined;  ///< names of what the arcs leave open
   double residual = 0.0;                  ///< mm, standard deviation of what no cause explains
 };
 
 struct CauseOptions {
-  bool no_lag = false;  ///< slow motion: no lag is looked for, so that one sense shows squareness
+  bool is_lag_excluded =
+      false;  ///< slow motion: no lag is looked for, so that one sense shows squareness
 };
 
 /// Places that were read, of each sense apart, whole turns left out.

@@ -36,7 +36,7 @@ VectorXd at(const DriftLog& log, double time_s) {
   return (1.0 - part) * log.values.row(after - 1) + part * log.values.row(after);
 }
 
-DriftRange drift_in(const DriftLog& log, const DriftInterval& interval) {
+DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
   const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
   if (!(interval.from_s < interval.to_s) || !(interval.from_s >= first) || !(interval.to_s <= last))
     throw std::invalid_argument("drift: the interval '" + interval.name +
@@ -64,9 +64,9 @@ DriftRange drift_in(const DriftLog& log, const DriftInterval& interval) {
 }
 
 /// Extreme of a sliding window: indices whose values still matter, the extreme first.
-class Extreme {
+class WindowExtreme {
  public:
-  Extreme(const Eigen::MatrixXd& values, Index column, double sign)
+  WindowExtreme(const Eigen::MatrixXd& values, Index column, double sign)
       : values_(values), column_(column), sign_(sign) {}
   void push(Index i) {
     while (!kept_.empty() && value(kept_.back()) <= value(i)) kept_.pop_back();
@@ -109,7 +109,7 @@ DriftLog with_window_ends(const DriftLog& log, double window_s) {
 std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterval>& intervals) {
   check(log);
   std::vector<DriftRange> result;
-  for (const DriftInterval& interval : intervals) result.push_back(drift_in(log, interval));
+  for (const DriftInterval& interval : intervals) result.push_back(interval_drift(log, interval));
   return result;
 }
 
@@ -123,7 +123,7 @@ VectorXd worst_drift(const DriftLog& log, double window_s) {
   const double slack = 1e-12 * std::max(length, dense.time_s.cwiseAbs().maxCoeff());
   VectorXd worst = VectorXd::Zero(log.values.cols());
   for (Index c = 0; c < log.values.cols(); ++c) {
-    Extreme high(dense.values, c, 1.0), low(dense.values, c, -1.0);
+    WindowExtreme high(dense.values, c, 1.0), low(dense.values, c, -1.0);
     Index begin = 0;
     for (Index i = 0; i < dense.time_s.size(); ++i) {
       high.push(i);

@@ -1,19 +1,239 @@
 #include "errors/metrology/form.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 
-#include "errors/metrology/chebyshev.h"
-#include "kinematics/least_squares.h"
-#include "kinematics/singular_values.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
+
+/// Best uniform fit of linear terms: the coefficients that make the largest |y - terms * x| as
+/// small as it can be.
+struct ChebyshevFit {
+  Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  double half_width = 0.0;  ///< largest |residual| at `x`
+  double lower = 0.0;       ///< no x has less: half_width - lower is what may be missing
+  std::vector<Eigen::Index> upper_points;  ///< that touch +half_width
+  std::vector<Eigen::Index> lower_points;  ///< that touch -half_width
+};
+
+/// By exchange of one point of a reference of four. The third term is a constant, so `terms` has
+/// two columns; they and `y` should be centred and scaled to about 1. Source: Stiefel 1959; Watson
+/// 1980, ch. 2.
+ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const Eigen::VectorXd& y);
+
+/// How fast a difference of extremes grows away from its minimum: the least over unit directions d
+/// of max over upper points of -d.u minus min over lower points of -d.u; at most 0 where the points
+/// do not hold the minimum from all sides.
+/// @param upper, lower  (n x 2), (k x 2), n and k >= 1
+double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower);
+
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix4d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::Vector4d;
+using Eigen::VectorXd;
+using Reference = std::array<Index, 4>;
+
+constexpr int max_exchanges = 1000;
+constexpr double nudge = 1e-11;  // of the terms, which are about 1: breaks ties of points on a line
+
+/// A number in -1 .. 1 that depends on k alone.
+double scatter(std::uint64_t k) {
+  k = (k + 0x9e3779b97f4a7c15u) * 0xbf58476d1ce4e5b9u;
+  k = (k ^ (k >> 29)) * 0x94d049bb133111ebu;
+  return double(k >> 11) * 0x1p-52 - 1.0;
+}
+
+/// Twice the area of a triangle, positive if it turns left.
+double orientation(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
+  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
+/// Weights of four points with which every affine function of the terms sums to zero, their
+/// absolute values to one; zero where the points leave that open.
+Vector4d balance(const Eigen::MatrixX2d& terms, const Reference& r) {
+  const Vector2d p0 = terms.row(r[0]), p1 = terms.row(r[1]), p2 = terms.row(r[2]),
+                 p3 = terms.row(r[3]);
+  Vector4d weight(orientation(p1, p2, p3), -orientation(p0, p2, p3), orientation(p0, p1, p3),
+                  -orientation(p0, p1, p2));
+  const double sum = weight.lpNorm<1>();
+  if (!(sum > 0.0)) return Vector4d::Zero();
+  return weight / sum;
+}
+
+double value(const VectorXd& y, const Reference& r, const Vector4d& weight) {
+  return weight[0] * y[r[0]] + weight[1] * y[r[1]] + weight[2] * y[r[2]] + weight[3] * y[r[3]];
+}
+
+/// One exchange: which of four points gives way to a fifth so that the bound grows most.
+Reference exchange_point(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r,
+                         Index entering) {
+  Reference best = r;
+  double most = -1.0;
+  for (int leaving = 0; leaving < 4; ++leaving) {
+    Reference trial = r;
+    trial[leaving] = entering;
+    const double bound = std::abs(value(y, trial, balance(terms, trial)));
+    if (bound > most) {
+      most = bound;
+      best = trial;
+    }
+  }
+  return best;
+}
+
+/// Coefficients whose residuals at the reference are the bound with the signs of its weights.
+Vector3d solved(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r) {
+  const Vector4d weight = balance(terms, r);
+  const double side = value(y, r, weight) < 0.0 ? -1.0 : 1.0;
+  Matrix4d system;
+  Vector4d right;
+  for (int i = 0; i < 4; ++i) {
+    system.row(i) << terms(r[i], 0), terms(r[i], 1), 1.0, weight[i] < 0.0 ? -side : side;
+    right[i] = y[r[i]];
+  }
+  return system.fullPivLu().solve(right).head<3>();
+}
+
+VectorXd residual(const Eigen::MatrixX2d& terms, const VectorXd& y, const Vector3d& x) {
+  return (y - terms * x.head<2>()).array() - x[2];
+}
+
+/// Four points far apart, so that the first bound is no degenerate one.
+Reference first_reference(const Eigen::MatrixX2d& terms, const VectorXd& y) {
+  Reference r{0, 0, 0, 0};
+  const Vector2d middle = terms.colwise().mean();
+  (terms.rowwise() - middle.transpose()).rowwise().squaredNorm().maxCoeff(&r[0]);
+  (terms.rowwise() - terms.row(r[0])).rowwise().squaredNorm().maxCoeff(&r[1]);
+  const Vector2d along = terms.row(r[1]) - terms.row(r[0]);
+  const Vector2d across(-along.y(), along.x());
+  ((terms.rowwise() - terms.row(r[0])) * across).cwiseAbs().maxCoeff(&r[2]);
+  double most = -1.0;
+  for (Index i = 0; i < y.size(); ++i) {
+    const Reference trial{r[0], r[1], r[2], i};
+    const double bound = std::abs(value(y, trial, balance(terms, trial)));
+    if (i != r[0] && i != r[1] && i != r[2] && bound > most) {
+      most = bound;
+      r[3] = i;
+    }
+  }
+  return r;
+}
+
+/// The same coefficients with the constant in the middle of the residuals.
+Vector3d centred(const Eigen::MatrixX2d& terms, const VectorXd& y, Vector3d x) {
+  const VectorXd left = residual(terms, y, x);
+  x[2] += 0.5 * (left.maxCoeff() + left.minCoeff());
+  return x;
+}
+
+/// Corners of the convex hull, all different, in order around it.
+std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
+  std::vector<Vector2d> sorted;
+  for (Index i = 0; i < points.rows(); ++i) sorted.push_back(points.row(i));
+  const auto before = [](const Vector2d& a, const Vector2d& b) {
+    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
+  };
+  std::sort(sorted.begin(), sorted.end(), before);
+  sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+  if (sorted.size() < 3) return sorted;
+  std::vector<Vector2d> corners;
+  const auto add_chain = [&](auto begin, auto end) {
+    const std::size_t start = corners.size();
+    for (auto p = begin; p != end; ++p) {
+      while (corners.size() >= start + 2 &&
+             orientation(corners[corners.size() - 2], corners.back(), *p) <= 0.0)
+        corners.pop_back();
+      corners.push_back(*p);
+    }
+    corners.pop_back();
+  };
+  add_chain(sorted.begin(), sorted.end());
+  add_chain(sorted.rbegin(), sorted.rend());
+  return corners;
+}
+
+void add_contact_points(const VectorXd& left, ChebyshevFit& fit) {
+  const double near = fit.half_width * (1.0 - 1e-9) - 1e-15;
+  for (Index i = 0; i < left.size(); ++i) {
+    if (left[i] >= near) fit.upper_points.push_back(i);
+    if (left[i] <= -near) fit.lower_points.push_back(i);
+  }
+}
+
+}  // namespace
+
+ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
+  ChebyshevFit fit;
+  const Index n = y.size();
+  if (n < 4) {  // three points always fit
+    Eigen::MatrixX3d all(n, 3);
+    all << terms, VectorXd::Ones(n);
+    fit.x = centred(terms, y, all.fullPivLu().solve(y));
+  } else {
+    Eigen::MatrixX2d moved = terms;
+    for (Index i = 0; i < n; ++i)
+      moved.row(i) += nudge * Eigen::RowVector2d(scatter(2 * i), scatter(2 * i + 1));
+    Reference r = first_reference(moved, y);
+    double best = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < max_exchanges; ++i) {
+      const Vector3d x = solved(moved, y, r);
+      fit.lower = std::max(fit.lower, std::abs(value(y, r, balance(terms, r))));
+      const VectorXd left = residual(moved, y, x);
+      Index farthest = 0;
+      const double largest = left.cwiseAbs().maxCoeff(&farthest);
+      if (largest < best) {
+        best = largest;
+        fit.x = x;
+      }
+      const bool known = std::find(r.begin(), r.end(), farthest) != r.end();
+      if (known || largest <= std::abs(value(y, r, balance(moved, r))) * (1.0 + 1e-14)) break;
+      r = exchange_point(moved, y, r, farthest);
+    }
+    fit.x = centred(terms, y, fit.x);
+  }
+  const VectorXd left = residual(terms, y, fit.x);
+  fit.half_width = left.cwiseAbs().maxCoeff();
+  add_contact_points(left, fit);
+  return fit;
+}
+
+double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower) {
+  // the support function of the polygon of all differences; its least value over directions is
+  // taken where the direction is a normal of one of the edges, which are edges of the two hulls
+  const std::vector<Vector2d> above = hull(upper), below = hull(lower);
+  const auto support = [&](const Vector2d& d) {
+    double most = -std::numeric_limits<double>::infinity();
+    double least = -most;
+    for (const Vector2d& u : above) most = std::max(most, -u.dot(d));
+    for (const Vector2d& u : below) least = std::min(least, -u.dot(d));
+    return most - least;
+  };
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::vector<Vector2d>* polygon : {&above, &below})
+    for (std::size_t i = 0; i < polygon->size() && polygon->size() > 1; ++i) {
+      const Vector2d edge = (*polygon)[(i + 1) % polygon->size()] - (*polygon)[i];
+      const Vector2d normal = Vector2d(-edge.y(), edge.x()).normalized();
+      least = std::min({least, support(normal), support(-normal)});
+    }
+  return std::isfinite(least) ? least : 0.0;
+}
+
 namespace {
 
 using Eigen::Index;
@@ -72,7 +292,7 @@ Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
 }
 
 /// Mean of the squared distances from the best circle about a centre.
-double misfit(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
+double mean_square_distance(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
   const VectorXd d = rays(points, centre).length;
   return part.dot((d.array() - part.dot(d)).square().matrix());
 }
@@ -105,14 +325,14 @@ struct Centre {
 };
 
 /// Points about their mean, of size 1.
-struct Scaled {
+struct ScaledPoints {
   MatrixX2d points;
   Vector2d mean;
   double size;
 };
 
-Scaled scaled(const MatrixX2d& points) {
-  Scaled s;
+ScaledPoints scaled(const MatrixX2d& points) {
+  ScaledPoints s;
   s.mean = points.colwise().mean();
   s.points = points.rowwise() - s.mean.transpose();
   s.size = s.points.cwiseAbs().maxCoeff();
@@ -124,7 +344,7 @@ Scaled scaled(const MatrixX2d& points) {
 Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& part) {
   Centre centre{algebraic_centre(points, part)};
   const auto sum = [&](const Centre& c, const Vector2d& by) {
-    return misfit(points, part, c.at + by);
+    return mean_square_distance(points, part, c.at + by);
   };
   for (int i = 0; i < 200; ++i) {
     const Vector2d move = step(points, part, centre.at);
@@ -166,7 +386,7 @@ ZoneFit zone_fit(const MatrixX2d& terms, const VectorXd& heights) {
   return zone;
 }
 
-double sharpness_of(const MatrixX2d& terms, const VectorXd& heights, double width) {
+double zone_sharpness(const MatrixX2d& terms, const VectorXd& heights, double width) {
   const double highest = heights.maxCoeff() - 1e-8 * width;
   const double lowest = heights.minCoeff() + 1e-8 * width;
   std::vector<Index> upper, lower;
@@ -194,7 +414,7 @@ bool is_proven(const Rays& r) {
   const double w = r.width(), m = r.length.minCoeff();
   if (!(m > 0.0)) return false;
   const double k = std::cos(0.5 * largest_gap(r.direction));
-  const double g = sharpness_of(r.direction, r.length, w);
+  const double g = zone_sharpness(r.direction, r.length, w);
   if (!(k > 0.0) || !(g > 0.0)) return false;
   const double near = 2.0 * g * m / (1.0 + 2.0 * g);
   const double a = 4.0 * k + 1.0, b = 4.0 * (k * m + w), c = 4.0 * w * m;
@@ -204,10 +424,10 @@ bool is_proven(const Rays& r) {
 }
 
 /// An orthonormal frame whose third axis is a plane's normal.
-struct Tilted {
+struct PlaneFrame {
   Matrix3d axes;  ///< columns
   /// The frame of the plane z = by.x x + by.y y in this one.
-  Tilted moved(const Vector2d& by) const {
+  PlaneFrame moved(const Vector2d& by) const {
     const Vector3d n = (axes * Vector3d(-by.x(), -by.y(), 1.0)).normalized();
     const Vector3d x = (axes.col(0) - n * n.dot(axes.col(0))).normalized();
     Matrix3d next;
@@ -223,22 +443,22 @@ Vector3d upright(const Vector3d& normal) {
 }
 
 /// Points about their mean, and the axes of their scatter, the thinnest last.
-struct Cloud {
+struct PointCloud {
   Vector3d mean;
   MatrixX3d points;
-  Tilted frame;
+  PlaneFrame frame;
 };
 
-Cloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
+PointCloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
   const VectorXd part = parts_of(weights, points.rows(), "plane");
-  Cloud c;
+  PointCloud c;
   c.mean = points.transpose() * part;
   c.points = points.rowwise() - c.mean.transpose();
   const double size = c.points.cwiseAbs().maxCoeff();
   if (!(size > 0.0)) throw std::invalid_argument("plane: expected points that differ");
   const VectorXd root = part.cwiseSqrt();
   const MatrixX3d unit = root.asDiagonal() * (c.points / size);
-  const Principal spread = principal(unit);
+  const PrincipalAxes spread = principal_axes(unit);
   if (spread.size[1] < flat * spread.size[0])
     throw std::invalid_argument("plane: expected points that are not on a line");
   c.frame.axes = spread.axes;
@@ -251,7 +471,7 @@ Cloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
 LeastSquaresCircle least_squares_circle(const MatrixX2d& points, const VectorXd& weights) {
   check(points, "circle");
   const VectorXd part = parts_of(weights, points.rows(), "circle");
-  const Scaled s = scaled(points);
+  const ScaledPoints s = scaled(points);
   LeastSquaresCircle circle;
   circle.centre = s.mean + s.size * least_squares_centre(s.points, part);
   const VectorXd d = rays(points, circle.centre).length;
@@ -262,7 +482,7 @@ LeastSquaresCircle least_squares_circle(const MatrixX2d& points, const VectorXd&
 
 MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   check(points, "circle");
-  const Scaled s = scaled(points);
+  const ScaledPoints s = scaled(points);
   Centre centre{least_squares_centre(s.points, parts_of({}, points.rows(), "circle"))};
   const auto width = [&](const Centre& c, const Vector2d& by) {
     return rays(s.points, c.at + by).width();
@@ -286,7 +506,7 @@ MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
 
 LeastSquaresPlane least_squares_plane(const MatrixX3d& points, const VectorXd& weights) {
   check(points, "plane");
-  const Cloud c = cloud(points, weights);
+  const PointCloud c = cloud(points, weights);
   LeastSquaresPlane plane;
   plane.normal = upright(c.frame.axes.col(2));
   plane.offset = plane.normal.dot(c.mean);
@@ -297,10 +517,10 @@ LeastSquaresPlane least_squares_plane(const MatrixX3d& points, const VectorXd& w
 
 MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   check(points, "plane");
-  Cloud c = cloud(points);
+  PointCloud c = cloud(points);
   const double size = c.points.cwiseAbs().maxCoeff();
   c.points /= size;
-  const auto width = [&](const Tilted& frame, const Vector2d& by) {
+  const auto width = [&](const PlaneFrame& frame, const Vector2d& by) {
     const VectorXd height = c.points * frame.moved(by).axes.col(2);
     return height.maxCoeff() - height.minCoeff();
   };
@@ -322,8 +542,9 @@ MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   planes.flatness = size * w;
   planes.gap = size * zone.gap();
   // planes tilted by the slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is enough
-  planes.proven = !(w > 0.0) || (planes.gap <= 1e-8 * planes.flatness &&
-                                 sharpness_of(local.leftCols<2>(), local.col(2), w) > 1.000001 * w);
+  planes.proven =
+      !(w > 0.0) || (planes.gap <= 1e-8 * planes.flatness &&
+                     zone_sharpness(local.leftCols<2>(), local.col(2), w) > 1.000001 * w);
   return planes;
 }
 

@@ -15,7 +15,7 @@ struct LeastSquaresCircle {
 /// on the distances themselves; the mean gradient left over is below 1e-12 of the radius where the
 /// circle is within ten radii of the origin. Source: ISO 12181-1, least squares reference circle.
 /// @param points   (n x 2) mm, n >= 3; an arc will do
-/// @param weights  (n) > 0, how much each counts; none: all the same (shares.h)
+/// @param weights  (n) > 0, how much each counts; none: all the same (circular.h)
 /// @throws std::invalid_argument for fewer than 3 points, numbers not finite, points on a line,
 ///         other weights, or where no circle is best
 LeastSquaresCircle least_squares_circle(const Eigen::MatrixX2d& points,

@@ -1,13 +1,378 @@
 #include "errors/metrology/machine_tests.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <set>
 #include <utility>
 
-#include "errors/metrology/shares.h"
+#include <fmt/format.h>
+
+#include "errors/metrology/circular.h"
+#include "kinematics/decompositions.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+namespace {
+
+/// Targets by their position along a path, from the lowest.
+struct Targets {
+  VectorXd position;         ///< (m)
+  std::map<int, Index> row;  ///< by number of the target
+};
+
+Targets path_targets(const Series& series, const VectorXd& along) {
+  std::map<int, double> position;
+  for (std::size_t i = 0; i < series.measurements.size(); ++i)
+    position.emplace(series.measurement(i).target, along[Index(i)]);
+  std::vector<std::pair<double, int>> order;
+  for (const auto& [target, at] : position) order.emplace_back(at, target);
+  std::sort(order.begin(), order.end());
+  Targets targets;
+  targets.position.resize(Index(order.size()));
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    targets.position[Index(i)] = order[i].first;
+    targets.row[order[i].second] = Index(i);
+  }
+  return targets;
+}
+
+}  // namespace
+
+std::string Series::name() const {
+  return optics().channels.size() > 1 ? optics().name + ", " + sensor().name : optics().name;
+}
+
+Bodies nominal_at(const Series& series, std::size_t i) {
+  return nominal_bodies(series.readings.nominal, series.measurement(i).state.q);
+}
+
+VectorXd deviations(const Series& series) {
+  VectorXd result(Index(series.measurements.size()));
+  for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+    const Bodies nominal = nominal_at(series, i);
+    result[Index(i)] = series.readings.value[Index(series.measurements[i])] -
+                       reading(series.optics(), series.channel, {}, nominal, nominal,
+                               spindle_angle(series.readings.nominal, series.measurement(i).state));
+  }
+  return result;
+}
+
+Eigen::Vector3d place_w(const Series& series, const kinematics::AxisVector& q) {
+  const Bodies nominal = nominal_bodies(series.readings.nominal, q);
+  return nominal.T_bw.inverse() * (nominal.T_bt * series.sensor().point_of);
+}
+
+std::vector<int> moving_joints(const Series& series) {
+  std::vector<int> moving;
+  for (Index j = 0; j < series.measurement(0).state.q.size(); ++j)
+    for (std::size_t i = 1; i < series.measurements.size(); ++i)
+      if (std::abs(series.measurement(i).state.q[j] - series.measurement(0).state.q[j]) > 1e-9) {
+        moving.push_back(int(j));
+        break;
+      }
+  return moving;
+}
+
+std::optional<PositionRuns> runs_of(const Series& series, const VectorXd& along,
+                                    const std::vector<bool>& from_below) {
+  const Targets targets = path_targets(series, along);
+  const Index m = targets.position.size();
+  if (m < 2) return std::nullopt;
+  const VectorXd value = deviations(series);
+  std::map<std::pair<bool, int>, VectorXd> columns;
+  std::map<std::pair<bool, int>, std::set<Index>> filled;
+  for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+    const std::pair key{bool(from_below[i]), series.measurement(i).run};
+    VectorXd& column = columns.try_emplace(key, VectorXd::Zero(m)).first->second;
+    const Index row = targets.row.at(series.measurement(i).target);
+    if (!filled[key].insert(row).second) return std::nullopt;
+    column[row] = value[Index(i)];
+  }
+  PositionRuns runs;
+  runs.target = targets.position;
+  for (const auto& [key, column] : columns) {
+    if (Index(filled[key].size()) != m) return std::nullopt;
+    Eigen::MatrixXd& side = key.first ? runs.up : runs.down;
+    side.conservativeResize(m, side.cols() + 1);
+    side.rightCols(1) = column;
+  }
+  for (Index i = 1; i < m; ++i)
+    if (!(runs.target[i] > runs.target[i - 1])) return std::nullopt;
+  return runs;
+}
+
+namespace {
+
+/// Direction in which a channel looks, in the bed, at its first measurement.
+Eigen::Vector3d sensor_direction_b(const Series& series) {
+  const Bodies nominal = nominal_at(series, 0);
+  const Channel& sensor = series.sensor();
+  if (sensor.in == Body::Bed) return sensor.direction_in;
+  return (sensor.in == Body::Workpiece ? nominal.T_bw : nominal.T_bt).linear() *
+         sensor.direction_in;
+}
+
+/// Whether a length is read along the travel, not across it: by how much the nominal machine
+/// itself moves the reading.
+bool is_measured_along(const Series& series, int joint) {
+  std::size_t far = 0;
+  const auto moved = [&](std::size_t i) {
+    return std::abs(series.measurement(i).state.q[joint] - series.measurement(0).state.q[joint]);
+  };
+  for (std::size_t i = 1; i < series.measurements.size(); ++i)
+    if (moved(i) > moved(far)) far = i;
+  const auto first = nominal_at(series, 0), last = nominal_at(series, far);
+  const double seen = reading(series.optics(), series.channel, {}, last, last) -
+                      reading(series.optics(), series.channel, {}, first, first);
+  return std::abs(seen) > 0.5 * moved(far);
+}
+
+AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& test) {
+  using TestKind = AxisTest::TestKind;
+  if (test.rotary) return test.angle ? TestKind::Positioning : TestKind::ErrorMotion;
+  if (test.angle) return TestKind::Angle;
+  return is_measured_along(series, joint) ? TestKind::Positioning : TestKind::Straightness;
+}
+
+// Readings count from an arbitrary zero: here from the mean at the target nearest to the axis's.
+void subtract_zero_reading(PositionRuns& runs) {
+  Index nearest = 0;
+  runs.target.cwiseAbs().minCoeff(&nearest);
+  double zero = 0.0;
+  const Index n = runs.up.cols() + runs.down.cols();
+  if (runs.up.cols() > 0) zero += runs.up.row(nearest).sum();
+  if (runs.down.cols() > 0) zero += runs.down.row(nearest).sum();
+  runs.up.array() -= zero / double(n);
+  runs.down.array() -= zero / double(n);
+}
+
+}  // namespace
+
+std::optional<AxisTest> axis_test(const Series& series, int joint) {
+  const kinematics::Joint& axis = series.readings.nominal.joints()[std::size_t(joint)];
+  VectorXd along(Index(series.measurements.size()));
+  std::vector<bool> from_below;
+  for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+    along[Index(i)] = series.measurement(i).state.q[joint];
+    from_below.push_back(series.measurement(i).state.direction[std::size_t(joint)] >= 0);
+  }
+  auto runs = runs_of(series, along, from_below);
+  if (!runs) return std::nullopt;
+  subtract_zero_reading(*runs);
+  AxisTest test;
+  test.name = series.name();
+  test.axis = axis.name;
+  test.set_up = series.set_up;
+  test.angle = series.sensor().is_angle();
+  test.rotary = axis.motion != kinematics::Motion::Linear;
+  if (test.rotary) {
+    test.spindle = axis.motion == kinematics::Motion::Spindle || axis.name == 'S';
+    test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
+  }
+  test.what = test_kind(series, joint, test);
+  test.runs = std::move(*runs);
+  return test;
+}
+
+bool is_hidden_by_centring(const AxisTest& test) {
+  if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
+  Eigen::MatrixX2d place(test.runs.target.size(), 2);
+  place << test.runs.target.array().cos(), test.runs.target.array().sin();
+  return place_weights(place, 1e-9).sum() < 3.5;
+}
+
+PositionRuns form_of(const AxisTest& test) {
+  PositionRuns runs = test.runs;
+  const VectorXd& t = runs.target;
+  Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
+  VectorXd root = VectorXd::Ones(t.size());
+  if (test.what == AxisTest::TestKind::Straightness) {
+    set_up.conservativeResize(Eigen::NoChange, 2);
+    set_up.col(1) = t.array() - t.mean();
+  } else if (test.what != AxisTest::TestKind::ErrorMotion) {
+    return runs;
+  } else {
+    root = arc_weights(t).cwiseSqrt();
+    if (!test.axial && !is_hidden_by_centring(test)) {
+      set_up.conservativeResize(Eigen::NoChange, 3);
+      set_up.col(1) = t.array().cos();
+      set_up.col(2) = t.array().sin();
+    }
+  }
+  const Eigen::MatrixXd weighted = root.asDiagonal() * set_up;
+  const VectorXd added =
+      set_up * least_squares(weighted, VectorXd(root.cwiseProduct(mean_of(runs)))).x;
+  runs.up.colwise() -= added;
+  runs.down.colwise() -= added;
+  return runs;
+}
+
+namespace {
+
+/// The two slides of a circle by letter; nothing if other axes move.
+std::optional<std::array<int, 2>> circle_slides(const Series& series,
+                                                const std::vector<int>& moving) {
+  const auto& joints = series.readings.nominal.joints();
+  if (series.sensor().quantity != Quantity::Length || moving.size() != 2) return std::nullopt;
+  for (const int joint : moving)
+    if (joints[std::size_t(joint)].motion != kinematics::Motion::Linear) return std::nullopt;
+  std::array slides{moving[0], moving[1]};
+  if (joints[std::size_t(slides[1])].name < joints[std::size_t(slides[0])].name)
+    std::swap(slides[0], slides[1]);
+  return slides;
+}
+
+/// Measurements of one run in one sense, with the angle about the socket going on without jumps.
+struct CirclePass {
+  int run = 0;
+  std::vector<std::size_t> measurements;
+  std::vector<double> angle;
+};
+
+// A sense ends where the run does or where a target is read again before the way back.
+std::vector<CirclePass> circle_passes(const Series& series,
+                                      const Eigen::Matrix<double, 3, 2>& plane) {
+  std::vector<CirclePass> passes;
+  int step = 0;
+  for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+    const Measurement& measurement = series.measurement(i);
+    const Eigen::Vector2d arm =
+        plane.transpose() * (place_w(series, measurement.state.q) - series.sensor().point_in);
+    double angle = std::atan2(arm.y(), arm.x());
+    const int way = i > 0 ? measurement.target - series.measurement(i - 1).target : 0;
+    const bool goes_on = !passes.empty() && passes.back().run == measurement.run && way != 0 &&
+                         (passes.back().measurements.size() < 2 || way * step > 0);
+    if (!goes_on) passes.push_back({measurement.run, {}, {}});
+    CirclePass& pass = passes.back();
+    if (!pass.angle.empty())
+      angle = pass.angle.back() + std::remainder(angle - pass.angle.back(), 2 * pi);
+    step = way;
+    pass.measurements.push_back(i);
+    pass.angle.push_back(angle);
+  }
+  return passes;
+}
+
+/// Unit vectors along the first slide and, square to it, towards the second, in the workpiece.
+Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 2>& slides) {
+  const auto& q0 = series.measurement(0).state.q;
+  Eigen::Matrix<double, 3, 2> plane;
+  for (int k = 0; k < 2; ++k) {
+    kinematics::AxisVector q = q0;
+    q[slides[std::size_t(k)]] += 1.0;
+    plane.col(k) = place_w(series, q) - place_w(series, q0);
+  }
+  plane.col(0).normalize();
+  plane.col(1) -= plane.col(1).dot(plane.col(0)) * plane.col(0);
+  plane.col(1).normalize();
+  return plane;
+}
+
+}  // namespace
+
+std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int>& moving) {
+  const auto slides = circle_slides(series, moving);
+  if (!slides) return {};
+  const auto& q0 = series.measurement(0).state.q;
+  const double radius = (place_w(series, q0) - series.sensor().point_in).norm();
+  for (std::size_t i = 1; i < series.measurements.size(); ++i) {
+    const Vector3d arm = place_w(series, series.measurement(i).state.q) - series.sensor().point_in;
+    if (std::abs(arm.norm() - radius) > 1e-6 * radius) return {};
+  }
+  std::map<int, CircleTest> circles;
+  for (const CirclePass& pass : circle_passes(series, plane_w(series, *slides))) {
+    if (pass.measurements.size() < 3) return {};
+    CircleTest& test = circles[pass.run];
+    const bool rises = pass.angle.back() > pass.angle.front();
+    CircularTrace& trace = rises ? test.runs.anticlockwise : test.runs.clockwise;
+    if (trace.angle.size() > 0) return {};  // the same sense twice in a run
+    trace.angle = VectorXd::Map(pass.angle.data(), Index(pass.angle.size()));
+    trace.radius.resize(trace.angle.size());
+    for (std::size_t i = 0; i < pass.measurements.size(); ++i)
+      trace.radius[Index(i)] =
+          series.readings.value[Index(series.measurements[pass.measurements[i]])];
+  }
+  std::vector<CircleTest> result;
+  for (auto& [run, test] : circles) {
+    test.name =
+        circles.size() > 1 ? fmt::format("{}, run {}", series.name(), run + 1) : series.name();
+    for (const int joint : *slides)
+      test.plane += series.readings.nominal.joints()[std::size_t(joint)].name;
+    test.runs.nominal_radius = radius;
+    test.zero_known = !series.optics().zero_unknown;
+    result.push_back(std::move(test));
+  }
+  return result;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+/// Signs of the slides along a diagonal, in the order X Y Z; nothing if other axes move.
+std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
+                                                 const std::vector<int>& moving) {
+  std::array<int, 3> signs{0, 0, 0};
+  int first = series.measurement(0).target, last = first;
+  for (std::size_t i = 1; i < series.measurements.size(); ++i) {
+    first = std::min(first, series.measurement(i).target);
+    last = std::max(last, series.measurement(i).target);
+  }
+  for (const int joint : moving) {
+    const char name = series.readings.nominal.joints()[std::size_t(joint)].name;
+    if (name < 'X' || name > 'Z') return std::nullopt;
+    double from = 0.0, to = 0.0;
+    for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+      if (series.measurement(i).target == first) from = series.measurement(i).state.q[joint];
+      if (series.measurement(i).target == last) to = series.measurement(i).state.q[joint];
+    }
+    signs[std::size_t(name - 'X')] = to > from ? 1 : -1;
+  }
+  return signs;
+}
+
+bool is_along_beam(const Series& series) {
+  const Vector3d& beam = series.sensor().direction_in;
+  const Vector3d start = place_w(series, series.measurement(0).state.q);
+  for (std::size_t i = 1; i < series.measurements.size(); ++i) {
+    const Vector3d way = place_w(series, series.measurement(i).state.q) - start;
+    if ((way - way.dot(beam) * beam).norm() > 1e-6 * (1 + way.norm())) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vector<int>& moving) {
+  if (series.sensor().quantity != Quantity::Displacement) return std::nullopt;
+  const auto signs = diagonal_signs(series, moving);
+  if (!signs || !is_along_beam(series)) return std::nullopt;
+  const int leading = moving.front();
+  const int sign =
+      (*signs)[std::size_t(series.readings.nominal.joints()[std::size_t(leading)].name - 'X')];
+  Eigen::VectorXd along(Index(series.measurements.size()));
+  std::vector<bool> from_below;
+  for (std::size_t i = 0; i < series.measurements.size(); ++i) {
+    const Bodies nominal = nominal_at(series, i);
+    along[Index(i)] = reading(series.optics(), series.channel, {}, nominal, nominal);
+    from_below.push_back(sign * series.measurement(i).state.direction[std::size_t(leading)] >= 0);
+  }
+  auto runs = runs_of(series, along, from_below);
+  if (!runs) return std::nullopt;
+  const double zero = runs->up.cols() > 0 ? runs->up.row(0).mean() : runs->down.row(0).mean();
+  runs->up.array() -= zero;
+  runs->down.array() -= zero;
+  return DiagonalTest{series.name(), {*signs, std::move(*runs)}};
+}
+
 namespace {
 
 using Eigen::Index;
@@ -18,30 +383,30 @@ std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
   const Series& first = channels.front();
   DriftTest test;
   test.name = first.optics().name;
-  const auto n = Index(first.looks.size());
+  const auto n = Index(first.measurements.size());
   test.log.time_s.resize(n);
   test.log.values.resize(n, Index(channels.size()));
   for (std::size_t c = 0; c < channels.size(); ++c) {
-    if (Index(channels[c].looks.size()) != n) return std::nullopt;
+    if (Index(channels[c].measurements.size()) != n) return std::nullopt;
     const VectorXd value = deviations(channels[c]);
     test.log.names.push_back(channels[c].sensor().name);
     test.angle.push_back(channels[c].sensor().is_angle());
     test.log.values.col(Index(c)) = value.array() - value[0];
   }
   for (Index i = 0; i < n; ++i) {
-    test.log.time_s[i] = first.look(std::size_t(i)).state.time_s;
+    test.log.time_s[i] = first.measurement(std::size_t(i)).state.time_s;
     if (i > 0 && !(test.log.time_s[i] > test.log.time_s[i - 1])) return std::nullopt;
   }
   if (n < 2) return std::nullopt;
   return test;
 }
 
-/// Where the axes stand at each look, whole turns left out.
+/// Where the axes stand at each measurement, whole turns left out.
 Eigen::MatrixXd places_of(const Series& series) {
   const auto& joints = series.readings.nominal.joints();
-  Eigen::MatrixXd places(Index(series.looks.size()), 2 * Index(joints.size()));
+  Eigen::MatrixXd places(Index(series.measurements.size()), 2 * Index(joints.size()));
   for (Index i = 0; i < places.rows(); ++i) {
-    const kinematics::AxisVector& q = series.look(std::size_t(i)).state.q;
+    const kinematics::AxisVector& q = series.measurement(std::size_t(i)).state.q;
     for (Index j = 0; j < q.size(); ++j) {
       const bool slides = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
       places(i, 2 * j) = slides ? q[j] : std::cos(q[j]);
@@ -54,7 +419,7 @@ Eigen::MatrixXd places_of(const Series& series) {
 OtherTest other_test(const Series& series) {
   constexpr double one_place = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
-                 place_shares(places_of(series), one_place)};
+                 place_weights(places_of(series), one_place)};
   test.share /= test.share.sum();
   if (test.deviation.size() > 1) test.deviation.array() -= test.share.dot(test.deviation);
   return test;
@@ -115,28 +480,28 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
     tests.others.push_back(other_test(series));
   }
   const bool square = lines.size() == 2 && axes.size() == 2 &&
-                      lines[0].what == AxisTest::What::Straightness &&
-                      lines[1].what == AxisTest::What::Straightness;
+                      lines[0].what == AxisTest::TestKind::Straightness &&
+                      lines[1].what == AxisTest::TestKind::Straightness;
   if (square) tests.squares.push_back({channels.front().optics().name, lines[0], lines[1]});
   for (AxisTest& line : lines) tests.axes.push_back(std::move(line));
 }
 
 }  // namespace
 
-Tests tests_of(const Readings& readings) {
+Tests classify_readings(const Readings& readings) {
   Tests tests;
   const auto& plan = readings.plan;
   std::vector<std::vector<Series>> set_ups(plan.set_ups.size());
   for (std::size_t s = 0; s < set_ups.size(); ++s)
     for (std::size_t c = 0; c < plan.set_ups[s].channels.size(); ++c)
       set_ups[s].push_back({readings, int(s), int(c), {}});
-  for (std::size_t i = 0; i < plan.looks.size(); ++i)
-    set_ups[std::size_t(plan.looks[i].set_up)][std::size_t(plan.looks[i].channel)].looks.push_back(
-        i);
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i)
+    set_ups[std::size_t(plan.measurements[i].set_up)][std::size_t(plan.measurements[i].channel)]
+        .measurements.push_back(i);
   for (const std::vector<Series>& all : set_ups) {
     std::vector<Series> channels;
     for (const Series& one : all)
-      if (!one.looks.empty()) channels.push_back(one);
+      if (!one.measurements.empty()) channels.push_back(one);
     if (!channels.empty()) sort_set_up(channels, tests);
   }
   join_single_readings(tests.others);

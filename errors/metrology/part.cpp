@@ -12,9 +12,9 @@
 #include <Eigen/Geometry>
 
 #include "errors/curve.h"
+#include "errors/metrology/plan_builder.h"
 #include "errors/metrology/readings.h"
-#include "errors/metrology/walk.h"
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -82,7 +82,7 @@ void check(const TouchProbe& options, const Chain& nominal) {
 }
 
 /// One machine with its probe, carrying its state from touch to touch.
-struct Probing {
+struct ProbingMachine {
   const Chain& nominal;
   const MachineUnderTest& machine;
   const TouchProbe& options;
@@ -110,7 +110,7 @@ struct Probing {
 };
 
 /// Commanded height above the design at which the ball meets the surface.
-double Probing::touch(const Vector3d& point_w, const Vector3d& normal_w, double deviation) {
+double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, double deviation) {
   const auto centre_w = [&](double height) -> Vector3d {
     return point_w + (options.radius + height) * normal_w;
   };
@@ -182,7 +182,7 @@ std::vector<Index> grid_points(const PartSurface& part, double spacing) {
   return chosen;
 }
 
-kinematics::Deviation drawn_alignment(const CoordinateMachine& options) {
+kinematics::Deviation random_alignment(const CoordinateMachine& options) {
   if (options.alignment) return *options.alignment;
   kinematics::Deviation D;
   for (int k = 0; k < 6; ++k)
@@ -193,7 +193,7 @@ kinematics::Deviation drawn_alignment(const CoordinateMachine& options) {
 
 /// Deviations after the rigid motion that makes their squares least. What a motion does not change
 /// (of a plane three of six) is left alone by the least-norm step and changes no deviation.
-Eigen::VectorXd best_fitted(const PartReadings& r, const Vector3d& middle_w) {
+Eigen::VectorXd best_fit_deviation(const PartReadings& r, const Vector3d& middle_w) {
   const Index n = r.deviation.size();
   Eigen::MatrixX3d read_w = r.points_w;
   for (Index i = 0; i < n; ++i) read_w.row(i) += r.deviation[i] * r.normals_w.row(i);
@@ -227,7 +227,7 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
   for (Index i = 0; i < part.deviation.size(); ++i)
     if (!std::isnan(part.deviation[i])) chosen.push_back(i);
   PartReadings r = blank(part, chosen, options.noise, options.resolution);
-  Probing probing{nominal, machine, options, {}};
+  ProbingMachine probing{nominal, machine, options, {}};
   for (Index i = 0; i < r.deviation.size(); ++i) {
     const Vector3d point_w = r.points_w.row(i), normal_w = r.normals_w.row(i);
     if (i == 0) {
@@ -251,7 +251,7 @@ PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachin
   const Index n = r.deviation.size();
   if (n == 0) return r;
   const Vector3d middle_w = r.points_w.colwise().mean();
-  const kinematics::Pose lie = kinematics::motion(drawn_alignment(options), middle_w);
+  const kinematics::Pose lie = kinematics::motion(random_alignment(options), middle_w);
   for (Index i = 0; i < n; ++i) {
     const Vector3d point = r.points_w.row(i), normal = r.normals_w.row(i);
     const Vector3d machined = lie * (point + part.deviation[chosen[std::size_t(i)]] * normal);
@@ -261,7 +261,7 @@ PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachin
     r.deviation[i] = rounded(height, options.resolution);
     r.time_s[i] = options.start_s + double(i) * options.interval_s;
   }
-  if (options.best_fit) r.deviation = best_fitted(r, middle_w);
+  if (options.best_fit) r.deviation = best_fit_deviation(r, middle_w);
   return r;
 }
 

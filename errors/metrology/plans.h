@@ -1,6 +1,6 @@
 #pragma once
 
-#include "errors/metrology/walk.h"
+#include "errors/metrology/plan_builder.h"
 
 /// The plans of `plan`, a family a file. The instrument's numbers have been looked at.
 namespace abbe::errors::metrology {
@@ -14,25 +14,25 @@ SetUp set_up(const Instrument& instrument, const std::string& name, std::vector<
 /// A path that moves one axis and leaves the others where they stand.
 Path along(const kinematics::AxisVector& q, int joint);
 
-// plan_lines.cpp
+// along and across lines
 Plan laser(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan straightness(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan angle_optics(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan square(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan level(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan roll_lines(const Instrument& instrument, const kinematics::Chain& nominal);
-// plan_diagonals.cpp
+// along diagonals
 Plan diagonals(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan step_diagonal(const Instrument& instrument, const kinematics::Chain& nominal);
-// plan_rotary.cpp
+// on circles and around rotary axes
 Plan ball_bar(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan ball_bar_rotary(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan r_test(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan sphere(const Instrument& instrument, const kinematics::Chain& nominal);
-// plan_volume.cpp
+// in the volume
 Plan tracker(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan multilateration(const Instrument& instrument, const kinematics::Chain& nominal);
-// plan_time.cpp
+// over time
 Plan spindle(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan drift(const Instrument& instrument, const kinematics::Chain& nominal);
 Plan temperature(const Instrument& instrument, const kinematics::Chain& nominal);

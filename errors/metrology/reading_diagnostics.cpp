@@ -40,13 +40,13 @@ std::string noise_text(double value, bool is_angle) {
 // ---- readings that never change
 
 /// Largest chance that a reading with this noise shows the step that the one before it showed.
-double chance_of_repeating(double noise, double resolution) {
+double repetition_chance(double noise, double resolution) {
   if (noise <= 0.0) return 1.0;
   return std::erf(0.5 * resolution / (noise * std::sqrt(2.0)));
 }
 
 /// First reading of the longest part of equal ones, and how many they are.
-std::pair<Index, Index> longest_equal(const VectorXd& values) {
+std::pair<Index, Index> longest_equal_run(const VectorXd& values) {
   Index first = 0, count = values.size() > 0 ? 1 : 0;
   for (Index from = 0, i = 1; i <= values.size(); ++i) {
     if (i < values.size() && values[i] == values[from]) continue;
@@ -58,10 +58,10 @@ std::pair<Index, Index> longest_equal(const VectorXd& values) {
 
 void check_changes(const std::string& name, const Channel& channel, const VectorXd& values,
                    ReadingDiagnostics& found) {
-  const auto [first, count] = longest_equal(values);
+  const auto [first, count] = longest_equal_run(values);
   const Index n = values.size();
   const double chance =
-      std::pow(chance_of_repeating(channel.noise, channel.resolution), double(count - 1));
+      std::pow(repetition_chance(channel.noise, channel.resolution), double(count - 1));
   if (count == n && n >= min_equal) {
     const std::string text = fmt::format("{}: all {} readings are {}", name, n,
                                          size_text(values[0], channel.is_angle()));
@@ -80,7 +80,7 @@ void check_changes(const std::string& name, const Channel& channel, const Vector
 }
 
 /// Noise of readings whose curve is smooth, by their second differences.
-double scatter_of(const VectorXd& v) {
+double second_difference_noise(const VectorXd& v) {
   const Index n = v.size() - 2;
   return ((v.head(n) - 2.0 * v.segment(1, n) + v.tail(n)).matrix()).norm() /
          std::sqrt(6.0 * double(n));
@@ -92,7 +92,7 @@ void check_scatter(const std::string& name, const Channel& channel, const Vector
   if (departure.size() < min_scattered || !(channel.noise > 0.0) ||
       channel.resolution > channel.noise)
     return;
-  const double scatter = scatter_of(departure);
+  const double scatter = second_difference_noise(departure);
   if (scatter >= too_little * channel.noise || departure.cwiseAbs().maxCoeff() == 0.0) return;
   found.warnings.push_back(fmt::format(
       "{}: readings scatter by {}, their noise is {}: in another unit, or smoothed", name,
@@ -113,7 +113,7 @@ struct ChannelReadings {
 };
 
 /// Reading minus nominal; a counter of unknown zero counts from its median.
-VectorXd departure_of(const ChannelReadings& readings, const VectorXd& value) {
+VectorXd departure_from_nominal(const ChannelReadings& readings, const VectorXd& value) {
   VectorXd departure = value - readings.nominal;
   if (readings.set_up->zero_unknown && departure.size() > 0) {
     VectorXd sorted = departure;
@@ -124,7 +124,7 @@ VectorXd departure_of(const ChannelReadings& readings, const VectorXd& value) {
 }
 
 double max_departure(const ChannelReadings& readings, const VectorXd& value) {
-  return departure_of(readings, value).cwiseAbs().maxCoeff();
+  return departure_from_nominal(readings, value).cwiseAbs().maxCoeff();
 }
 
 /// What was done to readings that would be near if it were undone.
@@ -158,12 +158,12 @@ void check_departure(const ChannelReadings& readings, ReadingDiagnostics& found)
                              cause_of(readings, limit)));
 }
 
-double alignment_sigma(const Readings& readings, const ChannelLooks& read) {
+double alignment_sigma(const Readings& readings, const ChannelMeasurements& read) {
   const SetUp& set_up = readings.plan.set_ups[std::size_t(read.set_up)];
   const std::vector<SetUpUnknown> list = unknowns(set_up);
   double largest = 0.0;
-  for (const int i : read.looks) {
-    const kinematics::AxisState& state = readings.plan.looks[std::size_t(i)].state;
+  for (const int i : read.measurements) {
+    const kinematics::AxisState& state = readings.plan.measurements[std::size_t(i)].state;
     const VectorXd gradient =
         unknowns_gradient(set_up, read.channel, nominal_bodies(readings.nominal, state.q),
                           spindle_angle(readings.nominal, state));
@@ -175,22 +175,22 @@ double alignment_sigma(const Readings& readings, const ChannelLooks& read) {
   return largest;
 }
 
-void check_channel(const Readings& readings, const ChannelLooks& read, const VectorXd& nominal,
-                   ReadingDiagnostics& found) {
+void check_channel(const Readings& readings, const ChannelMeasurements& read,
+                   const VectorXd& nominal, ReadingDiagnostics& found) {
   const SetUp& set_up = readings.plan.set_ups[std::size_t(read.set_up)];
   const Channel& channel = set_up.channels[std::size_t(read.channel)];
   ChannelReadings one{set_up.name + ", " + channel.name,
                       &set_up,
                       read.channel,
-                      readings.value(read.looks),
-                      nominal(read.looks),
+                      readings.value(read.measurements),
+                      nominal(read.measurements),
                       alignment_sigma(readings, read)};
   check_changes(one.name, channel, one.value, found);
   if (channel.quantity == Quantity::Length && one.value.minCoeff() <= 0.0)
     found.errors.push_back(
         fmt::format("{}: a length is {}", one.name, size_text(one.value.minCoeff(), false)));
   check_departure(one, found);
-  check_scatter(one.name, channel, departure_of(one, one.value), found);
+  check_scatter(one.name, channel, departure_from_nominal(one, one.value), found);
 }
 
 // ---- plan and temperatures
@@ -200,9 +200,12 @@ void check_repeated_rows(const Plan& plan, ReadingDiagnostics& found) {
   std::set<std::tuple<int, int, int, int, double>> known;
   int repeated = 0;
   std::size_t first = 0;
-  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
-    const Look& look = plan.looks[i];
-    if (known.emplace(look.set_up, look.channel, look.run, look.target, look.state.time_s).second)
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const Measurement& measurement = plan.measurements[i];
+    if (known
+            .emplace(measurement.set_up, measurement.channel, measurement.run, measurement.target,
+                     measurement.state.time_s)
+            .second)
       continue;
     if (repeated++ == 0) first = i + 1;
   }
@@ -215,14 +218,15 @@ void check_repeated_rows(const Plan& plan, ReadingDiagnostics& found) {
 
 /// The side from which an axis came decides what is backlash: it must be that of its motion.
 void check_directions(const Readings& readings, ReadingDiagnostics& found) {
-  const std::vector<Look>& looks = readings.plan.looks;
+  const std::vector<Measurement>& measurements = readings.plan.measurements;
   const auto& joints = readings.nominal.joints();
   for (std::size_t j = 0; j < joints.size(); ++j) {
     int wrong = 0;
-    for (std::size_t i = 1; i < looks.size(); ++i) {
-      const kinematics::AxisState &from = looks[i - 1].state, &to = looks[i].state;
-      const bool is_one_stroke = looks[i].set_up == looks[i - 1].set_up &&
-                                 looks[i].run == looks[i - 1].run && from.stroke[j] == to.stroke[j];
+    for (std::size_t i = 1; i < measurements.size(); ++i) {
+      const kinematics::AxisState &from = measurements[i - 1].state, &to = measurements[i].state;
+      const bool is_one_stroke = measurements[i].set_up == measurements[i - 1].set_up &&
+                                 measurements[i].run == measurements[i - 1].run &&
+                                 from.stroke[j] == to.stroke[j];
       wrong += is_one_stroke && (to.q[Index(j)] - from.q[Index(j)]) * to.direction[j] < -1e-9;
     }
     if (wrong > 0)
@@ -236,9 +240,9 @@ void check_directions(const Readings& readings, ReadingDiagnostics& found) {
 /// Readings of one set-up take no longer than the whole measurement.
 void check_duration(const Plan& plan, ReadingDiagnostics& found) {
   std::map<int, std::pair<double, double>> spans;
-  for (const Look& look : plan.looks) {
-    const double time = look.state.time_s;
-    const auto at = spans.try_emplace(look.set_up, time, time).first;
+  for (const Measurement& measurement : plan.measurements) {
+    const double time = measurement.state.time_s;
+    const auto at = spans.try_emplace(measurement.set_up, time, time).first;
     at->second.first = std::min(at->second.first, time);
     at->second.second = std::max(at->second.second, time);
   }
@@ -256,19 +260,19 @@ void check_plan(const Readings& readings, ReadingDiagnostics& found) {
   const auto& joints = readings.nominal.joints();
   std::vector<int> beyond(joints.size(), 0);
   int backwards = 0;
-  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
-    const kinematics::AxisState& state = plan.looks[i].state;
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const kinematics::AxisState& state = plan.measurements[i].state;
     for (std::size_t j = 0; j < joints.size(); ++j) {
       const double q = state.q[Index(j)];
       beyond[j] += q < joints[j].min - 1e-6 || q > joints[j].max + 1e-6;
     }
-    backwards += i > 0 && state.time_s < plan.looks[i - 1].state.time_s;
+    backwards += i > 0 && state.time_s < plan.measurements[i - 1].state.time_s;
   }
   for (std::size_t j = 0; j < joints.size(); ++j)
     if (beyond[j] > 0)
       found.warnings.push_back(
           fmt::format("{} of {} readings stand at {} beyond its travel: columns may be exchanged",
-                      beyond[j], plan.looks.size(), joints[j].name));
+                      beyond[j], plan.measurements.size(), joints[j].name));
   if (backwards > 0)
     found.warnings.push_back(
         fmt::format("time runs backwards at {} readings: they are not in the order in which they "
@@ -280,7 +284,7 @@ void check_plan(const Readings& readings, ReadingDiagnostics& found) {
 }
 
 /// Channels of the plan that were not read: of a file that was cut off.
-void check_complete(const Plan& plan, const std::vector<ChannelLooks>& read,
+void check_complete(const Plan& plan, const std::vector<ChannelMeasurements>& read,
                     ReadingDiagnostics& found) {
   std::size_t channels = 0;
   for (const SetUp& set_up : plan.set_ups) channels += set_up.channels.size();
@@ -313,8 +317,8 @@ void check_temperature_levels(const Readings& readings, ReadingDiagnostics& foun
           "wrong",
           name, low, median));
     for (Index i = 1; i < T_C.rows(); ++i) {
-      const double passed_s = readings.plan.looks[std::size_t(i)].state.time_s -
-                              readings.plan.looks[std::size_t(i - 1)].state.time_s;
+      const double passed_s = readings.plan.measurements[std::size_t(i)].state.time_s -
+                              readings.plan.measurements[std::size_t(i - 1)].state.time_s;
       if (std::abs(T_C(i, k) - T_C(i - 1, k)) <= jump_K || std::abs(passed_s) > soon_s) continue;
       found.warnings.push_back(
           fmt::format("{} jumps from {:.2f} to {:.2f} C in {:.3g} s: a loose contact, or a mistake "
@@ -367,24 +371,26 @@ void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
 }  // namespace
 
 VectorXd nominal_values(const Readings& readings) {
-  VectorXd nominal = VectorXd::Zero(Index(readings.plan.looks.size()));
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const Look& look = readings.plan.looks[i];
-    if (look.channel < 0) continue;
-    const Bodies bodies = nominal_bodies(readings.nominal, look.state.q);
-    nominal[Index(i)] = reading(readings.plan.set_ups[std::size_t(look.set_up)], look.channel, {},
-                                bodies, bodies, spindle_angle(readings.nominal, look.state));
+  VectorXd nominal = VectorXd::Zero(Index(readings.plan.measurements.size()));
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const Measurement& measurement = readings.plan.measurements[i];
+    if (measurement.channel < 0) continue;
+    const Bodies bodies = nominal_bodies(readings.nominal, measurement.state.q);
+    nominal[Index(i)] =
+        reading(readings.plan.set_ups[std::size_t(measurement.set_up)], measurement.channel, {},
+                bodies, bodies, spindle_angle(readings.nominal, measurement.state));
   }
   return nominal;
 }
 
-std::vector<ChannelLooks> channel_looks(const Plan& plan) {
-  std::map<std::pair<int, int>, std::vector<int>> looks;
-  for (std::size_t i = 0; i < plan.looks.size(); ++i)
-    if (plan.looks[i].channel >= 0)
-      looks[{plan.looks[i].set_up, plan.looks[i].channel}].push_back(int(i));
-  std::vector<ChannelLooks> channels;
-  for (auto& [key, list] : looks) channels.push_back({key.first, key.second, std::move(list)});
+std::vector<ChannelMeasurements> channel_measurements(const Plan& plan) {
+  std::map<std::pair<int, int>, std::vector<int>> measurements;
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i)
+    if (plan.measurements[i].channel >= 0)
+      measurements[{plan.measurements[i].set_up, plan.measurements[i].channel}].push_back(int(i));
+  std::vector<ChannelMeasurements> channels;
+  for (auto& [key, list] : measurements)
+    channels.push_back({key.first, key.second, std::move(list)});
   return channels;
 }
 
@@ -393,30 +399,30 @@ ReadingDiagnostics diagnose(const Readings& readings) {
   check_plan(readings, found);
   check_temperatures(readings, found);
   if (readings.value.size() == 0) return found;
-  const std::vector<ChannelLooks> read = channel_looks(readings.plan);
+  const std::vector<ChannelMeasurements> read = channel_measurements(readings.plan);
   check_complete(readings.plan, read, found);
   const VectorXd nominal = nominal_values(readings);
-  for (const ChannelLooks& one : read) check_channel(readings, one, nominal, found);
+  for (const ChannelMeasurements& one : read) check_channel(readings, one, nominal, found);
   return found;
 }
 
 std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files) {
   std::vector<RepeatedSeries> repeated;
-  std::map<std::vector<double>, SeriesName> known;
+  std::map<std::vector<double>, SeriesIndex> known;
   for (std::size_t f = 0; f < files.size(); ++f) {
     if (files[f].value.size() == 0) continue;
-    for (const ChannelLooks& read : channel_looks(files[f].plan)) {
+    for (const ChannelMeasurements& read : channel_measurements(files[f].plan)) {
       const Channel& channel =
           files[f].plan.set_ups[std::size_t(read.set_up)].channels[std::size_t(read.channel)];
       std::map<int, std::vector<double>> runs;
-      for (const int i : read.looks)
-        runs[files[f].plan.looks[std::size_t(i)].run].push_back(files[f].value[i]);
+      for (const int i : read.measurements)
+        runs[files[f].plan.measurements[std::size_t(i)].run].push_back(files[f].value[i]);
       for (auto& [run, values] : runs) {
         const double chance =
-            std::pow(chance_of_repeating(channel.noise, channel.resolution), double(values.size()));
+            std::pow(repetition_chance(channel.noise, channel.resolution), double(values.size()));
         const auto [low, high] = std::ranges::minmax(values);
         if (chance >= impossible || low == high) continue;  // a channel that stands still is known
-        const SeriesName name{int(f), read.set_up, read.channel, run};
+        const SeriesIndex name{int(f), read.set_up, read.channel, run};
         const auto [at, is_first] = known.try_emplace(std::move(values), name);
         if (!is_first) repeated.push_back({at->second, name});
       }
@@ -425,7 +431,7 @@ std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files) {
   return repeated;
 }
 
-std::string series_text(const Readings& readings, const SeriesName& series) {
+std::string series_text(const Readings& readings, const SeriesIndex& series) {
   const SetUp& set_up = readings.plan.set_ups[std::size_t(series.set_up)];
   return fmt::format("{}, {}, run {}", set_up.name,
                      set_up.channels[std::size_t(series.channel)].name, series.run);

@@ -37,29 +37,31 @@ ReadingDiagnostics diagnose(const PartReadings& readings);
 ReadingDiagnostics diagnose(const std::vector<AxisTest>& tests);
 
 /// The readings of one run of one channel; indices of the file, the set-up and its channel.
-struct SeriesName {
+struct SeriesIndex {
   int file = 0, set_up = 0, channel = 0, run = 0;
 };
 /// Two series that are the same to the last digit although their noise must tell them apart.
 struct RepeatedSeries {
-  SeriesName first, again;
+  SeriesIndex first, again;
 };
-/// Returns the series that repeat one before them, in one file or in two: copied, or rounded more coarsely than it states.
+/// Returns the series that repeat one before them, in one file or in two: copied, or rounded more
+/// coarsely than it states.
 std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files);
 /// Returns the name of a series for messages: "X positioning, along X, run 1".
-std::string series_text(const Readings& readings, const SeriesName& series);
+std::string series_text(const Readings& readings, const SeriesIndex& series);
 
-/// Returns what the nominal machine would show at every look, in perfect set-ups. (looks) mm or
-/// rad; 0 where temperatures are logged
+/// Returns what the nominal machine would show at every measurement, in perfect set-ups.
+/// (measurements) mm or rad; 0 where temperatures are logged
 Eigen::VectorXd nominal_values(const Readings& readings);
 
-/// The readings of one channel of one set-up: their looks, in the order in which they were read.
-struct ChannelLooks {
+/// The readings of one channel of one set-up: their measurements, in the order in which they were
+/// read.
+struct ChannelMeasurements {
   int set_up = 0;
   int channel = 0;
-  std::vector<int> looks;
+  std::vector<int> measurements;
 };
 /// Returns every channel that was read, in the order of the set-ups.
-std::vector<ChannelLooks> channel_looks(const Plan& plan);
+std::vector<ChannelMeasurements> channel_measurements(const Plan& plan);
 
 }  // namespace abbe::errors::metrology

@@ -1,69 +1,327 @@
 #include "errors/metrology/readings.h"
 
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include "errors/curve.h"
 
 namespace abbe::errors::metrology {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using kinematics::Deviation;
+using kinematics::Pose;
+
+Pose body_pose(Body body, const Bodies& bodies) {
+  if (body == Body::Bed) return Pose::Identity();
+  return body == Body::Workpiece ? bodies.T_bw : bodies.T_bt;
+}
+
+/// The eccentric ball of a spindle: carried round about z of the tool.
+Vector3d turned(const Eigen::Vector2d& eccentricity, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  return {c * eccentricity.x() - s * eccentricity.y(), s * eccentricity.x() + c * eccentricity.y(),
+          0.0};
+}
+
+Eigen::Matrix<double, 3, 2> mirror_rotations(const SetUp& set_up) {
+  for (const Channel& channel : set_up.channels)
+    if (channel.quantity == Quantity::Mirror) return across(channel.normal_of);
+  return across(Vector3d::UnitX());
+}
+
+/// What a channel sees of its two points, at a perfect set-up unless one is given.
+struct SightLine {
+  Vector3d length_mismatch_text;  ///< p - p_in, in the frame of `in`
+  Vector3d direction_in;          ///< u
+  Vector3d normal_in;             ///< of the mirror as it stands
+};
+
+double seen(const Channel& channel, const SightLine& sight) {
+  switch (channel.quantity) {
+    case Quantity::Length:
+      return sight.length_mismatch_text.norm();
+    case Quantity::Displacement:
+      return sight.direction_in.dot(sight.length_mismatch_text);
+    case Quantity::Mirror:
+      return sight.normal_in.dot(sight.length_mismatch_text) /
+             sight.normal_in.dot(sight.direction_in);
+    case Quantity::Angle:
+      break;
+  }
+  assert(false && "an angle has no points");
+  return 0.0;
+}
+
+/// Change of what is seen per unit of change of p, of u and of n, in the frame of `in`.
+struct Slopes {
+  Vector3d point = Vector3d::Zero();
+  Vector3d direction = Vector3d::Zero();
+  Vector3d normal = Vector3d::Zero();
+};
+
+Slopes slopes(const Channel& channel, const SightLine& sight) {
+  Slopes s;
+  switch (channel.quantity) {
+    case Quantity::Length: {
+      const double length = sight.length_mismatch_text.norm();
+      if (length > 0.0) s.point = sight.length_mismatch_text / length;
+      break;
+    }
+    case Quantity::Displacement:
+      s.point = sight.direction_in;
+      s.direction = sight.length_mismatch_text;
+      break;
+    case Quantity::Mirror: {
+      const double facing = sight.normal_in.dot(sight.direction_in);
+      const double value = sight.normal_in.dot(sight.length_mismatch_text) / facing;
+      s.point = sight.normal_in / facing;
+      s.direction = -value * sight.normal_in / facing;
+      s.normal = (sight.length_mismatch_text - value * sight.direction_in) / facing;
+      break;
+    }
+    case Quantity::Angle:
+      break;
+  }
+  return s;
+}
+
+SightLine nominal_sight(const Channel& channel, const Pose& T_of_in) {
+  return {T_of_in * channel.point_of - channel.point_in, channel.direction_in,
+          T_of_in.linear() * channel.normal_of};
+}
+
+Pose relative_pose(const Channel& channel, const Bodies& bodies) {
+  return body_pose(channel.in, bodies).inverse() * body_pose(channel.of, bodies);
+}
+
+// Where the unknowns of a set-up stand in their vector; -1: not there.
+struct Layout {
+  int zero = -1, rotation = -1, point_of = -1, point_in = -1, normal = -1, eccentricity = -1,
+      scale = -1, drift = -1;
+  int size = 0;
+};
+
+Layout layout(const SetUp& set_up) {
+  Layout at;
+  const auto place = [&](bool wanted, int count) {
+    const int first = at.size;
+    if (!wanted) return -1;
+    at.size += count;
+    return first;
+  };
+  at.zero = place(set_up.zero_unknown, int(set_up.channels.size()));
+  at.rotation = place(set_up.rotation_sigma > 0.0, 3);
+  at.point_of = place(set_up.point_of_sigma > 0.0, 3);
+  at.point_in = place(set_up.point_in_sigma > 0.0, 3);
+  at.normal = place(set_up.normal_sigma > 0.0, 2);
+  at.eccentricity = place(set_up.eccentricity_sigma > 0.0, 2);
+  at.scale = place(set_up.scale_sigma > 0.0, 1);
+  at.drift = place(set_up.drift_sigma > 0.0, 1);
+  return at;
+}
+
+// An angle reads about a direction that a misaligned instrument turns; at a perfect set-up the body
+// stands as it should, so that its first-order change is nothing.
+Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
+                               const Bodies& nominal) {
+  const Matrix3d R_actual = relative_pose(channel, actual).linear();
+  const Matrix3d R_nominal = relative_pose(channel, nominal).linear();
+  return kinematics::rotation_vector(R_actual * R_nominal.transpose());
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = normal.unitOrthogonal();
+  basis.col(1) = normal.cross(basis.col(0));
+  return basis;
+}
+
+double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
+               const Bodies& actual, const Bodies& nominal, double spindle_angle, double since_s) {
+  assert(channel >= 0 && channel < int(set_up.channels.size()));
+  const Channel& c = set_up.channels[std::size_t(channel)];
+  const Vector3d direction_in = kinematics::rotation(misalignment.rotation) * c.direction_in;
+  double value;
+  if (c.is_angle()) {
+    value = direction_in.dot(rotation_from_nominal(c, actual, nominal));
+  } else {
+    const Pose T_of_in = relative_pose(c, actual);
+    const Vector3d point_of =
+        c.point_of + misalignment.point_of + turned(misalignment.eccentricity, spindle_angle);
+    value = seen(c, {T_of_in * point_of - (c.point_in + misalignment.point_in), direction_in,
+                     T_of_in.linear() * (kinematics::rotation(misalignment.normal) * c.normal_of)});
+  }
+  const double zero = misalignment.zero.size() > 0 ? misalignment.zero[channel] : 0.0;
+  return value + misalignment.scale * value + zero + misalignment.drift * since_s;
+}
+
+ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
+  const Pose T_b_of = body_pose(channel.of, nominal);
+  const Pose T_b_in = body_pose(channel.in, nominal);
+  const Matrix3d R_b_in = T_b_in.linear();
+  Deviation of = Deviation::Zero();  // moving `in` along with it would change nothing
+  if (channel.is_angle()) {
+    of.tail<3>() = R_b_in * channel.direction_in;
+  } else {
+    const SightLine sight = nominal_sight(channel, T_b_in.inverse() * T_b_of);
+    const Slopes s = slopes(channel, sight);
+    const Vector3d point_b = T_b_of * channel.point_of;
+    of.head<3>() = R_b_in * s.point;
+    of.tail<3>() = point_b.cross(of.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
+  }
+  ReadingGradient result;
+  const auto add = [&](Body body, double sign) {
+    if (body == Body::Workpiece) result.workpiece += sign * of;
+    if (body == Body::Tool) result.tool += sign * of;
+  };
+  add(channel.of, 1.0);
+  add(channel.in, -1.0);
+  return result;
+}
+
+std::vector<SetUpUnknown> unknowns(const SetUp& set_up) {
+  std::vector<SetUpUnknown> result;
+  const auto add = [&](double sigma, std::initializer_list<const char*> names) {
+    if (!(sigma > 0.0)) return;
+    for (const char* name : names) result.push_back({name, sigma});
+  };
+  if (set_up.zero_unknown)
+    for (const Channel& channel : set_up.channels)
+      result.push_back({"zero of " + channel.name, std::numeric_limits<double>::infinity()});
+  add(set_up.rotation_sigma, {"rotation about A", "rotation about B", "rotation about C"});
+  add(set_up.point_of_sigma, {"carried point in X", "carried point in Y", "carried point in Z"});
+  add(set_up.point_in_sigma, {"fixed point in X", "fixed point in Y", "fixed point in Z"});
+  add(set_up.normal_sigma, {"first turn of the mirror", "second turn of the mirror"});
+  add(set_up.eccentricity_sigma, {"eccentricity in X", "eccentricity in Y"});
+  add(set_up.scale_sigma, {"scale"});
+  add(set_up.drift_sigma, {"drift"});
+  return result;
+}
+
+Misalignment misalignment(const SetUp& set_up, const Eigen::VectorXd& values) {
+  const Layout at = layout(set_up);
+  assert(values.size() == at.size);
+  Misalignment m;
+  if (at.zero >= 0) m.zero = values.segment(at.zero, Eigen::Index(set_up.channels.size()));
+  if (at.rotation >= 0) m.rotation = values.segment<3>(at.rotation);
+  if (at.point_of >= 0) m.point_of = values.segment<3>(at.point_of);
+  if (at.point_in >= 0) m.point_in = values.segment<3>(at.point_in);
+  if (at.normal >= 0) m.normal = mirror_rotations(set_up) * values.segment<2>(at.normal);
+  if (at.eccentricity >= 0) m.eccentricity = values.segment<2>(at.eccentricity);
+  if (at.scale >= 0) m.scale = values[at.scale];
+  if (at.drift >= 0) m.drift = values[at.drift];
+  return m;
+}
+
+Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment) {
+  const Layout at = layout(set_up);
+  Eigen::VectorXd v = Eigen::VectorXd::Zero(at.size);
+  if (at.zero >= 0 && misalignment.zero.size() > 0)
+    v.segment(at.zero, Eigen::Index(set_up.channels.size())) = misalignment.zero;
+  if (at.rotation >= 0) v.segment<3>(at.rotation) = misalignment.rotation;
+  if (at.point_of >= 0) v.segment<3>(at.point_of) = misalignment.point_of;
+  if (at.point_in >= 0) v.segment<3>(at.point_in) = misalignment.point_in;
+  if (at.normal >= 0)
+    v.segment<2>(at.normal) = mirror_rotations(set_up).transpose() * misalignment.normal;
+  if (at.eccentricity >= 0) v.segment<2>(at.eccentricity) = misalignment.eccentricity;
+  if (at.scale >= 0) v[at.scale] = misalignment.scale;
+  if (at.drift >= 0) v[at.drift] = misalignment.drift;
+  return v;
+}
+
+Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
+                                  double spindle_angle, double since_s) {
+  const Channel& c = set_up.channels[std::size_t(channel)];
+  const Layout at = layout(set_up);
+  Eigen::VectorXd g = Eigen::VectorXd::Zero(at.size);
+  if (at.zero >= 0) g[at.zero + channel] = 1.0;
+  if (at.drift >= 0) g[at.drift] = since_s;
+  if (c.is_angle()) return g;
+
+  const Pose T_of_in = relative_pose(c, nominal);
+  const SightLine sight = nominal_sight(c, T_of_in);
+  const Slopes s = slopes(c, sight);
+  const Vector3d of = T_of_in.linear().transpose() * s.point;  // per motion of the point carried
+  if (at.rotation >= 0) g.segment<3>(at.rotation) = c.direction_in.cross(s.direction);
+  if (at.point_of >= 0) g.segment<3>(at.point_of) = of;
+  if (at.point_in >= 0) g.segment<3>(at.point_in) = -s.point;
+  if (at.normal >= 0) {
+    const Vector3d turn = c.normal_of.cross(T_of_in.linear().transpose() * s.normal);
+    g.segment<2>(at.normal) = mirror_rotations(set_up).transpose() * turn;
+  }
+  if (at.eccentricity >= 0) {
+    g[at.eccentricity] = of.dot(turned(Eigen::Vector2d::UnitX(), spindle_angle));
+    g[at.eccentricity + 1] = of.dot(turned(Eigen::Vector2d::UnitY(), spindle_angle));
+  }
+  if (at.scale >= 0) g[at.scale] = seen(c, sight);
+  return g;
+}
+
 namespace {
 
 using kinematics::AxisState;
 
 // Noise and set-ups draw from two streams, so that a longer plan leaves the first readings alone.
-constexpr std::uint64_t set_up_stream = 0x5e7095e7095e7095ull;
+constexpr std::uint64_t set_up_random_stream = 0x5e7095e7095e7095ull;
 
 bool same(const AxisState& a, const AxisState& b) {
   return a.time_s == b.time_s && a.q == b.q && a.direction == b.direction && a.stroke == b.stroke &&
          a.spindle_speed == b.spindle_speed;
 }
 
-bool reads_temperatures_alone(const Plan& plan) {
+bool is_temperature_log(const Plan& plan) {
   for (const SetUp& set_up : plan.set_ups)
     if (!set_up.channels.empty()) return false;
   return true;
 }
 
 void check(const Plan& plan, const kinematics::Chain& nominal) {
-  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
-    const Look& look = plan.looks[i];
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const Measurement& measurement = plan.measurements[i];
     const auto refuse = [&](const std::string& what, int seen) {
       throw std::invalid_argument(fmt::format("reading {} of {}: expected {}, seen {}", i + 1,
                                               plan.instrument, what, seen));
     };
     const int set_ups = int(plan.set_ups.size());
-    if (look.set_up < 0 || look.set_up >= set_ups)
-      refuse(fmt::format("one of {} set-ups", set_ups), look.set_up);
-    const int channels = int(plan.set_ups[std::size_t(look.set_up)].channels.size());
-    if (channels > 0 && (look.channel < 0 || look.channel >= channels))
-      refuse(fmt::format("one of {} channels", channels), look.channel);
-    if (look.state.q.size() != nominal.size())
-      refuse(fmt::format("{} axis positions", nominal.size()), int(look.state.q.size()));
-    if (!look.state.q.allFinite() || !std::isfinite(look.state.time_s))
+    if (measurement.set_up < 0 || measurement.set_up >= set_ups)
+      refuse(fmt::format("one of {} set-ups", set_ups), measurement.set_up);
+    const int channels = int(plan.set_ups[std::size_t(measurement.set_up)].channels.size());
+    if (channels > 0 && (measurement.channel < 0 || measurement.channel >= channels))
+      refuse(fmt::format("one of {} channels", channels), measurement.channel);
+    if (measurement.state.q.size() != nominal.size())
+      refuse(fmt::format("{} axis positions", nominal.size()), int(measurement.state.q.size()));
+    if (!measurement.state.q.allFinite() || !std::isfinite(measurement.state.time_s))
       throw std::invalid_argument(
           fmt::format("reading {} of {}: expected finite positions", i + 1, plan.instrument));
   }
 }
 
 /// A set-up as it stands: its counters are set when they are first read.
-struct Standing {
+struct SetUpState {
   Misalignment misalignment;
   std::vector<char> is_set;  ///< (channels)
 };
 
 /// Everything that is drawn when the set-ups are made.
-std::vector<Standing> stand_up(const Plan& plan, std::uint64_t seed) {
-  std::vector<Standing> result;
+std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
+  std::vector<SetUpState> result;
   std::uint64_t counter = 0;
   for (const SetUp& set_up : plan.set_ups) {
     const std::vector<SetUpUnknown> list = unknowns(set_up);
     Eigen::VectorXd v = Eigen::VectorXd::Zero(Eigen::Index(list.size()));
     for (std::size_t i = 0; i < list.size(); ++i)
       if (std::isfinite(list[i].sigma))
-        v[Eigen::Index(i)] = list[i].sigma * normal_deviate(seed ^ set_up_stream, counter++);
+        v[Eigen::Index(i)] = list[i].sigma * normal_deviate(seed ^ set_up_random_stream, counter++);
     Misalignment m = misalignment(set_up, v);
     m.zero = Eigen::VectorXd::Zero(Eigen::Index(set_up.channels.size()));
     result.push_back({m, std::vector<char>(set_up.channels.size(), 0)});
@@ -71,7 +329,7 @@ std::vector<Standing> stand_up(const Plan& plan, std::uint64_t seed) {
   return result;
 }
 
-/// What one look meets.
+/// What one measurement meets.
 struct Instant {
   const Bodies& actual;
   const Bodies& ideal;
@@ -79,7 +337,7 @@ struct Instant {
   double since_s;
 };
 
-double shown(Standing& standing, const SetUp& set_up, int channel, const Instant& at) {
+double shown(SetUpState& standing, const SetUp& set_up, int channel, const Instant& at) {
   const auto now = [&](const Misalignment& m) {
     return reading(set_up, channel, m, at.actual, at.ideal, at.spindle_angle, at.since_s);
   };
@@ -102,24 +360,25 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
                  const MachineUnderTest& machine, std::uint64_t seed) {
   check(plan, nominal);
   Readings readings{plan, nominal, {}, {}, {}};
-  if (reads_temperatures_alone(plan)) return readings;
+  if (is_temperature_log(plan)) return readings;
 
-  std::vector<Standing> standing = stand_up(plan, seed);
-  const Eigen::VectorXd since_s = since_set_up(plan);
-  readings.value.setZero(Eigen::Index(plan.looks.size()));
+  std::vector<SetUpState> standing = draw_set_ups(plan, seed);
+  const Eigen::VectorXd since_s = time_since_set_up(plan);
+  readings.value.setZero(Eigen::Index(plan.measurements.size()));
   Bodies actual, ideal;
-  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
-    const Look& look = plan.looks[i];
-    if (i == 0 || !same(look.state, plan.looks[i - 1].state)) {
-      actual = machine(look.state);
-      ideal = nominal_bodies(nominal, look.state.q);
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const Measurement& measurement = plan.measurements[i];
+    if (i == 0 || !same(measurement.state, plan.measurements[i - 1].state)) {
+      actual = machine(measurement.state);
+      ideal = nominal_bodies(nominal, measurement.state.q);
     }
-    const SetUp& set_up = plan.set_ups[std::size_t(look.set_up)];
+    const SetUp& set_up = plan.set_ups[std::size_t(measurement.set_up)];
     if (set_up.channels.empty()) continue;
-    const Channel& channel = set_up.channels[std::size_t(look.channel)];
+    const Channel& channel = set_up.channels[std::size_t(measurement.channel)];
     const double value =
-        shown(standing[std::size_t(look.set_up)], set_up, look.channel,
-              {actual, ideal, spindle_angle(nominal, look.state), since_s[Eigen::Index(i)]}) +
+        shown(
+            standing[std::size_t(measurement.set_up)], set_up, measurement.channel,
+            {actual, ideal, spindle_angle(nominal, measurement.state), since_s[Eigen::Index(i)]}) +
         channel.noise * normal_deviate(seed, i);
     if (!std::isfinite(value))
       throw std::invalid_argument(fmt::format("reading {} of {} ({}): expected a finite number",
@@ -142,14 +401,14 @@ double spindle_angle(const kinematics::Chain& nominal, const kinematics::AxisSta
   return nose ? state.q[*nose] : 0.0;
 }
 
-Eigen::VectorXd since_set_up(const Plan& plan) {
+Eigen::VectorXd time_since_set_up(const Plan& plan) {
   std::vector<double> first(plan.set_ups.size(), std::numeric_limits<double>::quiet_NaN());
-  Eigen::VectorXd since_s(Eigen::Index(plan.looks.size()));
-  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
-    const Look& look = plan.looks[i];
-    double& start = first[std::size_t(look.set_up)];
-    if (std::isnan(start)) start = look.state.time_s;
-    since_s[Eigen::Index(i)] = look.state.time_s - start;
+  Eigen::VectorXd since_s(Eigen::Index(plan.measurements.size()));
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const Measurement& measurement = plan.measurements[i];
+    double& start = first[std::size_t(measurement.set_up)];
+    if (std::isnan(start)) start = measurement.state.time_s;
+    since_s[Eigen::Index(i)] = measurement.state.time_s - start;
   }
   return since_s;
 }

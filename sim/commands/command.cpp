@@ -1,25 +1,74 @@
 #include "sim/commands/command.h"
 
 #include <limits>
+#include <new>
 
+#include <fmt/format.h>
+
+#include "sim/compensation/plug_in.h"
+#include "sim/cut/collision_events.h"
+#include "sim/dialects/read_options.h"
+#include "sim/files/atomic_output.h"
+#include "sim/files/progress.h"
 #include "sim/files/terminal.h"
-#include "sim/scene/case_name.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
 
-Option set_option(Common& common, const std::string& help) {
-  return {"--set", &common.set, help, Type{"KEY=VALUE"}};
+Exit exit_code(const std::function<Exit()>& program) {
+  try {
+    const Exit code = program();
+    flush_output();
+    return code;
+  } catch (const Interrupted&) {
+    print(stderr, "abbe: interrupted\n");
+    return Exit::Interrupted;
+  } catch (const BadUsage& fault) {
+    print(stderr, "abbe: {}\n", fault.what());
+    return Exit::Usage;
+  } catch (const BadScene& input_errors) {
+    for (const BadInput& fault : input_errors.input_errors)
+      print(stderr, "abbe: {}\n", fault.what());
+    return Exit::Input;
+  } catch (const dialects::BadProgram& input_errors) {
+    for (const BadInput& fault : input_errors.input_errors)
+      print(stderr, "abbe: {}\n", fault.what());
+    return Exit::Input;
+  } catch (const BadInput& fault) {
+    print(stderr, "abbe: {}\n", fault.what());
+    return Exit::Input;
+  } catch (const CollisionStop& stop) {
+    print(stderr, "abbe: {}\n", stop.what());
+    return Exit::LimitExceeded;
+  } catch (const compensation::PlugInFailure& failure) {
+    print(stderr, "abbe: {}\n", Lines(failure.what()));
+    return Exit::PlugIn;
+  } catch (const OutputFailure& failure) {
+    print(stderr, "abbe: {}\n", failure.what());
+    return Exit::Output;
+  } catch (const std::bad_alloc&) {
+    print(stderr, "abbe: not enough memory for this scene\n");
+    return Exit::Numerical;
+  } catch (const std::exception& failure) {
+    print(stderr, "abbe: {}\n", failure.what());
+    return Exit::Numerical;
+  }
 }
 
-Option seed_option(Common& common, const std::string& help) {
+Option set_option(CommonOptions& common, const std::string& help) {
+  return {"--set", &common.set, help, TypeName{"KEY=VALUE"}};
+}
+
+Option seed_option(CommonOptions& common, const std::string& help) {
   return {"--seed", &common.seed, help, Between{0, std::numeric_limits<std::int64_t>::max()}};
 }
 
-Option threads_option(Common& common, const std::string& help) {
+Option threads_option(CommonOptions& common, const std::string& help) {
   return {"--threads", &common.threads, help, Between{1, 1024}};
 }
 
-Option memory_option(Common& common) {
+Option memory_option(CommonOptions& common) {
   return {
       "--memory-gb", &common.memory_gb,
       "memory to plan for (all of the computer): `run` holds fewer samples of the program at once; "
@@ -27,28 +76,28 @@ Option memory_option(Common& common) {
       Between{0, 1'000'000}};
 }
 
-Option json_option(Common& common) {
+Option json_option(CommonOptions& common) {
   return {"--json", &common.json, "print JSON instead of text"};
 }
 
-Option result_folder_option(Common& common) {
+Option result_folder_option(CommonOptions& common) {
   return {"--out", &common.out,
           "folder for every file (out/SCENE): new, empty, or of abbe's results"};
 }
 
-Option force_option(Common& common) {
+Option force_option(CommonOptions& common) {
   return {"--force", &common.permissions.force,
           "write into a folder, or over a file, that abbe did not make; what the run reads "
           "is never touched"};
 }
 
-Option trust_option(Common& common) {
+Option trust_option(CommonOptions& common) {
   return {"--trust", &common.permissions.trust,
           "run the programs that the file names (check lists those of a scene); folders to "
           "trust for good stand in ~/.config/abbe/trust"};
 }
 
-std::vector<Option> scene_options(Common& common, const std::vector<Option>& own) {
+std::vector<Option> scene_options(CommonOptions& common, const std::vector<Option>& own) {
   std::vector<Option> all{
       {"SCENE", &common.scene, "scene file (TOML); its format is in scenes/README.md"},
       set_option(common, "change a value of the scene: --set errors.scale=2 (repeatable)"),
@@ -59,7 +108,7 @@ std::vector<Option> scene_options(Common& common, const std::vector<Option>& own
   return all;
 }
 
-std::vector<Override> overrides(const Common& common) {
+std::vector<Override> overrides(const CommonOptions& common) {
   std::vector<Override> all;
   for (const std::string& text : common.set) {
     const std::size_t equals = text.find('=');
@@ -71,12 +120,12 @@ std::vector<Override> overrides(const Common& common) {
   return all;
 }
 
-std::filesystem::path file_of_out(const std::filesystem::path& out, const std::string& name) {
+std::filesystem::path output_file(const std::filesystem::path& out, const std::string& name) {
   std::error_code none;
   return out.has_extension() && !std::filesystem::is_directory(out, none) ? out : out / name;
 }
 
-std::filesystem::path result_folder(const Common& common) {
+std::filesystem::path result_folder(const CommonOptions& common) {
   return common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
 }
 
@@ -95,6 +144,86 @@ void print_assumptions(const std::vector<program::Assumption>& assumptions) {
 
 void print_warnings(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
+}
+
+namespace {
+
+/// The rule of a kind that an option has; null if it has none.
+template <typename Kind>
+const Kind* find_rule(const Option& option) {
+  const Kind* first = std::get_if<Kind>(&option.rule);
+  return first ? first : std::get_if<Kind>(&option.second_rule);
+}
+
+bool has_dashes(const Option& option) { return option.name.starts_with('-'); }
+
+template <typename... Kinds>
+bool holds(const Target& target) {
+  return (std::holds_alternative<Kinds>(target) || ...);
+}
+
+bool is_file(const Option& option) {
+  return holds<std::filesystem::path*, std::optional<std::filesystem::path>*,
+               std::vector<std::filesystem::path>*>(option.target);
+}
+
+bool is_number(const Option& option) {
+  return holds<int*, double*, std::optional<std::int64_t>*>(option.target);
+}
+
+}  // namespace
+
+std::vector<Option> named_options(const Command& command) {
+  std::vector<Option> all;
+  for (const std::vector<Option>& options : {command.options, command.where})
+    for (const Option& option : options)
+      if (has_dashes(option)) all.push_back(option);
+  all.push_back({"--help", static_cast<bool*>(nullptr), "say what the command takes"});
+  return all;
+}
+
+std::vector<Option> positional_options(const Command& command) {
+  std::vector<Option> all;
+  for (const Option& option : command.options)
+    if (!has_dashes(option)) all.push_back(option);
+  return all;
+}
+
+bool is_flag(const Option& option) { return holds<bool*>(option.target); }
+
+bool is_list(const Option& option) {
+  return holds<std::vector<std::string>*, std::vector<std::filesystem::path>*>(option.target);
+}
+
+bool is_optional_argument(const Option& option) {
+  return find_rule<OptionalArgument>(option) != nullptr;
+}
+
+std::vector<std::string> words_of(const Option& option) {
+  const OneOf* rule = find_rule<OneOf>(option);
+  return rule ? rule->values : std::vector<std::string>{};
+}
+
+std::string value_name(const Option& option) {
+  if (is_flag(option)) return "";
+  if (const TypeName* type = find_rule<TypeName>(option)) return type->name;
+  if (const std::vector<std::string> words = words_of(option); !words.empty())
+    return fmt::format("{}", fmt::join(words, "|"));
+  if (is_number(option)) return "N";
+  return is_file(option) ? "FILE" : "TEXT";
+}
+
+CompletionKind completion_kind(const Option& option) {
+  if (!words_of(option).empty()) return CompletionKind::Words;
+  if (option.name == "--case") return CompletionKind::Cases;
+  if (option.name == "--set") return CompletionKind::Settings;
+  if (option.name == "KEY") return CompletionKind::Keys;
+  return is_file(option) ? CompletionKind::Files : CompletionKind::Nothing;
+}
+
+bool has_study_keys(const Command& command) {
+  const std::vector<Option> placed = positional_options(command);
+  return !placed.empty() && placed.front().name == "STUDY";
 }
 
 }  // namespace abbe::sim

@@ -4,20 +4,55 @@
 #include <map>
 #include <set>
 #include <sstream>
+#include <string>
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
-#include "sim/commands/about.h"
-#include "sim/commands/questions.h"
-#include "sim/commands/version_text.h"
-#include "sim/cut/work.h"
+#include "kinematics/bad_input.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/commands/help_commands.h"
+#include "sim/commands/program_commands.h"
+#include "sim/commands/report_commands.h"
+#include "sim/commands/run_commands.h"
+#include "sim/commands/scene_commands.h"
+#include "sim/commands/shell_files.h"
+#include "sim/cut/scene_checks.h"
+#include "sim/files/program_file.h"
 #include "sim/files/terminal.h"
 #include "sim/scene/library.h"
-#include "sim/scene/nearest_word.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
+
+/// What `abbe --version` prints: version, commit, compiler with preset and flags, libraries, and
+/// where the scenes are.
+/// @param commit  from which the program was built
+std::string version_text(const std::string& commit);
+
+namespace {
+
+std::string library_text() {
+  try {
+    return library_folder().string();
+  } catch (const BadInput& fault) {
+    return fault.what();
+  }
+}
+
+}  // namespace
+
+std::string version_text(const std::string& commit) {
+  const std::string preset = ABBE_PRESET;
+  return fmt::format(
+      "abbe {}\ncommit        {}\ncompiler      {}\npreset        {}\nflags         {}\n"
+      "instructions  {}\nlibraries     {}\nscenes        {}",
+      version(), commit, ABBE_COMPILER, preset.empty() ? "none" : preset, ABBE_FLAGS,
+      versions()["instructions"].get<std::string>(), ABBE_LIBRARIES, library_text());
+}
+
 namespace {
 
 using Added = std::map<std::string, CLI::Option*>;
@@ -68,14 +103,14 @@ struct RuleMaker {
     };
     added.check(fault, "{" + joined(rule.values) + "}");
   }
-  void operator()(const Commas&) const { added.delimiter(',')->allow_extra_args(); }
+  void operator()(const CommaSeparated&) const { added.delimiter(',')->allow_extra_args(); }
   void operator()(const Bare&) const { added.expected(0, 1); }
   void operator()(const Excludes& rule) const {
     for (const std::string& other : rule.options) added.excludes(others.at(other));
   }
-  void operator()(const Needs& rule) const { added.needs(others.at(rule.option)); }
-  void operator()(const Type& rule) const { added.type_name(rule.name); }
-  void operator()(const MayBeLeftOut&) const { added.required(false); }
+  void operator()(const RequiresOption& rule) const { added.needs(others.at(rule.option)); }
+  void operator()(const TypeName& rule) const { added.type_name(rule.name); }
+  void operator()(const OptionalArgument&) const { added.required(false); }
 };
 
 void add(CLI::App& app, const std::vector<Option>& options, Added& added) {
@@ -105,15 +140,16 @@ void add(CLI::App& app, const Command& command) {
 }
 
 /// A word that is no command; empty where the command line begins as it should.
-std::string no_command(const std::vector<Command>& commands, const std::vector<Question>& questions,
-                       int argc, char** argv) {
+std::string unknown_command(const std::vector<Command>& commands,
+                            const std::vector<GlobalOption>& global_options, int argc,
+                            char** argv) {
   if (argc < 2) return {};
   const std::string seen = argv[1];
   const bool option = seen.starts_with('-');
   std::set<std::string> words;
   if (option) {
     words = {"-h", "--help", "--version"};
-    for (const Question& question : questions) words.insert(question.name);
+    for (const GlobalOption& question : global_options) words.insert(question.name);
   } else {
     for (const Command& command : commands) words.insert(command.name);
   }
@@ -123,7 +159,7 @@ std::string no_command(const std::vector<Command>& commands, const std::vector<Q
 }
 
 /// The first word that looks like an option of a command and is none; empty if there is none.
-std::string no_option(const Command& command, int argc, char** argv) {
+std::string unknown_option(const Command& command, int argc, char** argv) {
   std::set<std::string> words{"-h", "--help"};
   for (const std::vector<Option>& options : {command.options, command.where})
     for (const Option& option : options)
@@ -139,12 +175,12 @@ std::string no_option(const Command& command, int argc, char** argv) {
 }
 
 /// The answer of a question with its argument; the exit of a fault of usage, which is printed.
-Exit answered(const Question& question, int argc, char** argv) {
+Exit answered(const GlobalOption& question, int argc, char** argv) {
   const int most = 3;
-  const bool may_be_left_out = question.argument.starts_with('[');
-  if (argc > most || (argc < most && !may_be_left_out))
+  const bool is_optional_argument = question.argument.starts_with('[');
+  if (argc > most || (argc < most && !is_optional_argument))
     throw BadUsage(question.name,
-                   fmt::format("expected {}{}, seen {}", may_be_left_out ? "at most one " : "",
+                   fmt::format("expected {}{}, seen {}", is_optional_argument ? "at most one " : "",
                                question.argument, argc > most ? argv[most] : "nothing"));
   const std::string argument = argc == most ? argv[most - 1] : "";
   const std::vector<std::string>& words = question.words;
@@ -162,16 +198,12 @@ Exit answered(const CLI::App& app, const CLI::Success& help) {
   return Exit::Ok;
 }
 
-}  // namespace
-
-namespace {
-
 /// Fills the words of a command.
 /// @return it, or the exit where help was asked for or a fault of usage was printed
 std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
                                           const std::string& version, int argc, char** argv) {
-  const std::vector<Question> asked = questions(commands);
-  if (const auto question = std::ranges::find(asked, argc > 1 ? argv[1] : "", &Question::name);
+  const std::vector<GlobalOption> asked = global_options(commands);
+  if (const auto question = std::ranges::find(asked, argc > 1 ? argv[1] : "", &GlobalOption::name);
       question != asked.end())
     return answered(*question, argc, argv);
   CLI::App app{
@@ -181,7 +213,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
   app.set_version_flag("--version", version);
   app.require_subcommand(1);
   std::string argument;  // of questions, which are listed here and answered above
-  for (const Question& question : asked)
+  for (const GlobalOption& question : asked)
     app.add_option(question.name, argument, question.help)
         ->type_name(question.argument)
         ->group(question.hidden ? "" : "Options");
@@ -191,7 +223,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
     print(stderr, "abbe: {}\n", why);
     return Exit::Usage;
   };
-  if (const std::string why = no_command(commands, asked, argc, argv); !why.empty())
+  if (const std::string why = unknown_command(commands, asked, argc, argv); !why.empty())
     return refuse(why);
   const auto named =
       std::ranges::find(commands, std::string(argc > 1 ? argv[1] : ""), &Command::name);
@@ -202,7 +234,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
   } catch (const CLI::Success& help) {
     return answered(app, help);
   } catch (const CLI::ParseError& why) {
-    const std::string option = named == commands.end() ? "" : no_option(*named, argc, argv);
+    const std::string option = named == commands.end() ? "" : unknown_option(*named, argc, argv);
     if (!option.empty() || named == commands.end())
       return refuse(option.empty() ? why.what() : option);
     return refuse(std::string(why.what()) + "; abbe " + named->name + " --help says what it takes");
@@ -218,7 +250,8 @@ Exit parse_command_line(const std::vector<Command>& commands, int argc, char** a
   return exit ? *exit : Exit::Ok;
 }
 
-Exit run_command_line(const std::vector<Command>& commands, Common& common, int argc, char** argv) {
+Exit run_command_line(const std::vector<Command>& commands, CommonOptions& common, int argc,
+                      char** argv) {
   // `abbe help run` is `abbe run --help`
   std::string help = "--help";
   std::vector<char*> words(argv, argv + argc);
@@ -238,6 +271,18 @@ Exit run_command_line(const std::vector<Command>& commands, Common& common, int 
   constexpr double gigabyte = 1e9;
   if (common.memory_gb > 0.0) limit_memory(common.memory_gb * gigabyte);
   return std::get<const Command*>(result)->run();
+}
+
+std::vector<Command> all_commands(CommonOptions& common, int& argc, char**& argv) {
+  std::vector<Command> all{
+      new_command(common),     run_command(common),      compare_command(common),
+      check_command(common),   program_command(common),  animate_command(common),
+      render_command(common),  report_command(common),   pose_command(common),
+      measure_command(common), identify_command(common), evaluate_command(common),
+      rewrite_command(common), export_command(common),   study_command(common, argc, argv),
+      schema_command(),        explain_command()};
+  all.push_back(help_command(all));
+  return all;
 }
 
 }  // namespace abbe::sim

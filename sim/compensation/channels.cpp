@@ -3,11 +3,178 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 namespace abbe::sim::compensation {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// The two solutions of y'' + 2 d w y' + w^2 y = 0 that any other is made of: after a time, y is
+/// (mean + d w odd) y(0) + odd y'(0), y' is (mean - d w odd) y'(0) - w^2 odd y(0).
+struct Transition {
+  double mean = 1.0;
+  double odd = 0.0;  // s
+};
+
+Transition transition(double w, double d, double time_s) {
+  if (d < 1.0) {
+    const double turn = w * std::sqrt((1.0 - d) * (1.0 + d));
+    const double decay = std::exp(-d * w * time_s);
+    const double angle = turn * time_s;
+    return {decay * std::cos(angle), decay * (angle == 0.0 ? time_s : std::sin(angle) / turn)};
+  }
+  const double spread = w * std::sqrt((d - 1.0) * (d + 1.0));
+  // The slow rate without the difference of two near numbers.
+  const double slow = w * w / (d * w + spread);
+  const double decay = std::exp(-slow * time_s);
+  const double fast_over_slow = std::expm1(-2.0 * spread * time_s);
+  return {decay * (1.0 + 0.5 * fast_over_slow),
+          spread == 0.0 ? decay * time_s : -decay * fast_over_slow / (2.0 * spread)};
+}
+
+/// How far each column is from where it would come to rest or follow steadily; decays by itself.
+struct Transient {
+  VectorXd off;   // mm or rad
+  VectorXd rate;  // mm/s or rad/s; unused in first order
+};
+
+/// A checked loop, its constants in SI.
+struct Loop {
+  bool second;
+  double w;  // rad/s
+  double d;
+  LoopOptions options;
+
+  double lag_s() const { return second ? 2.0 * d / w : 1.0 / w; }
+
+  Transient after(const Transient& start, double time_s) const {
+    if (!second) return {start.off * std::exp(-w * time_s), start.rate};
+    const Transition t = transition(w, d, time_s);
+    const double friction = d * w * t.odd;
+    return {(t.mean + friction) * start.off + t.odd * start.rate,
+            (t.mean - friction) * start.rate - w * w * t.odd * start.off};
+  }
+
+  /// Bound of all that is still to come: the energy of a damped oscillator never grows.
+  double to_go(const Transient& now) const {
+    if (!second) return now.off.cwiseAbs().maxCoeff();
+    return (now.off.array().square() + (now.rate / w).array().square()).sqrt().maxCoeff();
+  }
+
+  /// Time to the next added knot. An overdamped loop creeps once its fast part has gone.
+  double step(const Transient& now, double time_s) const {
+    double constant = 1.0 / w;
+    if (second && d > 1.0) {
+      const double spread = w * std::sqrt((d - 1.0) * (d + 1.0));
+      const double slow = w * w / (d * w + spread);
+      const VectorXd fast = (now.rate + slow * now.off) / (2.0 * spread);
+      if (fast.cwiseAbs().maxCoeff() <= options.tolerance) constant = 1.0 / slow;
+    }
+    // Not below what a time of that size can resolve.
+    return std::max(constant / options.per_constant,
+                    4.0 * std::numeric_limits<double>::epsilon() * std::abs(time_s));
+  }
+};
+
+Loop checked(const PositionLoop& loop, const LoopOptions& options) {
+  const auto need = [](bool holds, const char* what) {
+    if (!holds) throw std::invalid_argument(std::string("position loop: expected ") + what);
+  };
+  const bool second = loop.order == PositionLoop::Order::Second;
+  need(loop.bandwidth > 0.0 && std::isfinite(loop.bandwidth), "a bandwidth above 0");
+  need(!second || (loop.damping >= 1e-3 && loop.damping <= 100.0), "a damping from 0.001 to 100");
+  need(options.per_constant > 0, "at least one knot a time constant");
+  need(options.tolerance > 0.0, "a tolerance above 0");
+  return {second, 2.0 * std::numbers::pi * loop.bandwidth, loop.damping, options};
+}
+
+/// Answer to a line that starts at zero with the loop at rest, as a share of what the line rises
+/// (and that a second), after a time.
+struct Ramp {
+  double place;
+  double rate;  // 1/s
+};
+
+Ramp ramp(const Loop& loop, double time_s) {
+  const double x = loop.w * time_s, d = loop.d;
+  if (!loop.second) {
+    if (x < 1e-3) return {x * (1.0 / 2 - x * (1.0 / 6 - x / 24)), 0.0};
+    return {1.0 + std::expm1(-x) / x, 0.0};
+  }
+  // Near the start the closed form is the small difference of large numbers.
+  if (std::max(1.0, 2.0 * d) * x < 1e-3) {
+    const double first = 2.0 * d * x, second = (4.0 * d * d - 1.0) * x * x;
+    return {x * x * (1.0 / 6 - first / 24 + second / 120),
+            loop.w * x * (1.0 / 2 - first / 6 + second / 24)};
+  }
+  const Transition t = transition(loop.w, d, time_s);
+  const double friction = d * loop.w * t.odd, lag = loop.lag_s();
+  return {1.0 + (lag * (t.mean + friction - 1.0) - t.odd) / time_s,
+          (1.0 - (t.mean - friction) - lag * loop.w * loop.w * t.odd) / time_s};
+}
+
+/// One line of the course; the last is held for ever.
+struct CourseLine {
+  double start_s, end_s;
+  VectorXd from, rise;
+
+  double length_s() const { return end_s - start_s; }
+};
+
+/// Adds knots between the ends of a line while the loop is not yet following steadily.
+void follow(const CourseLine& line, const Loop& loop, const Transient& at_start, Knots& knots) {
+  const VectorXd slope = line.rise / line.length_s();
+  const VectorXd lag = loop.lag_s() * slope;
+  const Transient start{at_start.off + lag, at_start.rate - slope};
+  Transient now = start;
+  double time_s = line.start_s;
+  while (loop.to_go(now) > loop.options.tolerance) {
+    time_s += loop.step(now, time_s);
+    if (!(time_s < line.end_s)) return;
+    const double since_s = time_s - line.start_s;
+    now = loop.after(start, since_s);
+    knots.add(time_s, line.from + slope * since_s - lag + now.off);
+  }
+}
+
+}  // namespace
+
+TimeSeries loop_response(const TimeSeries& wanted, const PositionLoop& loop,
+                         const LoopOptions& options) {
+  validate(wanted, "position loop");
+  if (loop.order == PositionLoop::Order::None || wanted.value.cols() == 0) return wanted;
+  const Loop checked_loop = checked(loop, options);
+
+  const Index n = wanted.time_s.size(), columns = wanted.value.cols();
+  Knots knots(columns);
+  VectorXd position = wanted.value.row(0).transpose();
+  VectorXd speed = VectorXd::Zero(columns);
+  knots.add(wanted.time_s[0], position);
+  for (Index i = 0; i < n; ++i) {
+    const bool last = i + 1 == n;
+    CourseLine line{wanted.time_s[i],
+              last ? std::numeric_limits<double>::infinity() : wanted.time_s[i + 1],
+              wanted.value.row(i).transpose(), VectorXd::Zero(columns)};
+    if (!last) line.rise = (wanted.value.row(i + 1) - wanted.value.row(i)).transpose();
+    if (line.length_s() == 0.0) continue;  // a jump: the axis has not moved yet
+    const Transient start{position - line.from, speed};
+    follow(line, checked_loop, start, knots);
+    if (last) break;
+    const Transient free = checked_loop.after(start, line.length_s());
+    const Ramp share = ramp(checked_loop, line.length_s());
+    position = line.from + free.off + share.place * line.rise;
+    speed = free.rate + share.rate * line.rise;
+    knots.add(line.end_s, position);
+  }
+  return knots.course();
+}
+
 namespace {
 
 using Eigen::Index;
@@ -16,7 +183,7 @@ using Eigen::VectorXd;
 constexpr double longest_course = 2e8;
 constexpr double largest_count = 1e15;  // whole numbers and halves are still distinct
 
-void channel_expects(bool holds, const std::string& what) {
+void require_channel(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("a channel expects " + what);
 }
 
@@ -32,19 +199,19 @@ double rounded(double value, double increment) {
 /// Number of the first cycle that does not begin before an instant.
 long cycles_until(double end_s, double start_s, double cycle_s) {
   const double cycles = std::ceil((end_s - start_s) / cycle_s);
-  channel_expects(cycles <= longest_course, "at most 2e8 cycles in a course");
+  require_channel(cycles <= longest_course, "at most 2e8 cycles in a course");
   return long(cycles);
 }
 
 /// Value at the begin of every cycle, changed by `shaped`, held from a delay later on.
 template <typename Shaped>
-Course held(const Course& wanted, double cycle_s, double delay_s, const Shaped& shaped) {
+TimeSeries held(const TimeSeries& wanted, double cycle_s, double delay_s, const Shaped& shaped) {
   validate(wanted, "channel");
-  channel_expects(positive(cycle_s), "a cycle above 0");
-  channel_expects(not_negative(delay_s), "a delay that is not negative");
+  require_channel(positive(cycle_s), "a cycle above 0");
+  require_channel(not_negative(delay_s), "a delay that is not negative");
   const double start_s = wanted.time_s[0];
   const long cycles = cycles_until(wanted.time_s[wanted.time_s.size() - 1], start_s, cycle_s);
-  CourseWalk walk(wanted);
+  TimeSeriesReader walk(wanted);
   VectorXd now = shaped(wanted.value.row(0).transpose());
   Knots knots(now.size());
   knots.add(start_s, now);
@@ -72,7 +239,7 @@ struct Approach {
 };
 
 /// Follows steps at a rate, each column by itself.
-Course ramped(const Course& steps, double rate) {
+TimeSeries ramped(const TimeSeries& steps, double rate) {
   const Index n = steps.time_s.size();
   VectorXd now = steps.value.row(0).transpose();
   Knots knots(now.size());
@@ -99,16 +266,16 @@ Course ramped(const Course& steps, double rate) {
 
 }  // namespace
 
-Course through(const Course& wanted, const OpenControl& open) {
+TimeSeries through(const TimeSeries& wanted, const OpenControl& open) {
   return held(wanted, open.cycle_s, open.delay_s, [](const VectorXd& row) { return row; });
 }
 
-Course through(const Course& wanted, const OriginShift& origin,
-               std::span<const kinematics::Joint> joints) {
-  channel_expects(Index(joints.size()) == wanted.value.cols(), "a joint for each column");
-  channel_expects(not_negative(origin.increment), "an increment that is not negative");
-  channel_expects(not_negative(origin.rate), "a rate that is not negative");
-  const Course steps = held(wanted, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
+TimeSeries through(const TimeSeries& wanted, const OriginShift& origin,
+                   std::span<const kinematics::Joint> joints) {
+  require_channel(Index(joints.size()) == wanted.value.cols(), "a joint for each column");
+  require_channel(not_negative(origin.increment), "an increment that is not negative");
+  require_channel(not_negative(origin.rate), "a rate that is not negative");
+  const TimeSeries steps = held(wanted, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
     for (Index j = 0; j < row.size(); ++j) {
       const bool slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
       row[j] = slide ? rounded(row[j], origin.increment) : 0.0;
@@ -118,23 +285,23 @@ Course through(const Course& wanted, const OriginShift& origin,
   return origin.rate > 0.0 ? ramped(steps, origin.rate) : steps;
 }
 
-Course through(const Course& wanted_t, const Piezo& piezo) {
-  channel_expects(wanted_t.value.cols() == 3, "three columns for a piezo");
-  channel_expects(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
+TimeSeries through(const TimeSeries& wanted_t, const Piezo& piezo) {
+  require_channel(wanted_t.value.cols() == 3, "three columns for a piezo");
+  require_channel(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
                   "a unit direction of the piezo");
-  channel_expects(positive(piezo.range), "a range of the piezo above 0");
-  channel_expects(not_negative(piezo.resolution), "a resolution that is not negative");
-  const Course along{wanted_t.time_s, wanted_t.value * piezo.direction_t};
+  require_channel(positive(piezo.range), "a range of the piezo above 0");
+  require_channel(not_negative(piezo.resolution), "a resolution that is not negative");
+  const TimeSeries along{wanted_t.time_s, wanted_t.value * piezo.direction_t};
   const double most = 0.5 * piezo.range;
-  const Course set_points = held(along, piezo.cycle_s, 0.0, [&](VectorXd row) {
+  const TimeSeries set_points = held(along, piezo.cycle_s, 0.0, [&](VectorXd row) {
     row[0] = std::clamp(rounded(row[0], piezo.resolution), -most, most);
     return row;
   });
-  return followed_by(set_points, piezo.loop);
+  return loop_response(set_points, piezo.loop);
 }
 
-double yielding(const Piezo& piezo, double force_along) {
-  channel_expects(positive(piezo.stiffness), "a stiffness of the piezo above 0");
+double piezo_deflection(const Piezo& piezo, double force_along) {
+  require_channel(positive(piezo.stiffness), "a stiffness of the piezo above 0");
   return force_along / piezo.stiffness;
 }
 

@@ -24,11 +24,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t chunk = 65536;           // bytes read or held at a time
-constexpr std::size_t most_said = 4096;        // bytes of stderr that are kept
-constexpr std::size_t most_last_words = 1000;  // bytes of it that are shown
-constexpr int most_last_lines = 6;
-constexpr int most_reads_after_its_end = 64;  // more than a pipe holds
+constexpr std::size_t chunk = 65536;          // bytes read or held at a time
+constexpr std::size_t max_said = 4096;        // bytes of stderr that are kept
+constexpr std::size_t max_last_words = 1000;  // bytes of it that are shown
+constexpr int max_last_lines = 6;
+constexpr int max_reads_after_its_end = 64;  // more than a pipe holds
 constexpr auto moment = std::chrono::milliseconds(5);
 
 Clock::time_point after(double seconds) {
@@ -46,7 +46,7 @@ struct Pipe {
   Descriptor write;
 };
 
-Descriptor above_the_standard_streams(Descriptor file) {
+Descriptor move_above_standard_streams(Descriptor file) {
   if (file.number() > 2) return file;  // below, it would be overwritten while a child is prepared
   return Descriptor(fcntl(file.number(), F_DUPFD_CLOEXEC, 3));
 }
@@ -54,10 +54,10 @@ Descriptor above_the_standard_streams(Descriptor file) {
 Pipe new_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw ChildFault("a pipe to talk through", std::strerror(errno));
+    throw ChildProcessError("a pipe to talk through", std::strerror(errno));
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
-  pipe.read = above_the_standard_streams(std::move(pipe.read));
-  pipe.write = above_the_standard_streams(std::move(pipe.write));
+  pipe.read = move_above_standard_streams(std::move(pipe.read));
+  pipe.write = move_above_standard_streams(std::move(pipe.write));
   fcntl(pipe.write.number(), F_SETPIPE_SZ, 1 << 20);  // fewer turns; it works without
   return pipe;
 }
@@ -110,8 +110,8 @@ pid_t spawned(const std::vector<std::string>& command, const std::vector<std::st
   const int failure = posix_spawnp(&pid, command.front().c_str(), &files.actions, &how.attributes,
                                    arguments.data(), environment.data());
   if (failure != 0)
-    throw ChildFault(fmt::format("that {} can be started", command.front()),
-                     std::strerror(failure));
+    throw ChildProcessError(fmt::format("that {} can be started", command.front()),
+                            std::strerror(failure));
   return pid;
 }
 
@@ -133,13 +133,13 @@ ssize_t write_quietly(int file, std::string_view text) {
   return written;
 }
 
-bool would_wait(int failure) { return failure == EAGAIN || failure == EINTR; }
+bool would_block(int failure) { return failure == EAGAIN || failure == EINTR; }
 
 /// What can be read at once; closes the file at its end.
 std::string some_of(Descriptor& file) {
   std::string text(chunk, '\0');
   const ssize_t bytes = ::read(file.number(), text.data(), text.size());
-  if (bytes == 0 || (bytes < 0 && !would_wait(errno))) file.close();
+  if (bytes == 0 || (bytes < 0 && !would_block(errno))) file.close();
   text.resize(std::size_t(std::max<ssize_t>(bytes, 0)));
   return text;
 }
@@ -158,7 +158,7 @@ std::string end_text(int status) {
 
 }  // namespace
 
-ChildFault::ChildFault(const std::string& expected, const std::string& seen)
+ChildProcessError::ChildProcessError(const std::string& expected, const std::string& seen)
     : std::runtime_error("expected " + expected + ", seen " + seen) {}
 
 Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
@@ -194,27 +194,27 @@ std::string ChildProcess::exchange(std::string_view text, const LineLimits& limi
   unsent_ = text;
   std::size_t looked_at = 0;
   for (;;) {
-    const std::size_t end = heard_.find('\n', looked_at);
+    const std::size_t end = received_.find('\n', looked_at);
     if (end != std::string::npos && end <= limits.longest && unsent_.empty()) {
-      std::string line = heard_.substr(0, end);
-      heard_.erase(0, end + 1);
+      std::string line = received_.substr(0, end);
+      received_.erase(0, end + 1);
       return line;
     }
-    looked_at = end == std::string::npos ? heard_.size() : end;
+    looked_at = end == std::string::npos ? received_.size() : end;
     if (looked_at > limits.longest)
-      throw ChildFault(fmt::format("a line of at most {} bytes", limits.longest),
-                       "more, beginning with " + in_quotes(heard_));
+      throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.longest),
+                              "more, beginning with " + in_quotes(received_));
     if (!out_.is_open()) {
-      const std::string how = end_before(after(1.0));
-      throw ChildFault("a line",
-                       begun(heard_) + (how.empty() ? "its output closed" : "its end, " + how));
+      const std::string how = wait_for_exit(after(1.0));
+      throw ChildProcessError(
+          "a line", begun(received_) + (how.empty() ? "its output closed" : "its end, " + how));
     }
     if (Clock::now() >= deadline)
-      throw ChildFault(
+      throw ChildProcessError(
           fmt::format("a line within {} s", limits.seconds),
-          begun(heard_) + (unsent_.empty() ? "nothing (is the output flushed after each line?)"
-                                           : "nothing, and the question not read"));
-    turn_over(deadline, limits.longest);
+          begun(received_) + (unsent_.empty() ? "nothing (is the output flushed after each line?)"
+                                              : "nothing, and the question not read"));
+    poll_pipes(deadline, limits.longest);
   }
 }
 
@@ -224,47 +224,48 @@ void ChildProcess::finish(std::string_view text, double seconds) {
   bool too_late = false;
   while (out_.is_open() && !has_ended() && !too_late) {
     too_late = Clock::now() >= deadline;
-    turn_over(std::min(deadline, after(0.02)), chunk);
+    poll_pipes(std::min(deadline, after(0.02)), chunk);
     if (unsent_.empty()) in_.close();
-    if (heard_.size() > chunk) break;
+    if (received_.size() > chunk) break;
   }
-  while (out_.is_open() && heard_.size() <= chunk) {  // what it said before it ended
+  while (out_.is_open() && received_.size() <= chunk) {  // what it said before it ended
     const std::string more = some_of(out_);
     if (more.empty()) break;
-    heard_ += more;
+    received_ += more;
   }
-  if (heard_.find_first_not_of(" \t\r\n") != std::string::npos)
-    throw ChildFault("nothing after the last answer", in_quotes(heard_));
-  const std::string how = end_before(deadline);
+  if (received_.find_first_not_of(" \t\r\n") != std::string::npos)
+    throw ChildProcessError("nothing after the last answer", in_quotes(received_));
+  const std::string how = wait_for_exit(deadline);
   if (how.empty())
-    throw ChildFault(fmt::format("its end within {} s after the last answer", seconds), "none");
-  if (how != end_text(0)) throw ChildFault("exit code 0 after the last answer", how);
+    throw ChildProcessError(fmt::format("its end within {} s after the last answer", seconds),
+                            "none");
+  if (how != end_text(0)) throw ChildProcessError("exit code 0 after the last answer", how);
 }
 
-std::string ChildProcess::last_words() const {
+std::string ChildProcess::stderr_tail() const {
   const std::size_t end = said_.find_last_not_of(" \t\r\n");
   if (end == std::string::npos) return {};
   std::size_t begin = end + 1;
-  for (int lines = 0; begin > 0 && end + 1 - begin < most_last_words; --begin)
-    if (said_[begin - 1] == '\n' && ++lines == most_last_lines) break;
+  for (int lines = 0; begin > 0 && end + 1 - begin < max_last_words; --begin)
+    if (said_[begin - 1] == '\n' && ++lines == max_last_lines) break;
   std::string words = said_.substr(begin, end + 1 - begin);
   std::erase_if(words,
                 [](unsigned char c) { return (c < ' ' && c != '\n' && c != '\t') || c == 127; });
   return words;
 }
 
-void ChildProcess::turn_over(Instant deadline, std::size_t most_heard) {
+void ChildProcess::poll_pipes(Instant deadline, std::size_t max_heard) {
   if (waiting_) {
     waiting_();
     deadline = std::min(deadline, after(0.1));
   }
   std::array<pollfd, 3> files = {
       pollfd{unsent_.empty() ? -1 : in_.number(), POLLOUT, 0},
-      pollfd{heard_.size() <= most_heard ? out_.number() : -1, POLLIN, 0},
+      pollfd{received_.size() <= max_heard ? out_.number() : -1, POLLIN, 0},
       pollfd{err_.number(), POLLIN, 0}};
   if (poll(files.data(), files.size(), milliseconds_until(deadline)) <= 0) return;
   if (files[0].revents != 0) write_some();
-  if (files[1].revents != 0) heard_ += some_of(out_);
+  if (files[1].revents != 0) received_ += some_of(out_);
   if (files[2].revents != 0) read_err();
 }
 
@@ -272,7 +273,7 @@ void ChildProcess::write_some() {
   const ssize_t bytes = write_quietly(in_.number(), unsent_);
   if (bytes >= 0) {
     unsent_.remove_prefix(std::size_t(bytes));
-  } else if (!would_wait(errno)) {
+  } else if (!would_block(errno)) {
     unsent_ = {};  // it does not listen any more; what it says before its end is still heard
     in_.close();
   }
@@ -282,7 +283,7 @@ bool ChildProcess::read_err() {
   if (!err_.is_open()) return false;
   const std::string more = some_of(err_);
   said_ += more;
-  if (said_.size() > most_said) said_.erase(0, said_.size() - most_said);
+  if (said_.size() > max_said) said_.erase(0, said_.size() - max_said);
   return !more.empty();
 }
 
@@ -294,13 +295,13 @@ bool ChildProcess::has_ended() const {
 }
 
 /// How it ended, or nothing if it has not by then.
-std::string ChildProcess::end_before(Instant deadline) {
+std::string ChildProcess::wait_for_exit(Instant deadline) {
   while (!has_ended()) {
     if (Clock::now() >= deadline) return {};
-    turn_over(std::min<Instant>(deadline, Clock::now() + moment), 0);
+    poll_pipes(std::min<Instant>(deadline, Clock::now() + moment), 0);
   }
   const std::string how = end_text(reap());
-  for (int i = 0; i < most_reads_after_its_end && read_err(); ++i) {
+  for (int i = 0; i < max_reads_after_its_end && read_err(); ++i) {
   }
   return how;
 }

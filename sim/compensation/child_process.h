@@ -14,9 +14,9 @@
 namespace abbe::sim::compensation {
 
 /// A program that did not do what was expected of it: "expected ..., seen ...".
-struct ChildFault : std::runtime_error {
+struct ChildProcessError : std::runtime_error {
   using std::runtime_error::runtime_error;
-  ChildFault(const std::string& expected, const std::string& seen);
+  ChildProcessError(const std::string& expected, const std::string& seen);
 };
 
 /// How long to wait for a line and how much of it to hold.
@@ -67,24 +67,24 @@ class ChildProcess {
   void finish(std::string_view text, double seconds);
 
   /// The last lines that it wrote to stderr, at most 1000 bytes, without control characters.
-  std::string last_words() const;
+  std::string stderr_tail() const;
 
  private:
   using Instant = std::chrono::steady_clock::time_point;
 
-  void turn_over(Instant deadline, std::size_t most_heard);
+  void poll_pipes(Instant deadline, std::size_t max_heard);
   void write_some();
   bool read_err();
   bool has_ended() const;
-  std::string end_before(Instant deadline);
+  std::string wait_for_exit(Instant deadline);
   int reap();
 
   std::function<void()> waiting_;
   pid_t pid_ = -1;  // -1 when there is none to reap
   Descriptor in_, out_, err_;
   std::string_view unsent_;
-  std::string heard_;  // not yet handed on
-  std::string said_;   // on stderr, the end of it
+  std::string received_;  // not yet handed on
+  std::string said_;      // on stderr, the end of it
 };
 
 }  // namespace abbe::sim::compensation

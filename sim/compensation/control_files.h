@@ -6,7 +6,6 @@
 
 #include "errors/geometric.h"
 #include "kinematics/chain.h"
-#include "sim/compensation/control_file.h"
 #include "sim/compensation/parameter_tables.h"
 
 /// Compensation tables in the layouts of real controls, written and read back. Lengths are mm,
@@ -26,8 +25,8 @@ Export to_control(const ParameterTables& tables, const kinematics::Chain& chain,
 /// Heidenhain 1e-4. Stricter than the controls: what one would pass over in silence is refused;
 /// only .COM tables that no line in force names do nothing.
 /// @throws BadInput with file, line and column; std::invalid_argument for ControlFormat::Isg
-ParameterTables tables_of_control(std::span<const ControlFile> files,
-                                  const kinematics::Chain& chain, ControlFormat format);
+ParameterTables read_control_tables(std::span<const ControlFile> files,
+                                    const kinematics::Chain& chain, ControlFormat format);
 
 /// Deviations of every carriage for a volumetric compensation, from what is believed of a machine,
 /// at the positions at which its joint is looked up (`table_positions`). What depends on the
@@ -37,7 +36,7 @@ ParameterTables tables_of_control(std::span<const ControlFile> files,
 Export to_volumetric(const errors::GeometricModel& believed, const kinematics::Chain& chain,
                      const TableOptions& options = {});
 /// @throws BadInput with file, line and column
-errors::GeometricErrors deviations_of_volumetric(std::span<const ControlFile> files,
-                                                 const kinematics::Chain& chain);
+errors::GeometricErrors read_volumetric_deviations(std::span<const ControlFile> files,
+                                                   const kinematics::Chain& chain);
 
 }  // namespace abbe::sim::compensation

@@ -8,8 +8,8 @@
 
 #include <Eigen/Geometry>
 
+#include "kinematics/decompositions.h"
 #include "kinematics/jacobian.h"
-#include "kinematics/least_squares.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -105,16 +105,16 @@ Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt,
 }
 
 /// Eigenvalues of a symmetric matrix that has none below 0, and the vectors that belong to them.
-struct Principal {
+struct PrincipalAxes {
   Vector2d value;   ///< the larger first
   Matrix2d vector;  ///< columns
 };
 
-Principal principal(const Matrix2d& G) {
+PrincipalAxes principal_axes(const Matrix2d& G) {
   const double mean = 0.5 * (G(0, 0) + G(1, 1));
   const double half = 0.5 * (G(0, 0) - G(1, 1));
   const double radius = std::hypot(half, G(0, 1));
-  Principal p;
+  PrincipalAxes p;
   p.value << mean + radius, std::max(mean - radius, 0.0);
   // of the two forms the one without cancellation
   Vector2d first =
@@ -134,7 +134,7 @@ TurnVector lean(const Few<Turn>& turns, std::bitset<max_joints> held, const Vect
     const Vector2d& direction = turns.all[std::size_t(k)].direction;
     if (!held[std::size_t(k)]) G += direction * direction.transpose();
   }
-  const Principal way = principal(G);
+  const PrincipalAxes way = principal_axes(G);
   TurnVector c = TurnVector::Zero();
   for (int i = 0; i < 2; ++i) {
     const double damping = std::max(singular_sine - std::sqrt(way.value[i]), 0.0);
@@ -224,7 +224,7 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
                    const kinematics::AxisState& command, const CorrectOptions& options) {
   const bool iterated = options.strategy == Strategy::Iterated;
   const double height = options.strategy == Strategy::Position ? 0.0 : options.functional_height;
-  const int most_steps = iterated ? options.most_iterations : 1;
+  const int max_steps = iterated ? options.max_iterations : 1;
   const Reach reach = reach_at(control, command.q, T_wt, options, height);
   const Place target = place(T_wt, height);
 
@@ -235,10 +235,10 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
     const Place error{believed.point_w - target.point_w, believed.axis_w - target.axis_w};
     Correction here{state.q, error.point_w.norm(), error.axis_w.norm(), !iterated};
     if (!std::isfinite(here.point_left + here.direction_left)) return nothing_known(command.q);
-    if (!iterated && steps == most_steps) return here;
+    if (!iterated && steps == max_steps) return here;
     const Step step = next_step(reach, error, turns, options);
     if (iterated) here.converged = step.is_small;
-    if (iterated && (here.converged || steps >= most_steps)) return here;
+    if (iterated && (here.converged || steps >= max_steps)) return here;
     state.q = taken(step, reach, command.q, state.q);
     turns = step.turns;
   }

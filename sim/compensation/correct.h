@@ -29,7 +29,7 @@ struct CorrectOptions {
                                    ///< directions are corrected too: a ball's centre, a corner's
   std::bitset<kinematics::max_joints> still;  ///< joints that are never corrected: the workpiece
                                               ///< spindle, what the channel cannot move
-  int most_iterations = 30;
+  int max_iterations = 30;
 };
 
 /// A corrected command and what it could not reach, by the belief at that very command.

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 namespace abbe::sim::compensation {
+
 namespace {
 
 using kinematics::AxisState;
@@ -118,7 +119,7 @@ void validate(const ParameterTables& tables, const Chain& chain) {
 }
 
 Eigen::VectorXd table_positions(const Chain& chain, int joint, const TableOptions& options) {
-  if (options.most_points < 2) refuse("expected at least 2 points a table");
+  if (options.max_points < 2) refuse("expected at least 2 points a table");
   if (!(options.spacing > 0.0) || !(options.spacing_rad > 0.0))
     refuse("expected a spacing above 0");
   const auto range = range_of(chain, joint, options);
@@ -127,13 +128,13 @@ Eigen::VectorXd table_positions(const Chain& chain, int joint, const TableOption
   const double spacing = is_slide ? options.spacing : options.spacing_rad;
   // a range that is a whole number of spacings but for its last bits keeps that number
   const double pieces = std::ceil((range->upper - range->lower) / spacing * (1.0 - 1e-12));
-  const double most = double(options.most_points - 1);
+  const double most = double(options.max_points - 1);
   return Eigen::VectorXd::LinSpaced(Eigen::Index(std::clamp(pieces, 1.0, most)) + 1, range->lower,
                                     range->upper);
 }
 
-ParameterTables tabulated(const CorrectionAt& correction, const Chain& chain,
-                          const AxisVector& reference, const TableOptions& options) {
+ParameterTables tabulate(const CorrectionAt& correction, const Chain& chain,
+                         const AxisVector& reference, const TableOptions& options) {
   if (reference.size() != chain.size())
     refuse(fmt::format("expected a reference of {} axes, seen {}", chain.size(), reference.size()));
   AxisState at_reference;

@@ -2,20 +2,222 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <iostream>
+#include <limits>
+#include <string_view>
 
-#include <unistd.h>
-
+#include <dlfcn.h>
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "sim/compensation/abbe_compensator.h"
 #include "sim/compensation/child_process.h"
-#include "sim/compensation/json_lines.h"
-#include "sim/compensation/plug_in_host.h"
+#include "sim/compensation/plug_in_protocol.h"
 
+/// How the asking side starts a host of a shared library (plug_in_host in plug_in.h).
 namespace abbe::sim::compensation {
+
+inline constexpr const char* host_word = "plug-in-host";       ///< its first argument
+inline constexpr const char* host_mark = "ABBE_PLUG_IN_HOST";  ///< set in its environment
+
+namespace {
+
+using nlohmann::json;
+using Table = std::vector<double>;  // rows one after another
+
+constexpr const char* query_prefix = R"({"kind":"ask")";
+
+/// The library's one object. The library stays loaded until the process ends.
+const abbe_compensator_v1& loaded(const char* library) {
+  void* handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
+  if (handle == nullptr) throw ChildProcessError("a shared library", dlerror());
+  const void* symbol = dlsym(handle, "abbe_compensator");
+  if (symbol == nullptr)
+    throw ChildProcessError("the object abbe_compensator of abbe_compensator.h", "none");
+  const auto& compensator = *static_cast<const abbe_compensator_v1*>(symbol);
+  if (compensator.version != ABBE_COMPENSATOR_VERSION)
+    throw ChildProcessError(
+        fmt::format("version {} of abbe_compensator.h", ABBE_COMPENSATOR_VERSION),
+        std::to_string(compensator.version));
+  if (compensator.answers != ABBE_CORRECTION && compensator.answers != ABBE_DEVIATION)
+    throw ChildProcessError("answers = ABBE_CORRECTION or ABBE_DEVIATION",
+                            std::to_string(compensator.answers));
+  if (compensator.answer == nullptr) throw ChildProcessError("a function answer", "NULL");
+  return compensator;
+}
+
+/// The numbers of the list or table under a key of a line that abbe wrote, NaN for null. A reader
+/// of any JSON would take most of the time that a sample costs.
+Table table_in(std::string_view line, const std::string& key) {
+  Table table;
+  const std::string mark = "\"" + key + "\":";
+  const std::size_t found = line.find(mark);
+  if (found == std::string_view::npos) throw ChildProcessError(mark, "none");
+  const char* at = line.data() + found + mark.size();
+  const char* const end = line.data() + line.size();
+  for (int depth = 0; at != end;) {
+    const char c = *at;
+    if (c == '[') ++depth;
+    if (c == ']' && --depth == 0) break;
+    if (c == '[' || c == ']' || c == ',') {
+      ++at;
+    } else if (c == 'n') {
+      table.push_back(std::numeric_limits<double>::quiet_NaN());
+      at += 4;
+    } else {
+      const auto [next, failure] = std::from_chars(at, end, table.emplace_back());
+      if (failure != std::errc())
+        throw ChildProcessError("numbers under " + key, in_quotes({at, 1}));
+      at = next;
+    }
+  }
+  return table;
+}
+
+abbe_joint joint_of(const json& message) {
+  abbe_joint joint{};
+  const std::string motion = message.at("motion");
+  joint.name = message.at("name").get<std::string>().at(0);
+  joint.side = message.at("side") == "tool" ? ABBE_TOOL_SIDE : ABBE_WORKPIECE_SIDE;
+  joint.motion = motion == "linear" ? ABBE_LINEAR : motion == "rotary" ? ABBE_ROTARY : ABBE_SPINDLE;
+  for (std::size_t i = 0; i < 3; ++i) {
+    joint.direction[i] = message.at("direction").at(i);
+    joint.point[i] = message.at("point").at(i);
+  }
+  joint.min = message.at("min");
+  joint.max = message.at("max");
+  return joint;
+}
+
+/// The task with the memory that its pointers point to.
+struct Task {
+  explicit Task(const std::string& line) : Task(line, json::parse(line)) {}
+  Task(const std::string& line, const json& message)
+      : structure(message.at("structure")),
+        tool(message.at("tool").at("name")),
+        names(message.at("readings")),
+        time_s(table_in(line, "time_s")),
+        log(table_in(line, "values")) {
+    for (const json& joint : message.at("joints")) joints.push_back(joint_of(joint));
+    for (const std::string& name : names) name_pointers.push_back(name.c_str());
+    c = {structure.c_str(),
+         std::int32_t(joints.size()),
+         joints.data(),
+         tool.c_str(),
+         message.at("tool").at("length"),
+         message.at("samples"),
+         std::int32_t(names.size()),
+         name_pointers.data(),
+         std::int64_t(time_s.size()),
+         time_s.data(),
+         log.data()};
+  }
+  Task(const Task&) = delete;
+  Task& operator=(const Task&) = delete;
+
+  std::string structure, tool;
+  std::vector<abbe_joint> joints;
+  std::vector<std::string> names;
+  std::vector<const char*> name_pointers;
+  Table time_s, log;
+  abbe_task c{};
+};
+
+/// The next line, or nothing at the end.
+std::string next_line() {
+  std::string line;
+  std::getline(std::cin, line);
+  return line;
+}
+
+void check(std::int32_t failed, const char* function, const std::string& error) {
+  if (failed != 0)
+    throw std::runtime_error(
+        error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, failed));
+}
+
+std::string response_line(const abbe_compensator_v1& compensator, void* self, const Task& task,
+                          const std::string& ask, long id) {
+  const Table time_s = table_in(ask, "time_s"), q = table_in(ask, "q"),
+              direction = table_in(ask, "direction"), rpm = table_in(ask, "spindle_rpm"),
+              T_wt = table_in(ask, "T_wt"), readings = table_in(ask, "readings");
+  const abbe_batch batch{std::int64_t(time_s.size()),
+                         time_s.data(),
+                         q.data(),
+                         direction.data(),
+                         rpm.data(),
+                         T_wt.data(),
+                         readings.data()};
+  const bool correction = compensator.answers == ABBE_CORRECTION;
+  const std::size_t width = correction ? task.joints.size() : 6;
+  Table rows(time_s.size() * width, std::numeric_limits<double>::quiet_NaN());
+  std::string error(ABBE_ERROR_BYTES, '\0');
+  check(compensator.answer(self, &batch, rows.data(), error.data()), "answer", error);
+
+  std::string line =
+      fmt::format("{{\"id\":{},\"{}\":[", id, correction ? "correction" : "deviation");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    line += i == 0 ? "[" : i % width == 0 ? "],[" : ",";
+    append_number(line, rows[i]);
+  }
+  return line + (rows.empty() ? "]}" : "]]}");
+}
+
+std::string line_of(const json& message) {
+  return message.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+void say(std::FILE* to, const std::string& line) {
+  std::fwrite(line.data(), 1, line.size(), to);
+  std::fputc('\n', to);
+  std::fflush(to);
+}
+
+void converse(const char* library, std::FILE* to) {
+  const abbe_compensator_v1& compensator = loaded(library);
+  const Task task(next_line());
+  void* self = nullptr;
+  if (compensator.open != nullptr) {
+    std::string error(ABBE_ERROR_BYTES, '\0');
+    check(compensator.open(&self, &task.c, error.data()), "open", error);
+  }
+  say(to,
+      line_of({{"abbe", protocol_version},
+               {"kind", "ready"},
+               {"name", compensator.name != nullptr ? compensator.name : ""},
+               {"answers", compensator.answers == ABBE_CORRECTION ? "correction" : "deviation"}}));
+  long id = 0;
+  for (std::string line = next_line(); line.rfind(query_prefix, 0) == 0; line = next_line())
+    say(to, response_line(compensator, self, task, line, ++id));
+  if (compensator.close != nullptr) compensator.close(self);
+}
+
+}  // namespace
+
+std::optional<int> plug_in_host(int argc, char** argv) {
+  if (argc != 3 || std::string_view(argv[1]) != host_word) return std::nullopt;
+  std::ios::sync_with_stdio(false);
+  // what the library prints is for people and must not stand among the answers
+  std::FILE* to = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
+  dup2(STDERR_FILENO, STDOUT_FILENO);
+  if (to == nullptr) return 1;
+  try {
+    converse(argv[2], to);
+  } catch (const std::exception& fault) {
+    say(to, line_of({{"error", fault.what()}}));
+  }
+  std::fclose(to);
+  return 0;
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,10 +240,10 @@ bool begins_as_script(const fs::path& file) {
 Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
   std::error_code failure;
   const fs::file_status status = fs::status(plug_in, failure);
-  if (!fs::exists(status)) throw ChildFault("a program or a shared library", "no such file");
+  if (!fs::exists(status)) throw ChildProcessError("a program or a shared library", "no such file");
   if (!fs::is_regular_file(status))
-    throw ChildFault("a program or a shared library",
-                     fs::is_directory(status) ? "a folder" : "something else");
+    throw ChildProcessError("a program or a shared library",
+                            fs::is_directory(status) ? "a folder" : "something else");
   const std::string path = fs::absolute(plug_in).string();
   Start start;
   // or a Python program that is not run by a terminal would keep its lines to itself
@@ -49,7 +251,7 @@ Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
   const bool executable = ::access(path.c_str(), X_OK) == 0;
   if (plug_in.extension() == ".so") {
     if (std::getenv(host_mark) != nullptr)
-      throw ChildFault("a host whose main begins with plug_in_host", "one that does not");
+      throw ChildProcessError("a host whose main begins with plug_in_host", "one that does not");
     start.environment.push_back(fmt::format("{}=1", host_mark));
     start.command = {options.host.string(), host_word, path};
   } else if (plug_in.extension() == ".py" && !(executable && begins_as_script(plug_in))) {
@@ -57,8 +259,8 @@ Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
   } else if (executable) {
     start.command = {path};
   } else {
-    throw ChildFault("a program that may be run (chmod +x), a .py file or a .so file",
-                     "a file that is none of these");
+    throw ChildProcessError("a program that may be run (chmod +x), a .py file or a .so file",
+                            "a file that is none of these");
   }
   return start;
 }
@@ -83,11 +285,11 @@ class Conversation {
   auto step(const std::string& name, const Do& act) {
     try {
       return act();
-    } catch (const ChildFault& fault) {
+    } catch (const ChildProcessError& fault) {
       std::string text =
           fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(fault.what()));
-      if (child_ && !child_->last_words().empty())
-        text += "\nits last words on stderr:\n" + indented(child_->last_words());
+      if (child_ && !child_->stderr_tail().empty())
+        text += "\nits last words on stderr:\n" + indented(child_->stderr_tail());
       throw PlugInFailure(as_utf8(text));
     }
   }
@@ -101,28 +303,28 @@ class Conversation {
     });
   }
 
-  Ready shake_hands(const PlugInTask& task, Eigen::Index samples) {
+  Handshake shake_hands(const PlugInTask& task, Eigen::Index samples) {
     return step("handshake", [&] {
       const std::string line = task_line(task, samples, options_.batch);
-      return read_ready(child_->exchange(line, {options_.start_s, line_base}));
+      return read_handshake(child_->exchange(line, {options_.start_s, line_base}));
     });
   }
 
   Eigen::MatrixXd answer(const PlugInQuestion& question, Samples samples,
                          const Expected& expected) {
-    return step(name_of_batch(expected.id, samples), [&] {
-      const std::string line = ask_line(batch_of(expected.task, question, samples), expected.id);
+    return step(batch_label(expected.id, samples), [&] {
+      const std::string line = ask_line(make_batch(expected.task, question, samples), expected.id);
       const auto numbers = samples.count * columns(expected.answers, expected.task);
-      return read_answer(
+      return read_response(
           child_->exchange(
-              line, {options_.answer_s, line_base + bytes_per_number * std::size_t(numbers)}),
+              line, {options_.response_s, line_base + bytes_per_number * std::size_t(numbers)}),
           expected);
     });
   }
 
   std::string end() {
-    step("end", [&] { child_->finish(end_line(), options_.answer_s); });
-    return as_utf8(child_->last_words());
+    step("end", [&] { child_->finish(end_line(), options_.response_s); });
+    return as_utf8(child_->stderr_tail());
   }
 
  private:
@@ -140,7 +342,7 @@ void check(const PlugInQuestion& question, const PlugInOptions& options) {
 /// Rows of all batches of a question; `rows(batch, expected)` answers one.
 template <typename Rows>
 Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& question,
-                           const PlugInOptions& options, Answers answers, const Rows& rows) {
+                           const PlugInOptions& options, PlugInOutput answers, const Rows& rows) {
   const Eigen::Index samples = Eigen::Index(question.commands.size());
   Eigen::MatrixXd all(samples, columns(answers, task));
   long id = 0;
@@ -156,23 +358,23 @@ Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& questio
 void check(const Eigen::MatrixXd& rows, const Expected& expected) {
   const Eigen::Index wanted = columns(expected.answers, expected.task);
   if (rows.rows() != expected.samples || rows.cols() != wanted)
-    throw ChildFault(fmt::format("{} rows of {} numbers", expected.samples, wanted),
-                     fmt::format("{} of {}", rows.rows(), rows.cols()));
+    throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, wanted),
+                            fmt::format("{} of {}", rows.rows(), rows.cols()));
   for (Eigen::Index i = 0; i < rows.rows(); ++i)
     for (Eigen::Index j = 0; j < wanted; ++j)
-      if (const auto instead = expected_instead(rows(i, j), expected, j))
-        throw ChildFault(
+      if (const auto instead = value_violation(rows(i, j), expected, j))
+        throw ChildProcessError(
             *instead, fmt::format("{} in row {}, {}", rows(i, j), i + 1, column_name(expected, j)));
 }
 
 }  // namespace
 
-PlugInAnswer ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
-                 const PlugInOptions& options) {
+PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
+                   const PlugInOptions& options) {
   check(question, options);
   Conversation conversation(plug_in, options);
-  const Ready ready = conversation.shake_hands(task, Eigen::Index(question.commands.size()));
-  PlugInAnswer answer{as_utf8(ready.name), ready.answers, {}, {}};
+  const Handshake ready = conversation.shake_hands(task, Eigen::Index(question.commands.size()));
+  PlugInResponse answer{as_utf8(ready.name), ready.answers, {}, {}};
   answer.rows = in_batches(task, question, options, ready.answers,
                            [&](Samples batch, const Expected& expected) {
                              return conversation.answer(question, batch, expected);
@@ -181,17 +383,17 @@ PlugInAnswer ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQu
   return answer;
 }
 
-PlugInAnswer ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
-                 const PlugInQuestion& question, const PlugInOptions& options) {
+PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
+                   const PlugInQuestion& question, const PlugInOptions& options) {
   check(question, options);
   const auto rows = [&](Samples batch, const Expected& expected) {
     if (options.waiting) options.waiting();
-    Eigen::MatrixXd answered = function.rows(task, batch_of(task, question, batch));
+    Eigen::MatrixXd answered = function.rows(task, make_batch(task, question, batch));
     try {
       check(answered, expected);
-    } catch (const ChildFault& fault) {
+    } catch (const ChildProcessError& fault) {
       throw PlugInFailure(as_utf8(fmt::format(
-          "{}: {}: {}", escaped(name), name_of_batch(expected.id, batch), escaped(fault.what()))));
+          "{}: {}: {}", escaped(name), batch_label(expected.id, batch), escaped(fault.what()))));
     }
     return answered;
   };

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "sim/compensation/plug_in_task.h"
+#include "sim/compensation/plug_in_protocol.h"
 
 /// Anyone's own compensator: a program that speaks JSON lines, or a C function in a shared library.
 /// The protocol is in sim/compensation/README.md.
@@ -16,14 +16,14 @@ namespace abbe::sim::compensation {
 /// that did not leave the group it was started in. Linux.
 /// @throws PlugInFailure naming the plug-in, the step, what was expected and seen, and its last
 ///         words on stderr
-PlugInAnswer ask(const std::filesystem::path& plug_in, const PlugInTask& task,
-                 const PlugInQuestion& question, const PlugInOptions& options = {});
+PlugInResponse ask(const std::filesystem::path& plug_in, const PlugInTask& task,
+                   const PlugInQuestion& question, const PlugInOptions& options = {});
 
 /// Asks a function of this process in the same batches, and holds its answers to the same rules.
 /// @param name  what refusals call it
 /// @throws PlugInFailure naming it, the batch, what was expected and seen; what the function throws
-PlugInAnswer ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
-                 const PlugInQuestion& question, const PlugInOptions& options = {});
+PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
+                   const PlugInQuestion& question, const PlugInOptions& options = {});
 
 /// First line of a main whose program serves as PlugInOptions::host: does a host's whole work.
 /// @return the exit code of a host; nothing in a program started by anybody else

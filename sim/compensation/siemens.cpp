@@ -5,7 +5,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
-#include "sim/compensation/control_file_format.h"
+#include "sim/compensation/control_file_formats.h"
 
 namespace abbe::sim::compensation::control {
 namespace {
@@ -13,7 +13,7 @@ namespace {
 using kinematics::Chain;
 
 constexpr int most_rows = 5000;  // of a table; how many a control has room for is machine data
-constexpr int most_tables = 200;
+constexpr int max_tables = 200;
 constexpr int value_decimals = 8;
 constexpr int step_decimals = 12;  // a step is added up thousands of times
 
@@ -169,7 +169,7 @@ class ProgramReader {
 
   void assign_encoder(const Assignment& a, std::string_view what) {
     expect_indices(a, what.empty() ? 3 : 2);
-    lines_.count_in(a.index.front(), 0, 0);  // the first measuring system
+    lines_.whole_number_in(a.index.front(), 0, 0);  // the first measuring system
     const int joint = axis_in(a.index.back());
     Draft& draft = program_.encoder[joint];
     begin(draft);
@@ -182,7 +182,7 @@ class ProgramReader {
 
   void assign_cross(const Assignment& a, std::string_view what) {
     expect_indices(a, what.empty() ? 2 : 1);
-    Draft& draft = program_.cross[lines_.count_in(a.index.front(), 0, most_tables - 1)];
+    Draft& draft = program_.cross[lines_.whole_number_in(a.index.front(), 0, max_tables - 1)];
     begin(draft);
     if (what.empty())
       set_value(draft, a.index[1], a.value);
@@ -191,9 +191,9 @@ class ProgramReader {
     else if (what == "_OUTPUT_AXIS")
       set(draft.moves, axis_in(bracketed(a.value)), a);
     else if (what == "_DIRECTION")
-      set(draft.direction, lines_.count_in(a.value, -1, 1), a);
+      set(draft.direction, lines_.whole_number_in(a.value, -1, 1), a);
     else if (what == "_MULT_BY_TABLE")
-      set(draft.product, lines_.count_in(a.value, 0, 0), a);
+      set(draft.product, lines_.whole_number_in(a.value, 0, 0), a);
     else
       set_common(draft, a, what);
   }
@@ -210,7 +210,7 @@ class ProgramReader {
     else if (what == "_MAX")
       set(draft.max, lines_.number_in(a.value), a);
     else if (what == "_IS_MODULO")
-      set(draft.modulo, lines_.count_in(a.value, 0, 0), a);
+      set(draft.modulo, lines_.whole_number_in(a.value, 0, 0), a);
     else
       lines_.refuse(a.name, "a variable of a compensation table");
   }
@@ -222,7 +222,7 @@ class ProgramReader {
   }
 
   void set_value(Draft& draft, const Cell& index, const Cell& value) const {
-    const auto k = std::size_t(lines_.count_in(index, 0, most_rows - 1));
+    const auto k = std::size_t(lines_.whole_number_in(index, 0, most_rows - 1));
     if (draft.values.size() <= k) draft.values.resize(k + 1);
     if (draft.values[k]) lines_.refuse(index, "every point once");
     draft.values[k] = lines_.number_in(value);
@@ -343,11 +343,11 @@ Export to_siemens(const ParameterTables& tables, const Chain& chain) {
   std::string encoder, cross;
   int index = 0;
   for (const AxisTable& sum : summed(tables.tables)) {
-    const Shortened fitting = shortened(sum, chain, {most_rows, 1e-6});
+    const FittedTable fitting = fit_table(sum, chain, {most_rows, 1e-6});
     if (fitting.left_out) out.left_out.push_back(*fitting.left_out);
-    const Shortened even = equidistant(fitting.table, chain);
+    const FittedTable even = equidistant(fitting.table, chain);
     if (even.left_out) out.left_out.push_back(*even.left_out);
-    const bool both = same_both_ways(even.table);
+    const bool both = is_direction_independent(even.table);
     if (both && sum.of == sum.moves) {
       encoder += encoder_table(even.table, chain);
       continue;
@@ -373,7 +373,7 @@ Export to_siemens(const ParameterTables& tables, const Chain& chain) {
   return out;
 }
 
-ParameterTables tables_of_siemens(std::span<const ControlFile> files, const Chain& chain) {
+ParameterTables read_siemens_tables(std::span<const ControlFile> files, const Chain& chain) {
   ParameterTables tables;
   tables.offset = kinematics::AxisVector::Zero(chain.size());
   std::vector<Program> programs;

@@ -8,9 +8,11 @@
 
 #include <fmt/format.h>
 
-#include "sim/scene/body_names.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
+
 namespace {
 
 using cutting::ClosedMesh;
@@ -57,7 +59,7 @@ struct MeshOfShape {
 };
 
 /// What messages call a body that the scene describes. It may be larger than the travel.
-MeshUse use_of(SolidBody::Kind kind, const std::string& name) {
+MeshUse body_mesh_use(SolidBody::Kind kind, const std::string& name) {
   const bool fixture = kind == SolidBody::Kind::Fixture;
   return {fmt::format("{} \"{}\"", fixture ? "fixture" : "body", name),
           fixture ? "fixture" : "body"};
@@ -114,7 +116,7 @@ class ToolBodies {
     const double sag = sag_of(cutter.radius);
     Pieces core;
     if (skin_ > 0.0) {
-      const cutting::ShrunkCutter inner = cutting::shrunk(cutter, skin_);
+      const cutting::InsetCutter inner = cutting::shrunk(cutter, skin_);
       for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
         core.push_back(raised(piece, inner.raised));
     }
@@ -149,7 +151,7 @@ using IgnoredPairs = std::vector<CollisionDescription::Pair>;
 std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics::AxisVector& q,
                                 std::span<const kinematics::JointDeviation> deviations) {
   const Carriers carriers{chain.size()};
-  const std::vector<Pose> carriages = kinematics::carriages_in_bed(chain, q, deviations);
+  const std::vector<Pose> carriages = kinematics::carriage_poses(chain, q, deviations);
   std::vector<Pose> T(std::size_t(carriers.count()), Pose::Identity());
   std::ranges::copy(carriages, T.begin() + 1);
   const auto on = [&](Side side, std::size_t joint) {
@@ -168,14 +170,14 @@ ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use) {
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
   std::vector<SolidBody> bodies;
   const Carriers carriers{int(machine.joints.size())};
-  const std::vector<std::string> names = body_names(machine);
+  const std::vector<std::string> names = machine_body_names(machine);
   for (const MachineBody& one : machine.bodies) {
     SolidBody body;
     body.carrier =
         one.joint ? std::string(1, machine.joints[std::size_t(*one.joint)].name) : std::string("b");
     body.frame = one.joint ? carriers.carriage(*one.joint) : Carriers::bed;
     body.name = names[bodies.size()];
-    body.mesh = mesh_of(one.body, use_of(SolidBody::Kind::Machine, body.name));
+    body.mesh = mesh_of(one.body, body_mesh_use(SolidBody::Kind::Machine, body.name));
     bodies.push_back(std::move(body));
   }
   return bodies;
@@ -190,12 +192,13 @@ std::vector<SolidBody> fixture_bodies(const Scene& scene) {
   const int frame = Carriers{int(scene.machine.joints.size())}.workpiece();
   const std::vector<std::string> names = fixture_names(scene.fixtures);
   for (std::size_t i = 0; i < names.size(); ++i)
-    bodies.push_back({SolidBody::Kind::Fixture, names[i], "w", frame,
-                      mesh_of(scene.fixtures[i], use_of(SolidBody::Kind::Fixture, names[i]))});
+    bodies.push_back(
+        {SolidBody::Kind::Fixture, names[i], "w", frame,
+         mesh_of(scene.fixtures[i], body_mesh_use(SolidBody::Kind::Fixture, names[i]))});
   return bodies;
 }
 
-std::vector<SolidBody> bodies_of(const Job& part) {
+std::vector<SolidBody> job_bodies(const Job& part) {
   std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
   std::ranges::move(fixture_bodies(part.scene), std::back_inserter(bodies));
   const Carriers carriers{part.truth.actual.size()};
@@ -267,8 +270,8 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
     const auto* mesh = std::get_if<MeshShape>(&described[i]->shape);
     if (mesh == nullptr) continue;
     const ClosedMesh own = cutting::moved(bodies[i].mesh, described[i]->T.inverse());
-    std::string text =
-        odd_size(mesh->mesh, use_of(bodies[i].kind, bodies[i].name), extents(own.vertices));
+    std::string text = mesh_size_warning(mesh->mesh, body_mesh_use(bodies[i].kind, bodies[i].name),
+                                         extents(own.vertices));
     if (!text.empty()) warnings.push_back(std::move(text));
   }
   std::ranges::move(fixtures_inside(bodies), std::back_inserter(warnings));
@@ -276,11 +279,11 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
 }
 
 cutting::Body searched(const SolidBody& solid) {
-  return solid.pieces.empty() ? cutting::body_of(solid.mesh) : cutting::body_of(solid.pieces);
+  return solid.pieces.empty() ? cutting::make_body(solid.mesh) : cutting::make_body(solid.pieces);
 }
 
-cutting::Body searched_core(const SolidBody& solid) {
-  return solid.core.empty() ? searched(solid) : cutting::body_of(solid.core);
+cutting::Body search_core(const SolidBody& solid) {
+  return solid.core.empty() ? searched(solid) : cutting::make_body(solid.core);
 }
 
 bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
@@ -304,6 +307,51 @@ std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
       pairs.push_back({int(a), int(b)});
     }
   return pairs;
+}
+
+kinematics::AxisState ActualMotion::state(const cutting::Moment& moment) const {
+  kinematics::AxisState state = samples.states[moment.instant];
+  if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
+    const kinematics::AxisState& next = samples.states[moment.instant + 1];
+    const kinematics::AxisState before = state;
+    state = next;
+    state.q = before.q + moment.u * (next.q - before.q);
+    state.time_s = before.time_s + moment.u * (next.time_s - before.time_s);
+  }
+  if (const auto& spindle = part.machine.workpiece_spindle) state.q[*spindle] = 0.0;
+  return state;
+}
+
+std::vector<kinematics::Pose> ActualMotion::carriers(const cutting::Moment& moment) const {
+  const kinematics::AxisState at = state(moment);
+  return carrier_poses(part.truth.actual, at.q, deviations(part.truth, at).joints);
+}
+
+std::size_t ActualMotion::running(const cutting::Moment& moment) const {
+  return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
+}
+
+ProgramLocation ActualMotion::place(const cutting::Moment& moment) const {
+  const std::size_t i = running(moment);
+  return {samples.line[i], path.blocks[std::size_t(samples.block[i])].file, state(moment).time_s};
+}
+
+bool ActualMotion::is_rapid(const cutting::Moment& moment) const {
+  const auto block = std::size_t(samples.block[running(moment)]);
+  return path.blocks[block].interpolation == program::Interpolation::Rapid;
+}
+
+Collision collision_at(const ActualMotion& actual_motion, const cutting::Moment& moment,
+                       const Eigen::Vector3d& place_b) {
+  const Carriers carriers{actual_motion.part.truth.actual.size()};
+  const std::vector<kinematics::Pose> T = actual_motion.carriers(moment);
+  Collision event;
+  event.first = event.worst = event.last = actual_motion.place(moment);
+  event.place_b = place_b;
+  event.place_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
+  event.state = actual_motion.state(moment);
+  event.rapid = actual_motion.is_rapid(moment);
+  return event;
 }
 
 }  // namespace abbe::sim

@@ -1,13 +1,15 @@
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "cutting/body.h"
-#include "cutting/encounters.h"
+#include "cutting/stock/body.h"
+#include "cutting/stock/encounters.h"
+#include "sim/cut/collision_events.h"
 #include "sim/cut/job.h"
-#include "sim/cut/named_mesh.h"
+#include "sim/cut/part.h"
 
 /// What a machine, its tool, its clamping and its part are made of, and where that is.
 namespace abbe::sim {
@@ -65,7 +67,7 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin);
 /// Every body of a part of a job: machine, fixtures, part, and of the true tool cutter, shank and
 /// holder.
 /// @throws BadInput as `mesh_of`
-std::vector<SolidBody> bodies_of(const Job& part);
+std::vector<SolidBody> job_bodies(const Job& part);
 
 /// What is odd about the bodies of a job: that there are none, that a mesh is tiny, that a fixture
 /// lies inside the part.
@@ -73,7 +75,7 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
 
 /// The body to be searched, and its core; the whole of it where it has no core.
 cutting::Body searched(const SolidBody& solid);
-cutting::Body searched_core(const SolidBody& solid);
+cutting::Body search_core(const SolidBody& solid);
 
 /// Whether a pair is among those to be left out, in either order.
 bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const std::string& a,
@@ -85,5 +87,28 @@ bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const st
 std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
                                         const std::vector<SolidBody>& bodies,
                                         const std::vector<CollisionDescription::Pair>& ignored);
+
+/// A part of a job as it is commanded, on the wrong machine. It refers to what it is made of.
+struct ActualMotion {
+  const Job& part;
+  const Commands& commands;
+  const program::Samples& samples = commands.samples;
+  const program::Path& path = path_of(part, commands);
+
+  /// Between two samples: axes and time in proportion, directions those of the way there; a
+  /// workpiece spindle stands at 0.
+  kinematics::AxisState state(const cutting::Moment& moment) const;
+  /// Poses of all carriers, errors of axes and heat included.
+  std::vector<kinematics::Pose> carriers(const cutting::Moment& moment) const;
+  /// The sample to which the axes are on their way.
+  std::size_t running(const cutting::Moment& moment) const;
+  ProgramLocation place(const cutting::Moment& moment) const;
+  bool is_rapid(const cutting::Moment& moment) const;
+};
+
+/// What is said of any collision at its first moment; its names are left open.
+/// @param place_b  mm, in the bed
+Collision collision_at(const ActualMotion& actual_motion, const cutting::Moment& moment,
+                       const Eigen::Vector3d& place_b);
 
 }  // namespace abbe::sim

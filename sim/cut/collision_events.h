@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -9,14 +11,14 @@
 
 #include <Eigen/Core>
 
-#include "cutting/body.h"
-#include "kinematics/axis.h"
+#include "cutting/stock/body.h"
+#include "kinematics/axes.h"
 
 /// What was found to meet while a program runs.
 namespace abbe::sim {
 
 /// Where in a program something is.
-struct ProgramPlace {
+struct ProgramLocation {
   int line = 0;
   std::uint16_t file = 0;  ///< as `Block::file`
   double time_s = 0.0;
@@ -27,9 +29,9 @@ struct Collision {
   std::string a, b;
   bool contact = true;      ///< else a near miss
   bool rapid = false;       ///< it begins on a rapid
-  ProgramPlace first;       ///< of contact, or of coming within the clearance
-  ProgramPlace worst;       ///< where it is deepest of what was looked at, or they are nearest
-  ProgramPlace last;        ///< end of the block in which they part again
+  ProgramLocation first;    ///< of contact, or of coming within the clearance
+  ProgramLocation worst;    ///< where it is deepest of what was looked at, or they are nearest
+  ProgramLocation last;     ///< end of the block in which they part again
   double distance = 0.0;    ///< mm, of a near miss
   double depth = 0.0;       ///< mm, of contact: the shortest way out where
                             ///< that is longest of what was looked at
@@ -44,11 +46,11 @@ struct Collision {
 };
 
 /// In which blocks the clearance of a pair counts among the smallest.
-enum class InBlocks {
+enum class ClearanceScope {
   Always,
-  WhereNear,  ///< in contacts and near misses: of the stock
-  WhereMet,   ///< in contacts: of cutter and shank with part or stock, which they may touch
-  Never       ///< it is not looked at
+  WhenNear,       ///< in contacts and near misses: of the stock
+  WhenInContact,  ///< in contacts: of cutter and shank with part or stock, which they may touch
+  Never           ///< it is not looked at
 };
 
 /// How near two bodies come.
@@ -57,13 +59,13 @@ struct Clearance {
   bool overlap_at_start = false;  ///< and are not looked at
   double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite of cutter and shank to the
                           ///< part or the stock, if they do not collide: they may touch
-  ProgramPlace place;
-  InBlocks in_blocks = InBlocks::Always;
+  ProgramLocation place;
+  ClearanceScope in_blocks = ClearanceScope::Always;
 };
 
 /// The smallest clearance of a block, of the pairs that count there.
 struct BlockClearance {
-  ProgramPlace place;  ///< its beginning
+  ProgramLocation place;  ///< its beginning
   double end_s = 0.0;
   double at_least = 0.0;  ///< mm, the true one is at most 5 % or 0.01 mm more; 0 for contact
   int pair = -1;          ///< of `clearances`; -1: none is looked at
@@ -105,5 +107,29 @@ std::size_t contacts(const Collisions& collisions);
 
 /// Whether the program can run: nothing meets, no axis leaves its travel.
 bool is_clear(const Collisions& collisions);
+
+// When the depth of a contact is looked at, which takes too long for every moment.
+
+/// Of a motion in steps, so many moments of each may be looked at: what is thinner than a step is
+/// deep only between its ends.
+inline constexpr std::size_t samples_per_step = 8;
+
+/// Contacts of which the depth is looked at.
+inline constexpr std::size_t max_measured_contacts = 50;
+
+/// Where a contact is deepest, of the moments at which it was looked at.
+struct DeepestSample {
+  double depth = 0.0;  ///< mm
+  std::size_t at = 0;  ///< moment
+  std::size_t looks = 0;
+};
+
+/// Looks at moments spread over [first, end), at up to as many ends of blocks, where motion turns
+/// back, and between those beside the deepest.
+/// @param block_ends  moments
+/// @param depth_at    mm, of a moment
+DeepestSample deepest_sample(std::size_t first, std::size_t end,
+                             const std::vector<std::size_t>& block_ends,
+                             const std::function<double(std::size_t)>& depth_at);
 
 }  // namespace abbe::sim

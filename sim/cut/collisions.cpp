@@ -9,24 +9,23 @@
 
 #include <fmt/format.h>
 
-#include "cutting/collision.h"
-#include "cutting/encounters.h"
-#include "cutting/way_out.h"
-#include "kinematics/numbers.h"
+#include "cutting/stock/collision.h"
+#include "cutting/stock/encounters.h"
+#include "cutting/stock/separation.h"
+#include "kinematics/units.h"
 #include "sim/cut/bodies.h"
-#include "sim/cut/depth_looks.h"
-#include "sim/cut/following.h"
-#include "sim/cut/inside_tables.h"
-#include "sim/cut/stock_collisions.h"
-#include "sim/cut/stopwatch.h"
-#include "sim/cut/travel.h"
+#include "sim/cut/collision_events.h"
+#include "sim/cut/resources.h"
+#include "sim/cut/stock_replay.h"
+#include "sim/cut/tool_motion.h"
+#include "sim/cut/tool_poses.h"
 
 namespace abbe::sim {
 namespace {
 
 using cutting::BodyPair;
-using cutting::CarriedBody;
-using cutting::CarriedMotion;
+using cutting::CarrierBody;
+using cutting::CarrierMotion;
 using cutting::Encounter;
 using cutting::end_of;
 using Eigen::Vector3d;
@@ -38,8 +37,8 @@ using kinematics::Pose;
 using kinematics::Side;
 
 /// mm from any axis that turns to any point of a body, at most.
-double reach(const Following& following, const std::vector<SolidBody>& bodies) {
-  const kinematics::Chain& chain = following.part.truth.actual;
+double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies) {
+  const kinematics::Chain& chain = actual_motion.part.truth.actual;
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
   double turning = 0.0, sliding = 0.0;
   for (const SolidBody& body : bodies) {
@@ -54,7 +53,7 @@ double reach(const Following& following, const std::vector<SolidBody>& bodies) {
   for (int k = 0; k < chain.size(); ++k) {
     if (chain.joints()[std::size_t(k)].motion != Motion::Linear) continue;
     double most = 0.0;
-    for (const AxisState& state : following.samples.states)
+    for (const AxisState& state : actual_motion.samples.states)
       most = std::max(most, std::abs(state.q[k]));
     sliding += most;
   }
@@ -63,12 +62,12 @@ double reach(const Following& following, const std::vector<SolidBody>& bodies) {
 
 /// mm between two samples, by which a body may leave its straight way: an eighth of the second
 /// derivative of a chain of turns and slides.
-std::vector<double> bulges(const Following& following, double reach) {
-  const kinematics::Chain& chain = following.part.truth.actual;
-  std::vector<double> bulge(following.samples.states.size() - 1, 0.0);
+std::vector<double> bulges(const ActualMotion& actual_motion, double reach) {
+  const kinematics::Chain& chain = actual_motion.part.truth.actual;
+  std::vector<double> bulge(actual_motion.samples.states.size() - 1, 0.0);
   for (std::size_t i = 0; i < bulge.size(); ++i) {
-    const kinematics::AxisVector step =
-        following.state(cutting::Moment{i + 1, 0.0}).q - following.state(cutting::Moment{i, 0.0}).q;
+    const kinematics::AxisVector step = actual_motion.state(cutting::Moment{i + 1, 0.0}).q -
+                                        actual_motion.state(cutting::Moment{i, 0.0}).q;
     double turn = 0.0, way = 0.0;
     for (int k = 0; k < chain.size(); ++k) {
       const Motion motion = chain.joints()[std::size_t(k)].motion;
@@ -80,27 +79,27 @@ std::vector<double> bulges(const Following& following, double reach) {
   return bulge;
 }
 
-CarriedMotion motion_of(const Following& following, double reach) {
-  CarriedMotion motion;
-  motion.carriers = Carriers{following.part.truth.actual.size()}.count();
-  motion.instants = following.samples.states.size();
-  motion.place = [&following](std::size_t i, double u, std::span<Pose> T) {
-    std::ranges::copy(following.carriers({i, u}), T.begin());
+CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
+  CarrierMotion motion;
+  motion.carriers = Carriers{actual_motion.part.truth.actual.size()}.count();
+  motion.instants = actual_motion.samples.states.size();
+  motion.place = [&actual_motion](std::size_t i, double u, std::span<Pose> T) {
+    std::ranges::copy(actual_motion.carriers({i, u}), T.begin());
   };
-  motion.bulge = bulges(following, reach);
+  motion.bulge = bulges(actual_motion, reach);
   for (std::size_t i = 0; i < motion.instants; ++i)
-    if (i == 0 || following.samples.block[i] != following.samples.block[i - 1])
+    if (i == 0 || actual_motion.samples.block[i] != actual_motion.samples.block[i - 1])
       motion.stretches.push_back(i);
   return motion;
 }
 
 /// What is searched: the bodies, and those of the tool that meet the part without their skin.
 struct Search {
-  std::vector<CarriedBody> bodies;
+  std::vector<CarrierBody> bodies;
   std::vector<BodyPair> pairs;
 };
 
-Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPair>& pairs) {
+Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<BodyPair>& pairs) {
   Search search;
   std::vector<int> core(bodies.size());
   for (const SolidBody& body : bodies) search.bodies.push_back({searched(body), body.frame});
@@ -108,7 +107,7 @@ Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPai
     core[i] = int(i);
     if (bodies[i].core.empty()) continue;
     core[i] = int(search.bodies.size());
-    search.bodies.push_back({searched_core(bodies[i]), bodies[i].frame});
+    search.bodies.push_back({search_core(bodies[i]), bodies[i].frame});
   }
   for (BodyPair pair : pairs) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
@@ -126,32 +125,32 @@ Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPai
 /// Appends what is found in a part of a job.
 class PartSearch {
  public:
-  PartSearch(const Following& following, std::size_t number, Collisions& all)
-      : following_(following),
+  PartSearch(const ActualMotion& actual_motion, std::size_t number, Collisions& all)
+      : actual_motion_(actual_motion),
         number_(number),
         all_(all),
-        bodies_(bodies_of(following.part)),
-        pairs_(
-            pairs_of(following.part.truth.actual, bodies_, following.part.scene.collision.ignore)),
-        search_(search_of(bodies_, pairs_)),
-        motion_(motion_of(following, reach(following, bodies_))) {}
+        bodies_(job_bodies(actual_motion.part)),
+        pairs_(pairs_of(actual_motion.part.truth.actual, bodies_,
+                        actual_motion.part.scene.collision.ignore)),
+        search_(collision_search(bodies_, pairs_)),
+        motion_(motion_of(actual_motion, reach(actual_motion, bodies_))) {}
 
   void run(const Progress& progress) {
-    const CollisionDescription& asked = following_.part.scene.collision;
+    const CollisionDescription& asked = actual_motion_.part.scene.collision;
     cutting::EncounterOptions options;
     options.resolution = asked.resolution;
     options.clearance = asked.clearance;
     options.progress = [&](double share) {
       if (progress) progress("collisions", share);
     };
-    const cutting::Encounters found = inside_tables(following_.part, [&] {
+    const cutting::Encounters found = check_table_range(actual_motion_.part, [&] {
       return cutting::encounters(search_.bodies, search_.pairs, motion_, options);
     });
     all_.queries += found.queries;
     add_bodies();
     add_clearances(found);
     for (const Encounter& one : found.list) add(one);
-    if (follows_stock(following_.part)) add_stock(progress);
+    if (has_tracked_stock(actual_motion_.part)) add_stock(progress);
   }
 
  private:
@@ -162,7 +161,7 @@ class PartSearch {
       if (number_ == 0 || one.kind == SolidBody::Kind::Cutter ||
           one.kind == SolidBody::Kind::Shank || one.kind == SolidBody::Kind::Holder)
         all_.bodies.push_back({one.name, one.carrier, one.mesh.triangles.rows()});
-    for (std::string& text : body_warnings(following_.part, bodies_))
+    for (std::string& text : body_warnings(actual_motion_.part, bodies_))
       if (std::ranges::find(all_.warnings, text) == all_.warnings.end())
         all_.warnings.push_back(std::move(text));
   }
@@ -172,29 +171,31 @@ class PartSearch {
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
       const cutting::PairClearance& one = found.pairs[p];
       all_.clearances.push_back({body(pairs_[p].a).name, body(pairs_[p].b).name,
-                                 one.overlaps_at_start, one.distance, following_.place(one.moment),
-                                 one.overlaps_at_start           ? InBlocks::Never
-                                 : search_.pairs[p].contact_only ? InBlocks::WhereMet
-                                                                 : InBlocks::Always});
+                                 one.overlaps_at_start, one.distance,
+                                 actual_motion_.place(one.moment),
+                                 one.overlaps_at_start           ? ClearanceScope::Never
+                                 : search_.pairs[p].contact_only ? ClearanceScope::WhenInContact
+                                                                 : ClearanceScope::Always});
     }
     for (std::size_t s = 0; s < found.stretches.size(); ++s) {
-      const cutting::StretchClearance& one = found.stretches[s];
+      const cutting::SegmentClearance& one = found.stretches[s];
       const std::size_t first = motion_.stretches[s], last = end_of(motion_, s) - 1;
-      ProgramPlace begin = following_.place({first, 0.0});
+      ProgramLocation begin = actual_motion_.place({first, 0.0});
       // what lies between two blocks belongs to the second
-      if (first > 0) begin.time_s = following_.state({first - 1, 0.0}).time_s;
-      all_.blocks.push_back({begin, following_.state({last, 0.0}).time_s, one.at_least,
+      if (first > 0) begin.time_s = actual_motion_.state({first - 1, 0.0}).time_s;
+      all_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s, one.at_least,
                              one.pair < 0 ? -1 : before + one.pair});
     }
   }
 
   void add_stock(const Progress& progress) {
     const auto begin = std::ptrdiff_t(all_.list.size()) - std::ptrdiff_t(listed_);
-    StockCollisions found = inside_tables(
-        following_.part, [&] { return stock_collisions(following_, bodies_, pairs_, progress); });
+    StockCollisions found = check_table_range(actual_motion_.part, [&] {
+      return stock_collisions(actual_motion_, bodies_, pairs_, progress);
+    });
     all_.queries += found.queries;
     for (std::string& text : found.warnings) all_.warnings.push_back(std::move(text));
-    for (const NearStock& one : found.near) add_near(one, found.clearances);
+    for (const StockProximity& one : found.near) add_near(one, found.clearances);
     for (Clearance& one : found.clearances) all_.clearances.push_back(std::move(one));
     for (Collision& one : found.list) {
       one.part = number_;
@@ -206,7 +207,7 @@ class PartSearch {
   }
 
   /// @param own  pairs of the stock, which come next
-  void add_near(const NearStock& near, const std::vector<Clearance>& own) {
+  void add_near(const StockProximity& near, const std::vector<Clearance>& own) {
     const auto pair = std::ranges::find(own, near.body, &Clearance::a) - own.begin();
     const auto block_of = [&](std::size_t sample) {
       return std::size_t(std::ranges::upper_bound(motion_.stretches, sample) -
@@ -227,19 +228,19 @@ class PartSearch {
 
   void add(const Encounter& found) {
     const BodyPair pair = pairs_[std::size_t(found.pair)];
-    Collision one = event_at(following_, found.moment, found.place);
+    Collision one = collision_at(actual_motion_, found.moment, found.place);
     one.a = body(pair.a).name;
     one.b = body(pair.b).name;
     one.contact = found.contact;
-    one.first = following_.place(found.begin);
-    one.rapid = following_.is_rapid(found.begin);
-    one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
+    one.first = actual_motion_.place(found.begin);
+    one.rapid = actual_motion_.is_rapid(found.begin);
+    one.last = actual_motion_.place({end_of(motion_, found.last_segment) - 1, 0.0});
     one.distance = found.distance;
     one.part = number_;
     if (search_.pairs[std::size_t(found.pair)].contact_only)
-      for (std::size_t s = found.first_stretch; s <= found.last_stretch; ++s)
+      for (std::size_t s = found.first_segment; s <= found.last_segment; ++s)
         lower(s, 0.0, int(first_clearance_) + found.pair);
-    if (found.contact && contacts(all_) < most_measured_contacts)
+    if (found.contact && contacts(all_) < max_measured_contacts)
       measure_depth(found, search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)],
                     one);
     ++listed_;
@@ -247,30 +248,30 @@ class PartSearch {
   }
 
   /// The longest way out of a contact that is found.
-  void measure_depth(const Encounter& found, const CarriedBody& a, const CarriedBody& b,
+  void measure_depth(const Encounter& found, const CarrierBody& a, const CarrierBody& b,
                      Collision& collision) const {
-    constexpr std::size_t n = looks_of_step;
+    constexpr std::size_t n = samples_per_step;
     const auto moment = [](std::size_t look) {
       return cutting::Moment{look / n, double(look % n) / double(n)};
     };
     const std::size_t first = n * found.moment.instant + std::size_t(double(n) * found.moment.u);
-    const std::size_t last = n * (end_of(motion_, found.last_stretch) - 1);
+    const std::size_t last = n * (end_of(motion_, found.last_segment) - 1);
     std::vector<std::size_t> block_ends;
-    for (std::size_t s = found.first_stretch; s <= found.last_stretch; ++s)
+    for (std::size_t s = found.first_segment; s <= found.last_segment; ++s)
       block_ends.push_back(n * (end_of(motion_, s) - 1));
     const auto depth_at = [&](std::size_t look) {
-      const std::vector<Pose> T = following_.carriers(moment(look));
+      const std::vector<Pose> T = actual_motion_.carriers(moment(look));
       return cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
           .depth;
     };
-    const DeepestLook deepest =
-        deepest_look(first, std::max(first, last) + 1, block_ends, depth_at);
+    const DeepestSample deepest =
+        deepest_sample(first, std::max(first, last) + 1, block_ends, depth_at);
     collision.depth = deepest.depth;
     collision.depths = deepest.looks;
-    collision.worst = following_.place(moment(deepest.at));
+    collision.worst = actual_motion_.place(moment(deepest.at));
   }
 
-  const Following& following_;
+  const ActualMotion& actual_motion_;
   std::size_t number_;
   Collisions& all_;
   std::size_t first_clearance_ = all_.clearances.size(), first_block_ = all_.blocks.size();
@@ -278,11 +279,11 @@ class PartSearch {
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;
   Search search_;
-  CarriedMotion motion_;
+  CarrierMotion motion_;
 };
 
 /// Says which pairs overlap where the program begins.
-void warn_of_overlaps(Collisions& all) {
+void add_overlap_warnings(Collisions& all) {
   for (const Clearance& one : all.clearances)
     if (one.overlap_at_start)
       all.warnings.push_back(fmt::format(
@@ -303,16 +304,16 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   all.gouge = job.scene.collision.gouge;
   const auto parts = parts_of(job);
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const Following following{parts[i], of_part(commands, i)};
-    if (i == 0) all.more_files = following.path.more_files;
+    const ActualMotion actual_motion{parts[i], of_part(commands, i)};
+    if (i == 0) all.more_files = actual_motion.path.more_files;
     try {
-      check_travel(parts[i].machine, following.path, following.samples);
+      check_travel(parts[i].machine, actual_motion.path, actual_motion.samples);
     } catch (const BadInput& beyond) {
       if (all.beyond_travel.empty()) all.beyond_travel = beyond.what();
     }
-    PartSearch(following, i, all).run(progress);
+    PartSearch(actual_motion, i, all).run(progress);
   }
-  warn_of_overlaps(all);
+  add_overlap_warnings(all);
   all.seconds = watch.lap();
   return all;
 }
@@ -326,7 +327,7 @@ std::size_t max_probes(std::size_t samples) { return 4000 + samples / 10; }
 /// Of a pair that is near already, until it meets or it is clear that it keeps apart for long.
 constexpr int max_probes_near = 500;
 /// Samples whose ways are summed once, so that a far pair passes over them in one step.
-constexpr std::size_t samples_a_chunk = 64;
+constexpr std::size_t samples_per_chunk = 64;
 
 /// A body with the box around it, which tells distances in a hundredth of the time of its mesh.
 struct BoxedBody {
@@ -380,10 +381,10 @@ class AxisMotion {
     for (int k = 0; k < axes; ++k) is_moved_.push_back(is_spindle(machine, k) ? 0.0 : 1.0);
     farthest_ = position(0).cwiseAbs();
     const std::size_t steps = samples.states.size() - 1;
-    chunks_.resize(steps / samples_a_chunk, AxisVector::Zero(axes));
+    chunks_.resize(steps / samples_per_chunk, AxisVector::Zero(axes));
     for (std::size_t i = 0; i < steps; ++i) {
       farthest_ = farthest_.cwiseMax(position(i + 1).cwiseAbs());
-      const std::size_t chunk = i / samples_a_chunk;
+      const std::size_t chunk = i / samples_per_chunk;
       if (chunk < chunks_.size()) chunks_[chunk] += step(i);
     }
   }
@@ -409,13 +410,13 @@ class AxisMotion {
   /// has moved by `room` mm; the end of the motion where it does not.
   At after(At at, double room, const AxisVector& weights) const {
     while (at.sample < steps()) {
-      const bool begins = at.fraction <= 0.0 && at.sample % samples_a_chunk == 0;
-      const std::size_t chunk = at.sample / samples_a_chunk;
+      const bool begins = at.fraction <= 0.0 && at.sample % samples_per_chunk == 0;
+      const std::size_t chunk = at.sample / samples_per_chunk;
       if (begins && chunk < chunks_.size()) {
         const double way = weights.dot(chunks_[chunk]);
         if (way <= room) {
           room -= way;
-          at.sample += samples_a_chunk;
+          at.sample += samples_per_chunk;
           continue;
         }
       }
@@ -454,10 +455,10 @@ class NearSearch {
 
   bool is_exhausted() const { return probes_left_ == 0; }
 
-  std::optional<NearBodies> first_near(const BoxedBody& a, const BoxedBody& b) {
-    const AxisVector weights = weights_of(a, b);
+  std::optional<BodyProximity> first_near(const BoxedBody& a, const BoxedBody& b) {
+    const AxisVector weights = joint_weights(a, b);
     AxisMotion::At at;
-    std::optional<NearBodies> near;
+    std::optional<BodyProximity> near;
     double wanted = near_;
     int probes_near = max_probes_near;
     for (bool starts = true; at.sample < motion_.steps() || starts; starts = false) {
@@ -488,7 +489,7 @@ class NearSearch {
 
   /// (axes) mm by which a point of one body may move against the other for a mm or rad of each
   /// axis.
-  AxisVector weights_of(const BoxedBody& a, const BoxedBody& b) const {
+  AxisVector joint_weights(const BoxedBody& a, const BoxedBody& b) const {
     const double from = place_in_row(chain_, a.frame), to = place_in_row(chain_, b.frame);
     AxisVector weights = AxisVector::Zero(chain_.size());
     for (int k = 0; k < chain_.size(); ++k) {
@@ -525,12 +526,12 @@ class NearSearch {
   std::size_t probes_left_;
 };
 
-std::string pair_text(const NearBodies& pair) { return pair.a + " and " + pair.b; }
+std::string pair_text(const BodyProximity& pair) { return pair.a + " and " + pair.b; }
 
 constexpr std::string_view not_searched = "collisions are not searched here";
 
 /// The pairs of one part of a job, each where it first comes near.
-Proximity near_bodies_of(const Job& part) {
+Proximity near_bodies_in(const Job& part) {
   Proximity found;
   if (part.samples.states.empty()) return found;
   std::vector<SolidBody> solids = machine_bodies(part.scene.machine);
@@ -545,22 +546,23 @@ Proximity near_bodies_of(const Job& part) {
     if (auto near = search.first_near(bodies[std::size_t(pair.a)], bodies[std::size_t(pair.b)]))
       found.near.push_back(std::move(*near));
   found.is_complete = !search.is_exhausted();
-  std::ranges::stable_sort(found.near, {}, &NearBodies::line);
+  std::ranges::stable_sort(found.near, {}, &BodyProximity::line);
   return found;
 }
 
 }  // namespace
 
-Proximity near_bodies(const Job& job) {
+Proximity find_near_bodies(const Job& job) {
   Proximity all;
   all.is_complete = !job.windows;
   if (job.windows) return all;
   for (const Job& part : parts_of(job)) {
-    Proximity found = near_bodies_of(part);
+    Proximity found = near_bodies_in(part);
     all.is_complete = all.is_complete && found.is_complete;
-    for (NearBodies& next : found.near)
-      if (std::ranges::none_of(
-              all.near, [&](const NearBodies& had) { return had.a == next.a && had.b == next.b; }))
+    for (BodyProximity& next : found.near)
+      if (std::ranges::none_of(all.near, [&](const BodyProximity& had) {
+            return had.a == next.a && had.b == next.b;
+          }))
         all.near.push_back(std::move(next));
   }
   return all;
@@ -568,26 +570,26 @@ Proximity near_bodies(const Job& job) {
 
 std::string not_searched_text(const Job& job) {
   if (job.scene.collision.on) return {};  // then a run searches
-  const Proximity found = near_bodies(job);
-  const std::vector<NearBodies>& near = found.near;
+  const Proximity found = find_near_bodies(job);
+  const std::vector<BodyProximity>& near = found.near;
   if (near.empty() && found.is_complete) return {};
   constexpr std::string_view advice = "`abbe check --collisions` searches them";
   if (near.empty())
     return fmt::format("{}, and the program is too long for a quick check: {}", not_searched,
                        advice);
-  const auto touches = [&](const NearBodies& pair) {
+  const auto touches = [&](const BodyProximity& pair) {
     return pair.distance <= job.scene.collision.resolution;
   };
   const auto met = std::ranges::find_if(near, touches);
-  const NearBodies& first = met == near.end() ? near.front() : *met;
+  const BodyProximity& first = met == near.end() ? near.front() : *met;
   const std::string what = touches(first)
                                ? fmt::format("{} meet on line {}", pair_text(first), first.line)
                                : fmt::format("{} come within {:.3g} mm of each other on line {}",
                                              pair_text(first), first.distance, first.line);
-  const std::string others =
-      near.size() > 1 ? fmt::format(", and {} other {} near", near.size() - 1,
-                                    near.size() == 2 ? "pair comes" : "pairs come")
-                      : "";
+  const std::string others = near.size() > 1
+                                 ? fmt::format(", and {} other {} near", near.size() - 1,
+                                               near.size() == 2 ? "pair comes" : "pairs come")
+                                 : "";
   return fmt::format("{}, but {}{}: {}", not_searched, what, others, advice);
 }
 

@@ -1,14 +1,104 @@
 #include "sim/cut/commands.h"
 
 #include <algorithm>
+#include <functional>
 
 #include <tbb/parallel_for.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
-#include "sim/cut/datum.h"
+#include "kinematics/decompositions.h"
+#include "kinematics/inverse_kinematics.h"
+#include "kinematics/jacobian.h"
 
 namespace abbe::sim {
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisState;
+using kinematics::AxisVector;
+using kinematics::Pose;
+
+/// Actual minus wanted tip when the control goes to a point.
+using TipDeviation = std::function<Vector3d(const Vector3d& point_w)>;
+
+AxisState at_rest(const kinematics::Chain& chain, const Vector3d& point_w, double time_s) {
+  const AxisVector zero = AxisVector::Zero(chain.size());
+  AxisState state;
+  state.q = slide_offset(chain, point_w - chain.tool_in_workpiece(zero).translation());
+  state.time_s = time_s;
+  return state;
+}
+
+/// Command of the control to a point, rotary axes at zero, with the corrections of a compensator.
+struct Approach {
+  AxisState command;
+  AxisState corrected;
+  Vector3d wanted_w;  ///< what the slides cannot reach nominally is no deviation
+};
+
+Approach approach(const Vector3d& point_w, double time_s, const Machine& machine,
+                  const Corrector& corrector) {
+  const AxisState nominal = at_rest(machine.nominal, point_w, time_s);
+  const Pose T_wt_wanted = machine.nominal.tool_in_workpiece(nominal.q);
+  const AxisState command = at_rest(machine.control, point_w, time_s);
+  const AxisState corrected =
+      corrector ? corrector({command}, {T_wt_wanted}).states.front() : command;
+  return {command, corrected, T_wt_wanted.translation()};
+}
+
+Vector3d touched_offset(const DatumDescription& datum, const TipDeviation& deviation) {
+  using Kind = DatumDescription::Kind;
+  if (datum.kind == Kind::None) return Vector3d::Zero();
+  if (datum.kind == Kind::Ideal) {
+    Vector3d offset = Vector3d::Zero();
+    // the deviation itself depends on where the tip is sent, so the last step only corrects
+    // nanometres
+    for (int i = 0; i < 3; ++i) offset = -deviation(datum.point_w + offset);
+    return offset;
+  }
+  const Eigen::Index n = Eigen::Index(datum.touches.size());
+  Eigen::MatrixXd directions(n, 3);
+  Eigen::VectorXd learnt(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const DatumDescription::Touch& touch = datum.touches[std::size_t(i)];
+    directions.row(i) = touch.direction_w.transpose();
+    learnt[i] = -touch.direction_w.dot(deviation(touch.point_w));
+  }
+  return shortest_least_squares(directions, learnt);
+}
+
+}  // namespace
+
+AxisVector slide_offset(const kinematics::Chain& chain, const Vector3d& offset_w) {
+  AxisVector q = AxisVector::Zero(chain.size());
+  const Eigen::MatrixXd J = kinematics::axis_jacobian(chain, q);
+  Eigen::MatrixXd by_slide = Eigen::MatrixXd::Zero(3, chain.size());
+  for (int i = 0; i < chain.size(); ++i)
+    if (chain.joints()[std::size_t(i)].motion == kinematics::Motion::Linear)
+      by_slide.col(i) = J.col(i).head<3>();
+  q = shortest_least_squares(by_slide, offset_w);
+  return q;
+}
+
+Vector3d datum_offset(const DatumDescription& datum, const Machine& machine, const ToolAt& tool_at,
+                      const Corrector& corrector) {
+  return touched_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
+    const Approach made = approach(point_w, datum.time_s, machine, corrector);
+    return tool_at(made.corrected).translation() - made.wanted_w;
+  });
+}
+
+Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
+                         const Corrector& corrector) {
+  return touched_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
+    const Approach made = approach(point_w, datum.time_s, machine, corrector);
+    const kinematics::Chain& control = machine.control;
+    return control.tool_in_workpiece(made.command.q).translation() -
+           control.tool_in_workpiece(made.corrected.q).translation();
+  });
+}
+
 namespace {
 
 using kinematics::AxisState;
@@ -26,7 +116,7 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
                                  const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
   if (same(control, sampled_by) && offset_w.isZero(0.0)) return states;
-  const AxisVector slides = slides_of_offset(control, offset_w);
+  const AxisVector slides = slide_offset(control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
     if (!is_tip(path, samples.block[i])) {
       states[i].q += slides;
@@ -43,8 +133,8 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
   return states;
 }
 
-Commands as_programmed(const Machine& machine, const program::Path& path,
-                       const program::Samples& samples, const Eigen::Vector3d& offset_w) {
+Commands uncompensated_commands(const Machine& machine, const program::Path& path,
+                                const program::Samples& samples, const Eigen::Vector3d& offset_w) {
   Commands result;
   result.samples = samples;
   result.samples.states = commanded(machine.control, path, samples, machine.nominal, offset_w);

@@ -1,15 +1,59 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
+#include "kinematics/axes.h"
+#include "kinematics/chain.h"
 #include "sim/compensation/channels.h"
 #include "sim/machine/machine.h"
 #include "sim/program/path.h"
 #include "sim/program/sample.h"
+#include "sim/scene/machine.h"
 
 namespace abbe::sim {
+
+/// Commands with a correction in them, and what its maker knew that it could not reach.
+struct CorrectedCommands {
+  std::vector<kinematics::AxisState> states;
+  double point_left = 0.0;      ///< mm
+  double direction_left = 0.0;  ///< rad
+  std::size_t not_converged = 0;
+};
+
+/// Corrects commands that should bring the tool to T_wt_nominal, both (samples) in the order of
+/// time.
+using Corrector =
+    std::function<CorrectedCommands(const std::vector<kinematics::AxisState>& commanded,
+                                    const std::vector<kinematics::Pose>& T_wt_nominal)>;
+
+/// Where the tool is in the part, T_wt, on whatever machine it is asked of.
+using ToolAt = std::function<kinematics::Pose(const kinematics::AxisState&)>;
+
+/// Shift of the work zero that the control makes after it found the datum on the wrong machine: the
+/// tip is commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings the tip to its
+/// point exactly; `touch_off` sees one component a touch and leaves the directions that it never
+/// touched.
+/// @param tool_at    of that machine
+/// @param corrector  acts while the datum is found; without one nothing does
+/// @return mm, workpiece frame
+Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine,
+                             const ToolAt& tool_at, const Corrector& corrector = {});
+
+/// The shift that a compensator expects to be found by a control without it: what its corrections
+/// take away at the datum, to the second order in them.
+/// @return mm, workpiece frame
+Eigen::Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
+                                const Corrector& corrector);
+
+/// Slide positions of a shift of the tip in the workpiece, rotary axes at zero; directions without
+/// a slide are left. @return (joints)
+kinematics::AxisVector slide_offset(const kinematics::Chain& chain,
+                                    const Eigen::Vector3d& offset_w);
 
 /// What a piezo does to the tool beside the axes.
 struct PiezoMotion {
@@ -56,7 +100,7 @@ std::vector<kinematics::AxisState> commanded(const kinematics::Chain& control,
 /// The commands of a program that was sampled on the nominal machine, without a compensator.
 /// @param offset_w  mm, shift of the datum that the control found
 /// @throws as `commanded`
-Commands as_programmed(const Machine& machine, const program::Path& path,
-                       const program::Samples& samples, const Eigen::Vector3d& offset_w);
+Commands uncompensated_commands(const Machine& machine, const program::Path& path,
+                                const program::Samples& samples, const Eigen::Vector3d& offset_w);
 
 }  // namespace abbe::sim

@@ -7,22 +7,19 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
-#include "cutting/areal_filter.h"
-#include "cutting/refine.h"
-#include "cutting/stock.h"
-#include "kinematics/turn_between.h"
+#include "cutting/map/areal_filter.h"
+#include "cutting/map/refinement.h"
+#include "cutting/stock/stock.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
 #include "sim/cut/collisions.h"
-#include "sim/cut/cut_warnings.h"
-#include "sim/cut/follow.h"
-#include "sim/cut/inside_tables.h"
-#include "sim/cut/sampling.h"
-#include "sim/cut/stopwatch.h"
-#include "sim/cut/surface_warnings.h"
+#include "sim/cut/judged_surface.h"
+#include "sim/cut/process.h"
+#include "sim/cut/process_simulation.h"
+#include "sim/cut/resources.h"
 #include "sim/cut/sweep.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/tool_poses.h"
-#include "sim/cut/travel.h"
 
 namespace abbe::sim {
 namespace {
@@ -41,13 +38,13 @@ double oversize(const ToolDescription& tool) {
   if (const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal)) {
     const auto& actual = std::get<cutting::Cutter>(tool.actual);
     if (nominal->outline && actual.outline)
-      return cutting::farthest_apart(*nominal->outline, *actual.outline);
+      return cutting::max_separation(*nominal->outline, *actual.outline);
     return std::abs(actual.radius - nominal->radius) +
            std::abs(actual.corner_radius - nominal->corner_radius);
   }
   const auto& actual = std::get<cutting::Nose>(tool.actual);
   if (actual.profile)
-    return cutting::farthest_apart(*actual.profile, *std::get<cutting::Nose>(tool.nominal).profile);
+    return cutting::max_separation(*actual.profile, *std::get<cutting::Nose>(tool.nominal).profile);
   double size = std::abs(actual.radius - std::get<cutting::Nose>(tool.nominal).radius);
   for (const cutting::NoseWave& wave : actual.waves) size += std::abs(wave.amplitude);
   return size;
@@ -75,7 +72,7 @@ std::string gouge_text(const ProgramGouge& gouge, int with_flank) {
 }
 
 /// A map, how well it is resolved, and what is to be said of it.
-struct Machined {
+struct CutMap {
   cutting::Surface surface;
   std::optional<cutting::InterpolationError> interpolation;
   std::vector<std::string> warnings;
@@ -83,18 +80,18 @@ struct Machined {
 
 /// What a map is asked for: the wish of the scene; without one what the vertices were chosen for,
 /// or the usual share of its own range where that is more.
-double resolution_of(const Job& job, const cutting::Surface& surface) {
+double target_resolution(const Job& job, const cutting::Surface& surface) {
   const double sampled = job.sampled->resolution;
   if (job.scene.part.sampling.resolution) return sampled;
-  return std::max(sampled, cutting::usual_resolution(usual_range(surface, job.design_w)));
+  return std::max(sampled, cutting::default_resolution(trimmed_range(surface, job.design_w)));
 }
 
 /// What to do about a map that is too coarse for the texture: its form can be read where enough of
 /// the places within triangles carry it. @param cutoff  mm, of waves that pass by half
 std::string advice_on_form(const cutting::Design& design, double cutoff) {
   if (cutting::resolves_form(design, cutoff)) return "judge by form_um, or";
-  const double values = cutting::filter_values(
-      cutoff, double(design.triangles.rows()) / design.area.sum());
+  const double values =
+      cutting::filter_values(cutoff, double(design.triangles.rows()) / design.area.sum());
   return fmt::format(
       "form_um is no better, with {:.2g} values within its cut-off of {:.3g} mm ({:.3g} would do);",
       values, cutoff, cutting::min_filter_values);
@@ -103,9 +100,12 @@ std::string advice_on_form(const cutting::Design& design, double cutoff) {
 /// Returns the keys of [part] by which its vertices come closer to each other.
 std::string remedy(const PartDescription& part) {
   switch (part.sampling.kind) {
-    case PartSampling::Kind::Adaptive: return "raise part.points, or part.resolution_um";
-    case PartSampling::Kind::Spacing: return "lower part.spacing_mm";
-    case PartSampling::Kind::Vertices: break;
+    case PartSampling::Kind::Adaptive:
+      return "raise part.points, or part.resolution_um";
+    case PartSampling::Kind::Spacing:
+      return "lower part.spacing_mm";
+    case PartSampling::Kind::Vertices:
+      break;
   }
   const bool is_mesh = std::holds_alternative<MeshFile>(part.shape);
   return std::string(is_mesh ? "" : "raise part.vertices, or ") +
@@ -123,14 +123,14 @@ std::string unresolved_text(const cutting::InterpolationError& error, double res
 }
 
 /// Shows the sweeps of a program one after the other.
-using EachSweep = std::function<void(const std::function<void(const ToolSweep&)>& use)>;
+using SweepVisitor = std::function<void(const std::function<void(const ToolSweep&)>& use)>;
 
 /// How many of the vertices of a gouge the flanks of the sweeps have made, the first in whose time
 /// each was cut.
-int by_flanks(ProgramGouge gouge, const cutting::Surface& surface, const cutting::Design& design_w,
-              const EachSweep& each_sweep) {
+int total_flank_gouges(ProgramGouge gouge, const cutting::Surface& surface,
+                       const cutting::Design& design_w, const SweepVisitor& visit_sweeps) {
   int count = 0;
-  each_sweep([&](const ToolSweep& sweep) {
+  visit_sweeps([&](const ToolSweep& sweep) {
     const auto* cutter = std::get_if<cutting::Cutter>(&sweep.tool);
     const auto& states = sweep.samples.states;
     if (cutter == nullptr || states.empty()) return;
@@ -142,22 +142,23 @@ int by_flanks(ProgramGouge gouge, const cutting::Surface& surface, const cutting
     std::erase_if(own.at, [&](Eigen::Index i) { return !is_during(i); });
     std::erase_if(gouge.at, is_during);
     if (own.at.empty()) return;
-    count += by_flank(own, surface, design_w, *cutter, cutter_motion(sweep.T_wt, sweep.samples));
+    count += flank_gouge_count(own, surface, design_w, *cutter,
+                               cutter_motion(sweep.T_wt, sweep.samples));
   });
   return count;
 }
 
 /// What sweeps the part: the program that is followed, and what the errors explain of a gouge, mm,
 /// asked for once the surface is cut.
-struct Cutting {
+struct CutInputs {
   Sweep sweep;
-  EachSweep each_sweep;
+  SweepVisitor visit_sweeps;
   const program::Path& path;
   std::function<double()> explained;
   std::shared_ptr<const cutting::Surface> known = {};  ///< where it was cut before
 };
 
-EachSweep each_of(const std::vector<ToolSweep>& sweeps) {
+SweepVisitor sweep_visitor(const std::vector<ToolSweep>& sweeps) {
   return [&](const auto& use) { std::ranges::for_each(sweeps, use); };
 }
 
@@ -165,20 +166,20 @@ std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
   return job.sampled ? job.sampled->error_free : nullptr;
 }
 
-Machined machined(const Job& job, const Cutting& with) {
+CutMap cut_map(const Job& job, const CutInputs& with) {
   const Sweep& sweep = with.sweep;
-  Machined made;
+  CutMap made;
   made.surface = with.known ? *with.known : sweep.surface(job.design_w);
   const ProgramGouge gouge = program_gouge(made.surface, with.explained());
   if (gouge.vertices > 0)
-    made.warnings.push_back(
-        gouge_text(gouge, by_flanks(gouge, made.surface, job.design_w, with.each_sweep)));
+    made.warnings.push_back(gouge_text(
+        gouge, total_flank_gouges(gouge, made.surface, job.design_w, with.visit_sweeps)));
   add_warnings(surface_warnings(made.surface, with.path, job.scene.band), made.warnings);
   if (job.sampled) {
-    const double wanted = resolution_of(job, made.surface);
-    const cutting::OnSurface between = on_surface(job);
-    made.surface = cutting::with_places_within(std::move(made.surface), job.design_w,
-                                               job.sampled->within, between, sweep.surface);
+    const double wanted = target_resolution(job, made.surface);
+    const cutting::SurfaceInterpolator between = on_surface(job);
+    made.surface = cutting::sample_within_triangles(std::move(made.surface), job.design_w,
+                                                    job.sampled->within, between, sweep.surface);
     made.interpolation =
         cutting::interpolation_error(job.design_w, made.surface, between, sweep.surface,
                                      {.seed = job.scene.seed, .resolution = wanted});
@@ -186,7 +187,7 @@ Machined machined(const Job& job, const Cutting& with) {
       made.warnings.push_back(
           "no place between the vertices could be sampled: how well the map is resolved is not "
           "known");
-    if (made.interpolation->unresolved > unresolved_most)
+    if (made.interpolation->unresolved > max_unresolved_fraction)
       made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job));
   }
   return made;
@@ -212,18 +213,18 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
 }
 
 /// The cut of a case.
-Process followed(const ActualRun& run, const Progress& progress) {
+Process simulated_process(const ActualRun& run, const Progress& progress) {
   const Job& job = run.job;
   if (!job.scene.cutting) return {};  // nor a copy of the design for it
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(run, sample, load);
   };
-  return follow(job.scene, job.machine, *job.body_m,
-                {run.commands.samples, path_of(job, run.commands), run.T_wt_wanted, pose,
-                 job.truth.actual, job.scene.tool.actual},
-                [&](double fraction) {
-                  if (progress) progress("stock", fraction);
-                });
+  return simulate_process(job.scene, job.machine, *job.body_m,
+                          {run.commands.samples, path_of(job, run.commands), run.T_wt_wanted, pose,
+                           job.truth.actual, job.scene.tool.actual},
+                          [&](double fraction) {
+                            if (progress) progress("stock", fraction);
+                          });
 }
 
 /// The element that is largest at a state, angles at a metre of lever.
@@ -256,75 +257,75 @@ std::string largest_element(const Job& job, const AxisState& state) {
 
 /// No machine is wrong by a metre: that is a wrong unit, refused with what makes it.
 void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
-  constexpr double most_mm = 1000.0;
+  constexpr double max_mm = 1000.0;
   const program::Samples& samples = run.commands.samples;
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
     const double off = (T_wt[i].translation() - run.T_wt_wanted[i].translation()).norm();
-    if (off <= most_mm) continue;
+    if (off <= max_mm) continue;
     const program::Path& path = path_of(run.job, run.commands);
     throw BadInput(
         path.file, samples.line[i], 0,
-        fmt::format("errors, with errors.scale, that move the tip by at most {} mm", most_mm),
+        fmt::format("errors, with errors.scale, that move the tip by at most {} mm", max_mm),
         fmt::format("{:.3g} mm in this block, the largest of them {}", off,
                     largest_element(run.job, samples.states[i])));
   }
 }
 
 /// @return (samples), empty without a piezo
-std::span<const double> stroke_of(const Commands& commands) {
+std::span<const double> piezo_stroke(const Commands& commands) {
   if (!commands.piezo) return {};
   return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
 /// The first sample of a part that is no other's last.
-std::size_t first_own(const Job& part) { return part.sampling.goes_on ? 1 : 0; }
+std::size_t first_new_sample(const Job& part) { return part.sampling.goes_on ? 1 : 0; }
 
 /// One part of a job on the wrong machine, its poses found.
-struct Posed {
+struct SegmentMotion {
   std::vector<Pose> T_wt;
-  std::deque<WornPiece> worn;  ///< of a tool whose radius wears: what sweeps instead
+  std::deque<WornSegment> worn;  ///< of a tool whose radius wears: what sweeps instead
   Process process;
   Signals signals;
   PoseErrors off;
-  BetweenSamples between;
+  ChordError between;
   std::vector<std::string> warnings;
 };
 
 /// @param looks  between so many pairs of samples at most
-Posed posed(const Job& job, const Commands& commands, const Progress& progress,
-            std::map<std::string, double>& timing_s, std::size_t looks) {
+SegmentMotion segment_motion(const Job& job, const Commands& commands, const Progress& progress,
+                             std::map<std::string, double>& timing_s, std::size_t looks) {
   Stopwatch watch;
-  Posed made;
+  SegmentMotion made;
   const ActualRun run = actual_run(job, commands);
-  made.T_wt = inside_tables(job, [&] {
-    made.process = followed(run, progress);
+  made.T_wt = check_table_range(job, [&] {
+    made.process = simulated_process(run, progress);
     timing_s["stock"] += watch.lap();
     if (progress) progress("poses", 0.0);
-    const std::vector<errors::Load> loads = loads_of(run, made.process);
+    const std::vector<errors::Load> loads = sample_loads(run, made.process);
     made.signals = signals(job.scene, job.machine, job.truth,
                            {commands.samples, run.T_wt_wanted, made.process, loads,
-                            commands.correction, stroke_of(commands)});
+                            commands.correction, piezo_stroke(commands)});
     return poses_of(run, loads, {});
   });
-  inside_tables(job, [&] { check_tips(run, made.T_wt); });
+  check_table_range(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
-  made.between = inside_tables(job, [&] { return between_samples(job, commands, looks); });
-  made.off = pose_errors(made.T_wt, run.T_wt_wanted, first_own(job));
+  made.between = check_table_range(job, [&] { return chord_error(job, commands, looks); });
+  made.off = pose_errors(made.T_wt, run.T_wt_wanted, first_new_sample(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
-    made.worn = worn_pieces(job.scene.tool, run.wear, commands.samples, made.T_wt);
+    made.worn = worn_segments(job.scene.tool, run.wear, commands.samples, made.T_wt);
   timing_s["poses"] += watch.lap();
   return made;
 }
 
 /// The sweep of a part, or those of its pieces where its radius wears; they refer to all of them.
-void add_sweeps(const Job& part, const program::Samples& samples, const Posed& posed,
-                std::vector<ToolSweep>& sweeps) {
+void add_sweeps(const Job& part, const program::Samples& samples,
+                const SegmentMotion& segment_motion, std::vector<ToolSweep>& sweeps) {
   const auto& chain = part.truth.actual;
   const std::optional<int> spindle = part.machine.workpiece_spindle;
-  for (const WornPiece& piece : posed.worn)
+  for (const WornSegment& piece : segment_motion.worn)
     sweeps.push_back({piece.tool, piece.samples, piece.T_wt, chain, spindle});
-  if (posed.worn.empty())
-    sweeps.push_back({part.scene.tool.actual, samples, posed.T_wt, chain, spindle});
+  if (segment_motion.worn.empty())
+    sweeps.push_back({part.scene.tool.actual, samples, segment_motion.T_wt, chain, spindle});
 }
 
 /// The larger maximum, the root mean square of both. @param n  samples of each
@@ -335,10 +336,10 @@ Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
 }
 
 /// Puts what is reported of a part behind what was before it; stock and force are of one tool.
-void add(Posed& part, double n, double samples_before, Cut& result) {
+void add(SegmentMotion& part, double n, double samples_before, Cut& result) {
   result.tip_error = joined(result.tip_error, samples_before, part.off.tip, n);
   result.direction_error = joined(result.direction_error, samples_before, part.off.direction, n);
-  result.between_samples = joined(result.between_samples, part.between);
+  result.chord_error = joined(result.chord_error, part.between);
   result.process = std::move(part.process);
   result.signals = joined(std::move(result.signals), part.signals);
   add_warnings(std::move(part.warnings), result.warnings);
@@ -346,24 +347,24 @@ void add(Posed& part, double n, double samples_before, Cut& result) {
 
 }  // namespace
 
-Cut cut_error_free(const Job& job, const Progress& progress, Keep keep) {
+Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
   if (progress) progress("surface", 0.0);  // the moves are sorted first
-  const EachSweep each_sweep = [&](const std::function<void(const ToolSweep&)>& use) {
-    each_part(job, [&](const Job& part) { use(error_free_sweep_of(part)); });
+  const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
+    each_part(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
   };
-  Machined made = machined(job, {error_free_sweep(job, options_of(job, progress)), each_sweep,
-                                 job.path, [] { return 0.0; }, error_free_surface(job)});
+  CutMap made = cut_map(job, {error_free_sweep(job, options_of(job, progress)), visit_sweeps,
+                              job.path, [] { return 0.0; }, error_free_surface(job)});
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   result.process = job.nominal_process;
-  if (keep == Keep::Track) {
+  if (keep == Retention::Track) {
     std::vector<TrackedPart> parts;
     for (const Job& part : parts_of(job))
       parts.push_back({part.samples, part.T_wt_nominal, part.T_wt_nominal});
-    result.track = track_of(parts);
+    result.track = join_tracks(parts);
   }
   add_warnings(process_warnings(job.scene, result.process), result.warnings);
   add_warnings(std::move(made.warnings), result.warnings);
@@ -379,7 +380,7 @@ void check_travel(const Job& job, const Commands& commands) {
 }
 
 Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
-  return followed(actual_run(job, commands), progress);
+  return simulated_process(actual_run(job, commands), progress);
 }
 
 namespace {
@@ -398,7 +399,7 @@ void stop_at_collision(const Collisions& found) {
 
 }  // namespace
 
-Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep keep) {
+Cut cut(const Job& job, const Commands& commands, const Progress& progress, Retention keep) {
   Cut result;
   result.name = result.case_name = "uncompensated";
   result.point_left = commands.point_left;
@@ -416,33 +417,33 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
     add_warnings(collision_warnings(*result.collisions), result.warnings);
   }
   const auto parts = parts_of(job);
-  std::vector<Posed> all;
+  std::vector<SegmentMotion> all;
   double samples = 0.0, off = 0.0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    all.push_back(posed(parts[i], of_part(commands, i), progress, result.timing_s, usual_looks));
+    all.push_back(segment_motion(parts[i], of_part(commands, i), progress, result.timing_s,
+                                 default_interval_count));
     off = std::max(off, explained(parts[i], all.back().off));
     const auto n = double(all.back().T_wt.size());
     add(all.back(), n, samples, result);
     samples += n;
   }
-  add_warnings(between_samples_warnings(result.between_samples, result.tip_error.rms),
-               result.warnings);
+  add_warnings(chord_error_warnings(result.chord_error, result.tip_error.rms), result.warnings);
   add_warnings(idle_warnings(job.scene), result.warnings);
-  if (keep == Keep::Track) {
+  if (keep == Retention::Track) {
     std::vector<TrackedPart> tracked;
     for (std::size_t i = 0; i < parts.size(); ++i)
-      tracked.push_back({of_part(commands, i).samples, wanted_poses(parts[i], of_part(commands, i)),
+      tracked.push_back({of_part(commands, i).samples, target_poses(parts[i], of_part(commands, i)),
                          all[i].T_wt});
-    result.track = track_of(tracked);
+    result.track = join_tracks(tracked);
   }
   Stopwatch watch;
   if (progress) progress("surface", 0.0);  // the moves are sorted first
   std::vector<ToolSweep> sweeps;
   for (std::size_t i = 0; i < parts.size(); ++i)
     add_sweeps(parts[i], of_part(commands, i).samples, all[i], sweeps);
-  result.wear = worn_tools(cut_parts(job));
-  Machined made = machined(job, {sweep_of(sweeps, options_of(job, progress)), each_of(sweeps),
-                                 path_of(job, commands), [off] { return off; }});
+  result.wear = worn_tools(tool_runs(job));
+  CutMap made = cut_map(job, {sweep_of(sweeps, options_of(job, progress)), sweep_visitor(sweeps),
+                              path_of(job, commands), [off] { return off; }});
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   add_warnings(std::move(made.warnings), result.warnings);
@@ -454,23 +455,23 @@ namespace {
 
 /// The windows of a job on the wrong machine. What is reported of each is added to a cut when it is
 /// first run.
-class WindowsRun {
+class WindowedCut {
  public:
-  WindowsRun(const Job& job, CommandsOf commands_of, Cut& result)
-      : job_(job), commands_of_(std::move(commands_of)), result_(result) {}
+  WindowedCut(const Job& job, CommandSource command_source, Cut& result)
+      : job_(job), command_source_(std::move(command_source)), result_(result) {}
 
   SweptWindow at(std::size_t number);
-  void each_sweep(const std::function<void(const ToolSweep&)>& use);
+  void visit_sweeps(const std::function<void(const ToolSweep&)>& use);
   double explained() const {
     return sim::explained(job_, {result_.tip_error, result_.direction_error});
   }
   std::size_t not_converged() const { return not_converged_; }
 
  private:
-  void report(const Job& part, const Commands& commands, Posed& made);
+  void report(const Job& part, const Commands& commands, SegmentMotion& made);
 
   const Job& job_;
-  CommandsOf commands_of_;
+  CommandSource command_source_;
   Cut& result_;
   std::size_t reported_ = 0;  // windows
   std::size_t not_converged_ = 0;
@@ -478,33 +479,33 @@ class WindowsRun {
 };
 
 /// Of those of a whole program.
-std::size_t looks_in_each(std::size_t windows) {
+std::size_t intervals_per_window(std::size_t windows) {
   constexpr std::size_t least = 10;
-  return std::max(least, usual_looks / windows);
+  return std::max(least, default_interval_count / windows);
 }
 
-SweptWindow WindowsRun::at(std::size_t number) {
+SweptWindow WindowedCut::at(std::size_t number) {
   const Job part = window_of(job_, number);
-  Commands commands = commands_of_(part);
+  Commands commands = command_source_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;
   const bool is_first = number == reported_;
-  const std::size_t looks = is_first ? looks_in_each(job_.windows->all.size()) : 0;
-  Posed made = posed(part, commands, {}, timing_s, looks);
+  const std::size_t looks = is_first ? intervals_per_window(job_.windows->all.size()) : 0;
+  SegmentMotion made = segment_motion(part, commands, {}, timing_s, looks);
   if (is_first) report(part, commands, made);
   return {std::move(commands.samples), std::move(made.T_wt)};
 }
 
-void WindowsRun::each_sweep(const std::function<void(const ToolSweep&)>& use) {
+void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use) {
   for (std::size_t i = 0; i < job_.windows->all.size(); ++i) {
     const SweptWindow one = at(i);
     use({job_.scene.tool.actual, one.samples, one.T_wt, job_.truth.actual, std::nullopt});
   }
 }
 
-void WindowsRun::report(const Job& part, const Commands& commands, Posed& made) {
+void WindowedCut::report(const Job& part, const Commands& commands, SegmentMotion& made) {
   ++reported_;
-  const double n = double(made.T_wt.size()) - double(first_own(part));
+  const double n = double(made.T_wt.size()) - double(first_new_sample(part));
   add(made, n, samples_, result_);
   samples_ += n;
   result_.point_left = std::max(result_.point_left, commands.point_left);
@@ -517,35 +518,34 @@ void WindowsRun::report(const Job& part, const Commands& commands, Posed& made) 
 
 }  // namespace
 
-Cut cut_in_windows(const Job& job, const CommandsOf& commands_of, const Progress& progress) {
+Cut cut_in_windows(const Job& job, const CommandSource& command_source, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
-  WindowsRun run(job, commands_of, result);
+  WindowedCut run(job, command_source, result);
   if (progress) progress("surface", 0.0);
   const auto window = [&run](std::size_t number) { return run.at(number); };
   const Sweep sweep = sweep_in_windows(std::get<cutting::Cutter>(job.scene.tool.actual),
                                        job.windows->all.size(), window, options_of(job, progress));
-  Machined made = machined(job, {sweep, [&run](const auto& use) { run.each_sweep(use); }, job.path,
-                                 [&run] { return run.explained(); }});
+  CutMap made = cut_map(job, {sweep, [&run](const auto& use) { run.visit_sweeps(use); }, job.path,
+                              [&run] { return run.explained(); }});
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   if (run.not_converged() > 0)
     result.warnings.push_back(not_converged_text(run.not_converged(), job.windows->samples));
-  add_warnings(between_samples_warnings(result.between_samples, result.tip_error.rms),
-               result.warnings);
+  add_warnings(chord_error_warnings(result.chord_error, result.tip_error.rms), result.warnings);
   add_warnings(idle_warnings(job.scene), result.warnings);
   add_warnings(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }
 
-Cut cut(const Job& job, const Progress& progress, Keep keep) {
+Cut cut(const Job& job, const Progress& progress, Retention keep) {
   if (job.windows)
     return cut_in_windows(
-        job, [](const Job& part) { return as_programmed(part); }, progress);
+        job, [](const Job& part) { return uncompensated_commands(part); }, progress);
   Stopwatch watch;
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const double correction_s = watch.lap();
   Cut result = cut(job, commands, progress, keep);
   result.timing_s["correction"] = correction_s;

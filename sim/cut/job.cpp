@@ -6,27 +6,21 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/thickness.h"
-#include "errors/element_warnings.h"
+#include "cutting/part/design_points.h"
+#include "errors/geometric.h"
 #include "kinematics/units.h"
-#include "sim/cut/accelerations.h"
-#include "sim/cut/activity.h"
-#include "sim/cut/cut_warnings.h"
-#include "sim/cut/datum.h"
-#include "sim/cut/feed_warnings.h"
-#include "sim/cut/follow.h"
-#include "sim/cut/heat_warnings.h"
+#include "sim/cut/commands.h"
 #include "sim/cut/part.h"
-#include "sim/cut/pole_warnings.h"
-#include "sim/cut/program_warnings.h"
-#include "sim/cut/stopwatch.h"
-#include "sim/cut/tool_calls.h"
-#include "sim/cut/travel.h"
-#include "sim/cut/work.h"
-#include "sim/machine/compile.h"
+#include "sim/cut/process.h"
+#include "sim/cut/process_simulation.h"
+#include "sim/cut/resources.h"
+#include "sim/cut/scene_checks.h"
+#include "sim/cut/tool_motion.h"
+#include "sim/cut/tool_use.h"
 #include "sim/machine/run_out.h"
-#include "sim/scene/scene_tools.h"
-#include "sim/scene/toml_tree.h"
+#include "sim/machine/truth.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml.h"
 #include "sim/scene/value_warnings.h"
 
 namespace abbe::sim {
@@ -52,7 +46,7 @@ double spindle_bend(const Scene& scene, const Machine& machine) {
   for (const errors::Element& element : scene.geometric.elements) {
     if (element.name.axis != 'S' || !machine.workpiece_spindle) continue;
     for (const errors::Curve& curve : element.curves)
-      bend += size(element.name) * scene.error_scale * errors::most_bend(curve);
+      bend += size(element.name) * scene.error_scale * errors::max_bend(curve);
   }
   for (const errors::Vibration& vibration : scene.vibrations) {
     double speed = vibration.reference_speed;
@@ -142,25 +136,25 @@ namespace {
 
 /// Too many samples, refused at what makes them so many.
 BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
-                    const std::string& expected, const std::string& needs_whole = {}) {
-  return refusal_at(scene,
-                    {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
-                     "program.step_mm", "program.feed_um_per_rev"},
-                    expected,
-                    fmt::format("more, from line {} of {} on{}", fault.line, fault.file,
-                                why_no_windows(needs_whole)));
+                    const std::string& expected, const std::string& windows_obstacle = {}) {
+  return scene_limit_error(scene,
+                           {"sampling.max_step_mm", "sampling.chord_tolerance_nm",
+                            "program.step_over_mm", "program.step_mm", "program.feed_um_per_rev"},
+                           expected,
+                           fmt::format("more, from line {} of {} on{}", fault.line, fault.file,
+                                       windows_obstacle_text(windows_obstacle)));
 }
 
 program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,
-                         program::SampleOptions options, const std::string& needs_whole) {
-  options.max_samples = most_samples();
+                         program::SampleOptions options, const std::string& windows_obstacle) {
+  options.max_samples = max_program_samples();
   try {
     return program::sample(path, machine.nominal, options);
   } catch (const program::TooManySamples& fault) {
     throw refusal_of(scene, fault,
                      fmt::format("at most {} samples of the program, which the memory holds",
                                  options.max_samples),
-                     needs_whole);
+                     windows_obstacle);
   }
 }
 
@@ -176,12 +170,12 @@ std::vector<program::Window> windows_of(const Scene& scene, const program::Path&
   } catch (const program::TooManySamples& fault) {
     throw refusal_of(scene, fault,
                      fmt::format("at most {:.0f} samples of the program, {} of them in a block",
-                                 program::most_in_windows, options.max_samples / 2));
+                                 program::max_in_windows, options.max_samples / 2));
   }
 }
 
 /// A program, or a stretch of it, as the error-free machine runs it with one tool.
-struct Piece {
+struct JobSegment {
   Scene scene;
   Machine machine;
   program::Path path;
@@ -198,8 +192,8 @@ std::vector<Pose> nominal_poses(const Machine& machine, const program::Samples& 
   return T_wt;
 }
 
-Piece piece_of(Scene scene, Machine machine, program::Path path, program::SampleOptions sampling,
-               program::Samples samples) {
+JobSegment make_job_segment(Scene scene, Machine machine, program::Path path,
+                            program::SampleOptions sampling, program::Samples samples) {
   std::vector<Pose> T_wt = nominal_poses(machine, samples);
   check_travel(machine, path, samples);
   return {std::move(scene), std::move(machine), std::move(path),
@@ -207,36 +201,36 @@ Piece piece_of(Scene scene, Machine machine, program::Path path, program::Sample
 }
 
 /// @param before  the ways of the axes when it begins
-Piece piece_of(Scene scene, program::Path path, const AxisState& before,
-               const std::string& needs_whole = {}) {
+JobSegment make_job_segment(Scene scene, program::Path path, const AxisState& before,
+                            const std::string& windows_obstacle = {}) {
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.before = before;
-  program::Samples samples = sampled(scene, path, machine, sampling, needs_whole);
-  return piece_of(std::move(scene), std::move(machine), std::move(path), sampling,
-                  std::move(samples));
+  program::Samples samples = sampled(scene, path, machine, sampling, windows_obstacle);
+  return make_job_segment(std::move(scene), std::move(machine), std::move(path), sampling,
+                          std::move(samples));
 }
 
 /// One piece for each stretch of several tools.
-std::vector<Piece> stretch_pieces(const Scene& described, const program::Path& path,
-                                  const ToolUse& use) {
+std::vector<JobSegment> stretch_pieces(const Scene& described, const program::Path& path,
+                                       const ToolUse& use) {
   const std::vector<ToolDescription> tools = tools_of(described);
-  std::vector<Piece> pieces;
+  std::vector<JobSegment> pieces;
   AxisState before;
-  for (const ToolStretch& stretch : use.stretches) {
+  for (const ToolSegment& stretch : use.stretches) {
     Scene scene = with_run_out(with_tool(described, *tools[stretch.tool].number));
     if (!pieces.empty()) scene.signals.history_interval = 0.0;  // it stands before the first
-    pieces.push_back(
-        piece_of(std::move(scene), program::stretch_of(path, stretch.first, stretch.last), before));
+    pieces.push_back(make_job_segment(
+        std::move(scene), program::stretch_of(path, stretch.first, stretch.last), before));
     if (!pieces.back().samples.states.empty()) before = pieces.back().samples.states.back();
   }
   return pieces;
 }
 
 /// The pieces of several tools as one program, which the first tool of the scene stands for.
-Piece joined(const Scene& scene, program::Path path, const std::vector<Piece>& pieces,
-             const ToolUse& use) {
-  Piece whole{scene, compile(scene), std::move(path), pieces.front().sampling, {}, {}};
+JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& pieces,
+                  const ToolUse& use) {
+  JobSegment whole{scene, compile(scene), std::move(path), pieces.front().sampling, {}, {}};
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const program::Samples& from = pieces[i].samples;
     program::Samples& to = whole.samples;
@@ -249,7 +243,7 @@ Piece joined(const Scene& scene, program::Path path, const std::vector<Piece>& p
 }
 
 /// The job of a piece, without what is said of it.
-Job job_of(Piece piece, Truth truth, cutting::Design design_w,
+Job job_of(JobSegment piece, Truth truth, cutting::Design design_w,
            std::shared_ptr<const cutting::Design> body_m, Process process) {
   std::vector<kinematics::AxisVector> acceleration;
   if (piece.scene.compliance && piece.scene.compliance->inertia)
@@ -278,23 +272,24 @@ Job job_of(Piece piece, Truth truth, cutting::Design design_w,
 }
 
 /// A program with its tools on the error-free machine, and what is to be said of them.
-struct Pieces {
-  Piece whole;                   // the first window of a program in windows, with all its blocks
-  std::vector<Piece> stretches;  // empty with one tool
+struct JobSegments {
+  JobSegment whole;  // the first window of a program in windows, with all its blocks
+  std::vector<JobSegment> stretches;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
 };
 
 /// The same of a program of one tool in windows, each of which is looked at once.
-Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
-                  std::size_t held, const Progress& progress) {
+JobSegments in_windows(const Scene& scene, const program::Path& path,
+                       const cutting::Design& design_w, std::size_t held,
+                       const Progress& progress) {
   const Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   // the first stays while another is cut
   sampling.max_samples = held / 2;
   Windows windows{windows_of(scene, path, machine, sampling, progress), 0, 0, {}, {}};
-  std::optional<Piece> first;
+  std::optional<JobSegment> first;
   ShankContacts shank;
   for (const program::Window& window : windows.all) {
     program::Path blocks = path_of(path, window);
@@ -307,8 +302,9 @@ Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::
       windows.most = windows.most.cwiseMax(state.q);
     }
     windows.samples += samples.states.size() - (first ? 1 : 0);
-    windows.most_at_once = std::max(windows.most_at_once, samples.states.size());
-    Piece piece = piece_of(scene, machine, std::move(blocks), sampling, std::move(samples));
+    windows.max_at_once = std::max(windows.max_at_once, samples.states.size());
+    JobSegment piece =
+        make_job_segment(scene, machine, std::move(blocks), sampling, std::move(samples));
     const ShankContacts contacts = shank_contacts(scene, design_w, {piece.samples, piece.T_wt});
     shank = first ? joined(shank, contacts) : contacts;
     if (!first) first = std::move(piece);
@@ -322,37 +318,41 @@ Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::
 }
 
 /// The program as one piece with its samples, in windows where those are more than are held.
-Pieces one_piece(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
-                 const Holding& holding, const Progress& progress) {
+JobSegments one_piece(const Scene& scene, const program::Path& path,
+                      const cutting::Design& design_w, const MemoryBudget& holding,
+                      const Progress& progress) {
   const auto vertices = std::size_t(design_w.vertices.rows());
-  const std::size_t most =
-      holding.samples ? std::min(holding.samples(path.blocks.size(), vertices), most_samples()) : 0;
-  if (most == 0) return {piece_of(scene, path, {}, holding.needs_whole), {}, {}};
+  const std::size_t most = holding.samples ? std::min(holding.samples(path.blocks.size(), vertices),
+                                                      max_program_samples())
+                                           : 0;
+  if (most == 0) return {make_job_segment(scene, path, {}, holding.windows_obstacle), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = most;
   try {
     program::Samples samples = program::sample(path, machine.nominal, sampling);
-    return {piece_of(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
+    return {
+        make_job_segment(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
   } catch (const program::TooManySamples&) {
     return in_windows(scene, path, design_w, most, progress);
   }
 }
 
-Pieces of_several(const Scene& described, const Scene& scene, const program::Path& path,
-                  const ToolUse& use) {
-  std::vector<Piece> stretches = stretch_pieces(described, path, use);
-  Piece whole = joined(scene, path, stretches, use);
+JobSegments segments_by_tool(const Scene& described, const Scene& scene, const program::Path& path,
+                             const ToolUse& use) {
+  std::vector<JobSegment> stretches = stretch_pieces(described, path, use);
+  JobSegment whole = joined(scene, path, stretches, use);
   return {std::move(whole), std::move(stretches), {}};
 }
 
-Pieces pieces_of(const Scene& described, const Program& program, const cutting::Design& design_w,
-                 const Holding& holding, const Progress& progress) {
+JobSegments pieces_of(const Scene& described, const Program& program,
+                      const cutting::Design& design_w, const MemoryBudget& holding,
+                      const Progress& progress) {
   const Scene scene = with_run_out(described);
   const std::vector<ToolDescription> tools = tools_of(scene);
   ToolUse use = tool_use(program.path, tools);
-  Pieces made = tools.size() > 1 ? of_several(described, scene, program.path, use)
-                                 : one_piece(scene, program.path, design_w, holding, progress);
+  JobSegments made = tools.size() > 1 ? segments_by_tool(described, scene, program.path, use)
+                                      : one_piece(scene, program.path, design_w, holding, progress);
   made.warnings.insert(made.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
@@ -364,8 +364,8 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
   add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
   add_warnings(made.shank_warnings, made.warnings);
   if (made.windows) return made;
-  for (const Piece& one :
-       made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
+  for (const JobSegment& one :
+       made.stretches.empty() ? std::span(&made.whole, 1) : std::span<JobSegment>(made.stretches))
     add_warnings(
         shank_warnings(one.scene, shank_contacts(one.scene, design_w, {one.samples, one.T_wt})),
         made.warnings);
@@ -387,7 +387,7 @@ void each_part(const Job& job, const std::function<void(const Job& part)>& use) 
 Job window_of(const Job& job, std::size_t number) {
   stop_if_interrupted();
   const program::Window& window = job.windows->all[number];
-  Piece piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
+  JobSegment piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
   if (number > 0) piece.scene.signals.history_interval = 0.0;  // it stands before the first
   piece.sampling.goes_on = window.goes_on;
   piece.samples = sample(piece.path, piece.machine.nominal, piece.sampling);
@@ -399,22 +399,22 @@ const program::Path& path_of(const Job& part, const Commands& commands) {
   return commands.path ? *commands.path : part.path;
 }
 
-const std::vector<Pose>& wanted_poses(const Job& part, const Commands& commands) {
+const std::vector<Pose>& target_poses(const Job& part, const Commands& commands) {
   return commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
 }
 
-CutPart cut_part(const Job& part) {
+ToolRun tool_run(const Job& part) {
   return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.cut_before};
 }
 
-std::vector<CutPart> cut_parts(const Job& job) {
-  std::vector<CutPart> parts;
+std::vector<ToolRun> tool_runs(const Job& job) {
+  std::vector<ToolRun> parts;
   if (job.windows) return parts;  // no tool wears
-  for (const Job& part : parts_of(job)) parts.push_back(cut_part(part));
+  for (const Job& part : parts_of(job)) parts.push_back(tool_run(part));
   return parts;
 }
 
-Job prepare(const Scene& described, const Progress& progress, const Holding& holding) {
+Job prepare(const Scene& described, const Progress& progress, const MemoryBudget& holding) {
   Stopwatch watch;
   const auto begins = [&](const char* stage) {
     if (progress) progress(stage, 0.0);
@@ -423,22 +423,22 @@ Job prepare(const Scene& described, const Progress& progress, const Holding& hol
   const Scene scene = with_run_out(described);
   Part part = load_part(scene);
   const double part_s = watch.lap();
-  const Work all = work_of(scene, part);
+  const Work all = estimate_work(scene, part);
   const bool in_windows = holding.samples && holding.samples(0, std::size_t(all.vertices)) > 0;
-  const Work work = in_windows ? without_samples(all) : all;
+  const Work work = in_windows ? windowed_work(all) : all;
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
   begins("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
   begins("sample");
-  Pieces made = pieces_of(described, program, part.design_w, holding, progress);
-  Piece& whole = made.whole;
+  JobSegments made = pieces_of(described, program, part.design_w, holding, progress);
+  JobSegment& whole = made.whole;
   std::vector<std::string>& warnings = made.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
   const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
-  Process process = follow(
+  Process process = simulate_process(
       scene, whole.machine, part.body_m,
       {whole.samples, whole.path, whole.T_wt, rigid, whole.machine.nominal, scene.tool.nominal},
       [&](double fraction) {
@@ -450,13 +450,13 @@ Job prepare(const Scene& described, const Progress& progress, const Holding& hol
   const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
   const std::vector<errors::Activity> active =
       activity(scene, whole.machine, whole.samples, process);
-  const auto job_from = [&](Piece piece, Process of_piece) {
+  const auto job_from = [&](JobSegment piece, Process of_piece) {
     Truth truth = truth_of(piece.scene, piece.machine, active);
     return job_of(std::move(piece), std::move(truth), part.design_w, body_m, std::move(of_piece));
   };
   Job job = job_from(std::move(whole), std::move(process));
-  for (Piece& piece : made.stretches) job.stretches.push_back(job_from(std::move(piece), {}));
-  const std::vector<FeedUse> before = uses_before(cut_parts(job));
+  for (JobSegment& piece : made.stretches) job.stretches.push_back(job_from(std::move(piece), {}));
+  const std::vector<FeedUse> before = previous_uses(tool_runs(job));
   for (std::size_t i = 0; i < job.stretches.size(); ++i) job.stretches[i].cut_before = before[i];
   job.windows = std::move(made.windows);
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
@@ -469,12 +469,12 @@ Job prepare(const Scene& described, const Progress& progress, const Holding& hol
   add_warnings(heat_warnings(scene.datum, job.truth), warnings);
   add_warnings(size_warnings(job), warnings);
   job.recognised = std::move(part.recognised);
-  job.recognised_share = part.recognised_share;
-  job.facet_miss = std::move(part.facet_miss);
+  job.recognised_fraction = part.recognised_fraction;
+  job.facet_uncertainty = std::move(part.facet_uncertainty);
   job.face_groups = std::move(part.face_groups);
   job.program_text = std::move(program.text);
   job.unreached = program.unreached;
-  add_warnings(wear_warnings(worn_tools(cut_parts(job))), warnings);
+  add_warnings(wear_warnings(worn_tools(tool_runs(job))), warnings);
   job.warnings = std::move(warnings);
   job.timing_s = {{"part", part_s},
                   {"program", program_s},
@@ -506,7 +506,7 @@ Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
 
 }  // namespace
 
-Job with_errors(Job job, const Scene& described) {
+Job replace_errors(Job job, const Scene& described) {
   const Scene scene = with_run_out(described);
   const std::vector<errors::Activity> active =
       activity(scene, compile(scene), job.samples, job.nominal_process);
@@ -517,7 +517,7 @@ Job with_errors(Job job, const Scene& described) {
   return changed(std::move(job), scene, active);
 }
 
-Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
+Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector) {
   const auto really_at = [&](const kinematics::AxisState& state) {
     return tool_in_workpiece(job.truth, state);
   };
@@ -531,10 +531,11 @@ Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
   }
 }
 
-Commands as_programmed(const Job& job) {
+Commands uncompensated_commands(const Job& job) {
   std::vector<Commands> parts;
   for (const Job& part : parts_of(job))
-    parts.push_back(as_programmed(part.machine, part.path, part.samples, found_datum(part)));
+    parts.push_back(
+        uncompensated_commands(part.machine, part.path, part.samples, control_datum_offset(part)));
   return joined(std::move(parts));
 }
 

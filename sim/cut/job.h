@@ -8,13 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "cutting/recognise.h"
-#include "cutting/surface.h"
+#include "cutting/part/recognition.h"
+#include "cutting/surface/surface.h"
 #include "sim/cut/commands.h"
-#include "sim/cut/corrector.h"
+#include "sim/cut/part_regions.h"
 #include "sim/cut/process.h"
-#include "sim/cut/regions.h"
-#include "sim/cut/wear.h"
+#include "sim/cut/tool_use.h"
 #include "sim/files/progress.h"
 #include "sim/machine/truth.h"
 #include "sim/program/sample.h"
@@ -23,13 +22,13 @@
 namespace abbe::sim {
 
 /// What the scene would judge and the program does not mean to cut, mm^2, by the reason.
-struct Unmeant {
+struct ExcludedArea {
   double unreached = 0.0;  ///< the error-free tool does not come within the band
   double corner = 0.0;     ///< its corner does not fit into the design
-  double run_out = 0.0;    ///< its sweep runs out beside the two
-  double most_left = 0.0;  ///< mm, that it leaves there, of corner and run-out
+  double lead_out = 0.0;   ///< its sweep runs out beside the two
+  double max_left = 0.0;   ///< mm, that it leaves there, of corner and run-out
   double radius = 0.0;     ///< mm, of the corner
-  double area() const { return unreached + corner + run_out; }
+  double area() const { return unreached + corner + lead_out; }
 };
 
 /// How the places at which a part is judged were chosen.
@@ -41,14 +40,14 @@ struct SampledSurface {
       cutting::Surface::Within::None;  ///< where every case is looked at besides
   std::shared_ptr<const cutting::Surface> error_free = {};  ///< as it was cut to choose them
   double judged_area = 0.0;                                 ///< mm^2
-  Unmeant unmeant = {};
+  ExcludedArea excluded_area = {};
 };
 
 /// The program of a job that is too long to be held sampled.
 struct Windows {
   std::vector<program::Window> all;
   std::size_t samples = 0;             ///< of all of them
-  std::size_t most_at_once = 0;        ///< of the longest
+  std::size_t max_at_once = 0;         ///< of the longest
   kinematics::AxisVector least, most;  ///< positions that the axes come to
 };
 
@@ -60,9 +59,9 @@ struct Job {
   cutting::Design design_w;  ///< the design in the workpiece frame, where it is judged
   std::shared_ptr<const cutting::Design> body_m;  ///< as it was loaded, part frame: a blank's shape
   std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, where rays through it end
-  std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
-  double recognised_share = 0.0;                     ///< of its area
-  Eigen::VectorXd facet_miss;  ///< (first vertices of the design) mm, of a mesh: see cutting
+  std::vector<cutting::AnalyticPatch> recognised;    ///< of a mesh, part frame
+  double recognised_fraction = 0.0;                  ///< of its area
+  Eigen::VectorXd facet_uncertainty;  ///< (first vertices of the design) mm, of a mesh: see cutting
   std::optional<SampledSurface> sampled;  ///< how `sampled` chose the vertices
   program::Path path;                     ///< as read back from its file
   program::SampleOptions sampling;
@@ -99,26 +98,27 @@ void each_part(const Job& job, const std::function<void(const Job& part)>& use);
 Job window_of(const Job& job, std::size_t number);
 
 /// How much of a program is held sampled.
-struct Holding {
+struct MemoryBudget {
   /// Samples that may be beside the blocks of the program and the vertices of the part, a program
   /// of more being prepared in windows; 0, or no function: as many as the memory holds, in one.
   std::function<std::size_t(std::size_t blocks, std::size_t vertices)> samples = {};
-  std::string needs_whole = {};  ///< what allows no windows, in a word, for the refusal of too many
+  std::string windows_obstacle =
+      {};  ///< what allows no windows, in a word, for the refusal of too many
 };
 
 /// The program from which the commands of a part come.
 const program::Path& path_of(const Job& part, const Commands& commands);
 /// (samples of the commands) where the tool should be.
-const std::vector<kinematics::Pose>& wanted_poses(const Job& part, const Commands& commands);
+const std::vector<kinematics::Pose>& target_poses(const Job& part, const Commands& commands);
 
 /// What the parts of a job cut, for the wear of their tools. They refer to the job.
-CutPart cut_part(const Job& part);
-std::vector<CutPart> cut_parts(const Job& job);
+ToolRun tool_run(const Job& part);
+std::vector<ToolRun> tool_runs(const Job& job);
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
 /// text), samples. Writes nothing.
 /// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
-Job prepare(const Scene& scene, const Progress& progress = {}, const Holding& holding = {});
+Job prepare(const Scene& scene, const Progress& progress = {}, const MemoryBudget& holding = {});
 
 /// The job of a scene that differs from its own only in what is wrong: errors of every source, the
 /// tool and the clamping as they really are, what the control and the compensators believe. Design,
@@ -126,16 +126,16 @@ Job prepare(const Scene& scene, const Progress& progress = {}, const Holding& ho
 /// @param described  its part, program, nominal machine and tool are those of the job
 /// @throws BadInput naming the scene if its nominal machine is another one or its errors want the
 ///         program sampled more densely than it is, else as `prepare`
-Job with_errors(Job job, const Scene& described);
+Job replace_errors(Job job, const Scene& described);
 
 /// Shift of the work zero after the control found the datum on the real machine.
 /// @param corrector  acts meanwhile; without one nothing does
 /// @return mm, workpiece frame
-Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector = {});
+Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector = {});
 
 /// The commands of the real control: its own kinematics and the datum it found, no compensator. Of
 /// several tools each finds the datum itself.
-Commands as_programmed(const Job& job);
+Commands uncompensated_commands(const Job& job);
 
 /// How densely a scene wants its program sampled. The chord tolerance holds up to the height to
 /// which the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter

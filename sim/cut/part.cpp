@@ -1,30 +1,94 @@
 #include "sim/cut/part.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <set>
 
 #include <fmt/format.h>
 
-#include "cutting/facet_miss.h"
-#include "cutting/mesh_contact.h"
-#include "cutting/read_mesh.h"
-#include "cutting/round_borders.h"
-#include "cutting/smooth_patches.h"
-#include "cutting/subdivide.h"
+#include "cutting/part/design_points.h"
+#include "cutting/part/mesh.h"
+#include "cutting/part/read_mesh.h"
+#include "cutting/part/remeshing.h"
 #include "kinematics/units.h"
-#include "sim/cut/cut_warnings.h"
-#include "sim/cut/memory_limit.h"
-#include "sim/cut/pose.h"
-#include "sim/cut/unreached_text.h"
+#include "sim/cut/idle_machine.h"
+#include "sim/cut/process.h"
+#include "sim/cut/resources.h"
 #include "sim/dialects/read_program.h"
-#include "sim/machine/compile.h"
-#include "sim/program/milling_text.h"
+#include "sim/machine/truth.h"
+#include "sim/program/generators.h"
 #include "sim/program/pvt.h"
-#include "sim/scene/scene_tools.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
+
+cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
+                                    cutting::ReadMeshOptions options,
+                                    const cutting::MarkSelection& wanted) {
+  options.unit_mm *= mesh.unit;
+  options.open = mesh.open;
+  try {
+    return cutting::read_marked_mesh(mesh.file, options, wanted);
+  } catch (const cutting::MeshWithRim& rim) {
+    const Place& at = mesh.place;
+    throw BadInput(at.file ? *at.file : mesh.file.string(), at.line, at.column,
+                   fmt::format("a closed mesh for {}{}", use.what,
+                               use.may_open ? fmt::format(", or {}.open = true for a surface with "
+                                                          "a rim",
+                                                          use.table)
+                                            : ""),
+                   fmt::format("{} with {}", mesh.file.string(), rim.seen));
+  }
+}
+
+Eigen::Vector3d extents(const cutting::Points& vertices) {
+  return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).transpose();
+}
+
+std::string unit_label(double unit_mm) {
+  static const std::array<std::pair<double, const char*>, 5> words = {
+      {{1.0, "mm"}, {units::inch, "inch"}, {10.0, "cm"}, {1000.0, "m"}, {units::um, "um"}}};
+  for (const auto& [mm, word] : words)
+    if (std::abs(unit_mm / mm - 1.0) < 1e-9) return word;
+  return {};
+}
+
+std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
+                              const Eigen::Vector3d& size) {
+  constexpr double small = 1.0;  // mm
+  if (mesh.any_size) return {};
+  const bool large = use.travel && size.maxCoeff() > *use.travel;
+  if (!large && !(size.maxCoeff() < small)) return {};
+  const std::string word = unit_label(mesh.unit);
+  return fmt::format(
+      "the mesh of {}, read in {}, is {:.4g} x {:.4g} x {:.4g} mm, {}: {} says another unit, "
+      "{}.any_size = true that this size is meant",
+      use.what, word.empty() ? fmt::format("units of {:.4g} mm", mesh.unit) : word, size.x(),
+      size.y(), size.z(),
+      large ? fmt::format("more than the travel of {:.4g} mm", *use.travel) : "less than 1 mm",
+      large ? use.table + ".unit" : fmt::format("{}.unit (\"m\" for metres)", use.table),
+      use.table);
+}
+
+std::string unreached_text(const program::Unreached& unreached) {
+  if (unreached.points == 0) return {};
+  return fmt::format(
+      "the machine does not reach {} of {} points of the program ({:.3g} %), which leaves out {} "
+      "of "
+      "{} passes and parts of {}; first in pass {}, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
+      "workpiece: "
+      "{}",
+      unreached.points, unreached.all_points, 100.0 * unreached.points / unreached.all_points,
+      unreached.passes, unreached.all_passes, unreached.broken_passes, unreached.first_pass,
+      unreached.tip_w.x(), unreached.tip_w.y(), unreached.tip_w.z(),
+      unreached.why == kinematics::Reach::OutOfLimits
+          ? "an axis would leave its travel"
+          : "no position of its axes gives the direction");
+}
+
 namespace {
 
 using cutting::Design;
@@ -41,11 +105,11 @@ void judge_by_radius(Design& design, const PartDescription& part) {
 
 /// Leaves vertices out of the verdict by the region in which they lie.
 void judge_by_region(Design& design, const PartDescription& part, const FaceGroups& groups) {
-  const bool only_regions = part.judged == PartDescription::Judged::Regions;
+  const bool only_regions = part.judged == PartDescription::JudgedSurface::Regions;
   if (part.regions.empty() && !only_regions) return;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
-    const PartRegion* region = region_at(part, groups, region_place(design, i));
+    const PartRegion* region = region_at(part, groups, region_point(design, i));
     if (region != nullptr ? !region->judged : only_regions) design.judged[std::size_t(i)] = 0;
   }
 }
@@ -58,7 +122,7 @@ void check_judged(const Scene& scene, const Design& design) {
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
   const Eigen::Vector3d size = extents(design.vertices);
   const std::string odd =
-      mesh != nullptr ? odd_size(*mesh, use_of_part(scene), size) : std::string();
+      mesh != nullptr ? mesh_size_warning(*mesh, part_mesh_use(scene), size) : std::string();
   const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
   throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
                  "a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
@@ -80,7 +144,9 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
     part.design_m = part.body_m = cutting::tessellate(primitive, {scene.part.vertices});
     const auto beyond =
         std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
-    part.contact = [beyond](double x, double y) { return cutting::contact_above(*beyond, x, y); };
+    part.contact = [beyond](double x, double y) {
+      return cutting::surface_point_above(*beyond, x, y);
+    };
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a part that can be", fault.what());
   }
@@ -102,7 +168,7 @@ double edge_margin(const Scene& scene) {
 }
 
 /// What of a mesh is left out for lying at its sharp edges.
-std::string left_out_text(const Design& before, const Design& after, double margin) {
+std::string excluded_text(const Design& before, const Design& after, double margin) {
   double all = 0.0, left = 0.0;
   const std::vector<int> face = cutting::patches(after);
   const int faces = face.empty() ? 0 : 1 + *std::max_element(face.begin(), face.end());
@@ -135,12 +201,12 @@ std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part)
 Design rounded(const PartDescription& described, const Part& part, const Design& faces) {
   constexpr double share = 0.1;  // of the tolerance of recognition
   if (part.recognised.empty()) return faces;
-  return cutting::with_round_borders(faces, part.recognised, share * described.recognise);
+  return cutting::refine_round_borders(faces, part.recognised, share * described.recognise);
 }
 
 program::ContactField contact_on(cutting::MeshContact mesh) {
   const auto surface = std::make_shared<const cutting::MeshContact>(std::move(mesh));
-  return [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
+  return [surface](double x, double y) { return cutting::surface_point_above(*surface, x, y); };
 }
 
 /// Of a mesh that is nearly a plane, sphere, cylinder, cone or torus in many places.
@@ -150,7 +216,7 @@ std::string untried_text(const PartDescription& described, const cutting::Recogn
       "given up: too many places are nearly one. {} of its {} triangles are on no surface, and "
       "judged as the mesh shows them; planes or cylinders may be among them. Set "
       "part.recognise_um to the accuracy of the mesh, or to 0 if it is a free form",
-      described.recognise / units::um, found.untried, found.design.triangles.rows());
+      described.recognise / units::um, found.unexamined_triangles, found.design.triangles.rows());
 }
 
 /// Faces on the surfaces that they are recognised as; a program that is generated follows these.
@@ -158,8 +224,8 @@ Design recognised_faces(const PartDescription& described, Part& part, const Desi
   if (described.flat_facets || !(described.recognise > 0.0)) return faces;
   cutting::Recognised found = cutting::recognised(faces, described.recognise);
   part.recognised = std::move(found.patches);
-  for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
-  if (found.untried > 0) part.warnings.push_back(untried_text(described, found));
+  for (const auto& patch : part.recognised) part.recognised_fraction += patch.area / found.area;
+  if (found.unexamined_triangles > 0) part.warnings.push_back(untried_text(described, found));
   if (!part.recognised.empty())
     part.contact =
         contact_on(cutting::MeshContact(rounded(described, part, found.design), part.recognised));
@@ -169,7 +235,7 @@ Design recognised_faces(const PartDescription& described, Part& part, const Desi
 /// Of edges that another program, or another position of the part, may part otherwise.
 std::string edge_angle_text(const PartDescription& described, const Design& body) {
   constexpr double within = 0.05 * units::deg, off = 5.0 * units::deg;
-  const int edges = cutting::edges_about(body, described.edge_angle, within);
+  const int edges = cutting::count_edges_near_angle(body, described.edge_angle, within);
   if (edges == 0) return {};
   return fmt::format(
       "{} edges of the mesh fold by {:.4g} degrees within {:.2g}, just where part.edge_angle_deg "
@@ -189,27 +255,27 @@ std::string edge_angle_text(const PartDescription& described, const Design& body
 /// @param group  of the triangles; empty: none
 Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
                 double margin) {
-  constexpr double least_vertices = 5000.0;
-  const double none_given = 4.0 * least_vertices;
+  constexpr double min_vertices = 5000.0;
+  const double none_given = 4.0 * min_vertices;
   if (std::string text = edge_angle_text(described, part.body_m); !text.empty())
     part.warnings.push_back(std::move(text));
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
   std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
   std::optional<cutting::JudgeTopOptions> top = top_options(described);
-  if (top) top->rim = cutting::rim_of_top(faces, top->min_normal_z);
+  if (top) top->rim = cutting::top_rim(faces, top->min_normal_z);
   faces = recognised_faces(described, part, faces);
   // smooth patches were recognised before
   if (!group.empty()) faces = cutting::split_at_groups(faces, group);
-  if (!described.flat_facets) part.facet_miss = cutting::facet_miss(faces);
+  if (!described.flat_facets) part.facet_uncertainty = cutting::facet_uncertainty(faces);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
-    const double spacing = std::sqrt(faces.area.sum() / least_vertices);
+    const double spacing = std::sqrt(faces.area.sum() / min_vertices);
     faces = rounded(described, part, faces);
     faces = cutting::subdivided(
-        faces, between_vertices(described, part.recognised, kinematics::Pose::Identity()),
+        faces, surface_between_vertices(described, part.recognised, kinematics::Pose::Identity()),
         {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
   }
   Design judged = cutting::judge_off_edges(faces, std::move(edges), margin);
-  if (std::string text = left_out_text(faces, judged, margin); !text.empty())
+  if (std::string text = excluded_text(faces, judged, margin); !text.empty())
     part.warnings.push_back(std::move(text));
   return top ? cutting::judge_top(judged, *top) : judged;
 }
@@ -218,11 +284,11 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
   if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
-  const cutting::WantedMarks wanted = wanted_marks(scene.part);
-  const MeshUse use = use_of_part(scene);
+  const cutting::MarkSelection wanted = wanted_marks(scene.part);
+  const MeshUse use = part_mesh_use(scene);
   cutting::MarkedMesh read = read_named_mesh(mesh, use, options, wanted);
   part.body_m = std::move(read.design);
-  if (std::string text = odd_size(mesh, use, extents(part.body_m.vertices)); !text.empty())
+  if (std::string text = mesh_size_warning(mesh, use, extents(part.body_m.vertices)); !text.empty())
     part.warnings.push_back(std::move(text));
   GroupedFaces grouped;
   if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
@@ -240,7 +306,7 @@ bool is_pvt(const ProgramDescription::File& given) {
 std::string skipped_text(const dialects::ReadProgram& read) {
   std::size_t count = 0;
   std::string words;
-  for (const dialects::Skipped& one : read.skipped) {
+  for (const dialects::SkippedWord& one : read.skipped) {
     count += one.count;
     words += fmt::format("{}{} ({} times, first in line {})", words.empty() ? " " : ", ", one.word,
                          one.count, one.line);
@@ -301,8 +367,8 @@ struct Generated {
 };
 
 Generated generate(const Scene& scene, const Machine& machine, const Part& part) {
-  const program::GenerateContext context{machine.control, scene.part.T_wm, part.lower, part.upper,
-                                         1};
+  const program::GeneratorContext context{machine.control, scene.part.T_wm, part.lower, part.upper,
+                                          1};
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
@@ -329,7 +395,7 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
     wants(primitive != nullptr, "a declared surface as the part of a spiral program");
     return {program::generate_spiral(spiral, *primitive, *nose, context),
             spiral.write_nc ? ".ngc" : ".csv"};
-  } catch (const program::NothingReached& nothing) {
+  } catch (const program::NoReachablePose& nothing) {
     const std::string why = unreached_text(nothing.unreached);
     throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run",
                    why.empty() ? nothing.what() : why + travels_text(scene));
@@ -340,13 +406,14 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
 
 }  // namespace
 
-cutting::OnSurface between_vertices(const PartDescription& part,
-                                    const std::vector<cutting::RecognisedPatch>& recognised,
-                                    const kinematics::Pose& T) {
+cutting::SurfaceInterpolator surface_between_vertices(
+    const PartDescription& part, const std::vector<cutting::AnalyticPatch>& recognised,
+    const kinematics::Pose& T) {
   if (const auto* primitive = std::get_if<cutting::Primitive>(&part.shape))
-    return cutting::on_declared(*primitive, T);
-  if (part.flat_facets) return cutting::on_facet;
-  return recognised.empty() ? cutting::on_smooth_facet : cutting::on_recognised(recognised, T);
+    return cutting::primitive_interpolator(*primitive, T);
+  if (part.flat_facets) return cutting::facet_point;
+  return recognised.empty() ? cutting::smooth_facet_point
+                            : cutting::patch_interpolator(recognised, T);
 }
 
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
@@ -359,7 +426,7 @@ std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   return box;
 }
 
-MeshUse use_of_part(const Scene& scene) {
+MeshUse part_mesh_use(const Scene& scene) {
   const auto travel = travel_box(scene.machine);
   return {"the part", "part", true,
           travel ? std::optional(travel->maxCoeff()) : std::optional<double>()};
@@ -377,7 +444,7 @@ Part load_part(const Scene& scene) {
   judge_by_radius(part.design_m, scene.part);
   judge_by_region(part.design_m, scene.part, part.face_groups);
   for (std::string& text :
-       region_warnings(region_shares(scene.part, part.face_groups, part.design_m)))
+       region_warnings(region_coverage(scene.part, part.face_groups, part.design_m)))
     part.warnings.push_back(std::move(text));
   check_judged(scene, part.design_m);
   const Eigen::Vector2d margin = Eigen::Vector2d::Constant(overrun(scene));

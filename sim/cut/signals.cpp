@@ -68,7 +68,7 @@ double history_speed(const Truth& truth, double time_s) {
 }
 
 void add_history(std::vector<Row>& rows, const Scene& scene, const Truth& truth,
-                 const Recorded& recorded) {
+                 const SignalInputs& recorded) {
   if (!truth.heat || !(scene.signals.history_interval > 0.0)) return;
   const double start = truth.heat->run.knots.front().time_s;
   const double interval = std::max(scene.signals.history_interval, -start / double(most_rows - 1));
@@ -81,7 +81,7 @@ void add_history(std::vector<Row>& rows, const Scene& scene, const Truth& truth,
 }
 
 /// The samples nearest to every whole multiple of the interval.
-void add_program(std::vector<Row>& rows, const Scene& scene, const Recorded& recorded) {
+void add_program(std::vector<Row>& rows, const Scene& scene, const SignalInputs& recorded) {
   const auto& states = recorded.samples.states;
   const double start = states.front().time_s, length = states.back().time_s - start;
   const double interval = std::max(scene.signals.interval, length / double(most_rows - 1));
@@ -153,7 +153,7 @@ void add_axes(Table& table, const Scene& scene, const Machine& machine,
 }
 
 void add_corrections(Table& table, const Machine& machine, const std::vector<Row>& rows,
-                     const Recorded& recorded) {
+                     const SignalInputs& recorded) {
   VectorXd column(Eigen::Index(rows.size()));
   const auto add = [&](std::string name, const auto& of_sample) {
     for (std::size_t i = 0; i < rows.size(); ++i)
@@ -295,7 +295,7 @@ void add_deviations(Table& table, const Machine& machine, const Eigen::MatrixXd&
 }  // namespace
 
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
-                const Recorded& recorded) {
+                const SignalInputs& recorded) {
   const bool channel = !recorded.correction.empty() || !recorded.stroke.empty();
   if (!scene.thermal && !scene.cutting && !scene.compliance && !channel) return {};
   if (recorded.samples.states.empty()) return {};

@@ -19,7 +19,7 @@ struct Signals {
 };
 
 /// What is recorded of.
-struct Recorded {
+struct SignalInputs {
   const program::Samples& samples;                   ///< as commanded
   const std::vector<kinematics::Pose>& T_wt_wanted;  ///< (samples)
   const Process& process;
@@ -48,7 +48,7 @@ struct Recorded {
 /// Columns of deviations that are zero throughout are left out. Readings repeat for the same seed.
 /// Empty without heat, force, compliance and channel.
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
-                const Recorded& recorded);
+                const SignalInputs& recorded);
 
 /// Rows after rows; a column that only one of them has is zero in the other.
 Signals joined(Signals first, const Signals& second);

@@ -1,13 +1,16 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
+#include <string>
 #include <variant>
 #include <vector>
 
-#include "cutting/contacts.h"
-#include "cutting/surface.h"
+#include "cutting/surface/removal.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/chain.h"
+#include "kinematics/units.h"
 #include "sim/cut/job.h"
 
 namespace abbe::sim {
@@ -22,10 +25,11 @@ struct ToolSweep {
 };
 
 /// The sweeps of one or several tools through the workpiece, made once and asked for the surface
-/// that they leave of any design: the least of all, as `cutting::united`.
+/// that they leave of any design: the least of all, as `cutting::combined_surface`.
 struct Sweep {
   std::function<cutting::Surface(const cutting::Design& design_w)> surface;
-  std::function<cutting::Contacts(const cutting::Design& design_w, const cutting::Surface& surface)>
+  std::function<cutting::PassGradients(const cutting::Design& design_w,
+                                       const cutting::Surface& surface)>
       contacts;
 };
 
@@ -57,12 +61,47 @@ Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
 std::vector<ToolSweep> error_free_sweeps(const Job& job);
 
 /// The same of a part of a job.
-ToolSweep error_free_sweep_of(const Job& part);
+ToolSweep segment_error_free_sweep(const Job& part);
 
 /// All of it, in windows where the job is. It refers to the job.
 Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
 
 /// The band of the scene, and progress under the name of the stage "surface".
 cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
+
+// How far tool and part reach in the coordinates in which they are held against each other: x y z
+// of the part's frame; of a turned part along the spindle and from it.
+
+/// What lies between two values of a coordinate, and the program lines that reach them.
+struct Span {
+  double low = infinity, high = -infinity;  // mm
+  int low_line = 0, high_line = 0;
+
+  void extend(double least, double most, int line);
+  double middle() const { return 0.5 * (low + high); }
+  double size() const { return high - low; }
+};
+using Spans = std::array<Span, 3>;  ///< the third is empty of a turned part
+
+/// What a program sweeps on the error-free machine.
+struct SweptSpans {
+  Spans all, feed;  ///< with the whole cutter; `feed` is `all` where nothing feeds
+  Spans tip;        ///< of the tip alone, in feed
+};
+SweptSpans swept_spans(const Job& job);
+
+/// Of the judged vertices.
+Spans part_spans(const Job& job);
+
+/// The coordinate in which a tool keeps farthest from a part, and by how much.
+struct ClosestGap {
+  double gap = -infinity;  ///< mm, negative where they overlap
+  int line = 0;            ///< that comes nearest
+  std::string words;       ///< "the lowest cut lies 80.0 mm above the part"
+};
+ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool);
+
+/// Along the spindle, and from it.
+std::array<double, 2> spindle_coordinates(const Job& job, const Eigen::Vector3d& p_w);
 
 }  // namespace abbe::sim

@@ -2,8 +2,9 @@
 
 #include <vector>
 
-#include "cutting/sweep.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/chain.h"
+#include "sim/machine/machine.h"
 #include "sim/program/sample.h"
 
 namespace abbe::sim {
@@ -36,5 +37,15 @@ std::vector<std::size_t> distinct_instants(const program::Samples& samples);
 cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
                                 const program::Samples& samples, const SpindleLine& line,
                                 int spindle);
+
+/// Accelerations of the axes at every sample, mm/s^2 and rad/s^2: the mean speed over the 20 ms
+/// after less that over the 20 ms before, per 20 ms, since blocks meet at corners.
+/// @return (samples)
+std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples);
+
+/// Refuses the line of the program on which an axis first leaves its travel; spindles have none.
+/// @throws BadInput
+void check_travel(const Machine& machine, const program::Path& path,
+                  const program::Samples& samples);
 
 }  // namespace abbe::sim

@@ -1,9 +1,17 @@
 #include "sim/cut/tool_poses.h"
 
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "sim/cut/accelerations.h"
-#include "sim/cut/inside_tables.h"
+#include "kinematics/hash.h"
+#include "kinematics/units.h"
+#include "sim/cut/part.h"
+#include "sim/cut/tool_motion.h"
+#include "sim/machine/truth.h"
 
 namespace abbe::sim {
 
@@ -17,14 +25,14 @@ Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
   if (const auto& piezo = run.commands.piezo) {
     const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
     const double force = along_t.dot(load.on_tool_t.head<3>());
-    T_wt.translation() +=
-        (piezo->stroke[Eigen::Index(sample)] + compensation::yielding(piezo->piezo, force)) *
-        (T_wt.linear() * along_t);
+    T_wt.translation() += (piezo->stroke[Eigen::Index(sample)] +
+                           compensation::piezo_deflection(piezo->piezo, force)) *
+                          (T_wt.linear() * along_t);
   }
   return T_wt;
 }
 
-std::vector<errors::Load> loads_of(const ActualRun& run, const Process& process) {
+std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& process) {
   if (!run.job.truth.compliance && !run.commands.piezo) return {};
   if (process.steps.empty() && run.acceleration.empty()) return {};
   const auto& states = run.commands.samples.states;
@@ -37,9 +45,9 @@ std::vector<errors::Load> loads_of(const ActualRun& run, const Process& process)
 }
 
 ActualRun actual_run(const Job& job, const Commands& commands) {
-  ActualRun run{job, commands, wanted_poses(job, commands)};
+  ActualRun run{job, commands, target_poses(job, commands)};
   if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
-  run.wear = wear_shares(cut_part(job), commands.samples);
+  run.wear = wear_fractions(tool_run(job), commands.samples);
   return run;
 }
 
@@ -56,7 +64,175 @@ std::vector<Pose> poses_of(const ActualRun& run, const std::vector<errors::Load>
 std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,
                              std::span<const std::size_t> at) {
   const ActualRun run = actual_run(job, commands);
-  return inside_tables(job, [&] { return poses_of(run, loads_of(run, process), at); });
+  return check_table_range(job, [&] { return poses_of(run, sample_loads(run, process), at); });
+}
+
+ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
+  using Eigen::Index;
+  Index n = 0, axes = 0;
+  for (const TrackedPart& part : parts) {
+    n += Index(part.samples.states.size());
+    if (!part.samples.states.empty()) axes = part.samples.states.front().q.size();
+  }
+  using Rows = ToolTrack::Rows;
+  ToolTrack track{Eigen::VectorXd(n), {},         Rows(n, axes), Rows(n, 3),
+                  Rows(n, 3),         Rows(n, 3), Rows(n, 3)};
+  track.line.reserve(std::size_t(n));
+  Index row = 0;
+  for (const TrackedPart& part : parts) {
+    track.line.insert(track.line.end(), part.samples.line.begin(), part.samples.line.end());
+    for (std::size_t i = 0; i < part.samples.states.size(); ++i, ++row) {
+      track.time_s[row] = part.samples.states[i].time_s;
+      track.q.row(row) = part.samples.states[i].q.transpose();
+      track.nominal_tip.row(row) = part.T_wt_nominal[i].translation().transpose();
+      track.nominal_direction.row(row) = part.T_wt_nominal[i].linear().col(2).transpose();
+      track.actual_tip.row(row) = part.T_wt[i].translation().transpose();
+      track.actual_direction.row(row) = part.T_wt[i].linear().col(2).transpose();
+    }
+  }
+  return track;
+}
+
+ToolTrack in_part_frame(ToolTrack track, const kinematics::Pose& T_wm) {
+  const kinematics::Pose T_mw = T_wm.inverse();
+  const Eigen::Matrix3d turned = T_mw.linear().transpose();
+  for (ToolTrack::Rows* tip : {&track.nominal_tip, &track.actual_tip})
+    *tip = ((*tip * turned).rowwise() + T_mw.translation().transpose()).eval();
+  for (ToolTrack::Rows* direction : {&track.nominal_direction, &track.actual_direction})
+    *direction = (*direction * turned).eval();
+  return track;
+}
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisState;
+using kinematics::Pose;
+
+/// Where the errors bring the tip and a point of the axis above it, mm.
+struct Off {
+  Vector3d tip, above;
+};
+
+struct ErrorSampler {
+  const Job& job;
+  double reach;
+
+  /// Of a part that turns on a spindle as seen from the bed, since its sweep turns with it.
+  Off at(const AxisState& state) const {
+    const kinematics::Chain& chain = job.machine.nominal;
+    const Pose nominal = chain.tool_in_workpiece(state.q);
+    const Pose actual = tool_in_workpiece(job.truth, state);
+    const Vector3d above = reach * Vector3d::UnitZ();
+    const Off off{actual.translation() - nominal.translation(), actual * above - nominal * above};
+    if (!job.machine.workpiece_spindle) return off;
+    const Eigen::Matrix3d R_bw = chain.workpiece_in_bed(state.q).linear();
+    return {R_bw * off.tip, R_bw * off.above};
+  }
+};
+
+bool has_no_reversal(const AxisState& from, const AxisState& to) {
+  return from.direction == to.direction && from.stroke == to.stroke;
+}
+
+AxisState between(const AxisState& from, const AxisState& to, double share) {
+  AxisState state = to;
+  state.q = from.q + share * (to.q - from.q);
+  state.time_s = from.time_s + share * (to.time_s - from.time_s);
+  state.spindle_speed = from.spindle_speed + share * (to.spindle_speed - from.spindle_speed);
+  return state;
+}
+
+/// How far the errors between two samples are off the line between those at both, mm: midway, where
+/// long waves bend most, and where waves that divide the interval into whole parts are seen.
+double chord_deviation(const ErrorSampler& look, const AxisState& from, const AxisState& to) {
+  const Off a = look.at(from), b = look.at(to);
+  double most = 0.0;
+  for (const double share : {0.5, 0.3819660112501051}) {
+    const Off off = look.at(between(from, to, share));
+    most = std::max({most, (off.tip - a.tip - share * (b.tip - a.tip)).norm(),
+                     (off.above - a.above - share * (b.above - a.above)).norm()});
+  }
+  return most;
+}
+
+/// The samples at which an interval of a feed ends.
+std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
+  std::vector<std::size_t> ends;
+  for (std::size_t i = 1; i < samples.states.size(); ++i)
+    if (program::is_feed(path.blocks[std::size_t(samples.block[i])]) &&
+        has_no_reversal(samples.states[i - 1], samples.states[i]))
+      ends.push_back(i);
+  return ends;
+}
+
+/// One of each of so many stretches, by chance: places at equal steps may miss a wave.
+std::vector<std::size_t> chosen(const std::vector<std::size_t>& from, std::size_t most,
+                                std::uint64_t seed) {
+  if (from.size() <= most) return from;
+  std::vector<std::size_t> few;
+  for (std::size_t k = 0; k < most; ++k) {
+    const double place = double(k) + split_mix::unit(split_mix::stream(seed, k));
+    few.push_back(
+        from[std::min(from.size() - 1, std::size_t(place * double(from.size()) / double(most)))]);
+  }
+  return few;
+}
+
+}  // namespace
+
+ChordError chord_error(const Job& job, const Commands& commands, std::size_t most) {
+  const program::Samples& samples = commands.samples;
+  const kinematics::Chain& nominal = job.machine.nominal;
+  const ErrorSampler look{job, sample_options(job.scene, job.machine).reach};
+  ChordError found;
+  found.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
+  for (const std::size_t i :
+       chosen(feed_ends(samples, path_of(job, commands)), most, job.scene.seed)) {
+    const AxisState &from = samples.states[i - 1], &to = samples.states[i];
+    const double bend = chord_deviation(look, from, to);
+    ++found.looked_at;
+    found.beyond += bend > found.tolerance;
+    found.rms += bend * bend;
+    if (!(bend > found.max)) continue;
+    found.max = bend;
+    found.line = samples.line[i];
+    found.step = (nominal.tool_in_workpiece(to.q).translation() -
+                  nominal.tool_in_workpiece(from.q).translation())
+                     .norm();
+  }
+  found.rms = std::sqrt(found.rms / std::max<double>(1.0, double(found.looked_at)));
+  return found;
+}
+
+ChordError joined(const ChordError& a, const ChordError& b) {
+  if (a.looked_at == 0) return b;
+  ChordError both = a.max >= b.max ? a : b;
+  const auto n_a = double(a.looked_at), n_b = double(b.looked_at);
+  both.looked_at = a.looked_at + b.looked_at;
+  both.beyond = a.beyond + b.beyond;
+  both.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
+  return both;
+}
+
+std::vector<std::string> chord_error_warnings(const ChordError& found, double off) {
+  constexpr double share = 0.01, least = 50.0 * units::nm;
+  if (!(found.max > std::max({found.tolerance, least, share * off}))) return {};
+  std::string text = fmt::format(
+      "errors of the machine bend the path between the samples, where the cut is straight: by "
+      "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "
+      "of {} intervals looked at",
+      found.max / units::um, found.line, found.step, found.rms / units::um,
+      found.tolerance / units::um, 100.0 * double(found.beyond) / double(found.looked_at),
+      found.looked_at);
+  // a chord leaves what grows with the square of its length; waves shorter than that ask for less
+  const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
+  if (step > 0.0) {
+    const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
+    text += fmt::format("; to follow them begin with sampling.max_step_mm = {:.4g}",
+                        digit * std::floor(step / digit));
+  }
+  return {text};
 }
 
 }  // namespace abbe::sim

@@ -1,7 +1,10 @@
 #include "sim/dialects/cursor.h"
 
 #include <charconv>
+#include <cmath>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
@@ -10,7 +13,7 @@ namespace abbe::sim::dialects {
 
 namespace {
 constexpr double largest_number = 1e9;
-constexpr std::size_t most_digits = 200;
+constexpr std::size_t max_digits = 200;
 }  // namespace
 
 char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
@@ -88,7 +91,7 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
   }
   std::string together;
   std::string_view all = text.substr(digits, at - digits);
-  if (all.size() > most_digits) refuse(from, "a number of at most 200 digits");
+  if (all.size() > max_digits) refuse(from, "a number of at most 200 digits");
   if (blanks) {
     for (const char c : all)
       if (!is_blank(c)) together += c;
@@ -100,6 +103,40 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
   if (read.ec != std::errc() || read.ptr != all.data() + all.size() || !(value <= largest_number))
     refuse(from, "a number of at most 1e9");
   return negative ? -value : value;
+}
+
+std::string_view name_of(Use use) {
+  switch (use) {
+    case Use::Read:
+      return "read";
+    case Use::WithoutEffect:
+      return "without effect";
+    case Use::Refused:
+      return "refused";
+  }
+  return "";
+}
+
+const WordTableEntry* find_word(std::span<const WordTableEntry> table, std::string_view word) {
+  for (const WordTableEntry& line : table) {
+    bool has = false;
+    each_word(line.word, [&](std::string_view one) { has = has || one == word; });
+    if (has) return &line;
+  }
+  return nullptr;
+}
+
+std::string markdown_table(std::span<const WordTableEntry> table) {
+  std::string text = "| word | | what it means |\n|---|---|---|\n";
+  for (const WordTableEntry& line : table)
+    text += fmt::format("| `{}` | {} | {} |\n", line.word, name_of(line.use), line.sentence);
+  return text;
+}
+
+int parse_tenths(std::string_view word) {
+  double number = 0.0;
+  std::from_chars(word.data() + 1, word.data() + word.size(), number);
+  return int(std::lround(number * 10));
 }
 
 }  // namespace abbe::sim::dialects

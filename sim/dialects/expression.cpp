@@ -5,16 +5,62 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/nesting.h"
+#include "kinematics/text.h"
 
 namespace abbe::sim::dialects {
+
+void Variables::leave() {
+  count_ -= calls_.back().numbers.size() + calls_.back().names.size();
+  calls_.pop_back();
+}
+
+std::optional<double> Variables::number(int number, Of of) const {
+  const auto& numbers = table(of).numbers;
+  const auto found = numbers.find(number);
+  return found == numbers.end() ? std::nullopt : std::optional(found->second);
+}
+
+std::optional<double> Variables::named(std::string_view name, Of of) const {
+  const auto& names = table(of).names;
+  const auto found = names.find(name);
+  return found == names.end() ? std::nullopt : std::optional(found->second);
+}
+
+bool Variables::set(int number, double value, Of of) {
+  auto& numbers = table(of).numbers;
+  const auto found = numbers.find(number);
+  if (found != numbers.end()) {
+    found->second = value;
+    return true;
+  }
+  if (count_ == max_) return false;
+  numbers.emplace(number, value);
+  ++count_;
+  return true;
+}
+
+bool Variables::set(std::string_view name, double value, Of of) {
+  auto& names = table(of).names;
+  const auto found = names.find(name);
+  if (found != names.end()) {
+    found->second = value;
+    return true;
+  }
+  if (count_ == max_) return false;
+  names.emplace(std::string(name), value);
+  ++count_;
+  return true;
+}
+
+void Variables::unset(int number, Of of) { count_ -= table(of).numbers.erase(number); }
+
 namespace {
 
-const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int least_level) {
+const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int min_level) {
   for (const Operator& one : grammar.operators) {
     const std::size_t before = cursor.at;
     if (!cursor.take(one.text)) continue;
-    if (one.level >= least_level) return &one;
+    if (one.level >= min_level) return &one;
     cursor.at = before;
     return nullptr;
   }
@@ -26,13 +72,12 @@ double checked(double result, const Cursor& cursor, std::size_t from) {
   return result;
 }
 
-double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
-             int least_level) {
+double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int min_level) {
   double left = value(cursor, grammar, operands);
   while (true) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
-    const Operator* one = operator_at(cursor, grammar, least_level);
+    const Operator* one = operator_at(cursor, grammar, min_level);
     if (one == nullptr) return left;
     const double right = climb(cursor, grammar, operands, one->level + 1);
     if (one->fault != nullptr)

@@ -1,15 +1,69 @@
 #include "sim/dialects/front_ends.h"
 
 #include <array>
+#include <string_view>
 
-#include "sim/dialects/cl.h"
-#include "sim/dialects/fanuc.h"
-#include "sim/dialects/heidenhain.h"
-#include "sim/dialects/heidenhain_words.h"
-#include "sim/dialects/linuxcnc.h"
-#include "sim/dialects/siemens.h"
+#include "sim/dialects/cl/machine.h"
+#include "sim/dialects/cursor.h"
+#include "sim/dialects/fanuc/flow.h"
+#include "sim/dialects/fanuc/machine.h"
+#include "sim/dialects/heidenhain/block.h"
+#include "sim/dialects/heidenhain/flow.h"
+#include "sim/dialects/linuxcnc/flow.h"
+#include "sim/dialects/program_run.h"
+#include "sim/dialects/read_options.h"
+#include "sim/dialects/siemens/flow.h"
 
 namespace abbe::sim::dialects {
+
+/// Reads Klartext as a TNC 640 does.
+void read_heidenhain(std::string_view text, ProgramRun& run);
+
+void read_cl(std::string_view text, ProgramRun& run) {
+  if (cl::is_table(text)) {
+    run.start([&](std::string_view code) {
+      run.canon.refuse({1, code}, "no startup code for a table of cutter locations");
+    });
+    return cl::read_table(text, run);
+  }
+  cl::Machine machine(run);
+  run.start([&](std::string_view code) {
+    cl::Statements statements(code);
+    cl::Statement statement;
+    while (statements.next(statement)) machine.execute(statement);
+  });
+  cl::Statements statements(text);
+  cl::Statement statement;
+  while (!machine.ended() && !run.is_aborted() && statements.next(statement))
+    run.attempt([&] {
+      run.canon.set_line(statement.line);
+      run.count_block();
+      machine.execute(statement);
+    });
+  machine.finish();
+  if (!machine.ended()) return;
+  const std::vector<std::string_view> lines = lines_of_text(text);
+  run.warn_unread(lines, {{0, lines.size()}});
+}
+
+void read_fanuc(std::string_view text, ProgramRun& run) {
+  if (!run.turning())
+    if (const auto sign = fanuc::find_turning_sign(text, run.canon)) {
+      // thrown, so that it is the only error: what else a milling control finds in it only follows
+      throw BadProgram({BadInput(
+          run.canon.place().file, sign->line, sign->column,
+          "a program of a milling control; control = \"turning\" (--control turning), or a machine "
+          "whose spindle turns the workpiece, reads those of turning controls",
+          sign->words)});
+    }
+  fanuc::Flow(text, run).run();
+}
+
+void read_heidenhain(std::string_view text, ProgramRun& run) { heidenhain::Flow(text, run).run(); }
+
+void read_linuxcnc(std::string_view text, ProgramRun& run) { linuxcnc::Flow(text, run).run(); }
+
+void read_siemens(std::string_view text, ProgramRun& run) { siemens::Flow(text, run).run(); }
 
 std::span<const FrontEnd> front_ends() {
   static constexpr std::array all = {

@@ -8,23 +8,23 @@
 
 #include "kinematics/text.h"
 #include "sim/dialects/cursor.h"
-#include "sim/program/arc_move.h"
+#include "sim/program/block_motion.h"
 
 namespace abbe::sim::dialects {
 
 namespace {
-constexpr std::size_t most_skipped = 1000;  // different words
+constexpr std::size_t max_skipped = 1000;  // different words
 constexpr std::size_t blocks_between_reports = 8192;
 
 bool is_turning(const ReadOptions& options) {
   const ControlKind kind = options.turning.control;
   return kind == ControlKind::Turning ||
-         (kind == ControlKind::OfMachine && program::turns_workpiece(options.control.axes));
+         (kind == ControlKind::FromMachine && program::turns_workpiece(options.control.axes));
 }
 
 /// X is at right angles to the line of the spindle that turns the workpiece, as far as is known. On
 /// a machine whose X runs along it X words are no diameters.
-bool x_is_radial(const program::NcOptions& control) {
+bool is_x_radial(const program::NcOptions& control) {
   constexpr double right_angle = 1e-6;  // cosine
   if (!control.control) return true;
   const auto spindle = control.control->find('S'), x = control.control->find('X');
@@ -40,43 +40,43 @@ ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options, std:
     : canon(file, options.control),
       options_(options),
       file_(file),
-      was_read_(lines + 2),
+      line_was_read_(lines + 2),
       lines_(lines),
       turning_(is_turning(options)) {}
 
-bool ProgramRun::begins_with_diameters(bool usual) const {
-  const XWords words = options_.turning.x_words;
-  if (words != XWords::OfControl) return words == XWords::Diameters;
-  return usual && turning_ && x_is_radial(options_.control);
+bool ProgramRun::has_initial_diameters(bool usual) const {
+  const XWordMeaning words = options_.turning.x_words;
+  if (words != XWordMeaning::FromControl) return words == XWordMeaning::Diameters;
+  return usual && turning_ && is_x_radial(options_.control);
 }
 
 void ProgramRun::hand_over() {
-  if (!options_.each_piece) return;
+  if (!options_.on_path_segment) return;
   program::Path piece = canon.hand_over();
-  if (faults_.empty()) options_.each_piece(std::move(piece));
+  if (input_errors_.empty()) options_.on_path_segment(std::move(piece));
 }
 
 bool ProgramRun::attempt(const std::function<void()>& block) {
   try {
     block();
     return true;
-  } catch (const Exhausted& fault) {
-    faults_.add(fault);
-    hopeless_ = true;
+  } catch (const ProgramLimitExceeded& fault) {
+    input_errors_.add(fault);
+    aborted_ = true;
   } catch (const program::FollowingError&) {
-    canon.doubt_position();
+    canon.mark_position_uncertain();
   } catch (const program::BadGeometry& fault) {
-    if (!fault.in_doubt) faults_.add(fault);
+    if (!fault.is_uncertain) input_errors_.add(fault);
   } catch (const BadInput& fault) {
-    faults_.add(fault);
-    canon.doubt_position();
+    input_errors_.add(fault);
+    canon.mark_position_uncertain();
   }
   return false;
 }
 
 void ProgramRun::require_certain(const std::string& name, const program::Cause& cause) const {
-  if (doubtful_.empty() || !doubtful_.contains(name)) return;
-  const program::NcPlace place = canon.place();
+  if (uncertain_names_.empty() || !uncertain_names_.contains(name)) return;
+  const program::NcLocation place = canon.place();
   throw program::FollowingError(place.file, place.line, cause.column,
                                 name + " without an input error", "one that is reported");
 }
@@ -90,7 +90,7 @@ void ProgramRun::refuse_once(const std::string& name, const program::Cause& caus
 
 void ProgramRun::start(const std::function<void(std::string_view)>& block) {
   if (options_.startup_code.empty()) return;
-  canon.stand_at(1, canon.add_file("program.startup_code"));
+  canon.set_line(1, canon.add_file("program.startup_code"));
   attempt([&] { block(options_.startup_code); });
 }
 
@@ -108,77 +108,79 @@ bool has_words(std::string_view line) {
 }
 
 void ProgramRun::count_block() {
-  if (canon.file() == 0 && std::size_t(canon.line()) < was_read_.size())
-    was_read_[std::size_t(canon.line())] = true;
-  if (canon.kept() >= piece_blocks) hand_over();
+  if (canon.file() == 0 && std::size_t(canon.line()) < line_was_read_.size())
+    line_was_read_[std::size_t(canon.line())] = true;
+  if (canon.kept() >= path_segment_blocks) hand_over();
   if (options_.progress && blocks_ % blocks_between_reports == 0 && lines_ > 0)
     options_.progress(std::min(1.0, double(canon.line()) / double(lines_)));
   if (++blocks_ <= options_.limits.blocks) return;
-  const program::NcPlace place = canon.place();
-  throw Exhausted(place.file, place.line, 0,
-                  fmt::format("at most {} blocks executed (max_moves)", options_.limits.blocks),
-                  "more: a loop without end, or too many repeats");
+  const program::NcLocation place = canon.place();
+  throw ProgramLimitExceeded(
+      place.file, place.line, 0,
+      fmt::format("at most {} blocks executed (max_moves)", options_.limits.blocks),
+      "more: a loop without end, or too many repeats");
 }
 
 void ProgramRun::check_moves(double more, const program::Cause& cause) const {
   canon.check_moves(more, cause);
-  if (!options_.each_piece) canon.check_memory(more, cause);
+  if (!options_.on_path_segment) canon.check_memory(more, cause);
 }
 
 void ProgramRun::check_depth(int depth, const program::Cause& cause, const char* what) const {
   if (depth <= options_.limits.depth) return;
-  const program::NcPlace place = canon.place();
-  throw Exhausted(place.file, place.line, cause.column,
-                  fmt::format("at most {} {} within each other", options_.limits.depth, what),
-                  "more: " + shown(cause.text));
+  const program::NcLocation place = canon.place();
+  throw ProgramLimitExceeded(
+      place.file, place.line, cause.column,
+      fmt::format("at most {} {} within each other", options_.limits.depth, what),
+      "more: " + shown(cause.text));
 }
 
 void ProgramRun::unknown(const program::Cause& word, const std::string& expected) {
-  if (options_.on_unknown == OnUnknown::Refuse) canon.refuse(word, expected);
+  if (options_.on_unknown == UnknownWordPolicy::Refuse) canon.refuse(word, expected);
   const auto known = std::find_if(skipped_.begin(), skipped_.end(),
-                                  [&](const Skipped& one) { return one.word == word.text; });
+                                  [&](const SkippedWord& one) { return one.word == word.text; });
   if (known != skipped_.end()) {
     ++known->count;
     return;
   }
-  if (skipped_.size() == most_skipped) {
-    const program::NcPlace place = canon.place();
-    throw Exhausted(place.file, place.line, word.column, "at most 1000 different unknown words",
-                    shown(word.text));
+  if (skipped_.size() == max_skipped) {
+    const program::NcLocation place = canon.place();
+    throw ProgramLimitExceeded(place.file, place.line, word.column,
+                               "at most 1000 different unknown words", shown(word.text));
   }
   skipped_.push_back({std::string(word.text.substr(0, 40)), 1, canon.line()});
 }
 
 bool ProgramRun::skips(int level) {
   const bool skipped = options_.control.block_skip.test(std::size_t(level));
-  MarkedBlocks& blocks = skipped ? left_out_ : executed_;
+  BlockSkipCount& blocks = skipped ? left_out_ : executed_;
   if (blocks.count++ == 0)
     blocks = {1, canon.line(), canon.file() > 0 ? canon.place().file : std::string()};
   return skipped;
 }
 
-void ProgramRun::depend(StartMode mode, std::string_view taken) {
-  TakenMode& known = modes_[std::size_t(mode)];
+void ProgramRun::assume_mode(StartMode mode, std::string_view taken) {
+  AssumedMode& known = modes_[std::size_t(mode)];
   if (known.stated) return;
   known = {taken, true};
   if (modes_line_ == 0) modes_line_ = canon.line();
 }
 
-void ProgramRun::depend_on_offset(int system, std::string_view taken) {
+void ProgramRun::assume_offset(int system, std::string_view taken) {
   const kinematics::AxisVector& offset = program::work_offset(canon.options(), system);
-  if (offset.size() > 0 && !offset.isZero(0.0)) depend(StartMode::WorkOffset, taken);
+  if (offset.size() > 0 && !offset.isZero(0.0)) assume_mode(StartMode::WorkOffset, taken);
 }
 
-int ProgramRun::uncalled_tool(const program::Cause& cause, const std::string& wanting) {
+int ProgramRun::uncalled_tool(const program::Cause& cause, const std::string& missing_statement) {
   const auto tool = program::only_tool(canon.options());
-  if (!tool) canon.refuse(cause, "a tool that is called before it", wanting);
-  canon.assume({wanting + ": the only tool is taken to be meant", "program.startup_code",
+  if (!tool) canon.refuse(cause, "a tool that is called before it", missing_statement);
+  canon.assume({missing_statement + ": the only tool is taken to be meant", "program.startup_code",
                 "--startup-code"});
   return *tool;
 }
 
-void ProgramRun::note_assumptions() {
-  const auto blocks = [&](const MarkedBlocks& marked, const char* text) {
+void ProgramRun::report_assumptions() {
+  const auto blocks = [&](const BlockSkipCount& marked, const char* text) {
     if (marked.count > 0)
       canon.assume({fmt::format("{} {} behind / {}", marked.count,
                                 marked.count == 1 ? "block" : "blocks", text),
@@ -187,7 +189,7 @@ void ProgramRun::note_assumptions() {
   blocks(left_out_, "left out: block skip is on");
   blocks(executed_, "executed: block skip is off");
   std::string taken;
-  for (const TakenMode& mode : modes_)
+  for (const AssumedMode& mode : modes_)
     if (!mode.taken.empty()) taken += (taken.empty() ? "" : ", ") + std::string(mode.taken);
   if (!taken.empty())
     canon.assume({"no word before says otherwise: " + taken, "program.startup_code",
@@ -196,7 +198,9 @@ void ProgramRun::note_assumptions() {
 
 void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
                              const std::vector<Section>& sections) {
-  const auto is_read = [&](std::size_t i) { return i + 1 < was_read_.size() && was_read_[i + 1]; };
+  const auto is_read = [&](std::size_t i) {
+    return i + 1 < line_was_read_.size() && line_was_read_[i + 1];
+  };
   std::size_t last = lines.size();  // read, of the section
   const auto find_last = [&](const Section& section) {
     last = section.end;
@@ -207,8 +211,7 @@ void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
   const std::size_t end = std::size_t(std::max(canon.line(), 1)) - 1;
   std::size_t first = lines.size(), count = 0;
   for (const Section& section : sections) {
-    const bool ends_here =
-        canon.file() == 0 && end >= section.first && end < section.end;
+    const bool ends_here = canon.file() == 0 && end >= section.first && end < section.end;
     const bool any = find_last(section);
     if (any && !ends_here) continue;
     for (std::size_t i = any ? last + 1 : section.first; i < section.end; ++i) {
@@ -218,11 +221,11 @@ void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
     }
   }
   if (count == 0) return;
-  warn_once(fmt::format("{}:{}: {} from {} on {} not read: the program ends {}", file_, first + 1,
-                        count == 1 ? "the line" : fmt::format("{} lines", count),
-                        in_quotes(lines[first]), count == 1 ? "is" : "are",
-                        canon.file() == 0 ? fmt::format("on line {}", end + 1)
-                                          : "in " + canon.place().file));
+  warn_once(fmt::format(
+      "{}:{}: {} from {} on {} not read: the program ends {}", file_, first + 1,
+      count == 1 ? "the line" : fmt::format("{} lines", count), in_quotes(lines[first]),
+      count == 1 ? "is" : "are",
+      canon.file() == 0 ? fmt::format("on line {}", end + 1) : "in " + canon.place().file));
 }
 
 void ProgramRun::warn_once(const std::string& text) {

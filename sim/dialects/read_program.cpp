@@ -1,23 +1,142 @@
 #include "sim/dialects/read_program.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <optional>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
-#include "kinematics/encoding.h"
 #include "kinematics/text.h"
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/cursor.h"
 #include "sim/dialects/front_ends.h"
-#include "sim/dialects/linuxcnc_interpreter.h"
+#include "sim/dialects/linuxcnc/rs274.h"
+#include "sim/dialects/read_options.h"
 
 namespace abbe::sim::dialects {
+
 namespace {
 
-const FrontEnd& front_end_of(const Recognised& found, const std::string& file) {
+constexpr std::size_t longest_word = 40;
+
+/// Upper case in a buffer of its own: no memory is taken for each of a million words.
+struct Word {
+  std::array<char, longest_word> letters{};
+  std::size_t size = 0;
+
+  void put(char c) {
+    if (size < letters.size()) letters[size++] = c;
+  }
+  std::string_view text() const { return {letters.data(), size}; }
+};
+
+/// The words of a dialect by their text.
+using Index = std::unordered_map<std::string_view, const WordTableEntry*>;
+
+Index index_of(std::span<const WordTableEntry> table) {
+  Index index;
+  for (const WordTableEntry& line : table)
+    for (std::size_t at = 0; at < line.word.size();) {
+      const std::size_t end = std::min(line.word.find(' ', at), line.word.size());
+      index.emplace(line.word.substr(at, end - at), &line);
+      at = end + 1;
+    }
+  return index;
+}
+
+/// Counts what a scanner of lines finds.
+class Tally {
+ public:
+  explicit Tally(Index index) : index_(std::move(index)) {}
+
+  bool add(std::string_view word, int line) {
+    const auto known = index_.find(word);
+    if (known == index_.end()) return false;
+    const auto [at, is_new] = places_.try_emplace(known->first, words_.size());
+    if (is_new)
+      words_.push_back({std::string(word), known->second->use, known->second->sentence, 0, line});
+    ++words_[at->second].count;
+    return true;
+  }
+  std::vector<UsedWord> take() { return std::move(words_); }
+
+ private:
+  Index index_;
+  std::unordered_map<std::string_view, std::size_t> places_;
+  std::vector<UsedWord> words_;
+};
+
+/// A word and the number behind it: the code as G1 of G01, else the word alone.
+void count_word(std::string_view line, std::size_t& at, int number, Tally& tally) {
+  Word word;
+  while (at < line.size() && (is_letter(line[at]) || line[at] == '_')) word.put(upper(line[at++]));
+  Word code = word;
+  std::size_t from = at;
+  while (from + 1 < line.size() && line[from] == '0' && is_digit(line[from + 1])) ++from;
+  std::size_t end = from;
+  while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.put(line[end++]);
+  if (end > at && tally.add(code.text(), number)) {
+    at = end;
+    return;
+  }
+  tally.add(word.text(), number);
+  at = end;
+}
+
+/// A line of words, what stands in ( ) or " " and behind ; left out.
+void count_line(std::string_view line, int number, Tally& tally) {
+  for (std::size_t at = 0; at < line.size();) {
+    const char c = line[at];
+    if (c == ';') return;
+    if (c == '(' || c == '"') {
+      const std::size_t end = line.find(c == '(' ? ')' : '"', at + 1);
+      if (end == std::string_view::npos) return;
+      at = end + 1;
+    } else if (is_letter(c)) {
+      count_word(line, at, number, tally);
+    } else {
+      ++at;
+    }
+  }
+}
+
+/// A statement of cutter locations: its first word.
+void count_major(std::string_view line, int number, Tally& tally) {
+  std::size_t at = 0;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  Word word;
+  while (at < line.size() &&
+         (is_letter(line[at]) || is_digit(line[at]) || line[at] == '-' || line[at] == '_'))
+    word.put(upper(line[at++]));
+  tally.add(word.text(), number);
+}
+
+}  // namespace
+
+std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning) {
+  for (const FrontEnd& one : front_ends()) {
+    if (one.dialect != dialect) continue;
+    const bool other = turning && one.turning_words != nullptr;
+    std::span<const WordTableEntry> words = other ? one.turning_words() : one.words();
+    Tally tally(index_of(words));
+    Lines lines(text);
+    while (const auto line = lines.next()) {
+      if (dialect == Dialect::Cl)
+        count_major(*line, lines.number(), tally);
+      else
+        count_line(*line, lines.number(), tally);
+    }
+    return tally.take();
+  }
+  return {};
+}
+
+namespace {
+
+const FrontEnd& find_front_end(const Recognised& found, const std::string& file) {
   std::string known;
   for (const FrontEnd& one : front_ends()) {
     if (one.dialect == found.dialect) return one;
@@ -46,17 +165,17 @@ void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
 }
 
 /// Letters of another encoding are one input error, however many lines have them.
-std::vector<BadInput> one_for_encoding(const std::vector<BadInput>& faults, std::string_view text,
-                                       const std::string& file) {
-  if (!first_not_utf8(text)) return faults;
+std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_errors,
+                                            std::string_view text, const std::string& file) {
+  if (!find_invalid_utf8(text)) return input_errors;
   std::map<int, std::pair<int, unsigned char>> foreign;  // column and byte, by line
   Lines lines(text);
   while (const auto line = lines.next())
-    if (const auto at = first_not_utf8(*line))
+    if (const auto at = find_invalid_utf8(*line))
       foreign[lines.number()] = {int(*at) + 1, static_cast<unsigned char>((*line)[*at])};
   std::vector<BadInput> kept;
   bool said = false;
-  for (const BadInput& fault : faults) {
+  for (const BadInput& fault : input_errors) {
     const auto byte = foreign.find(fault.line);
     if (fault.file != file || byte == foreign.end()) {
       kept.push_back(fault);
@@ -69,18 +188,18 @@ std::vector<BadInput> one_for_encoding(const std::vector<BadInput>& faults, std:
   return kept;
 }
 
-constexpr std::size_t most_tried = std::size_t(1) << 22;  // bytes
-constexpr std::size_t most_trial_moves = 200'000;
+constexpr std::size_t max_tried = std::size_t(1) << 22;  // bytes
+constexpr std::size_t max_trial_moves = 200'000;
 
 /// Input errors of the text read in that dialect; none where it makes no move.
 std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view text,
                                      const std::string& file, ReadOptions options) {
   options.dialect = front_end.dialect;
-  options.each_piece = {};
+  options.on_path_segment = {};
   options.progress = {};
   options.pole = {};
-  options.limits.blocks = std::min(options.limits.blocks, most_trial_moves);
-  options.control.max_moves = std::min(options.control.max_moves, most_trial_moves);
+  options.limits.blocks = std::min(options.limits.blocks, max_trial_moves);
+  options.control.max_moves = std::min(options.control.max_moves, max_trial_moves);
   ProgramRun run(file, options);
   try {
     front_end.read(text, run);
@@ -88,14 +207,14 @@ std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view
     return std::nullopt;
   }
   if (run.canon.blocks() == 0) return std::nullopt;
-  return run.faults().list().size();
+  return run.input_errors().list().size();
 }
 
 /// Names the dialect that reads the file with fewer input errors than the one that was detected.
 std::optional<BadInput> other_dialect(std::string_view text, const std::string& file,
                                       const ReadOptions& options, const Recognised& found,
                                       std::size_t errors) {
-  if (options.dialect != Dialect::Auto || text.size() > most_tried) return std::nullopt;
+  if (options.dialect != Dialect::Auto || text.size() > max_tried) return std::nullopt;
   const FrontEnd* best = nullptr;
   const std::size_t own = errors;
   for (const FrontEnd& one : front_ends()) {
@@ -116,7 +235,7 @@ std::optional<BadInput> other_dialect(std::string_view text, const std::string& 
 /// What is stated of turning must be of use to the control that reads.
 void check_turning(const ReadOptions& options, Dialect dialect, const std::string& file) {
   const bool by_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
-  if (by_linuxcnc && options.turning.x_words == XWords::Diameters)
+  if (by_linuxcnc && options.turning.x_words == XWordMeaning::Diameters)
     throw BadInput(file, 0, 0, "G7 in the program beside LinuxCNC's own interpreter",
                    "x_words = \"diameters\"");
   if (options.turning.tip % 9 != 0 && dialect != Dialect::Fanuc && dialect != Dialect::Siemens)
@@ -129,9 +248,10 @@ void note_unlimited_speed(ProgramRun& run) {
   const auto& speed = run.canon.unlimited_speed();
   if (!speed) return;
   run.canon.assume(
-      {fmt::format("nothing limits the spindle under G96, which comes as near to the axis as {:.6g} "
-                   "mm: the program states no largest speed (G50 S, LIMS=, D)",
-                   speed->radius),
+      {fmt::format(
+           "nothing limits the spindle under G96, which comes as near to the axis as {:.6g} "
+           "mm: the program states no largest speed (G50 S, LIMS=, D)",
+           speed->radius),
        "machine.max_spindle_rpm", "", speed->line});
 }
 
@@ -149,7 +269,7 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   }
   if (text.find('\0') != std::string_view::npos) {
     // a NUL that is no tape mark is an input error of its line
-    const std::string plain = without_tape_marks(text);
+    const std::string plain = strip_tape_characters(text);
     if (plain.size() < text.size()) return read_program(plain, file, options);
   }
   ReadProgram read;
@@ -163,16 +283,16 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   if (options.interpreter == Interpreter::LinuxCnc)
     read_by_linuxcnc(text, found, run);
   else
-    front_end_of(found, file).read(text, run);
+    find_front_end(found, file).read(text, run);
   run.hand_over();
-  if (!run.faults().empty()) {
-    std::vector<BadInput> errors = one_for_encoding(run.faults().list(), text, file);
+  if (!run.input_errors().empty()) {
+    std::vector<BadInput> errors = merge_encoding_errors(run.input_errors().list(), text, file);
     if (auto other = other_dialect(text, file, options, found, errors.size()))
       errors.push_back(std::move(*other));
     throw BadProgram(std::move(errors));
   }
   note_unlimited_speed(run);
-  run.note_assumptions();
+  run.report_assumptions();
   read.turning = run.turning();
   read.skipped = run.skipped();
   read.warnings = std::move(run.warnings);

@@ -1,6 +1,7 @@
 #include "sim/files/output.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -8,19 +9,174 @@
 #include <fstream>
 #include <mutex>
 #include <optional>
+#include <sstream>
+#include <string_view>
 #include <system_error>
 
 #include <fcntl.h>
-#include <unistd.h>
-
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/hash.h"
+#include "sim/files/atomic_output.h"
+#include "sim/files/program_file.h"
 #include "sim/files/progress.h"
-#include "sim/files/unfinished_file.h"
 
 namespace abbe::sim {
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr std::size_t max_mark_bytes = std::size_t(64) << 20;
+
+bool is_plain_file(const fs::path& file) {
+  std::error_code none;
+  return fs::symlink_status(file, none).type() == fs::file_type::regular;
+}
+
+std::string text_at(const json& line, const char* key) {
+  const auto found = line.find(key);
+  return found != line.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+/// As SQLite begins every file: a journal that was killed early has no name of its own yet.
+bool is_database(const fs::path& file) {
+  std::string head(16, '\0');
+  return bool(std::ifstream(file, std::ios::binary).read(head.data(), 16)) &&
+         head == std::string("SQLite format 3\0", 16);
+}
+
+/// A sum is written as 16 hexadecimal digits: not every reader of JSON holds 64 bits.
+std::optional<FileChecksum> print_in(const json& line) {
+  const std::string sum = text_at(line, "sum");
+  const auto size = line.find("size");
+  if (size == line.end() || !size->is_number_unsigned() || sum.size() != 16 ||
+      sum.find_first_not_of("0123456789abcdef") != std::string::npos)
+    return std::nullopt;
+  return FileChecksum{size->get<std::uintmax_t>(), std::stoull(sum, nullptr, 16)};
+}
+
+/// The mark while it is written; other processes wait.
+class LockedManifest {
+ public:
+  explicit LockedManifest(const fs::path& folder)
+      : file_(folder / manifest_name),
+        descriptor_(
+            ::open(file_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0666)) {
+    if (descriptor_ < 0) fail(errno);
+    // where a file system has no locks, lines are still appended whole
+    while (::flock(descriptor_, LOCK_EX) != 0 && errno == EINTR) continue;
+  }
+  ~LockedManifest() { ::close(descriptor_); }
+  LockedManifest(const LockedManifest&) = delete;
+  LockedManifest& operator=(const LockedManifest&) = delete;
+
+  /// On a line of its own, also behind one that was not finished.
+  void append(std::string line) const {
+    char last = '\n';
+    const ::off_t end = ::lseek(descriptor_, 0, SEEK_END);
+    if (end > 0 && ::pread(descriptor_, &last, 1, end - 1) == 1 && last != '\n') line = "\n" + line;
+    line += "\n";
+    const auto written = ::write(descriptor_, line.data(), line.size());
+    if (written != ::ssize_t(line.size())) fail(written < 0 ? errno : ENOSPC);
+  }
+
+ private:
+  [[noreturn]] void fail(int reason) const {
+    throw OutputFailure(escaped(file_.string()) + ": cannot be written: " + std::strerror(reason));
+  }
+
+  fs::path file_;
+  int descriptor_ = -1;
+};
+
+}  // namespace
+
+std::optional<FileChecksum> file_checksum(const fs::path& file) {
+  if (!is_plain_file(file)) return std::nullopt;
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return std::nullopt;
+  FileChecksum print{0, fnv_1a_basis};
+  std::array<char, 1 << 16> buffer;
+  while (in.read(buffer.data(), buffer.size()), in.gcount() > 0) {
+    const std::string_view bytes(buffer.data(), std::size_t(in.gcount()));
+    print.sum = fnv_1a(bytes, print.sum);
+    print.size += bytes.size();
+  }
+  return in.bad() ? std::nullopt : std::optional(print);
+}
+
+Mark read_manifest(const fs::path& folder) {
+  Mark mark;
+  const fs::path file = folder / manifest_name;
+  std::error_code none;
+  if (!is_plain_file(file) || fs::file_size(file, none) > max_mark_bytes) return mark;
+  std::ifstream in(file, std::ios::binary);
+  for (std::string text; std::getline(in, text);) {
+    const json line = json::parse(text, nullptr, false);
+    if (!line.is_object()) continue;
+    if (line.contains("folder") && line["folder"] == true) mark.folder = true;
+    if (line.contains("file") && line["file"].is_string())
+      mark.files[line["file"].get<std::string>()].push_back({print_in(line), text_at(line, "by")});
+  }
+  return mark;
+}
+
+std::optional<std::string> writing_command(const Mark& mark, const fs::path& file) {
+  const auto lines = mark.files.find(escaped(file.filename().string()));
+  if (lines == mark.files.end()) return std::nullopt;
+  const std::optional<FileChecksum> print = file_checksum(file);
+  if (!print) return std::nullopt;
+  const auto last =
+      std::find_if(lines->second.rbegin(), lines->second.rend(), [&](const Mark::Line& line) {
+        return line.print ? *line.print == *print : print->size == 0 || is_database(file);
+      });
+  return last == lines->second.rend() ? std::nullopt : std::optional(last->by);
+}
+
+bool says(const Mark& mark, const Written& written) {
+  const auto lines = mark.files.find(escaped(written.name));
+  if (lines == mark.files.end()) return false;
+  const auto last =
+      std::find_if(lines->second.rbegin(), lines->second.rend(),
+                   [&](const Mark::Line& line) { return line.print == written.print; });
+  return last != lines->second.rend() && last->by == written.by;
+}
+
+std::string subcommand_name(const std::string& command_line) {
+  std::istringstream words(command_line);
+  std::string program, command;
+  words >> program >> command;
+  return command;
+}
+
+void append_to_manifest(const fs::path& folder,
+                        const std::optional<FolderDeclaration>& folder_declaration,
+                        const std::optional<Written>& written) {
+  ordered_json line;
+  if (folder_declaration) {
+    if (folder_declaration->whole) line["folder"] = true;
+    line["command"] = folder_declaration->command_line;
+    line["version"] = versions()["abbe"];
+  }
+  if (written) {
+    line["file"] = escaped(written->name);  // JSON holds no other bytes than UTF-8
+    line["by"] = written->by;
+    if (written->print) {
+      line["size"] = written->print->size;
+      line["sum"] = fmt::format("{:016x}", written->print->sum);
+    }
+  }
+  const auto replace = ordered_json::error_handler_t::replace;
+  LockedManifest(folder).append(escaped(line.dump(-1, ' ', false, replace)));
+}
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -53,7 +209,7 @@ bool is_input(const fs::path& file, const Writer& writer) {
                              [&](const fs::path& input) { return is_same(file, input); });
 }
 
-bool lies_below(const fs::path& file, const fs::path& folder) {
+bool is_below_folder(const fs::path& file, const fs::path& folder) {
   std::error_code none;
   for (fs::path at = file; at.has_relative_path(); at = at.parent_path())
     if (fs::equivalent(at.parent_path(), folder, none)) return true;
@@ -61,16 +217,17 @@ bool lies_below(const fs::path& file, const fs::path& folder) {
 }
 
 /// An input in the folder or below, by its own name or by what it is a link to.
-std::optional<fs::path> input_below(const fs::path& folder, const Writer& writer) {
+std::optional<fs::path> input_inside(const fs::path& folder, const Writer& writer) {
   std::error_code none;
   for (const fs::path& input : writer.inputs)
-    if (lies_below(plain(input), folder) || lies_below(fs::weakly_canonical(input, none), folder))
+    if (is_below_folder(plain(input), folder) ||
+        is_below_folder(fs::weakly_canonical(input, none), folder))
       return input;
   return std::nullopt;
 }
 
 /// A folder below that is not there yet.
-std::string another(const fs::path& folder) {
+std::string alternative_folder_text(const fs::path& folder) {
   fs::path name = (folder / "result").lexically_normal();
   for (int k = 2; is_there(name); ++k)
     name = (folder / fmt::format("result-{}", k)).lexically_normal();
@@ -88,7 +245,7 @@ bool is_journal(const fs::path& file) {
 }
 
 /// A journal, or what SQLite and its lock put beside it.
-bool belongs_to_journal(const fs::path& file) {
+bool is_journal_file(const fs::path& file) {
   std::string name = file.string();
   for (const std::string_view ending : {"-lock", "-wal", "-shm"})
     if (name.ends_with(ending)) name.resize(name.size() - ending.size());
@@ -99,31 +256,32 @@ bool belongs_to_journal(const fs::path& file) {
 bool is_hidden(const fs::directory_entry& entry) {
   std::error_code none;
   const std::string name = entry.path().filename().string();
-  return name.starts_with('.') && name != mark_name && !entry.is_symlink(none) &&
+  return name.starts_with('.') && name != manifest_name && !entry.is_symlink(none) &&
          entry.is_regular_file(none);
 }
 
-bool holds_others(const fs::path& folder);
+bool has_foreign_files(const fs::path& folder);
 
 /// Returns true if an entry of a folder with this mark is not abbe's: neither in the mark as it is,
 /// nor a journal, nor a folder in which everything is abbe's.
-bool is_others(const Mark& mark, const fs::directory_entry& entry) {
+bool is_foreign_entry(const Mark& mark, const fs::directory_entry& entry) {
   std::error_code none;
-  if (entry.path().filename() == mark_name && !mark.files.empty()) return false;
-  if (is_hidden(entry) || belongs_to_journal(entry.path())) return false;
-  if (writer_in(mark, entry.path())) return false;
-  return entry.is_symlink(none) || !entry.is_directory(none) || holds_others(entry.path());
+  if (entry.path().filename() == manifest_name && !mark.files.empty()) return false;
+  if (is_hidden(entry) || is_journal_file(entry.path())) return false;
+  if (writing_command(mark, entry.path())) return false;
+  return entry.is_symlink(none) || !entry.is_directory(none) || has_foreign_files(entry.path());
 }
 
 /// A run that fails may leave folders before it writes a file and its mark; an empty folder holds
 /// nothing that a later run could spoil.
-bool holds_others(const fs::path& folder) {
-  const Mark mark = read_mark(folder);
+bool has_foreign_files(const fs::path& folder) {
+  const Mark mark = read_manifest(folder);
   if (mark.folder) return false;
   std::error_code unreadable;
   const fs::directory_iterator entries(folder, unreadable);
-  return unreadable || std::any_of(begin(entries), end(entries),
-                                   [&](const auto& entry) { return is_others(mark, entry); });
+  return unreadable || std::any_of(begin(entries), end(entries), [&](const auto& entry) {
+           return is_foreign_entry(mark, entry);
+         });
 }
 
 /// Entries of a folder that are not abbe's.
@@ -132,12 +290,12 @@ struct Others {
   std::string first;  ///< by name
 };
 
-Others others_in(const fs::path& folder) {
+Others foreign_files(const fs::path& folder) {
   Others others;
   std::error_code none;
-  const Mark mark = read_mark(folder);
+  const Mark mark = read_manifest(folder);
   for (const auto& entry : fs::directory_iterator(folder, none)) {
-    if (!is_others(mark, entry)) continue;
+    if (!is_foreign_entry(mark, entry)) continue;
     const std::string name = entry.path().filename().string();
     if (++others.count == 1 || name < others.first) others.first = name;
   }
@@ -171,7 +329,7 @@ void flush(const fs::path& file) {
 }
 
 /// Makes the folder and proves that a file can be written in it.
-void prove(const fs::path& folder) {
+void check_folder_writable(const fs::path& folder) {
   try {
     fs::create_directories(folder);
     remove_abandoned_files(folder);
@@ -187,8 +345,8 @@ void prove(const fs::path& folder) {
 struct ResultFile::Place {
   fs::path folder;  ///< never empty
   Writer writer;
-  bool whole = false;      ///< the folder as a whole becomes a result
-  bool announced = false;  ///< the command stands in the mark
+  bool whole = false;               ///< the folder as a whole becomes a result
+  bool folder_declaration = false;  ///< the command stands in the mark
 };
 
 fs::path ResultFile::path() const {
@@ -200,29 +358,30 @@ void check_folder(const fs::path& folder, const Writer& writer) {
   std::error_code none;
   if (!fs::is_directory(folder, none)) refuse(folder, "expected a folder for results, seen a file");
   if (writer.permissions.force) return;
-  if (const auto input = writer.beside_inputs ? std::nullopt : input_below(folder, writer))
+  if (const auto input = writer.beside_inputs ? std::nullopt : input_inside(folder, writer))
     refuse(folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
                                "choose another, such as {}",
-                               input->string(), another(folder)));
-  if (read_mark(folder).folder) return;
+                               input->string(), alternative_folder_text(folder)));
+  if (read_manifest(folder).folder) return;
   // files of another run that appeared since have its mark before them
-  if (const Others others = others_in(folder); others.count > 0 && !read_mark(folder).folder)
+  if (const Others others = foreign_files(folder);
+      others.count > 0 && !read_manifest(folder).folder)
     refuse(folder,
            fmt::format("expected a new or empty folder, or one of results ({}), seen one "
                        "that abbe did not make, with {}{}; choose another, such as {}, or "
                        "say --force",
-                       mark_name, others.first,
+                       manifest_name, others.first,
                        others.count > 1 ? fmt::format(" and {} more", others.count - 1) : "",
-                       another(folder)));
+                       alternative_folder_text(folder)));
 }
 
 ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path named = folder.empty() ? fs::path(".") : folder;
   check_folder(named, writer);
   // a folder taken by force stays the user's as a whole
-  const bool whole = read_mark(named).folder || others_in(named).count == 0 ||
-                     read_mark(named).folder;  // that of another run may have come between
-  prove(named);
+  const bool whole = read_manifest(named).folder || foreign_files(named).count == 0 ||
+                     read_manifest(named).folder;  // that of another run may have come between
+  check_folder_writable(named);
   place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
 }
 
@@ -238,7 +397,7 @@ ResultFolder ResultFolder::inside(const std::string& name) const {
 
 const fs::path& ResultFolder::path() const { return place_->folder; }
 
-ResultFile ResultFile::unproved(const fs::path& file, const Writer& writer) {
+ResultFile ResultFile::unchecked_file(const fs::path& file, const Writer& writer) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   std::error_code none;
   if (fs::is_directory(file, none)) refuse(file, "expected a file to write to, seen a folder");
@@ -251,12 +410,14 @@ ResultFile ResultFile::unproved(const fs::path& file, const Writer& writer) {
 }
 
 ResultFile result_file(const fs::path& file, const Writer& writer) {
-  ResultFile result = ResultFile::unproved(file, writer);
-  prove(result.place_->folder);
+  ResultFile result = ResultFile::unchecked_file(file, writer);
+  check_folder_writable(result.place_->folder);
   return result;
 }
 
-void check_file(const fs::path& file, const Writer& writer) { ResultFile::unproved(file, writer); }
+void check_file(const fs::path& file, const Writer& writer) {
+  ResultFile::unchecked_file(file, writer);
+}
 
 void check_file(const ResultFile& file) {
   const ResultFile::Place& place = *file.place_;
@@ -265,8 +426,8 @@ void check_file(const ResultFile& file) {
   if (is_input(path, place.writer))
     refuse(path, "this run reads it, and what is read is never written over; choose another --out");
   if (place.writer.permissions.force || is_journal(path)) return;
-  const Mark mark = read_mark(place.folder);  // as other processes may have left it by now
-  if (writer_in(mark, path)) return;
+  const Mark mark = read_manifest(place.folder);  // as other processes may have left it by now
+  if (writing_command(mark, path)) return;
   refuse(path,
          fmt::format("a file that {} stands there; move it, choose another --out, or say "
                      "--force",
@@ -274,21 +435,22 @@ void check_file(const ResultFile& file) {
                                                               : "abbe did not make"));
 }
 
-void ResultFile::note(const std::optional<Print>& print) const {
+void ResultFile::note(const std::optional<FileChecksum>& print) const {
   static std::mutex noting;  // files of a folder are written by several threads
   const std::lock_guard lock(noting);
   const std::string& command_line = place_->writer.permissions.command;
-  const Written written{name_, command_of(command_line), print};
-  const bool known = says(read_mark(place_->folder), written);
-  if (known && place_->announced) return;
-  append_to_mark(
-      place_->folder,
-      place_->announced ? std::nullopt : std::optional(Announced{place_->whole, command_line}),
-      known ? std::nullopt : std::optional(written));
-  place_->announced = true;
+  const Written written{name_, subcommand_name(command_line), print};
+  const bool known = says(read_manifest(place_->folder), written);
+  if (known && place_->folder_declaration) return;
+  append_to_manifest(place_->folder,
+                     place_->folder_declaration
+                         ? std::nullopt
+                         : std::optional(FolderDeclaration{place_->whole, command_line}),
+                     known ? std::nullopt : std::optional(written));
+  place_->folder_declaration = true;
 }
 
-void claim(const ResultFile& file) {
+void reserve_file(const ResultFile& file) {
   check_file(file);
   file.note(std::nullopt);
 }
@@ -301,7 +463,7 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
     write(unfinished.path());
     flush(unfinished.path());
     check_file(file);  // that took a while
-    file.note(print_of(unfinished.path()));
+    file.note(file_checksum(unfinished.path()));
     unfinished.rename(path);
   } catch (const OutputFailure&) {
     throw;
@@ -330,8 +492,8 @@ void remove_file(const ResultFile& file) {
   const fs::path path = file.path();
   const Writer& writer = file.place_->writer;
   if (!is_there(path) || is_input(path, writer)) return;
-  const auto wrote = writer_in(read_mark(file.place_->folder), path);
-  if (!wrote || author(*wrote) != author(command_of(writer.permissions.command))) return;
+  const auto wrote = writing_command(read_manifest(file.place_->folder), path);
+  if (!wrote || author(*wrote) != author(subcommand_name(writer.permissions.command))) return;
   std::error_code error;
   fs::remove(path, error);
   if (error)

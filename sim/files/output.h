@@ -1,7 +1,10 @@
 #pragma once
 
+#include <compare>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -12,15 +15,74 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "sim/files/output_failure.h"
-#include "sim/files/permissions.h"
-#include "sim/files/result_mark.h"
+#include "sim/files/atomic_output.h"
 
-/// The one door by which results reach the disk. Outputs never touch a file that abbe did not make,
-/// nor, whatever the user permits, a file that the run reads. What abbe made stands in the mark of
-/// its folder (sim/files/result_mark.h), with a check sum: a file that was changed since is the
-/// user's.
 namespace abbe::sim {
+
+/// What the user says of a run beside the scene.
+struct Permissions {
+  std::string command = {};  ///< as it was typed, for the marks of results
+  bool force = false;        ///< --force: write into folders and over files that abbe did not make
+  bool trust = false;        ///< --trust: run the programs that scenes and studies name
+};
+
+// The mark of a folder of results: JSON lines, to which abbe only ever appends. {"folder": true,
+// "command": ..., "version": ...} where the whole folder is a result; {"file": NAME, "by": ...,
+// "size": ..., "sum": ...} for every text that was written under a name. A file is abbe's as long
+// as it is one of these texts, byte for byte: one that was changed, or put in its place, is the
+// user's. A line is added before its file takes the name, so that a process killed in between
+// leaves a line for a file that is not there, never a file of abbe's without a line.
+
+/// What a file holds, in brief.
+struct FileChecksum {
+  std::uintmax_t size = 0;
+  std::uint64_t sum = 0;
+  friend bool operator==(const FileChecksum&, const FileChecksum&) = default;
+};
+/// @return none unless it is a plain file that can be read; a link is none
+std::optional<FileChecksum> file_checksum(const std::filesystem::path& file);
+
+struct Mark {
+  struct Line {
+    std::optional<FileChecksum> print;  ///< none for the journal of a study, which grows
+    std::string by;                     ///< the command that wrote it
+  };
+  bool folder = false;                             ///< the folder as a whole is a result
+  std::map<std::string, std::vector<Line>> files;  ///< by escaped name, in the order of writing
+};
+/// @return an empty one where there is none, or a link, which could lead to a list of anybody's
+Mark read_manifest(const std::filesystem::path& folder);
+
+/// The command that wrote `file` as it is now; none if abbe did not. A file without a print is its
+/// own while it is empty or a database, whose reader looks further.
+std::optional<std::string> writing_command(const Mark& mark, const std::filesystem::path& file);
+
+/// The command of a whole command line: "run" of "abbe run scene.toml".
+std::string subcommand_name(const std::string& command_line);
+
+/// What a line of a mark says of one file.
+struct Written {
+  std::string name, by;
+  std::optional<FileChecksum> print;
+};
+/// Whether the mark says so already, and says it last.
+bool says(const Mark& mark, const Written& written);
+
+/// What it says of the folder, and who writes.
+struct FolderDeclaration {
+  bool whole = false;
+  std::string command_line;
+};
+/// Adds one line, in turn with other processes that write there.
+/// @throws OutputFailure
+void append_to_manifest(const std::filesystem::path& folder,
+                        const std::optional<FolderDeclaration>& folder_declaration,
+                        const std::optional<Written>& written);
+
+// The one door by which results reach the disk. Outputs never touch a file that abbe did not make,
+// nor, whatever the user permits, a file that the run reads. What abbe made stands in the mark of
+// its folder (sim/files/output.h), with a check sum: a file that was changed since is the
+// user's.
 
 /// Who writes, and what it may not touch.
 struct Writer {
@@ -39,13 +101,13 @@ class ResultFile {
   friend class ResultFolder;
   friend ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
   friend void check_file(const std::filesystem::path& file, const Writer& writer);
-  friend void claim(const ResultFile& file);
+  friend void reserve_file(const ResultFile& file);
   friend void check_file(const ResultFile& file);
   friend void write_file(const ResultFile& file,
                          const std::function<void(const std::filesystem::path&)>& write);
   friend void remove_file(const ResultFile& file);
-  static ResultFile unproved(const std::filesystem::path& file, const Writer& writer);
-  void note(const std::optional<Print>& print) const;
+  static ResultFile unchecked_file(const std::filesystem::path& file, const Writer& writer);
+  void note(const std::optional<FileChecksum>& print) const;
   ResultFile(std::shared_ptr<Place> place, std::string name)
       : place_(std::move(place)), name_(std::move(name)) {}
 
@@ -87,9 +149,9 @@ void check_file(const std::filesystem::path& file, const Writer& writer);
 
 /// Notes in the mark that the file is abbe's, before SQLite makes a journal of it.
 /// @throws OutputFailure if a file stands there that abbe did not make, unless forced; or an input
-void claim(const ResultFile& file);
+void reserve_file(const ResultFile& file);
 
-/// Refuses what `claim` would refuse, and notes nothing: before an hour's work.
+/// Refuses what `reserve_file` would refuse, and notes nothing: before an hour's work.
 /// @throws OutputFailure
 void check_file(const ResultFile& file);
 

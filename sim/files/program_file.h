@@ -1,6 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
 
 namespace abbe::sim {
 
@@ -14,5 +17,11 @@ std::filesystem::path program_folder();
 /// Names it where these libraries run inside another's process, as a Python module does; before
 /// anything else of abbe is called.
 void name_program_file(const std::filesystem::path& file);
+
+/// Of abbe itself, "0.2.0".
+std::string version();
+
+/// Versions of everything that shapes the bits of a result.
+nlohmann::ordered_json versions();
 
 }  // namespace abbe::sim

@@ -1,29 +1,133 @@
 #include "sim/files/progress.h"
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <iterator>
+#include <utility>
 
+#include <fmt/format.h>
 #include <semaphore.h>
 #include <unistd.h>
 
-#include <fmt/format.h>
-
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
+#include "sim/files/atomic_output.h"
 #include "sim/files/terminal.h"
-#include "sim/files/unfinished_file.h"
 
 namespace abbe::sim {
+
+namespace {
+
+constexpr double plan_weight_s = 0.5;    // of the computer's speed, before anything is measured
+constexpr double own_kind = 0.1;         // of a stage: what other kinds say of its own
+constexpr double known_by_itself = 0.3;  // of a stage that is over, from where it says its own time
+constexpr double min_learning_s = 0.02;  // of a stage, before which it says nothing of its kind
+
+}  // namespace
+
+RemainingTime::RemainingTime(std::vector<Stage> plan, double now_s)
+    : plan_(std::move(plan)), start_s_(now_s), begun_s_(now_s) {
+  if (plan_.empty()) plan_.push_back({});
+}
+
+void RemainingTime::replan(std::vector<Stage> rest) {
+  plan_.erase(plan_.begin() + std::ptrdiff_t(running_) + 1, plan_.end());
+  std::move(rest.begin(), rest.end(), std::back_inserter(plan_));
+}
+
+int RemainingTime::parts_before(std::size_t stages) const {
+  int parts = 0;
+  for (std::size_t i = 0; i < stages; ++i) parts += i == 0 || plan_[i].part != plan_[i - 1].part;
+  return parts;
+}
+
+void RemainingTime::move_to(std::size_t stage, double now_s) {
+  Measured& kind = measured_[plan_[running_].kind];
+  kind.took += now_s - begun_s_;
+  kind.predicted += plan_[running_].seconds;
+  running_ = stage;
+  begun_s_ = now_s;
+  fraction_ = 0.0;
+}
+
+void RemainingTime::begin(const std::string& part, double now_s) {
+  for (std::size_t i = running_ + 1; i < plan_.size(); ++i)
+    if (plan_[i].part == part && plan_[i - 1].part != part) return move_to(i, now_s);
+}
+
+void RemainingTime::report(const std::string& kind, double fraction, double now_s) {
+  const std::string& part = plan_[running_].part;
+  if (plan_[running_].kind != kind)
+    for (std::size_t i = running_ + 1; i < plan_.size() && plan_[i].part == part; ++i)
+      if (plan_[i].kind == kind) {
+        move_to(i, now_s);
+        break;
+      }
+  if (plan_[running_].kind == kind) fraction_ = std::clamp(fraction, fraction_, 1.0);
+}
+
+RemainingTime::Measured RemainingTime::measured_rate_of_running(double now_s) const {
+  if (fraction_ < min_learning_s) return {};
+  return {now_s - begun_s_, fraction_ * plan_[running_].seconds};
+}
+
+/// By its own kind as far as that was seen, by the speed of everything else for the rest.
+double RemainingTime::predicted(const Stage& stage, double now_s) const {
+  Measured all{plan_weight_s, plan_weight_s}, own;
+  const auto add = [&](const std::string& kind, const Measured& one) {
+    all.took += one.took;
+    all.predicted += one.predicted;
+    if (kind != stage.kind) return;
+    own.took += one.took;
+    own.predicted += one.predicted;
+  };
+  for (const auto& [kind, one] : measured_) add(kind, one);
+  add(plan_[running_].kind, measured_rate_of_running(now_s));
+  const double weight = own_kind * stage.seconds, speed = all.took / all.predicted;
+  const double total = own.predicted + weight;
+  return total > 0.0 ? stage.seconds * (own.took + weight * speed) / total : 0.0;
+}
+
+double RemainingTime::remaining_of_running(double now_s) const {
+  const double elapsed = now_s - begun_s_;
+  const double planned = predicted(plan_[running_], now_s);
+  // a stage that says nothing and is overdue takes a little longer than it has
+  if (fraction_ <= 0.0) return std::max(planned - elapsed, 0.1 * std::min(planned, elapsed));
+  const double by_itself = elapsed * (1.0 - fraction_) / fraction_;
+  const double weight = std::min(1.0, fraction_ / known_by_itself);
+  return weight * by_itself + (1.0 - weight) * (1.0 - fraction_) * planned;
+}
+
+double RemainingTime::remaining_s(double now_s) const {
+  double left = remaining_of_running(now_s);
+  for (std::size_t i = running_ + 1; i < plan_.size(); ++i) left += predicted(plan_[i], now_s);
+  return left;
+}
+
+double RemainingTime::done(double now_s) const {
+  const double spent = now_s - start_s_, left = remaining_s(now_s);
+  return spent + left > 0.0 ? spent / (spent + left) : 0.0;
+}
+
+std::string duration_text(double seconds) {
+  const auto whole = [](double value) { return std::lround(std::max(0.0, value)); };
+  if (whole(seconds) < 90) return fmt::format("{} s", whole(seconds));
+  const long minutes = whole(seconds / 60.0);
+  if (minutes < 90) return fmt::format("{} min", minutes);
+  return fmt::format("{} h {} min", minutes / 60, minutes % 60);
+}
+
 namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
 
 constexpr double settled_s = 1.0;  // before that the time left is not worth a word
-constexpr std::chrono::milliseconds tick(500), least_between(100);
+constexpr std::chrono::milliseconds tick(500), min_between(100);
 
 /// Work that asks is over by then, files and all; no other one keeps a person waiting for more than
 /// a second.
-constexpr std::chrono::milliseconds time_to_stop(700);
+constexpr std::chrono::milliseconds is_stop_requested(700);
 
 ::sem_t interruption;
 
@@ -37,7 +141,7 @@ extern "C" void on_interrupt(int) {
 /// nobody. No result suffers: a file has its name only once it is whole.
 void end_after_interruption() {
   while (::sem_wait(&interruption) != 0) continue;
-  std::this_thread::sleep_for(time_to_stop);
+  std::this_thread::sleep_for(is_stop_requested);
   remove_own_unfinished_files();
   print(stderr, "{}abbe: interrupted\n", Lines(::isatty(STDERR_FILENO) != 0 ? "\n" : ""));
   ::_exit(130);
@@ -57,7 +161,7 @@ void stop_if_interrupted() {
 }
 
 ProgressLine::ProgressLine(std::vector<Stage> plan, Progress instead)
-    : time_left_(std::move(plan)),
+    : remaining_time_(std::move(plan)),
       instead_(std::move(instead)),
       terminal_(!instead_ && ::isatty(STDERR_FILENO) != 0) {
   if (!terminal_) return;
@@ -79,7 +183,7 @@ double ProgressLine::now_s() const {
 
 /// Of the whole, by the time that is spent and left.
 double ProgressLine::share() const {
-  const double spent = now_s(), left = time_left_.left_s(spent);
+  const double spent = now_s(), left = remaining_time_.remaining_s(spent);
   return spent + left > 0.0 ? std::clamp(spent / (spent + left), 0.0, 1.0) : 0.0;
 }
 
@@ -90,20 +194,20 @@ void ProgressLine::draw(const std::string& text) {
 
 void ProgressLine::replan(std::vector<Stage> rest) {
   const std::lock_guard lock(mutex_);
-  time_left_.replan(std::move(rest));
+  remaining_time_.replan(std::move(rest));
 }
 
 void ProgressLine::begin(const std::string& part) {
   if (interrupted != 0) throw Interrupted();
   const std::lock_guard lock(mutex_);
-  if (begun_) time_left_.begin(part, now_s());
+  if (begun_) remaining_time_.begin(part, now_s());
   begun_ = true;
   part_ = part;
   stage_.clear();
   if (instead_)
     instead_(part_, share());
   else if (!terminal_)
-    print(stderr, "[{}/{}] {}\n", time_left_.part(), time_left_.parts(), part_);
+    print(stderr, "[{}/{}] {}\n", remaining_time_.part(), remaining_time_.parts(), part_);
 }
 
 void ProgressLine::report(const std::string& stage, double fraction) {
@@ -115,13 +219,12 @@ void ProgressLine::report(const std::string& stage, double fraction) {
     print(stderr, "{}\n", stage);
     return;
   }
-  time_left_.report(stage, fraction, now_s());
+  remaining_time_.report(stage, fraction, now_s());
   const bool next = stage != stage_;
   stage_ = stage;
   fraction_ = fraction;
   if (instead_) return instead_(part_ + ": " + stage_, share());
-  if (terminal_ && (next || std::chrono::steady_clock::now() - drawn_ >= least_between))
-    draw_state();
+  if (terminal_ && (next || std::chrono::steady_clock::now() - drawn_ >= min_between)) draw_state();
 }
 
 void ProgressLine::draw_state() {
@@ -129,9 +232,10 @@ void ProgressLine::draw_state() {
   drawn_ = std::chrono::steady_clock::now();
   const double spent = now_s();
   std::string text =
-      fmt::format("[{}/{}] {}: {}", time_left_.part(), time_left_.parts(), part_, stage_);
+      fmt::format("[{}/{}] {}: {}", remaining_time_.part(), remaining_time_.parts(), part_, stage_);
   if (fraction_ > 0.0) text += fmt::format(" {:.0f} %", 100.0 * std::min(fraction_, 1.0));
-  if (spent >= settled_s) text += ", " + duration_text(time_left_.left_s(spent)) + " left";
+  if (spent >= settled_s)
+    text += ", " + duration_text(remaining_time_.remaining_s(spent)) + " left";
   draw(text);
 }
 

@@ -7,8 +7,9 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <nlohmann/json_fwd.hpp>
 
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
 
 /// The one door to the terminal: a text reaches it on one line, and what is no letter spelt out.
 namespace abbe::sim {
@@ -43,5 +44,17 @@ template <typename... Arguments>
 void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... arguments) {
   sim::print(stdout, format, arguments...);
 }
+
+/// Lets every write that cannot succeed fail with an error: a standard stream that the shell closed
+/// is held by /dev/null, so that no file opened later takes its number, and the limit on the size
+/// of files (`ulimit -f`) raises no signal.
+void enable_write_errors();
+
+/// Hands over what standard output still holds. @throws OutputFailure if any of it was lost
+void flush_output();
+
+/// The same with every text and key on one line, as `escaped` has it: what a report for a person is
+/// composed of, so that no foreign text begins a line of its own in it.
+nlohmann::ordered_json single_lined(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

@@ -4,16 +4,63 @@
 
 #include <fmt/format.h>
 
-#include "sim/cut/follow.h"
 #include "sim/cut/part.h"
-#include "sim/cut/stopwatch.h"
-#include "sim/loop/beliefs.h"
-#include "sim/loop/perfect.h"
+#include "sim/cut/process_simulation.h"
+#include "sim/cut/resources.h"
+#include "sim/cut/tool_motion.h"
+#include "sim/loop/correctors.h"
 #include "sim/measure/measure.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {
+
+namespace {
+
+using kinematics::AxisState;
+
+errors::Load predicted_load(const program::Samples& samples, const PredictedRun& run,
+                            double time_s) {
+  errors::Load load = load_at(run.process, time_s);
+  if (run.accelerations.empty()) return load;
+  load.acceleration = run.accelerations[sample_at(samples, time_s)];
+  return load;
+}
+
+/// The steps of a cut without its stock.
+Process steps_of(const Process& process) { return {process.steps, {}, {}, {}}; }
+
+}  // namespace
+
+compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
+  return [known = without_random(job.truth), &job, run = std::move(run)](const AxisState& state) {
+    return tool_in_workpiece(known, state, predicted_load(job.samples, run, state.time_s));
+  };
+}
+
+// A perfect belief knows what its own corrections do: the program says at first how the masses
+// press and the rigid machine how the cut does, then the corrected commands say it, each time by
+// some hundredths of before.
+Corrector perfect_corrector(const Job& job, const ControlView& view,
+                            const CaseDescription& compensator) {
+  constexpr int rounds = 3;
+  PredictedRun run{steps_of(job.nominal_process), job.accelerations};
+  Corrector corrector = belief_corrector(view, compensator, perfect_belief(job, run));
+  const bool bends = job.truth.compliance && !job.nominal_process.steps.empty();
+  const bool presses = !job.accelerations.empty();
+  if (!bends && !presses) return corrector;
+  Commands commands = uncompensated_commands(job);
+  const std::vector<AxisState> uncorrected = commands.samples.states;
+  for (int round = presses ? 0 : rounds - 1; round < rounds; ++round) {
+    commands.samples.states = corrector(uncorrected, job.T_wt_nominal).states;
+    if (presses) run.accelerations = accelerations(commands.samples);
+    // following the cut costs most, so it is done once, with the commands nearly as they will be
+    if (bends && round + 1 == rounds) run.process = steps_of(cut_process(job, commands));
+    corrector = belief_corrector(view, compensator, perfect_belief(job, run));
+  }
+  return corrector;
+}
+
 namespace {
 
 using Eigen::Index;
@@ -34,12 +81,12 @@ bool readable(const Scene& scene, const std::string& column) {
 }
 
 PartInstrumentDescription part_instrument(const Scene& scene, const std::string& name) {
-  if (auto instrument = part_instrument_of(scene, name)) return *std::move(instrument);
+  if (auto instrument = find_part_instrument(scene, name)) return *std::move(instrument);
   throw BadInput(scene.file.string(), 0, 0, "an [[instrument]] that measures the part",
                  "\"" + name + "\"");
 }
 
-MeasuredPart cut_and_measured(const Job& job, const Commands& commands, int pass) {
+MeasuredPart cut_and_measure(const Job& job, const Commands& commands, int pass) {
   PartInstrumentDescription instrument =
       part_instrument(job.scene, job.scene.belief.part->instrument);
   instrument.name += fmt::format(" {}", pass + 1);
@@ -58,18 +105,18 @@ TrainingRun training_run(const BeliefDescription::Force& force,
   compensation::CurrentTraining training{VectorXd(part.deviation.size()), part.deviation};
   for (Index i = 0; i < part.deviation.size(); ++i)
     training.time_s[i] = cut_time_s[nearest_vertex(job.design_w.vertices, part.points_w.row(i))];
-  return {control_log(job, as_programmed(job), made.process), std::move(training)};
+  return {control_log(job, uncompensated_commands(job), made.process), std::move(training)};
 }
 
-compensation::LoadCourse computed_load(const Job& job, const Commands& commands,
+compensation::LoadSeries computed_load(const Job& job, const Commands& commands,
                                        const BelievedPose& pose) {
   const Scene& scene = job.scene;
-  const auto& T_wt = wanted_poses(job, commands);
-  const Process process =
-      follow(scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
-             {commands.samples, path_of(job, commands), T_wt, pose, job.machine.control,
-              scene.tool.nominal});
-  compensation::LoadCourse course{VectorXd(Index(process.steps.size())), {}};
+  const auto& T_wt = target_poses(job, commands);
+  const Process process = simulate_process(
+      scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
+      {commands.samples, path_of(job, commands), T_wt, pose, job.machine.control,
+       scene.tool.nominal});
+  compensation::LoadSeries course{VectorXd(Index(process.steps.size())), {}};
   for (std::size_t i = 0; i < process.steps.size(); ++i) {
     course.time_s[Index(i)] = process.steps[i].time_s;
     course.loads.push_back(process.steps[i].load);
@@ -78,8 +125,8 @@ compensation::LoadCourse computed_load(const Job& job, const Commands& commands,
 }
 
 /// @param wants  whether the case wants what follows one tool only
-void refuse_several(const Job& job, const CaseDescription& compensator, bool wants,
-                    const char* what) {
+void check_single_tool(const Job& job, const CaseDescription& compensator, bool wants,
+                       const char* what) {
   if (!job.stretches.empty() && wants)
     throw BadInput(
         job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
@@ -93,20 +140,22 @@ void check_several(const Job& job, const CaseDescription& compensator) {
   const BeliefDescription& given = job.scene.belief;
   const bool own = !compensator.plug_in.empty();
   const Channel channel = own ? job.scene.compensation.plug_in.channel : compensator.channel;
-  const auto wants = [&](Belief kind) { return !own && believes(given, compensator.belief, kind); };
-  refuse_several(job, compensator, channel == Channel::Program,
-                 "the channel program, which writes the program of one");
-  refuse_several(job, compensator, channel == Channel::Table,
-                 "the channel table, whose tables hold for the tip of one");
-  refuse_several(job, compensator, wants(Belief::Part),
-                 "the belief part, which the tool that cut it is corrected by");
-  refuse_several(job, compensator, wants(Belief::Force),
-                 "the belief force, which follows the cut of one");
+  const auto wants = [&](Belief kind) {
+    return !own && is_belief_enabled(given, compensator.belief, kind);
+  };
+  check_single_tool(job, compensator, channel == Channel::Program,
+                    "the channel program, which writes the program of one");
+  check_single_tool(job, compensator, channel == Channel::Table,
+                    "the channel table, whose tables hold for the tip of one");
+  check_single_tool(job, compensator, wants(Belief::Part),
+                    "the belief part, which the tool that cut it is corrected by");
+  check_single_tool(job, compensator, wants(Belief::Force),
+                    "the belief force, which follows the cut of one");
 }
 
 }  // namespace
 
-Seen seen_of(const Job& job) {
+ControlView make_control_view(const Job& job) {
   const Scene& scene = job.scene;
   return {scene.file,
           job.machine,
@@ -125,27 +174,31 @@ Seen seen_of(const Job& job) {
           job.design_w};
 }
 
-Workshop workshop_of(const Job& job) {
-  Workshop workshop;
-  workshop.touch_off = [&job](const Corrector& corrector) { return found_datum(job, corrector); };
-  workshop.run = [&job](const Commands& commands, bool through_blank) {
+MachineAccess make_machine_access(const Job& job) {
+  MachineAccess machine_access;
+  machine_access.touch_off = [&job](const Corrector& corrector) {
+    return control_datum_offset(job, corrector);
+  };
+  machine_access.run = [&job](const Commands& commands, bool through_blank) {
     return control_log(job, commands, through_blank ? cut_process(job, commands) : Process{});
   };
-  workshop.measured_part = [&job](const Commands& commands, int pass) {
-    return cut_and_measured(job, commands, pass);
+  machine_access.measured_part = [&job](const Commands& commands, int pass) {
+    return cut_and_measure(job, commands, pass);
   };
-  workshop.training = [&job] { return training_run(*job.scene.belief.force, job.scene.trusted); };
-  workshop.error_free = [&job] { return cut_error_free(job).surface; };
-  workshop.computed_load = [&job](const Commands& commands, const BelievedPose& pose) {
+  machine_access.training = [&job] {
+    return training_run(*job.scene.belief.force, job.scene.trusted);
+  };
+  machine_access.error_free = [&job] { return cut_error_free(job).surface; };
+  machine_access.computed_load = [&job](const Commands& commands, const BelievedPose& pose) {
     return computed_load(job, commands, pose);
   };
-  workshop.perfect = [&job](const Seen& seen, const CaseDescription& compensator) {
-    return perfect_corrector(job, seen, compensator);
+  machine_access.perfect = [&job](const ControlView& view, const CaseDescription& compensator) {
+    return perfect_corrector(job, view, compensator);
   };
-  workshop.check_trusted = [&job](const std::filesystem::path& program) {
+  machine_access.check_trusted = [&job](const std::filesystem::path& program) {
     check_trusted(job.scene, program);
   };
-  return workshop;
+  return machine_access;
 }
 
 compensation::ControlLog control_log(const Job& job, const Commands& commands,
@@ -156,7 +209,7 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;
   std::vector<errors::Load> loads;
-  const auto& T_wt = wanted_poses(job, commands);
+  const auto& T_wt = target_poses(job, commands);
   const Signals all =
       signals(scene, job.machine, job.truth, {commands.samples, T_wt, process, loads});
   compensation::ControlLog log;
@@ -177,16 +230,19 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
   return log;
 }
 
-Learnt learnt(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  refuse_several(job, compensator, true, "what tables hold, for the tip of one tool");
-  return learnt(seen_of(job), workshop_of(job), compensator, progress);
+LearnedCorrection learned_correction(const Job& job, const CaseDescription& compensator,
+                                     const Progress& progress) {
+  check_single_tool(job, compensator, true, "what tables hold, for the tip of one tool");
+  return learned_correction(make_control_view(job), make_machine_access(job), compensator,
+                            progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   check_several(job, compensator);
   std::vector<Commands> parts;
   for (const Job& part : parts_of(job))
-    parts.push_back(compensated(seen_of(part), workshop_of(part), compensator, progress));
+    parts.push_back(
+        compensated(make_control_view(part), make_machine_access(part), compensator, progress));
   return joined(std::move(parts));
 }
 
@@ -194,12 +250,13 @@ namespace {
 
 /// What is learnt once corrects every window.
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  const Seen seen = seen_of(job);
-  const Learnt known = learnt(seen, workshop_of(job), compensator, progress);
+  const ControlView view = make_control_view(job);
+  const LearnedCorrection known =
+      learned_correction(view, make_machine_access(job), compensator, progress);
   Cut result = cut_in_windows(
       job,
       [&](const Job& part) {
-        return compensated(seen_of(part), workshop_of(part), compensator, known);
+        return compensated(make_control_view(part), make_machine_access(part), compensator, known);
       },
       progress);
   result.name = result.case_name = compensator.name;
@@ -208,8 +265,8 @@ Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Pro
 
 }  // namespace
 
-std::string what_needs_whole(const Scene& scene,
-                             const std::optional<CaseDescription>& compensator) {
+std::string find_windows_obstacle(const Scene& scene,
+                                  const std::optional<CaseDescription>& compensator) {
   using Belief = CaseDescription::Belief;
   if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
   if (!scene.more_tools.empty()) return "several tools";
@@ -228,7 +285,7 @@ std::string what_needs_whole(const Scene& scene,
 }
 
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const Progress& progress,
-        Keep keep) {
+        Retention keep) {
   if (!compensator) return cut(job, progress, keep);
   if (job.windows) return cut_in_windows(job, *compensator, progress);
   Stopwatch watch;

@@ -1,17 +1,162 @@
 #include "sim/loop/correctors.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <stdexcept>
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include "kinematics/units.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/cut/tool_motion.h"
 #include "sim/files/program_file.h"
 #include "sim/files/progress.h"
 
 namespace abbe::sim {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+using Kind = CaseDescription::Belief;
+
+[[noreturn]] void refuse(const ControlView& view, const std::string& expected,
+                         const std::string& found) {
+  throw BadInput(view.file.string(), 0, 0, expected, found);
+}
+
+bool gives(const BeliefDescription& belief, Kind kind) {
+  switch (kind) {
+    case Kind::Identified:
+      return belief.identified.has_value();
+    case Kind::Thermal:
+      return belief.thermal.has_value();
+    case Kind::Force:
+      return belief.force.has_value();
+    case Kind::Part:
+      return belief.part.has_value();
+    default:
+      return false;
+  }
+}
+
+void add_force(compensation::MachineBelief& belief, const ControlView& view,
+               const Evidence& evidence) {
+  using From = BeliefDescription::Force::From;
+  const BeliefDescription::Force& force = *view.belief.force;
+  if (force.from == From::Current) {
+    if (evidence.law) belief.bending = compensation::bending(*evidence.law, evidence.log);
+    return;
+  }
+  compensation::LoadSeries load;
+  if (force.from == From::Model)
+    load = evidence.model_load.value_or(compensation::LoadSeries{});
+  else
+    load = compensation::load_of_dynamometer(evidence.log, force.smoothing_s);
+  belief.force = {errors::bind(force.compliance, view.machine.control), std::move(load)};
+}
+
+/// Number of rapids before each instant: what was cut between two of them is one pass.
+Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
+  std::vector<double> rapids_s;
+  for (const program::Block& block : path.blocks)
+    if (block.interpolation == program::Interpolation::Rapid) rapids_s.push_back(block.end_s);
+  return time_s.unaryExpr([&](double t) {
+    return int(std::upper_bound(rapids_s.begin(), rapids_s.end(), t) - rapids_s.begin());
+  });
+}
+
+/// Rotation of the workpiece's carriage against its place with the spindle at zero.
+Eigen::Matrix3d turned_by_spindle(const ControlView& view, double time_s) {
+  const int spindle = *view.machine.workpiece_spindle;
+  const auto& states = view.samples.states;
+  const std::size_t i = sample_at(view.samples, time_s);
+  kinematics::AxisVector q = states[i].q;
+  if (i > 0 && states[i].time_s > states[i - 1].time_s) {
+    const double u = (time_s - states[i - 1].time_s) / (states[i].time_s - states[i - 1].time_s);
+    q = states[i - 1].q + u * (states[i].q - states[i - 1].q);
+  }
+  const Eigen::Matrix3d R_now = view.machine.nominal.workpiece_in_bed(q).linear();
+  q[spindle] = 0.0;
+  return view.machine.nominal.workpiece_in_bed(q).linear().transpose() * R_now;
+}
+
+}  // namespace
+
+bool is_belief_enabled(const BeliefDescription& given, Kind belief, Kind kind) {
+  if (belief == Kind::Fused) return gives(given, kind);
+  if (belief == Kind::Composite) return kind == Kind::Identified || kind == Kind::Thermal;
+  return belief == kind;
+}
+
+compensation::MachineBelief machine_belief(const ControlView& view,
+                                           const CaseDescription& compensator,
+                                           const Evidence& evidence) {
+  const BeliefDescription& given = view.belief;
+  const auto wants = [&](Kind kind, const char* section) {
+    if (!is_belief_enabled(given, compensator.belief, kind)) return false;
+    if (!gives(given, kind))
+      refuse(view, fmt::format("{} in [belief] for the case {}", section, compensator.name),
+             "none");
+    return true;
+  };
+  compensation::MachineBelief belief{
+      view.machine.control, view.machine.workpiece_spindle, {}, {}, {}, {}, {}};
+  try {
+    if (wants(Kind::Identified, "identified"))
+      belief.geometric =
+          errors::scaled(errors::bind(*given.identified, view.machine.control), given.scale);
+    if (wants(Kind::Thermal, "thermal")) {
+      belief.thermal =
+          compensation::thermal_series(*given.thermal, evidence.log, view.machine.control);
+      belief.thermal->value *= given.scale;
+    }
+    if (wants(Kind::Force, "force")) add_force(belief, view, evidence);
+    if (wants(Kind::Part, "part")) belief.part = evidence.part;
+  } catch (const std::invalid_argument& fault) {
+    refuse(view, "a belief that fits the machine and what it reads", fault.what());
+  }
+  if (!belief.geometric && !belief.thermal && !belief.force && !belief.bending && !belief.part &&
+      compensator.belief == Kind::Fused && !given.part)
+    refuse(view, "something to believe in [belief] for the case " + compensator.name, "nothing");
+  return belief;
+}
+
+Index nearest_vertex(const cutting::Points& vertices, const Eigen::RowVector3d& point) {
+  Index row = 0;
+  (vertices.rowwise() - point).rowwise().squaredNorm().minCoeff(&row);
+  return row;
+}
+
+Eigen::VectorXd program_residuals(const ControlView& view, const cutting::Surface& error_free,
+                                  const Eigen::MatrixX3d& points_w) {
+  VectorXd left(points_w.rows());
+  for (Index i = 0; i < left.size(); ++i) {
+    const Index vertex = nearest_vertex(view.design_w.vertices, points_w.row(i));
+    const bool is_cut = error_free.status[std::size_t(vertex)] == cutting::VertexStatus::Cut;
+    left[i] = is_cut ? error_free.residual[vertex] : 0.0;
+  }
+  return left;
+}
+
+compensation::DisplacementSeries part_series(const ControlView& view,
+                                             const cutting::Surface& error_free,
+                                             const VectorXd& total) {
+  std::vector<Index> rows;
+  for (std::size_t i = 0; i < error_free.status.size(); ++i)
+    if (error_free.status[i] == cutting::VertexStatus::Cut) rows.push_back(Index(i));
+  compensation::PartDeviations part{view.design_w.normals(rows, Eigen::all), total(rows),
+                                    error_free.cut_time_s(rows),
+                                    passes_at(view.path, error_free.cut_time_s(rows))};
+  if (view.machine.workpiece_spindle)
+    for (Index i = 0; i < part.time_s.size(); ++i)
+      part.normals.row(i) =
+          part.normals.row(i) * turned_by_spindle(view, part.time_s[i]).transpose();
+  return compensation::explain_deviation(part);
+}
+
 namespace {
 
 using kinematics::AxisState;
@@ -25,18 +170,19 @@ double functional_height(const NominalTool& tool) {
   return cutter != nullptr ? cutting::corner_height(*cutter) : 0.0;
 }
 
-compensation::CorrectOptions correct_options(const Seen& seen, const CaseDescription& compensator) {
+compensation::CorrectOptions correct_options(const ControlView& view,
+                                             const CaseDescription& compensator) {
   compensation::CorrectOptions options;
   options.strategy = compensator.strategy;
-  options.rotary_bound = seen.compensation.rotary_bound;
-  options.functional_height = functional_height(seen.tool);
+  options.rotary_bound = view.compensation.rotary_bound;
+  options.functional_height = functional_height(view.tool);
   using Channel = CaseDescription::Channel;
   const bool slides_only =
       compensator.channel == Channel::Origin || compensator.channel == Channel::Piezo;
-  for (int i = 0; i < seen.machine.control.size(); ++i) {
+  for (int i = 0; i < view.machine.control.size(); ++i) {
     const bool turns =
-        seen.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
-    if (is_spindle(seen.machine, i) || (slides_only && turns)) options.still.set(std::size_t(i));
+        view.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
+    if (is_spindle(view.machine, i) || (slides_only && turns)) options.still.set(std::size_t(i));
   }
   return options;
 }
@@ -44,15 +190,16 @@ compensation::CorrectOptions correct_options(const Seen& seen, const CaseDescrip
 /// Belief at one sample of many.
 using BeliefAt = std::function<compensation::Belief(std::size_t sample)>;
 
-Corrected corrected(const kinematics::Chain& control, const compensation::CorrectOptions& options,
-                    const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal,
-                    const BeliefAt& belief_at) {
+CorrectedCommands corrected(const kinematics::Chain& control,
+                            const compensation::CorrectOptions& options,
+                            const std::vector<AxisState>& commanded,
+                            const std::vector<Pose>& T_wt_nominal, const BeliefAt& belief_at) {
   std::vector<compensation::Correction> corrections(commanded.size());
   tbb::parallel_for(std::size_t(0), commanded.size(), [&](std::size_t i) {
     corrections[i] =
         compensation::correct(control, belief_at(i), T_wt_nominal[i], commanded[i], options);
   });
-  Corrected result{commanded, 0.0, 0.0, 0};
+  CorrectedCommands result{commanded, 0.0, 0.0, 0};
   for (std::size_t i = 0; i < commanded.size(); ++i) {
     result.states[i].q = corrections[i].q;
     result.point_left = std::max(result.point_left, corrections[i].point_left);
@@ -78,23 +225,23 @@ Extent extent_of(const program::Samples& samples) {
 
 /// Where the axes that a table does not look up stand: as stated, else in the middle of the
 /// program.
-AxisVector reference_of(const Seen& seen) {
-  if (seen.compensation.table.reference) return *seen.compensation.table.reference;
-  const Extent extent = extent_of(seen.samples);
+AxisVector reference_of(const ControlView& view) {
+  if (view.compensation.table.reference) return *view.compensation.table.reference;
+  const Extent extent = extent_of(view.samples);
   AxisVector middle = 0.5 * (extent.low + extent.high);
   for (int i = 0; i < middle.size(); ++i)
-    if (is_spindle(seen.machine, i)) middle[i] = 0.0;
+    if (is_spindle(view.machine, i)) middle[i] = 0.0;
   return middle;
 }
 
-[[noreturn]] void refuse_tables(const Seen& seen, const std::logic_error& fault) {
-  throw BadInput(seen.file.string(), 0, 0, "a correction that tables can hold", fault.what());
+[[noreturn]] void throw_tables_error(const ControlView& view, const std::logic_error& fault) {
+  throw BadInput(view.file.string(), 0, 0, "a correction that tables can hold", fault.what());
 }
 
 Corrector tables_act(compensation::ParameterTables tables) {
   return [tables = std::move(tables)](const std::vector<AxisState>& commanded,
                                       const std::vector<Pose>&) {
-    Corrected result{commanded, 0.0, 0.0, 0};
+    CorrectedCommands result{commanded, 0.0, 0.0, 0};
     for (AxisState& state : result.states) state.q += compensation::correction(tables, state);
     return result;
   };
@@ -102,9 +249,9 @@ Corrector tables_act(compensation::ParameterTables tables) {
 
 }  // namespace
 
-Corrector belief_corrector(const Seen& seen, const CaseDescription& compensator,
+Corrector belief_corrector(const ControlView& view, const CaseDescription& compensator,
                            compensation::Belief belief) {
-  return [&control = seen.machine.control, options = correct_options(seen, compensator),
+  return [&control = view.machine.control, options = correct_options(view, compensator),
           belief = std::move(belief)](const std::vector<AxisState>& commanded,
                                       const std::vector<Pose>& T_wt_nominal) {
     return corrected(control, options, commanded, T_wt_nominal,
@@ -112,25 +259,25 @@ Corrector belief_corrector(const Seen& seen, const CaseDescription& compensator,
   };
 }
 
-Corrector plug_in_corrector(const Seen& seen, const CaseDescription& compensator,
+Corrector plug_in_corrector(const ControlView& view, const CaseDescription& compensator,
                             compensation::ControlLog log) {
   compensation::PlugInTask task;
-  task.structure = kinematics::to_string(kinematics::topology_of(seen.machine.control.joints()));
-  task.joints = seen.machine.control.joints();
-  task.tool = seen.tool.name;
-  task.tool_length = seen.tool.length;
+  task.structure = kinematics::to_string(kinematics::chain_topology(view.machine.control.joints()));
+  task.joints = view.machine.control.joints();
+  task.tool = view.tool.name;
+  task.tool_length = view.tool.length;
   task.log = std::move(log);
-  return [&control = seen.machine.control, options = correct_options(seen, compensator),
+  return [&control = view.machine.control, options = correct_options(view, compensator),
           task = std::move(task), file = compensator.plug_in, function = compensator.function](
              const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
     compensation::PlugInOptions asking;
     asking.waiting = stop_if_interrupted;
     asking.host = program_file();
     const compensation::PlugInQuestion question{commanded, T_wt_nominal};
-    const compensation::PlugInAnswer answer =
+    const compensation::PlugInResponse answer =
         function ? compensation::ask(file.string(), *function, task, question, asking)
                  : compensation::ask(file, task, question, asking);
-    if (answer.answers == compensation::Answers::Deviation) {
+    if (answer.answers == compensation::PlugInOutput::Deviation) {
       return corrected(control, options, commanded, T_wt_nominal, [&](std::size_t i) {
         const kinematics::Deviation E = answer.rows.row(Eigen::Index(i)).transpose();
         return [&control, E](const AxisState& state) -> Pose {
@@ -139,75 +286,75 @@ Corrector plug_in_corrector(const Seen& seen, const CaseDescription& compensator
         };
       });
     }
-    Corrected result{commanded, 0.0, 0.0, 0};
+    CorrectedCommands result{commanded, 0.0, 0.0, 0};
     for (std::size_t i = 0; i < commanded.size(); ++i)
       result.states[i].q += answer.rows.row(Eigen::Index(i)).transpose();
     return result;
   };
 }
 
-compensation::TableOptions table_options(const Seen& seen) {
+compensation::TableOptions table_options(const ControlView& view) {
   constexpr double endless = 1e8;  // mm
-  compensation::TableOptions options = seen.compensation.table.options;
-  const auto& joints = seen.machine.control.joints();
-  const Extent extent = extent_of(seen.samples);
+  compensation::TableOptions options = view.compensation.table.options;
+  const auto& joints = view.machine.control.joints();
+  const Extent extent = extent_of(view.samples);
   options.range.emplace();
-  for (int i = 0; i < seen.machine.control.size(); ++i) {
+  for (int i = 0; i < view.machine.control.size(); ++i) {
     const kinematics::Joint& joint = joints[std::size_t(i)];
     const double most = joint.motion == kinematics::Motion::Linear ? endless : 2 * pi;
     const bool whole = joint.max - joint.min <= most;
     options.range->col(i) << (whole ? joint.min : extent.low[i]),
         (whole ? joint.max : extent.high[i]);
-    if (is_spindle(seen.machine, i)) options.range->col(i).setZero();
+    if (is_spindle(view.machine, i)) options.range->col(i).setZero();
   }
   return options;
 }
 
-compensation::ParameterTables tables_of(const Seen& seen, const Corrector& corrector) {
+compensation::ParameterTables tables_of(const ControlView& view, const Corrector& corrector) {
   const auto correction = [&](const AxisState& state) -> AxisVector {
     AxisState at = state;
-    at.time_s = seen.samples.states.front().time_s;
-    return corrector({at}, {seen.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
+    at.time_s = view.samples.states.front().time_s;
+    return corrector({at}, {view.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
   };
   try {
-    return compensation::tabulated(correction, seen.machine.control, reference_of(seen),
-                                   table_options(seen));
+    return compensation::tabulate(correction, view.machine.control, reference_of(view),
+                                  table_options(view));
   } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    refuse_tables(seen, fault);
+    throw_tables_error(view, fault);
   }
 }
 
-TableCorrector table_corrector(const Seen& seen, const Corrector& corrector,
+TableCorrector table_corrector(const ControlView& view, const Corrector& corrector,
                                const std::optional<errors::GeometricModel>& believed) {
-  const CompensationDescription::Table& table = seen.compensation.table;
-  const kinematics::Chain& control = seen.machine.control;
+  const CompensationDescription::Table& table = view.compensation.table;
+  const kinematics::Chain& control = view.machine.control;
   try {
-    if (!table.format) return {tables_act(tables_of(seen, corrector)), {}};
+    if (!table.format) return {tables_act(tables_of(view, corrector)), {}};
     if (*table.format != compensation::ControlFormat::Isg) {
       compensation::Export out =
-          compensation::to_control(tables_of(seen, corrector), control, *table.format);
-      return {tables_act(compensation::tables_of_control(out.files, control, *table.format)),
+          compensation::to_control(tables_of(view, corrector), control, *table.format);
+      return {tables_act(compensation::read_control_tables(out.files, control, *table.format)),
               std::move(out.left_out)};
     }
     if (!believed)
       throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
-    compensation::Export out = compensation::to_volumetric(*believed, control, table_options(seen));
+    compensation::Export out = compensation::to_volumetric(*believed, control, table_options(view));
     CaseDescription position;
     position.strategy = compensation::Strategy::Position;
     const compensation::MachineBelief read{
         control,
-        seen.machine.workpiece_spindle,
-        errors::bind(compensation::deviations_of_volumetric(out.files, control), control),
+        view.machine.workpiece_spindle,
+        errors::bind(compensation::read_volumetric_deviations(out.files, control), control),
         {},
         {},
         {},
         {}};
     return {
-        belief_corrector(seen, position,
+        belief_corrector(view, position,
                          [read](const AxisState& state) { return tool_in_workpiece(read, state); }),
         std::move(out.left_out)};
   } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    refuse_tables(seen, fault);
+    throw_tables_error(view, fault);
   }
 }
 

@@ -8,11 +8,9 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "sim/cut/datum.h"
-#include "sim/loop/beliefs.h"
+#include "sim/cut/commands.h"
+#include "sim/loop/correction_channels.h"
 #include "sim/loop/correctors.h"
-#include "sim/loop/program_channel.h"
-#include "sim/loop/real_time.h"
 
 namespace abbe::sim {
 namespace {
@@ -22,8 +20,8 @@ using kinematics::Pose;
 using Channel = CaseDescription::Channel;
 using Kind = CaseDescription::Belief;
 
-std::vector<AxisState> uncorrected(const Seen& seen, const Eigen::Vector3d& offset_w) {
-  return commanded(seen.machine.control, seen.path, seen.samples, seen.machine.nominal, offset_w);
+std::vector<AxisState> uncorrected(const ControlView& view, const Eigen::Vector3d& offset_w) {
+  return commanded(view.machine.control, view.path, view.samples, view.machine.nominal, offset_w);
 }
 
 /// What a corrector is asked: commands, and where each should bring the tool.
@@ -34,13 +32,14 @@ struct Aim {
 
 /// The program with the datum found while the corrector acts. A perfect belief knows where the tool
 /// should be; any other only where it should be from the datum.
-Aim aim(const Seen& seen, const Workshop& workshop, const Corrector& at_datum, bool absolute) {
-  if (absolute) return {uncorrected(seen, workshop.touch_off({})), seen.T_wt_nominal};
-  Aim result{uncorrected(seen, Eigen::Vector3d::Zero()), seen.T_wt_nominal};
-  const Eigen::Vector3d offset_w = workshop.touch_off(at_datum);
+Aim aim(const ControlView& view, const MachineAccess& machine_access, const Corrector& at_datum,
+        bool absolute) {
+  if (absolute) return {uncorrected(view, machine_access.touch_off({})), view.T_wt_nominal};
+  Aim result{uncorrected(view, Eigen::Vector3d::Zero()), view.T_wt_nominal};
+  const Eigen::Vector3d offset_w = machine_access.touch_off(at_datum);
   if (offset_w.isZero(0.0)) return result;
-  std::vector<AxisState> shifted = uncorrected(seen, offset_w);
-  const kinematics::Chain& control = seen.machine.control;
+  std::vector<AxisState> shifted = uncorrected(view, offset_w);
+  const kinematics::Chain& control = view.machine.control;
   tbb::parallel_for(std::size_t(0), shifted.size(), [&](std::size_t i) {
     const Pose from = control.tool_in_workpiece(result.commanded[i].q);
     result.T_wt[i] = control.tool_in_workpiece(shifted[i].q) * from.inverse() * result.T_wt[i];
@@ -50,52 +49,55 @@ Aim aim(const Seen& seen, const Workshop& workshop, const Corrector& at_datum, b
 }
 
 /// Corrections brought to the machine.
-Commands delivered(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
-                   Learnt learnt) {
+Commands deliver_correction(const ControlView& view, const MachineAccess& machine_access,
+                            const CaseDescription& compensator,
+                            LearnedCorrection learned_correction) {
   if (compensator.channel == Channel::Table) {
-    TableCorrector tables = table_corrector(seen, learnt.corrector, learnt.geometric);
-    learnt.corrector = std::move(tables.corrector);
-    learnt.at_datum = {};  // tables act always
-    for (const std::string& one : tables.left_out) learnt.warnings.push_back("table: " + one);
+    TableCorrector tables =
+        table_corrector(view, learned_correction.corrector, learned_correction.geometric);
+    learned_correction.corrector = std::move(tables.corrector);
+    learned_correction.at_datum = {};  // tables act always
+    for (const std::string& one : tables.left_out)
+      learned_correction.warnings.push_back("table: " + one);
   }
-  const Corrector& corrector = learnt.corrector;
-  const Corrector& at_datum = learnt.at_datum ? learnt.at_datum : corrector;
+  const Corrector& corrector = learned_correction.corrector;
+  const Corrector& at_datum = learned_correction.at_datum ? learned_correction.at_datum : corrector;
   // tables act while the datum is found, whoever filled them
   const bool absolute = compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
                         compensator.channel != Channel::Table;
   Commands result;
   if (compensator.channel == Channel::Program) {
-    const Eigen::Vector3d found_w = workshop.touch_off({});
-    result = through_program(
-        seen, corrector, absolute ? found_w : expected_offset(seen.datum, seen.machine, at_datum),
+    const Eigen::Vector3d found_w = machine_access.touch_off({});
+    result = apply_program_channel(
+        view, corrector, absolute ? found_w : expected_offset(view.datum, view.machine, at_datum),
         found_w);
   } else {
-    const Aim asked = aim(seen, workshop, at_datum, absolute);
-    Corrected ideal = corrector(asked.commanded, asked.T_wt);
+    const Aim asked = aim(view, machine_access, at_datum, absolute);
+    CorrectedCommands ideal = corrector(asked.commanded, asked.T_wt);
     if (compensator.channel == Channel::Ideal || compensator.channel == Channel::Table) {
-      result.samples = seen.samples;
+      result.samples = view.samples;
       if (compensator.channel == Channel::Table)
         for (std::size_t i = 0; i < ideal.states.size(); ++i)
           result.correction.push_back(ideal.states[i].q - asked.commanded[i].q);
       result.samples.states = std::move(ideal.states);
     } else {
-      result = through_time(seen, compensator.channel, asked.commanded, ideal.states);
+      result = apply_real_time_channel(view, compensator.channel, asked.commanded, ideal.states);
     }
     result.point_left = ideal.point_left;
     result.direction_left = ideal.direction_left;
     result.not_converged = ideal.not_converged;
   }
-  result.warnings = std::move(learnt.warnings);
+  result.warnings = std::move(learned_correction.warnings);
   return result;
 }
 
 /// The load of the cut as the compensator computes it: on the machine that it believes in, with
 /// commands as they were corrected so far.
-compensation::LoadCourse computed_load(const Seen& seen, const Workshop& workshop,
+compensation::LoadSeries computed_load(const ControlView& view, const MachineAccess& machine_access,
                                        const Commands& commands,
                                        compensation::MachineBelief believed) {
-  believed.force = {errors::bind(seen.belief.force->compliance, seen.machine.control), {}};
-  return workshop.computed_load(commands, [&](std::size_t i, const errors::Load& load) {
+  believed.force = {errors::bind(view.belief.force->compliance, view.machine.control), {}};
+  return machine_access.computed_load(commands, [&](std::size_t i, const errors::Load& load) {
     Pose tool = tool_in_workpiece(believed, commands.samples.states[i], load);
     if (const auto& piezo = commands.piezo)
       tool.translation() +=
@@ -105,9 +107,10 @@ compensation::LoadCourse computed_load(const Seen& seen, const Workshop& worksho
 }
 
 /// What is learnt while a compensator runs its passes.
-class Learning {
+class CorrectionLearner {
  public:
-  Learning(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator);
+  CorrectionLearner(const ControlView& view, const MachineAccess& machine_access,
+                    const CaseDescription& compensator);
 
   int passes() const { return passes_; }
   const Evidence& evidence() const { return evidence_; }
@@ -117,13 +120,13 @@ class Learning {
   void measure_part(const Commands& commands, int pass);
   bool measures(int pass) const;
   /// Whether there is something else to believe than the part.
-  bool knows_more() const;
+  bool has_more_evidence() const;
 
  private:
-  bool wants(Kind kind) const { return believes(seen_.belief, compensator_.belief, kind); }
+  bool wants(Kind kind) const { return is_belief_enabled(view_.belief, compensator_.belief, kind); }
 
-  const Seen& seen_;
-  const Workshop& workshop_;
+  const ControlView& view_;
+  const MachineAccess& machine_access_;
   const CaseDescription& compensator_;
   int passes_ = 0;
   Evidence evidence_;
@@ -131,71 +134,72 @@ class Learning {
   Eigen::VectorXd total_;  ///< (vertices) mm, deviation by all readings so far
 };
 
-Learning::Learning(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator)
-    : seen_(seen), workshop_(workshop), compensator_(compensator) {
+CorrectionLearner::CorrectionLearner(const ControlView& view, const MachineAccess& machine_access,
+                                     const CaseDescription& compensator)
+    : view_(view), machine_access_(machine_access), compensator_(compensator) {
   if (!compensator.plug_in.empty()) {
     passes_ = 1;  // it is given what was read while the program ran uncorrected
     return;
   }
-  const BeliefDescription& given = seen.belief;
+  const BeliefDescription& given = view.belief;
   if (wants(Kind::Thermal)) passes_ = 1;
   if (wants(Kind::Force) && given.force) passes_ = std::max(passes_, given.force->passes);
   if (wants(Kind::Part) && given.part) passes_ = std::max(passes_, given.part->passes);
 }
 
-bool Learning::measures(int pass) const {
-  const BeliefDescription& given = seen_.belief;
+bool CorrectionLearner::measures(int pass) const {
+  const BeliefDescription& given = view_.belief;
   return compensator_.plug_in.empty() && wants(Kind::Part) && given.part &&
          pass < given.part->passes;
 }
 
-bool Learning::knows_more() const {
+bool CorrectionLearner::has_more_evidence() const {
   return wants(Kind::Identified) || wants(Kind::Thermal) || wants(Kind::Force);
 }
 
-compensation::CurrentLaw trained_law(const Workshop& workshop,
+compensation::CurrentLaw trained_law(const MachineAccess& machine_access,
                                      const BeliefDescription::Force& force) {
-  const TrainingRun run = workshop.training();
+  const TrainingRun run = machine_access.training();
   try {
-    return compensation::fitted_law(run.log, run.training, force.smoothing_s);
+    return compensation::fit_current_law(run.log, run.training, force.smoothing_s);
   } catch (const std::invalid_argument& fault) {
     throw BadInput(force.training.string(), 0, 0, "a part from which the current can be learnt",
                    fault.what());
   }
 }
 
-void Learning::read(const Commands& commands) {
+void CorrectionLearner::read(const Commands& commands) {
   using From = BeliefDescription::Force::From;
-  const BeliefDescription& given = seen_.belief;
+  const BeliefDescription& given = view_.belief;
   const bool plugged = !compensator_.plug_in.empty();
   const bool force = !plugged && wants(Kind::Force) && given.force;
-  const bool reads_force = (force && given.force->from != From::Model) || (plugged && seen_.is_cut);
+  const bool reads_force = (force && given.force->from != From::Model) || (plugged && view_.is_cut);
   if (reads_force || plugged || wants(Kind::Thermal))
-    evidence_.log = workshop_.run(commands, reads_force);
+    evidence_.log = machine_access_.run(commands, reads_force);
   if (!force) return;
   if (given.force->from == From::Current && !evidence_.law)
-    evidence_.law = trained_law(workshop_, *given.force);
+    evidence_.law = trained_law(machine_access_, *given.force);
   // by what is believed besides, so after the log
   if (given.force->from == From::Model)
-    evidence_.model_load =
-        computed_load(seen_, workshop_, commands, machine_belief(seen_, compensator_, evidence_));
+    evidence_.model_load = computed_load(view_, machine_access_, commands,
+                                         machine_belief(view_, compensator_, evidence_));
 }
 
-void Learning::measure_part(const Commands& commands, int pass) {
-  if (!error_free_) error_free_ = workshop_.error_free();
-  const auto [readings, spacing] = workshop_.measured_part(commands, pass);
+void CorrectionLearner::measure_part(const Commands& commands, int pass) {
+  if (!error_free_) error_free_ = machine_access_.error_free();
+  const auto [readings, spacing] = machine_access_.measured_part(commands, pass);
   // cusps are meant, and no correction of the tool takes them away
-  const Eigen::VectorXd unmeant =
-      readings.deviation - left_by_program(seen_, *error_free_, readings.points_w);
-  const Eigen::VectorXd here = compensation::between_readings(
-      readings.points_w, unmeant, seen_.design_w.vertices, 5.0 * spacing);
+  const Eigen::VectorXd excluded_area =
+      readings.deviation - program_residuals(view_, *error_free_, readings.points_w);
+  const Eigen::VectorXd here = compensation::interpolate_readings(
+      readings.points_w, excluded_area, view_.design_w.vertices, 5.0 * spacing);
   total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
-  evidence_.part = course_of_part(seen_, *error_free_, total_);
+  evidence_.part = part_series(view_, *error_free_, total_);
 }
 
 /// Warnings about terms of a thermal belief that move a machine farther than heat does.
 std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief,
-                                       const compensation::ThermalCourse& course) {
+                                       const compensation::ThermalSeries& course) {
   constexpr double large_mm = 1.0, large_rad = 0.01;  // a slope: over 1 m or 1 rad of travel
   std::vector<std::string> warnings;
   for (std::size_t k = 0; k < course.terms.size() && course.value.rows() > 0; ++k) {
@@ -215,63 +219,65 @@ std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief
 }
 
 /// What corrects, by what is known so far.
-Learnt corrector_of(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
-                    const Evidence& evidence) {
+LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& machine_access,
+                               const CaseDescription& compensator, const Evidence& evidence) {
   if (!compensator.plug_in.empty()) {
-    if (!compensator.function) workshop.check_trusted(compensator.plug_in);
-    return {plug_in_corrector(seen, compensator, evidence.log), {}, {}, {}};
+    if (!compensator.function) machine_access.check_trusted(compensator.plug_in);
+    return {plug_in_corrector(view, compensator, evidence.log), {}, {}, {}};
   }
-  if (compensator.belief == Kind::Perfect) return {workshop.perfect(seen, compensator), {}, {}, {}};
-  compensation::MachineBelief belief = machine_belief(seen, compensator, evidence);
-  Learnt learnt{{}, {}, belief.geometric, {}};
+  if (compensator.belief == Kind::Perfect)
+    return {machine_access.perfect(view, compensator), {}, {}, {}};
+  compensation::MachineBelief belief = machine_belief(view, compensator, evidence);
+  LearnedCorrection learned_correction{{}, {}, belief.geometric, {}};
   if (belief.thermal && belief.thermal->held > 0)
-    learnt.warnings.push_back(fmt::format(
+    learned_correction.warnings.push_back(fmt::format(
         "thermal belief: {} of {} readings lay outside what it was trained with and were held",
         belief.thermal->held, belief.thermal->time_s.size()));
-  if (belief.thermal && seen.belief.thermal)
-    std::ranges::move(size_warnings(*seen.belief.thermal, *belief.thermal),
-                      std::back_inserter(learnt.warnings));
+  if (belief.thermal && view.belief.thermal)
+    std::ranges::move(size_warnings(*view.belief.thermal, *belief.thermal),
+                      std::back_inserter(learned_correction.warnings));
   const auto corrector = [&](compensation::MachineBelief believed) {
-    return belief_corrector(seen, compensator, [believed = std::move(believed)](const auto& state) {
+    return belief_corrector(view, compensator, [believed = std::move(believed)](const auto& state) {
       return tool_in_workpiece(believed, state);
     });
   };
   if (belief.part) {
     compensation::MachineBelief without_part = belief;
     without_part.part.reset();
-    learnt.at_datum = corrector(std::move(without_part));
+    learned_correction.at_datum = corrector(std::move(without_part));
   }
-  learnt.corrector = corrector(std::move(belief));
-  return learnt;
+  learned_correction.corrector = corrector(std::move(belief));
+  return learned_correction;
 }
 
 /// A plug-in's strategy and channel are those of the scene.
-CaseDescription resolved(const Seen& seen, CaseDescription compensator) {
+CaseDescription resolved(const ControlView& view, CaseDescription compensator) {
   if (compensator.plug_in.empty()) return compensator;
-  compensator.strategy = seen.compensation.plug_in.strategy;
-  compensator.channel = seen.compensation.plug_in.channel;
+  compensator.strategy = view.compensation.plug_in.strategy;
+  compensator.channel = view.compensation.plug_in.channel;
   return compensator;
 }
 
 }  // namespace
 
-Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
-              const Progress& progress) {
-  const CaseDescription compensator = resolved(seen, described);
-  Learning learning(seen, workshop, compensator);
+LearnedCorrection learned_correction(const ControlView& view, const MachineAccess& machine_access,
+                                     const CaseDescription& described, const Progress& progress) {
+  const CaseDescription compensator = resolved(view, described);
+  CorrectionLearner learning(view, machine_access, compensator);
   const auto so_far = [&] {
-    return corrector_of(seen, workshop, compensator, learning.evidence());
+    return corrector_of(view, machine_access, compensator, learning.evidence());
   };
   if (learning.passes() == 0) return so_far();
-  Commands commands = as_programmed(seen.machine, seen.path, seen.samples, workshop.touch_off({}));
+  Commands commands =
+      uncompensated_commands(view.machine, view.path, view.samples, machine_access.touch_off({}));
   for (int pass = 0; pass < learning.passes(); ++pass) {
     if (progress) progress("learn", double(pass) / learning.passes());
-    if (pass > 0) commands = delivered(seen, workshop, compensator, so_far());
+    if (pass > 0) commands = deliver_correction(view, machine_access, compensator, so_far());
     learning.read(commands);
     if (!learning.measures(pass)) continue;
     // a part shows what is left: of what else is believed nothing shall be corrected twice
-    if (pass == 0 && learning.knows_more())
-      commands = delivered(seen, workshop, compensator, so_far());
+    if (pass == 0 && learning.has_more_evidence())
+      commands = deliver_correction(view, machine_access, compensator, so_far());
     learning.measure_part(commands, pass);
   }
   return so_far();
@@ -281,9 +287,9 @@ namespace {
 
 /// What a compensator answers, which refuses what does not fit it.
 template <class Answer>
-auto fitting(const Seen& seen, const CaseDescription& described, const Answer& answer) {
+auto fitting(const ControlView& view, const CaseDescription& described, const Answer& answer) {
   const auto refusal = [&](const std::string& found) {
-    return BadInput(seen.file.string(), 0, 0,
+    return BadInput(view.file.string(), 0, 0,
                     "a compensator that fits this program: " + described.name, found);
   };
   try {
@@ -297,18 +303,21 @@ auto fitting(const Seen& seen, const CaseDescription& described, const Answer& a
 
 }  // namespace
 
-Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
-                     const Progress& progress) {
-  const Learnt known =
-      fitting(seen, described, [&] { return learnt(seen, workshop, described, progress); });
+Commands compensated(const ControlView& view, const MachineAccess& machine_access,
+                     const CaseDescription& described, const Progress& progress) {
+  const LearnedCorrection known = fitting(view, described, [&] {
+    return learned_correction(view, machine_access, described, progress);
+  });
   if (progress) progress("correct", 0.0);
-  return compensated(seen, workshop, described, known);
+  return compensated(view, machine_access, described, known);
 }
 
-Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
-                     const Learnt& learnt) {
-  return fitting(seen, described,
-                 [&] { return delivered(seen, workshop, resolved(seen, described), learnt); });
+Commands compensated(const ControlView& view, const MachineAccess& machine_access,
+                     const CaseDescription& described,
+                     const LearnedCorrection& learned_correction) {
+  return fitting(view, described, [&] {
+    return deliver_correction(view, machine_access, resolved(view, described), learned_correction);
+  });
 }
 
 }  // namespace abbe::sim

@@ -1,5 +1,16 @@
 #include "sim/machine/machine.h"
 
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "errors/element.h"
+#include "kinematics/chain.h"
+#include "kinematics/pose.h"
+#include "kinematics/units.h"
+
 namespace abbe::sim {
 
 bool is_spindle(const Machine& machine, int joint) {
@@ -23,6 +34,137 @@ bool same(const kinematics::Chain& a, const kinematics::Chain& b) {
     if (x.direction_b != y.direction_b || x.point_b != y.point_b) return false;
   }
   return true;
+}
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Chain;
+using kinematics::DisplacedPart;
+using kinematics::Joint;
+using kinematics::JointDeviation;
+using kinematics::Motion;
+using kinematics::Pose;
+
+constexpr double no_end = 1e8;       // mm or rad: a travel that nobody stated
+constexpr double no_change = 1e-10;  // rad: below what two poses can show
+
+const Joint& joint_at(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)]; }
+
+AxisVector alone(const Chain& chain, int joint, double q) {
+  AxisVector result = AxisVector::Zero(chain.size());
+  result[joint] = q;
+  return result;
+}
+
+/// Direction of travel or of the turn, in the workpiece, the other axes at zero. The nose moves
+/// nothing: the tool shows its direction.
+Vector3d direction_w(const Chain& chain, const std::vector<JointDeviation>& wrong, int joint) {
+  const Motion motion = joint_at(chain, joint).motion;
+  if (motion == Motion::Spindle) {
+    const Eigen::Matrix3d R_wt = chain.tool_in_workpiece(alone(chain, joint, 0.0), wrong).linear();
+    return R_wt * chain.T_bt_home().linear().transpose() * joint_at(chain, joint).direction_b;
+  }
+  const double step = motion == Motion::Linear ? 100.0 : 0.5;  // mm or rad
+  const Pose from = chain.tool_in_workpiece(alone(chain, joint, -step), wrong);
+  const Pose to = chain.tool_in_workpiece(alone(chain, joint, step), wrong);
+  if (motion == Motion::Linear) return (to.translation() - from.translation()).normalized();
+  return kinematics::rotation_vector(to.linear() * from.linear().transpose()).normalized();
+}
+
+/// The main slides in the order of the bed axes, then all others as they stand in the chain.
+std::vector<int> in_order(const Chain& chain) {
+  std::vector<int> axes;
+  for (const std::optional<int>& slide : kinematics::main_slides(chain.joints()))
+    if (slide) axes.push_back(*slide);
+  for (int j = 0; j < chain.size(); ++j)
+    if (std::find(axes.begin(), axes.end(), j) == axes.end()) axes.push_back(j);
+  return axes;
+}
+
+std::vector<LocationEffect::Angle> angles(const Chain& chain,
+                                          const std::vector<JointDeviation>& wrong) {
+  const std::vector<int> axes = in_order(chain);
+  std::vector<LocationEffect::Angle> result;
+  for (std::size_t b = 1; b < axes.size(); ++b)
+    for (std::size_t a = 0; a < b; ++a) {
+      const auto between = [&](const std::vector<JointDeviation>& deviations) {
+        return kinematics::angle_between(direction_w(chain, deviations, axes[a]),
+                                         direction_w(chain, deviations, axes[b]));
+      };
+      const double change = between(wrong) - between({});
+      if (std::abs(change) > no_change)
+        result.push_back(
+            {fmt::format("{}-{}", joint_at(chain, axes[a]).name, joint_at(chain, axes[b]).name),
+             change});
+    }
+  return result;
+}
+
+/// The axis itself where its frame is displaced, and what it carries.
+std::vector<std::string> bodies(const Chain& chain, int joint, DisplacedPart displaces) {
+  const std::string own(1, joint_at(chain, joint).name);
+  if (displaces == DisplacedPart::Axis) return {own};
+  std::vector<std::string> result;
+  if (displaces == DisplacedPart::Frame) result.push_back(own);
+  const bool on_tool = joint_at(chain, joint).side == kinematics::Side::Tool;
+  for (int j = joint + (on_tool ? 1 : -1); j >= 0 && j < chain.size(); j += on_tool ? 1 : -1)
+    result.emplace_back(1, joint_at(chain, j).name);
+  result.push_back(on_tool ? "tool" : "workpiece");
+  return result;
+}
+
+std::vector<double> ends(const Joint& joint) {
+  if (joint.motion == Motion::Spindle) return {};
+  const bool turns = joint.motion == Motion::Rotary;
+  std::vector<double> result;
+  for (const double limit : {joint.min, joint.max}) {
+    const double q = turns ? std::clamp(limit, -pi, pi) : limit;
+    if (std::abs(q) < no_end && q != 0.0) result.push_back(q);
+  }
+  return result;
+}
+
+std::vector<LocationEffect::Tip> tip(const Chain& chain, const std::vector<JointDeviation>& wrong,
+                                     const std::vector<int>& axes) {
+  const auto moved = [&](const AxisVector& q) -> Vector3d {
+    return chain.tool_in_workpiece(q, wrong).translation() -
+           chain.tool_in_workpiece(q).translation();
+  };
+  std::vector<LocationEffect::Tip> result = {{"zero", moved(AxisVector::Zero(chain.size()))}};
+  for (const int j : axes) {
+    const Joint& joint = joint_at(chain, j);
+    const bool turns = joint.motion == Motion::Rotary;
+    for (const double q : ends(joint))
+      result.push_back({fmt::format("{} {:.6g} {}", joint.name, turns ? q / units::deg : q,
+                                    turns ? "deg" : "mm"),
+                        moved(alone(chain, j, q))});
+  }
+  return result;
+}
+
+}  // namespace
+
+LocationEffect location_effect(const errors::Element& element, const Chain& chain) {
+  const errors::GeometricModel model = errors::bind({{element}, {}}, chain);
+  const int joint = model.elements[0].joint, component = model.elements[0].component;
+  kinematics::AxisState zero;
+  zero.q = AxisVector::Zero(chain.size());
+  const std::vector<JointDeviation> wrong = errors::deviations(model, zero);
+  const kinematics::LocationElement is_active =
+      kinematics::location_element(chain.joints(), joint, component);
+  LocationEffect effect;
+  effect.meaning = errors::meaning(element.name, chain, joint);
+  effect.displaces = is_active.displaces;
+  effect.bodies = bodies(chain, joint, is_active.displaces);
+  effect.amount = wrong[std::size_t(joint)].location[component] *
+                  (is_active.displaces == DisplacedPart::Carried ? -1.0 : 1.0);
+  effect.angles = angles(chain, wrong);
+  std::vector<int> axes = {joint};
+  if (is_active.reference) axes.push_back(*is_active.reference);
+  effect.tip = tip(chain, wrong, axes);
+  return effect;
 }
 
 }  // namespace abbe::sim

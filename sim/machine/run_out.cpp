@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "cutting/run_out.h"
+#include "cutting/surface/tool.h"
 
 namespace abbe::sim {
 namespace {
@@ -21,7 +21,7 @@ bool is_run_out(const errors::Curve& curve) {
          std::holds_alternative<errors::Asynchronous>(curve.shape);
 }
 
-bool repeats_every_turn(const errors::Curve& curve) {
+bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
   const double a_turn = whole_turn / fourier->period;
@@ -78,10 +78,10 @@ kinematics::Deviation at_angle(const SpindleMotion& motion, double angle) {
   return deviation;
 }
 
-bool repeats_every_turn(const SpindleMotion& motion) {
+bool is_synchronous(const SpindleMotion& motion) {
   return std::all_of(motion.elements.begin(), motion.elements.end(), [](const auto& element) {
     return std::all_of(element.curves.begin(), element.curves.end(),
-                       [](const auto& curve) { return repeats_every_turn(curve); });
+                       [](const auto& curve) { return is_synchronous(curve); });
   });
 }
 
@@ -94,7 +94,7 @@ struct RunOut {
 /// @param axis_b  unit, of the tool, to the spindle
 RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& axis_b) {
   constexpr int angles = 65536;
-  const double step = (repeats_every_turn(motion) ? 1.0 : 64.0) * whole_turn / angles;
+  const double step = (is_synchronous(motion) ? 1.0 : 64.0) * whole_turn / angles;
   RunOut found;
   for (int i = 0; i < angles; ++i) {
     const kinematics::Deviation deviation = at_angle(motion, step * i);

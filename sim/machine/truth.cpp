@@ -2,14 +2,72 @@
 
 #include <fmt/format.h>
 
-#include "sim/machine/compile.h"
+#include "sim/scene/scene.h"
+
 namespace abbe::sim {
+
+namespace {
+
+using kinematics::Pose;
+
+/// The tip seen from the nose: along the tool axis by the length; a turning tool may also be off
+/// centre.
+Pose nose_to_tip_pose(double length, const Eigen::Vector2d& centring) {
+  Pose T_st = Pose::Identity();
+  T_st.translation() = Eigen::Vector3d(centring.x(), centring.y(), -length);
+  return T_st;
+}
+
+/// @throws BadInput naming the scene
+[[noreturn]] void refuse(const Scene& scene, const std::string& seen) {
+  throw BadInput(scene.file.string(), 0, 0, "a machine that makes a chain", seen);
+}
+
+/// The chain of a scene's machine.
+/// @throws BadInput naming the scene
+kinematics::Chain chain_of(const Scene& scene, const std::vector<kinematics::Joint>& joints,
+                           const Pose& T_bw, const Pose& T_st) {
+  try {
+    return {joints, T_bw, scene.machine.T_bs * T_st};
+  } catch (const std::invalid_argument& fault) {
+    refuse(scene, fault.what());
+  }
+}
+
+}  // namespace
+
+Machine compile(const Scene& scene) {
+  const MachineDescription& machine = scene.machine;
+  const double length = scene.tool.length;
+  const auto& believed = scene.control.joints.empty() ? machine.joints : scene.control.joints;
+  const Pose T_st = nose_to_tip_pose(length, {0.0, 0.0});
+  const Pose T_st_believed = nose_to_tip_pose(believed_length(scene, scene.tool), {0.0, 0.0});
+  Machine compiled{chain_of(scene, machine.joints, machine.T_bw, T_st),
+                   chain_of(scene, believed, machine.T_bw, T_st_believed), std::nullopt};
+  if (std::holds_alternative<cutting::Nose>(scene.tool.nominal)) {
+    const auto& first = machine.joints.front();
+    if (first.name != 'S' || first.motion != kinematics::Motion::Rotary)
+      refuse(scene, "a turning tool needs the spindle S' right after w");
+    compiled.workpiece_spindle = 0;
+  }
+  return compiled;
+}
+
+kinematics::Chain compile_as_built(const Scene& scene) {
+  const MachineDescription& machine = scene.machine;
+  const ToolDescription& tool = scene.tool;
+  const Pose T_st =
+      nose_to_tip_pose(tool.actual_length, {tool.centring_offset, tool.centring_height});
+  const Pose T_bw = machine.T_bw * kinematics::motion(scene.setup, Eigen::Vector3d::Zero());
+  return chain_of(scene, machine.joints, T_bw, T_st);
+}
+
 namespace {
 
 using kinematics::AxisState;
 using kinematics::Pose;
 
-bool acts(const errors::ComplianceModel& model, const errors::Load& load) {
+bool is_active(const errors::ComplianceModel& model, const errors::Load& load) {
   return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||
          !model.clamping_w.isZero(0.0);
 }
@@ -20,7 +78,7 @@ Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
 
 /// A network that no machine can be shows by where it goes.
 void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
-  constexpr double least = ThermalDescription::least_T_C, most = ThermalDescription::most_T_C;
+  constexpr double least = ThermalDescription::min_T_C, most = ThermalDescription::max_T_C;
   for (Eigen::Index i = 0; i < run.T_C.rows(); ++i)
     for (Eigen::Index k = 0; k < run.T_C.cols(); ++k)
       if (const double T_C = run.T_C(i, k); !(T_C >= least && T_C <= most))
@@ -32,10 +90,10 @@ void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
 }
 
 /// @param T_C  (nodes) at the state's time; empty without heat
-errors::ForceDeviations sum_of_sources(const Truth& truth, const AxisState& state,
-                                       const errors::Load& load, const Eigen::VectorXd& T_C) {
+errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& state,
+                                          const errors::Load& load, const Eigen::VectorXd& T_C) {
   errors::ForceDeviations sum;
-  if (truth.compliance && acts(*truth.compliance, load)) {
+  if (truth.compliance && is_active(*truth.compliance, load)) {
     sum = errors::deviations(*truth.compliance, state, load);
     sum.joints = kinematics::sum(std::move(sum.joints), errors::deviations(truth.geometric, state));
   } else {
@@ -86,12 +144,12 @@ Truth without_random(const Truth& truth) {
 
 errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
                                    const errors::Load& load) {
-  return sum_of_sources(truth, state, load, temperatures(truth, state.time_s));
+  return summed_deviations(truth, state, load, temperatures(truth, state.time_s));
 }
 
 Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors::Load& load) {
   const Eigen::VectorXd T_C = temperatures(truth, state.time_s);
-  const errors::ForceDeviations all = sum_of_sources(truth, state, load, T_C);
+  const errors::ForceDeviations all = summed_deviations(truth, state, load, T_C);
   Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, all);
   if (truth.heat && truth.heat->model.workpiece)
     T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());

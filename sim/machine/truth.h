@@ -5,13 +5,21 @@
 
 #include "errors/compliance.h"
 #include "errors/geometric.h"
-#include "errors/thermal.h"
 #include "errors/thermal_elements.h"
+#include "errors/thermal_run.h"
 #include "errors/vibration.h"
 #include "sim/machine/machine.h"
 #include "sim/scene/scene.h"
 
 namespace abbe::sim {
+
+/// A machine compiled from its description, with its tool mounted.
+/// @throws BadInput naming the scene if the description makes no chain
+Machine compile(const Scene& scene);
+
+/// The same as built: tool and clamping as they really are, before any error.
+/// @throws as `compile`
+kinematics::Chain compile_as_built(const Scene& scene);
 
 /// What the machine really does: the one place where the injected errors act. Read by the loop and
 /// by the virtual instruments, never by a compensator. The sources add element by element; one that

@@ -8,11 +8,11 @@
 #include <fmt/format.h>
 
 #include "kinematics/hash.h"
-#include "sim/cut/activity.h"
-#include "sim/cut/datum.h"
+#include "sim/cut/commands.h"
+#include "sim/cut/process.h"
 #include "sim/files/progress.h"
-#include "sim/machine/compile.h"
-#include "sim/readings/part_readings_file.h"
+#include "sim/machine/truth.h"
+#include "sim/readings/readings_file.h"
 #include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
@@ -24,12 +24,12 @@ using metrology::Bodies;
 using metrology::Readings;
 
 /// The machine of a scene, compiled and with its heat run: what its instruments share.
-struct Subject {
+struct MeasuredSubject {
   Machine machine;
   Truth truth;
 };
 
-Subject subject_of(const Scene& scene) {
+MeasuredSubject subject_of(const Scene& scene) {
   Machine machine = compile(scene);
   Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
   truth.actual = machine.nominal;  // the instrument takes the place of tool and part
@@ -56,16 +56,17 @@ metrology::Plan plan_of(const InstrumentDescription& description,
     metrology::Instrument instrument = description.instrument;
     instrument.start_s = start_s;
     metrology::Plan one = metrology::plan(instrument, nominal);
-    const double ended_s = all.looks.empty() ? start_s : all.looks.back().state.time_s;
+    const double ended_s =
+        all.measurements.empty() ? start_s : all.measurements.back().state.time_s;
     if (start_s < ended_s)
       throw std::invalid_argument(
           fmt::format("a start at {:.2f} h while the readings before it last until {:.2f} h",
                       start_s / 3600.0, ended_s / 3600.0));
     const int before = int(all.set_ups.size());
     for (metrology::SetUp& set_up : one.set_ups) all.set_ups.push_back(std::move(set_up));
-    for (metrology::Look& look : one.looks) {
-      look.set_up += before;
-      all.looks.push_back(std::move(look));
+    for (metrology::Measurement& measurement : one.measurements) {
+      measurement.set_up += before;
+      all.measurements.push_back(std::move(measurement));
     }
     all.instrument = one.instrument;
     all.kind = one.kind;
@@ -77,12 +78,12 @@ metrology::Plan plan_of(const InstrumentDescription& description,
 /// Sensors ask for times that do not go back; an instrument's own order may.
 void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth) {
   if (!scene.thermal || !truth.heat) return;
-  const auto& looks = readings.plan.looks;
-  std::vector<Eigen::Index> order(looks.size());
+  const auto& measurements = readings.plan.measurements;
+  std::vector<Eigen::Index> order(measurements.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = Eigen::Index(i);
-  const auto time = [&](Eigen::Index i) { return looks[std::size_t(i)].state.time_s; };
+  const auto time = [&](Eigen::Index i) { return measurements[std::size_t(i)].state.time_s; };
   std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return time(a) < time(b); });
-  Eigen::VectorXd times(Eigen::Index(looks.size()));
+  Eigen::VectorXd times(Eigen::Index(measurements.size()));
   for (Eigen::Index i = 0; i < times.size(); ++i) times[i] = time(order[std::size_t(i)]);
   const auto& sensors = scene.thermal->sensors;
   readings.T_C.resize(times.size(), Eigen::Index(sensors.size()));
@@ -95,7 +96,7 @@ void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth
 }
 
 Readings read_by(const InstrumentDescription& description, const Scene& scene,
-                 const Subject& subject) {
+                 const MeasuredSubject& subject) {
   const auto& [machine, truth] = subject;
   const std::string& name = description.instrument.name;
   try {
@@ -146,7 +147,7 @@ metrology::PartReadings probed(const Job& job, const metrology::PartSurface& par
   truth.actual = kinematics::Chain(job.truth.actual.joints(), job.truth.actual.T_bw_home(),
                                    job.machine.nominal.T_bt_home());
   if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
-  const Eigen::Vector3d datum_w = found_datum(job);
+  const Eigen::Vector3d datum_w = control_datum_offset(job);
   metrology::PartSurface commanded = part;
   commanded.points_w.rowwise() += datum_w.transpose();
   commanded.deviation -= part.normals_w * datum_w;
@@ -180,8 +181,8 @@ Place place_of_instrument(const Scene& scene, const std::string& name) {
 
 }  // namespace
 
-std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
-                                                            const std::string& name) {
+std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene,
+                                                              const std::string& name) {
   for (const PartInstrumentDescription& one : scene.part_instruments)
     if (one.name == name) return one;
   for (const InstrumentDescription& one : scene.instruments)
@@ -222,7 +223,7 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
   return file;
 }
 
-InstrumentDescription instrument_of(const Scene& scene, const std::string& name) {
+InstrumentDescription find_instrument(const Scene& scene, const std::string& name) {
   for (const InstrumentDescription& one : scene.instruments)
     if (one.instrument.name == name) return one;
   if (const auto kind = metrology::kind_of(name)) return {metrology::typical(*kind), {0.0}};
@@ -241,7 +242,7 @@ std::vector<Readings> measured(const Scene& scene,
                                const std::vector<InstrumentDescription>& descriptions) {
   std::vector<Readings> all;
   if (descriptions.empty()) return all;
-  const Subject subject = subject_of(scene);
+  const MeasuredSubject subject = subject_of(scene);
   for (const InstrumentDescription& one : descriptions) all.push_back(read_by(one, scene, subject));
   return all;
 }

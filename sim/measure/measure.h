@@ -6,14 +6,14 @@
 
 #include "errors/metrology/readings.h"
 #include "sim/cut/cut.h"
-#include "sim/readings/part_readings_file.h"
+#include "sim/readings/readings_file.h"
 
 namespace abbe::sim {
 
 /// Instruments that `measure` knows by a name: those of the scene, then every kind as it is usually
 /// bought. A scene's own name goes before a kind's.
 /// @throws BadInput naming the known ones
-InstrumentDescription instrument_of(const Scene& scene, const std::string& name);
+InstrumentDescription find_instrument(const Scene& scene, const std::string& name);
 
 /// What an instrument reads on the machine of a scene, with the nominal tool in place and the
 /// table empty: geometric errors, heat at the time of each reading, weight. Before time 0 the heat
@@ -29,8 +29,8 @@ std::vector<errors::metrology::Readings> measured(
     const Scene& scene, const std::vector<InstrumentDescription>& instruments);
 
 /// The same of an instrument that measures the part; none if the name is of no such instrument.
-std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
-                                                            const std::string& name);
+std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene,
+                                                              const std::string& name);
 
 /// What an instrument reads of a part that was cut. A touch probe starts when the program has
 /// ended, on the machine that cut the part, the part clamped as it was.

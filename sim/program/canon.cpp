@@ -8,21 +8,22 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/program/arc_move.h"
-#include "sim/program/program_errors.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_block.h"
 
 namespace abbe::sim::program {
+
 namespace {
 
 using kinematics::AxisVector;
 
-constexpr double largest_mm = 1e6;
-constexpr double largest_rad = 1e7;
+constexpr double max_position_mm = 1e6;
+constexpr double max_position_rad = 1e7;
 // mm or rad, less is the rounding of a change of coordinates
-constexpr double least_motion = 1e-11;
+constexpr double min_motion = 1e-11;
 
 }  // namespace
 
@@ -57,7 +58,7 @@ int Canon::add_file(const std::string& file) {
   return int(path_.more_files.size());
 }
 
-void Canon::stand_at(int line, int file) {
+void Canon::set_line(int line, int file) {
   line_ = line;
   file_ = file;
 }
@@ -92,7 +93,7 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
 }
 
 // The axes stay where they are, so the tip of another tool is elsewhere.
-void Canon::call_length(int number, const Cause& cause) {
+void Canon::select_length(int number, const Cause& cause) {
   length_number_ = number;
   const auto own = options_.control_of_h.find(number);
   if (own == options_.control_of_h.end() || chain_ == &own->second) return;
@@ -116,7 +117,7 @@ AxisVector Canon::unplaced(AxisVector p) const {
   if (tool_shift_.size() > 0) p -= tool_shift_;
   const auto [x, y, z] = xyz_;
   if (zero_) {
-    const Eigen::Vector3d more = on_top_of_shift();
+    const Eigen::Vector3d more = shift_correction();
     for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] -= more[k];
   }
   if (frame_.shift.size() > 0) p -= frame_.shift;
@@ -138,7 +139,7 @@ AxisVector Canon::placed(AxisVector p) const {
   }
   if (frame_.shift.size() > 0) p += frame_.shift;
   if (zero_) {
-    const Eigen::Vector3d more = on_top_of_shift();
+    const Eigen::Vector3d more = shift_correction();
     for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] += more[k];
   }
   if (tool_shift_.size() > 0) p += tool_shift_;
@@ -153,14 +154,14 @@ bool Canon::is_endless(int joint) const {
   return axis.side == kinematics::Side::Workpiece && axis.max - axis.min > two_turns;
 }
 
-void Canon::roll_over_tables() {
+void Canon::enable_table_rollover() {
   for (int j = 0; j < int(options_.axes.size()); ++j)
     if (rollover_[std::size_t(j)] == Rollover::ByControl && is_endless(j))
       rollover_[std::size_t(j)] = Rollover::Shortest;
 }
 
 // A whole number of turns is added, so that a position that needs none keeps its bits.
-double Canon::rolled_over(int joint, double from, const Target& target, double to) {
+double Canon::apply_rollover(int joint, double from, const Target& target, double to) {
   constexpr double turn = 2 * pi, there = 1e-9;  // rad
   const Rollover rule = rollover_[std::size_t(joint)];
   const bool by_control = options_.axes[std::size_t(joint)].rollover == Rollover::ByControl;
@@ -168,22 +169,24 @@ double Canon::rolled_over(int joint, double from, const Target& target, double t
   const double turns = (to - from) / turn;
   double whole = std::copysign(std::ceil(std::abs(turns) - 0.5 - there), turns);
   if (rule == Rollover::Sign)
-    whole = std::signbit(target.value(joint)) ? std::ceil(turns - there) : std::floor(turns + there);
+    whole =
+        std::signbit(target.value(joint)) ? std::ceil(turns - there) : std::floor(turns + there);
   if (whole == 0.0) return to;
   const double rolled = to - whole * turn;
   if (by_control && !((rollover_noted_ >> joint) & 1u)) {
     rollover_noted_ |= 1u << joint;
     const char axis = options_.axes[std::size_t(joint)].name;
     const double other = (to - from) / units::deg, taken = (rolled - from) / units::deg;
-    assume(rule == Rollover::ByControl
-               ? Assumption{fmt::format("{} turns by the difference of its positions, by {:.6g} deg; "
-                                        "a control with roll-over turns it by {:.6g}",
-                                        axis, other, taken + 0.0),
-                            fmt::format("machine.axis.{}.rollover", axis)}
-               : Assumption{fmt::format("{} rolls over and goes the short way, by {:.6g} deg; a "
-                                        "control without roll-over turns it by {:.6g}",
-                                        axis, taken + 0.0, other),
-                            fmt::format("machine.axis.{}.rollover", axis)});
+    assume(
+        rule == Rollover::ByControl
+            ? Assumption{fmt::format("{} turns by the difference of its positions, by {:.6g} deg; "
+                                     "a control with roll-over turns it by {:.6g}",
+                                     axis, other, taken + 0.0),
+                         fmt::format("machine.axis.{}.rollover", axis)}
+            : Assumption{fmt::format("{} rolls over and goes the short way, by {:.6g} deg; a "
+                                     "control without roll-over turns it by {:.6g}",
+                                     axis, taken + 0.0, other),
+                         fmt::format("machine.axis.{}.rollover", axis)});
   }
   return rule == Rollover::ByControl ? to : rolled;
 }
@@ -218,7 +221,7 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
     p = placed(std::move(p));
     for (const int j : xyz_) end[j] = p[j];
   }
-  const Eigen::Vector3d more = on_top_of_shift();
+  const Eigen::Vector3d more = shift_correction();
   const auto zero_of = [&](int j) {
     return j == xyz_[0] ? more.x() : j == xyz_[1] ? more.y() : j == xyz_[2] ? more.z() : 0.0;
   };
@@ -235,8 +238,8 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
                (tool_shift_.size() > 0 ? tool_shift_[j] : 0.0);
     }
     if (!is_linear(j) && !target.is_step(j) && !target.is_decided(j))
-      end[j] = rolled_over(j, start[j], target, end[j]);
-    if (!(std::abs(end[j]) <= (is_linear(j) ? largest_mm : largest_rad)))
+      end[j] = apply_rollover(j, start[j], target, end[j]);
+    if (!(std::abs(end[j]) <= (is_linear(j) ? max_position_mm : max_position_rad)))
       refuse(target.cause(j),
              is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
   }
@@ -248,8 +251,9 @@ std::size_t Canon::kept_bytes() const {
 }
 
 void Canon::refuse_more(double moves, const Cause& cause, const std::string& expected) const {
-  throw Exhausted(file_name(), line_, cause.column, expected,
-                  fmt::format("{:.4g} moves: pecks, repeats or a loop without end", moves));
+  throw ProgramLimitExceeded(
+      file_name(), line_, cause.column, expected,
+      fmt::format("{:.4g} moves: pecks, repeats or a loop without end", moves));
 }
 
 void Canon::check_moves(double more, const Cause& cause) const {
@@ -288,7 +292,7 @@ void Canon::append(Block block, double seconds) {
 }
 
 void Canon::dwell(double seconds, const Cause& cause) {
-  if (!(seconds >= 0.0 && seconds <= largest_dwell_s)) refuse(cause, "0 to 1e6 seconds");
+  if (!(seconds >= 0.0 && seconds <= max_dwell_s)) refuse(cause, "0 to 1e6 seconds");
   if (seconds == 0.0) return;
   Block still;
   still.interpolation = Interpolation::Dwell;
@@ -299,29 +303,30 @@ void Canon::dwell(double seconds, const Cause& cause) {
 
 double Canon::duration(const Block& block, const Cause& cause) const {
   if (block.interpolation == Interpolation::Rapid) {
-    const SquaredWay way = squared_way(options_.axes, block.start, block.end);
+    const SquaredDistance way = squared_distances(options_.axes, block.start, block.end);
     const double mm = std::sqrt(way.xyz + way.uvw);
     return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
   }
-  const auto refuse_or_follow = [&](bool follows, const char* expected, const char* seen) {
+  const auto refuse_or_suppress = [&](bool follows, const char* expected, const char* seen) {
     if (!follows) refuse(cause, expected, seen);
     throw FollowingError(file_name(), line_, cause.column, expected, seen);
   };
   if (!feed_)
-    refuse_or_follow(doubt_feed_ && feed_mode_ != FeedMode::InverseTime,
-                     feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
-                                                         : "F before or in the first block of feed",
-                     "none");
+    refuse_or_suppress(feed_is_uncertain_ && feed_mode_ != FeedMode::InverseTime,
+                       feed_mode_ == FeedMode::InverseTime
+                           ? "F in every block of motion under G93"
+                           : "F before or in the first block of feed",
+                       "none");
   if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
   const Arc* arc = block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr;
   const bool turned = arc != nullptr && arc->turned >= 0;
-  const Way way = way_of_feed(options_.axes, block.start, block.end, arc,
-                              turned ? &path_.turns[std::size_t(arc->turned)] : nullptr);
+  const Way way = feed_distance(options_.axes, block.start, block.end, arc,
+                                turned ? &path_.turns[std::size_t(arc->turned)] : nullptr);
   const double unit = way.linear ? feed_->unit : 1.0;
   if (feed_mode_ == FeedMode::PerMinute) return way.length * 60.0 / (feed_->word * unit);
   if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
-    refuse_or_follow(doubt_spindle_, "a spindle that turns under a feed per turn",
-                     "one that stands");
+    refuse_or_suppress(spindle_is_uncertain_, "a spindle that turns under a feed per turn",
+                       "one that stands");
   return way.length * 60.0 / (feed_->word * unit * spindle_rpm_);
 }
 
@@ -330,7 +335,7 @@ auto Canon::made(const AxisVector& end, const Make& make) {
   try {
     return make();
   } catch (BadGeometry& fault) {
-    fault.in_doubt = doubt_ != 0;
+    fault.is_uncertain = uncertain_joints_ != 0;
     at_ = end;
     throw;
   } catch (const BadInput&) {
@@ -341,7 +346,7 @@ auto Canon::made(const AxisVector& end, const Make& make) {
 
 void Canon::turn_at_surface_speed(const Block& block, bool feed) {
   if (!surface_speed_) return;
-  constexpr double no_limit_rpm = 1e6;  // keeps every speed finite, on the axis too
+  constexpr double max_finite_rpm = 1e6;  // keeps every speed finite, on the axis too
   const int x = xyz_[0];
   const double from = programmed()[x];
   RadialMove move{from, from + block.end[x] - at_[x]};
@@ -349,15 +354,16 @@ void Canon::turn_at_surface_speed(const Block& block, bool feed) {
     const Arc& arc = path_.arcs[block.shape];
     const bool first = arc.first == x;
     if (arc.turned < 0 && (first || arc.second == x))
-      move.arc = RadialMove::Arc{from + arc.centre[first ? 0 : 1] - at_[x],
-                                 arc.radius + 0.5 * arc.growth,
-                                 arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
+      move.arc =
+          RadialMove::Arc{from + arc.centre[first ? 0 : 1] - at_[x], arc.radius + 0.5 * arc.growth,
+                          arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
   }
   const auto& stated = surface_speed_->max_rpm;
   const auto& of_machine = options_.max_spindle_rpm;
-  const double limit = std::min(stated.value_or(no_limit_rpm), of_machine.value_or(no_limit_rpm));
+  const double limit =
+      std::min(stated.value_or(max_finite_rpm), of_machine.value_or(max_finite_rpm));
   spindle_rpm_ = mean_spindle_speed(move, surface_speed_->m_per_min, limit);
-  const double radius = least_radius(move);
+  const double radius = min_radius(move);
   if (feed && !stated && !of_machine && (!unlimited_speed_ || radius < unlimited_speed_->radius))
     unlimited_speed_ = UnlimitedSpeed{radius, line_, file_};
 }
@@ -370,10 +376,10 @@ void Canon::go(Straight move, Interpolation interpolation) {
   straight.end = std::move(move.end);
   if (move.without_offset) straight.work_offset = -1;
   turn_at_surface_speed(straight, interpolation != Interpolation::Rapid);
-  doubt_ &= ~move.stated;
+  uncertain_joints_ &= ~move.stated;
   note_positions(straight, move.stated);
   const double seconds = made(straight.end, [&] { return duration(straight, move.cause); });
-  if ((straight.end - straight.start).cwiseAbs().maxCoeff() > least_motion)
+  if ((straight.end - straight.start).cwiseAbs().maxCoeff() > min_motion)
     append(std::move(straight), seconds);
 }
 
@@ -430,7 +436,7 @@ Arc Canon::arc_of(const ArcMove& move) {
     if (!turn) return {q[move.first], q[move.second]};
     return (turn->transpose() * Eigen::Vector3d(q[move.first], q[move.second], q[third])).head<2>();
   };
-  ArcWords words{in_plane(at_), in_plane(move.end), move.centre, move.clockwise};
+  ArcGeometry words{in_plane(at_), in_plane(move.end), move.centre, move.clockwise};
   if (move.radius)
     words.centre = centre_by_radius(words, *move.radius, place(), move.named);
   else if (move.placed_centre.size() > 0)
@@ -457,9 +463,77 @@ void Canon::arc(ArcMove move) {
     turn_at_surface_speed(round, true);
     return duration(round, move.cause);
   });
-  doubt_ &= ~move.stated;
+  uncertain_joints_ &= ~move.stated;
   note_positions(round, move.stated);
   append(std::move(round), seconds);
+}
+
+namespace {
+
+CutterData in_mm(CutterData words, double unit_mm) {
+  words.diameter *= unit_mm;
+  if (words.corner_radius) *words.corner_radius *= unit_mm;
+  words.unit_mm = unit_mm;
+  return words;
+}
+
+double unit_of(const UnitWord& word) { return word.inch ? units::inch : 1.0; }
+
+}  // namespace
+
+void Canon::comment(std::string_view text) {
+  auto words = parse_cutter_comment(text);
+  if (!words) return;
+  if (!words->unit_mm && !path_.unit_words.empty())
+    words->unit_mm = unit_of(path_.unit_words.back());
+  if (words->unit_mm) words = in_mm(*words, *words->unit_mm);
+  path_.tool_comments.push_back({line_, std::string(text), *words, blocks()});
+}
+
+void Canon::assume(Assumption assumption) {
+  const auto same = [&](const Assumption& known) { return known.text == assumption.text; };
+  if (std::any_of(path_.assumptions.begin(), path_.assumptions.end(), same)) return;
+  if (assumption.line == 0) {
+    assumption.line = line_;
+    if (file_ > 0) assumption.file = file_name();
+  }
+  path_.assumptions.push_back(std::move(assumption));
+}
+
+void Canon::cutter(std::string_view word, const CutterData& words) {
+  path_.tool_comments.push_back({line_, std::string(word), words, blocks()});
+}
+
+void Canon::set_inch(bool inch) {
+  inch_ = inch;
+  if (!path_.unit_words.empty() && path_.unit_words.back().inch == inch) return;
+  const UnitWord word{line_, inch};
+  path_.unit_words.push_back(word);
+  for (ToolComment& comment : path_.tool_comments)
+    if (!comment.words.unit_mm) comment.words = in_mm(comment.words, unit_of(word));
+}
+
+void Canon::call_tool(double number, bool changes) {
+  if (number >= 0) tool_ = int(std::min(number, 1e9));
+  path_.tool_calls.push_back({line_, tool_, changes, blocks()});
+}
+
+Path Canon::hand_over() {
+  Path piece;
+  piece.file = path_.file;
+  piece.more_files = path_.more_files;
+  piece.motion_blocks = std::exchange(path_.motion_blocks, 0);
+  piece.auxiliary_words.swap(path_.auxiliary_words);
+  for (AuxiliaryWord& aside : piece.auxiliary_words) aside.before -= handed_over_;
+  handed_over_ += path_.blocks.size();
+  piece.blocks.swap(path_.blocks);
+  piece.arcs.swap(path_.arcs);
+  piece.turns.swap(path_.turns);
+  return piece;
+}
+
+void Canon::aside(std::string text) {
+  path_.auxiliary_words.push_back({blocks(), std::move(text)});
 }
 
 }  // namespace abbe::sim::program

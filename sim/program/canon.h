@@ -8,16 +8,15 @@
 #include <string>
 
 #include "kinematics/chain.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_block.h"
 #include "sim/program/nc_options.h"
 #include "sim/program/path.h"
-#include "sim/program/place.h"
-#include "sim/program/program_zero.h"
-#include "sim/program/surface_speed.h"
 
 /// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
 namespace abbe::sim::program {
 
-inline constexpr double largest_dwell_s = 1e6;
+inline constexpr double max_dwell_s = 1e6;
 
 /// Where a move is to end, joint by joint, as words say it. Joints without a word stay.
 class Target {
@@ -96,7 +95,7 @@ struct ArcMove {
 
 /// Takes canonical moves as a control executes them, numbers in mm, rad and seconds, and writes
 /// them down as a `Path`: geometry, time, the limits of positions, the record that rewriting needs.
-/// A front end says where each stands (`stand_at`) and reads back where the axes are; it keeps
+/// A front end says where each stands (`set_line`) and reads back where the axes are; it keeps
 /// modes of its own language itself.
 class Canon {
  public:
@@ -109,10 +108,10 @@ class Canon {
   /// Another file of the program, as of a subprogram. @return its number; the first file is 0
   int add_file(const std::string& file);
   /// What follows stands there.
-  void stand_at(int line, int file = 0);
+  void set_line(int line, int file = 0);
   int line() const { return line_; }
   int file() const { return file_; }
-  NcPlace place() const { return {file_name(), line_}; }
+  NcLocation place() const { return {file_name(), line_}; }
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {
     program::refuse(place(), cause, std::move(expected), std::move(seen));
@@ -126,7 +125,7 @@ class Canon {
     return options_.axes[std::size_t(joint)].motion == kinematics::Motion::Linear;
   }
   /// "X Y Z A C"
-  std::string letters() const { return letters_of(options_.axes); }
+  std::string letters() const { return axis_letter_list(options_.axes); }
 
   /// G20 or G21: for the record and for comments; numbers given here are mm all the same.
   void set_inch(bool inch);
@@ -136,7 +135,7 @@ class Canon {
   /// None: a feed move without one is refused.
   void set_feed(std::optional<Feed> feed) {
     feed_ = feed;
-    if (feed) doubt_feed_ = false;
+    if (feed) feed_is_uncertain_ = false;
   }
   const std::optional<Feed>& feed() const { return feed_; }
   void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
@@ -156,7 +155,7 @@ class Canon {
   /// From here on as places, even if the scene states no offset, on a machine with rotary axes.
   void count_from_workpiece();
   /// What zero adds to a shift of X Y Z in the coordinates in force, mm.
-  Eigen::Vector3d on_top_of_shift() const { return on_top_of_offset(zero_, coordinates_); }
+  Eigen::Vector3d shift_correction() const { return offset_correction(zero_, coordinates_); }
   /// @param number  for the record: 0 .. 5, G54 .. G59; more for others
   void set_frame(int number, Frame frame);
   const Frame& frame() const { return frame_; }
@@ -165,14 +164,14 @@ class Canon {
   const kinematics::AxisVector& tool_shift() const { return tool_shift_; }
   /// The tool whose length counts (H), -1 for none; its chain is the one that the tip mode uses.
   /// @throws BadInput if the slides do not reach the tip where they stand
-  void call_length(int number, const Cause& cause);
+  void select_length(int number, const Cause& cause);
   /// X Y Z are the tip in the workpiece from here (G43.4, TRAORI, M128), or axes again.
   /// @throws BadInput on a machine without X Y Z or without known kinematics
   void set_tip_mode(bool on, const Cause& cause);
   bool tip_mode() const { return tip_mode_; }
   /// From here on an axis whose machine leaves its roll-over to the control (`Rollover::ByControl`)
   /// goes the short way, if it carries the workpiece and turns by more than two turns.
-  void roll_over_tables();
+  void enable_table_rollover();
   /// That the tip mode counts with; there must be one.
   const kinematics::Chain& chain() const { return *chain_; }
   /// What X Y Z mean for the next move: axes for one block beside a tip mode, as G53 does.
@@ -215,7 +214,7 @@ class Canon {
   /// is that of the program.
   void comment(std::string_view text);
   /// A cutter that a word of the program describes, in mm.
-  void cutter(std::string_view word, const ToolWords& words);
+  void cutter(std::string_view word, const CutterData& words);
 
   /// Records an assumption, once for each text, at the line where reading stands unless it says
   /// another.
@@ -224,9 +223,9 @@ class Canon {
   /// A fault in what comes from outside kept the axes from where they should be: until each is
   /// stated again, arcs that do not close only follow from it.
   /// A feed or spindle that is missing may be what that input error kept away.
-  void doubt_position() {
-    doubt_ = ~std::uint32_t(0);
-    doubt_feed_ = doubt_spindle_ = true;
+  void mark_position_uncertain() {
+    uncertain_joints_ = ~std::uint32_t(0);
+    feed_is_uncertain_ = spindle_is_uncertain_ = true;
   }
 
   /// @throws Exhausted where so many more moves go beyond `NcOptions::max_moves`
@@ -247,7 +246,7 @@ class Canon {
   }
   void go(Straight move, Interpolation interpolation);
   void turn_at_surface_speed(const Block& block, bool feed);
-  double rolled_over(int joint, double from, const Target& target, double to);
+  double apply_rollover(int joint, double from, const Target& target, double to);
   bool is_endless(int joint) const;
   void note_machine_zero(const Target& target);
   void note_positions(const Block& block, std::uint32_t stated);
@@ -289,13 +288,13 @@ class Canon {
   std::optional<SurfaceSpeed> surface_speed_;
   std::optional<UnlimitedSpeed> unlimited_speed_;
   int spindle_turns_ = 0;
-  int tool_ = -1;            ///< of the last T word
-  std::uint32_t doubt_ = 0;  ///< bits by joint
-  bool doubt_feed_ = false, doubt_spindle_ = false;
+  int tool_ = -1;                       ///< of the last T word
+  std::uint32_t uncertain_joints_ = 0;  ///< bits by joint
+  bool feed_is_uncertain_ = false, spindle_is_uncertain_ = false;
   std::array<Rollover, kinematics::max_joints> rollover_{};
   std::uint32_t rollover_noted_ = 0;  ///< bits by joint
-  std::uint32_t known_ = 0;  ///< bits by joint: the program has said where it stands
-  bool fed_ = false;         ///< there was a move at feed
+  std::uint32_t known_ = 0;           ///< bits by joint: the program has said where it stands
+  bool fed_ = false;                  ///< there was a move at feed
 };
 
 }  // namespace abbe::sim::program

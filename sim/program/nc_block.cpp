@@ -8,10 +8,17 @@
 #include "kinematics/text.h"
 
 namespace abbe::sim::program {
+
+void refuse(const NcLocation& place, const Cause& cause, std::string expected,
+            std::optional<std::string> seen) {
+  throw BadInput(place.file, place.line, cause.column, std::move(expected),
+                 seen ? *std::move(seen) : shown(cause.text));
+}
+
 namespace {
 
 constexpr double largest_number = 1e9;
-constexpr std::size_t most_codes = 16;
+constexpr std::size_t max_codes = 16;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
@@ -19,7 +26,7 @@ char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
 
 class Scanner {
  public:
-  Scanner(std::string_view text, const NcPlace& place) : text_(text), place_(place) {}
+  Scanner(std::string_view text, const NcLocation& place) : text_(text), place_(place) {}
 
   void fill(NcBlock& block);
 
@@ -40,7 +47,7 @@ class Scanner {
   }
 
   std::string_view text_;
-  const NcPlace& place_;
+  const NcLocation& place_;
   std::size_t i_ = 0;
 };
 
@@ -133,7 +140,7 @@ void Scanner::put(NcBlock& block, const NcWord& word) {
   const char letter = upper(word.text.front());
   if (letter == 'G' || letter == 'M') {
     std::vector<NcWord>& codes = letter == 'G' ? block.g : block.m;
-    if (codes.size() == most_codes)
+    if (codes.size() == max_codes)
       refuse(std::size_t(word.column - 1),
              std::string("at most 16 words ") + letter + " in a block", shown(word.text));
     codes.push_back(word);
@@ -183,7 +190,7 @@ bool NcBlock::empty() const {
   return true;
 }
 
-NcBlock parse_block(std::string_view text, const NcPlace& place, NcBlock reused) {
+NcBlock parse_block(std::string_view text, const NcLocation& place, NcBlock reused) {
   NcBlock block = std::move(reused);
   block.line = place.line;
   block.percent = block.deleted = false;

@@ -1,13 +1,43 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "sim/program/place.h"
+#include "kinematics/bad_input.h"
 
 namespace abbe::sim::program {
+
+/// A line of a program.
+struct NcLocation {
+  const std::string& file;
+  int line = 0;
+};
+
+/// What of a line a refusal points at: its column, from 1, and the text that was seen.
+struct Cause {
+  int column = 0;
+  std::string_view text;
+};
+
+/// Refuses what stands there; what was seen is its own text unless stated.
+/// @throws BadInput
+[[noreturn]] void refuse(const NcLocation& place, const Cause& cause, std::string expected,
+                         std::optional<std::string> seen = {});
+
+// Input errors behind which a program is read otherwise than behind others.
+
+/// A limit of the program was reached: reading ends there.
+struct ProgramLimitExceeded : BadInput {
+  using BadInput::BadInput;
+};
+
+/// An input error that only follows from one that is reported already: it is left out.
+struct FollowingError : BadInput {
+  using BadInput::BadInput;
+};
 
 /// One word as it stands in a block.
 struct NcWord {
@@ -33,6 +63,6 @@ struct NcBlock {
 
 /// Takes a line apart into `block` of the line before, whose memory is used again.
 /// @throws BadInput on anything but words, comments, blanks, a line number and marks / and %
-NcBlock parse_block(std::string_view text, const NcPlace& place, NcBlock reused);
+NcBlock parse_block(std::string_view text, const NcLocation& place, NcBlock reused);
 
 }  // namespace abbe::sim::program

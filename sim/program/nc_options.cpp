@@ -1,12 +1,101 @@
 #include "sim/program/nc_options.h"
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <stdexcept>
+#include <vector>
+
+#include "kinematics/units.h"
 
 namespace abbe::sim::program {
 
+using Eigen::Vector3d;
 using kinematics::AxisVector;
+using kinematics::Chain;
+using kinematics::Motion;
 
-std::optional<BlockSkip> block_skip_of(std::string_view text) {
+namespace {
+
+/// Calls `visit(joint, axis)` for every axis but the spindles.
+template <typename Visit>
+void for_each_positioned_axis(const std::vector<ControlledAxis>& axes, const Visit& visit) {
+  const int spindle = spindle_of(axes);
+  for (int j = 0; j < int(axes.size()); ++j)
+    if (const ControlledAxis& axis = axes[std::size_t(j)];
+        axis.motion != Motion::Spindle && j != spindle)
+      visit(j, axis);
+}
+
+}  // namespace
+
+int spindle_of(const std::vector<ControlledAxis>& axes) {
+  int nose = -1;
+  for (std::size_t j = 0; j < axes.size(); ++j) {
+    if (axes[j].name == 'S' && axes[j].motion == Motion::Rotary) return int(j);
+    if (axes[j].motion == Motion::Spindle && nose < 0) nose = int(j);
+  }
+  return nose;
+}
+
+bool turns_workpiece(const std::vector<ControlledAxis>& axes) {
+  const int spindle = spindle_of(axes);
+  return spindle >= 0 && axes[std::size_t(spindle)].motion == Motion::Rotary;
+}
+
+std::array<int, 26> joints_by_letter(const std::vector<ControlledAxis>& axes) {
+  std::array<int, 26> joints;
+  joints.fill(-1);
+  for_each_positioned_axis(axes, [&](int j, const ControlledAxis& axis) {
+    if (axis.name >= 'A' && axis.name <= 'Z') joints[std::size_t(axis.name - 'A')] = j;
+  });
+  return joints;
+}
+
+std::string axis_letter_list(const std::vector<ControlledAxis>& axes) {
+  std::string letters;
+  for_each_positioned_axis(axes, [&](int, const ControlledAxis& axis) {
+    if (!letters.empty()) letters += ' ';
+    letters += axis.name;
+  });
+  return letters;
+}
+
+SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes, const AxisVector& start,
+                                  const AxisVector& end) {
+  SquaredDistance squared;
+  for_each_positioned_axis(axes, [&](int j, const ControlledAxis& axis) {
+    const double way = end[j] - start[j];
+    double& sum = axis.motion != Motion::Linear ? squared.turns
+                  : axis.name >= 'X'            ? squared.xyz
+                                                : squared.uvw;
+    sum += way * way;
+  });
+  return squared;
+}
+
+Way feed_distance(const std::vector<ControlledAxis>& axes, const AxisVector& start,
+                  const AxisVector& end, const Arc* arc, const Eigen::Matrix3d* turn) {
+  SquaredDistance squared = squared_distances(axes, start, end);
+  if (arc != nullptr && turn != nullptr) {
+    const Eigen::Vector3d way(end[arc->first] - start[arc->first],
+                              end[arc->second] - start[arc->second],
+                              end[arc->third] - start[arc->third]);
+    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz - (turn->transpose() * way).head<2>().squaredNorm() + round * round;
+  } else if (arc != nullptr) {
+    const double chord =
+        (end[arc->first] - start[arc->first]) * (end[arc->first] - start[arc->first]) +
+        (end[arc->second] - start[arc->second]) * (end[arc->second] - start[arc->second]);
+    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz - chord + round * round;
+  }
+  const double mm = std::sqrt(squared.xyz > 0.0 ? squared.xyz : squared.uvw);
+  if (mm > 0.0) return {mm, true};
+  return {std::sqrt(squared.turns) / units::deg, false};
+}
+
+std::optional<BlockSkip> parse_block_skip(std::string_view text) {
   if (text == "on") return BlockSkip().set();
   if (text == "off") return BlockSkip();
   BlockSkip levels;
@@ -58,6 +147,79 @@ AxisVector start_of(const NcOptions& options) {
 
 AxisVector reference_of(const NcOptions& options) {
   return options.reference.size() > 0 ? options.reference : start_of(options);
+}
+
+std::optional<Vector3d> tip_at_zero(const Chain& chain) {
+  constexpr double along = 1e-9;  // mm by mm
+  std::array<int, 3> xyz{-1, -1, -1};
+  for (int j = 0; j < chain.size(); ++j) {
+    const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
+    if (joint.name >= 'X' && joint.name <= 'Z' && joint.motion == kinematics::Motion::Linear)
+      xyz[std::size_t(joint.name - 'X')] = j;
+  }
+  const AxisVector zero = AxisVector::Zero(chain.size());
+  const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
+  for (int k = 0; k < 3; ++k) {
+    if (xyz[std::size_t(k)] < 0) return std::nullopt;
+    AxisVector q = zero;
+    q[xyz[std::size_t(k)]] = 1.0;
+    const Vector3d way = chain.tool_in_workpiece(q).translation() - tip_w;
+    if ((way - Vector3d::Unit(k)).norm() > along) return std::nullopt;
+  }
+  return tip_w;
+}
+
+std::optional<AxisVector> tip_shift(const Chain& chain) {
+  constexpr double right_angle = 1e-9;  // cosine
+  const AxisVector zero = AxisVector::Zero(chain.size());
+  const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
+  AxisVector shift = zero;
+  std::vector<Vector3d> directions;
+  for (int j = 0; j < chain.size(); ++j) {
+    const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
+    if (joint.name < 'X' || joint.name > 'Z' || joint.motion != kinematics::Motion::Linear)
+      continue;
+    AxisVector q = zero;
+    q[j] = 1.0;
+    const Vector3d way_w = chain.tool_in_workpiece(q).translation() - tip_w;
+    for (const Vector3d& other : directions)
+      if (std::abs(other.dot(way_w)) > right_angle) return std::nullopt;
+    directions.push_back(way_w);
+    shift[j] = -way_w.dot(tip_w);
+  }
+  return shift;
+}
+
+// G43 adds the length to Z, so the nose is that much above the tip in Z, wherever the tool points
+// with the axes at zero.
+std::optional<ProgramZero> known_zero(const NcOptions& options) {
+  const bool several = !options.control_of_h.empty();
+  if (!several && !options.control) return std::nullopt;
+  const Chain& chain = several ? options.control_of_h.begin()->second : *options.control;
+  auto length = options.tool_length.find(several ? options.control_of_h.begin()->first : 1);
+  if (length == options.tool_length.end()) length = options.tool_length.begin();
+  const auto tip_w = tip_at_zero(chain);
+  if (!tip_w) return std::nullopt;
+  const double mm = length == options.tool_length.end() ? 0.0 : length->second;
+  const auto& joints = chain.joints();
+  const bool turns = std::any_of(joints.begin(), joints.end(), [](const kinematics::Joint& joint) {
+    return joint.motion == kinematics::Motion::Rotary;
+  });
+  return ProgramZero{*tip_w + mm * Vector3d::UnitZ(), turns};
+}
+
+std::optional<ProgramZero> program_zero(const NcOptions& options) {
+  const auto& offsets = options.work_offset;
+  const bool stated = !options.more_offset.empty() ||
+                      std::any_of(offsets.begin(), offsets.end(),
+                                  [](const AxisVector& offset) { return offset.size() > 0; });
+  return stated ? known_zero(options) : std::nullopt;
+}
+
+Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates) {
+  const bool differs = zero && zero->places == (coordinates == Coordinates::Axis);
+  if (!differs) return Vector3d::Zero();
+  return zero->places ? Vector3d(-zero->nose_w) : zero->nose_w;
 }
 
 }  // namespace abbe::sim::program

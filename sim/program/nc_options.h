@@ -10,16 +10,64 @@
 #include <string_view>
 #include <vector>
 
+#include "kinematics/axes.h"
 #include "kinematics/chain.h"
-#include "sim/program/controlled_axes.h"
+#include "sim/program/path.h"
 
 namespace abbe::sim::program {
+
+/// How a control turns a rotary axis to an absolute position (Fanuc's parameters 1008#0 ROA and #1
+/// RAB). Incremental words turn by what they say under every rule.
+enum class Rollover {
+  ByControl,  ///< as the dialect of the program usually has it
+  None,       ///< by the difference of the positions
+  Shortest,   ///< whole turns do not count, the short way; of two equal ways that of the difference
+  Sign,       ///< whole turns do not count, in the direction of the word's sign
+};
+
+/// One controlled axis, in the order of the structural code.
+struct ControlledAxis {
+  char name = 'X';
+  kinematics::Motion motion = kinematics::Motion::Linear;
+  Rollover rollover = Rollover::ByControl;
+};
+
+/// The joint that S and M3 turn: the rotary S that carries the workpiece, else the nose s; -1 for
+/// none.
+int spindle_of(const std::vector<ControlledAxis>& axes);
+
+/// Returns true if a spindle turns the workpiece: a rotary axis S.
+bool turns_workpiece(const std::vector<ControlledAxis>& axes);
+
+/// Joints that words address by letter; -1 where a letter addresses none, as that of a spindle.
+std::array<int, 26> joints_by_letter(const std::vector<ControlledAxis>& axes);
+/// Names of the axes that words address, "X Y Z A C".
+std::string axis_letter_list(const std::vector<ControlledAxis>& axes);
+
+/// Squares of how far a block goes along a line, spindles left out.
+struct SquaredDistance {
+  double xyz = 0.0, uvw = 0.0, turns = 0.0;  ///< mm^2, rad^2
+};
+SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes,
+                                  const kinematics::AxisVector& start,
+                                  const kinematics::AxisVector& end);
+
+/// How far a block goes as F counts it: mm of X Y Z, else of U V W, else degrees of turns.
+/// @param arc   in X Y Z, if the block is one
+/// @param turn  of its plane, if that is turned
+struct Way {
+  double length = 0.0;
+  bool linear = true;  ///< mm; else degrees
+};
+Way feed_distance(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
+                  const kinematics::AxisVector& end, const Arc* arc = nullptr,
+                  const Eigen::Matrix3d* turn = nullptr);
 
 /// Levels of the operator's block skip, by number: / alone is 0 of Siemens and 1 of Fanuc.
 using BlockSkip = std::bitset<10>;
 
 /// Returns the levels that "on", "off" or digits such as "1 3" name; nothing for other text.
-std::optional<BlockSkip> block_skip_of(std::string_view text);
+std::optional<BlockSkip> parse_block_skip(std::string_view text);
 /// Returns that text.
 std::string to_text(const BlockSkip& levels);
 
@@ -49,11 +97,11 @@ struct NcOptions {
                                                   ///< switched on; without it G43.4 is refused
   std::map<int, kinematics::Chain> control_of_h;  ///< of several tools: `control` to the tip of
                                                   ///< each, by H, for G43.4
-  BlockSkip block_skip = BlockSkip().set();       ///< blocks behind a / of these levels are left out
-  kinematics::AxisVector reference;  ///< (axes) reference position, of G28; empty: `start`
+  BlockSkip block_skip = BlockSkip().set();  ///< blocks behind a / of these levels are left out
+  kinematics::AxisVector reference;          ///< (axes) reference position, of G28; empty: `start`
   kinematics::AxisVector
       machine_zero;  ///< (axes) where G53, M91 and SUPA count from; empty: the zero of the axes
-  std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
+  std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are refused
   std::size_t max_moves = 20'000'000;  ///< moves and dwells, those of loops and cycles each time
   std::size_t max_move_bytes = std::size_t(4) << 30;  ///< of moves that are kept
 };
@@ -75,5 +123,37 @@ kinematics::AxisVector start_of(const NcOptions& options);
 
 /// Returns the reference position, (axes): where the axes stand at first unless it is stated.
 kinematics::AxisVector reference_of(const NcOptions& options);
+
+// Where the zero of a program lies: what the X Y Z of a work offset mean.
+
+/// Where the tip stands in the workpiece with all axes at zero, mm.
+/// @return none without X Y Z, or where these do not run along the workpiece's x y z then (1e-9)
+std::optional<Eigen::Vector3d> tip_at_zero(const kinematics::Chain& chain);
+
+/// Returns what to add to the positions of X Y Z so that the tip of a turning tool stands in the
+/// workpiece where they say, X0 on the spindle line: (axes), none where these slides are not at
+/// right angles to each other (1e-9).
+std::optional<kinematics::AxisVector> tip_shift(const kinematics::Chain& chain);
+
+/// What work offsets count from, on a machine for which `tip_at_zero` has an answer.
+struct ProgramZero {
+  /// mm, where the spindle's nose stands in the workpiece with all axes at zero: above the tip by
+  /// the length of the tool that the control's chain ends with
+  Eigen::Vector3d nose_w = {0, 0, 0};
+  bool places = false;  ///< offsets are places in the workpiece; else positions of the slides
+};
+
+/// The rule of a control: on a machine with rotary axes an offset is the place in the workpiece to
+/// which X0 Y0 Z0 lead the tip, with the tip commanded and, the rotary axes at zero and a tool
+/// length in force, with the axes commanded. On any other machine it is the positions of the slides
+/// at which the nose is there. None where nothing is known, or the scene states no offset: then
+/// offsets are zero, of the workpiece where the tip is commanded and of the axes where these are.
+std::optional<ProgramZero> program_zero(const NcOptions& options);
+
+/// The same whether an offset is stated or not, for controls that always count so.
+std::optional<ProgramZero> known_zero(const NcOptions& options);
+
+/// What comes on top of an offset in these coordinates, mm.
+Eigen::Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates);
 
 }  // namespace abbe::sim::program

@@ -2,10 +2,147 @@
 
 #include <algorithm>
 #include <cmath>
+#include <regex>
+
+#include <fmt/format.h>
 
 #include "kinematics/units.h"
 
 namespace abbe::sim::program {
+
+std::string to_text(const Assumption& assumption) {
+  std::string place;
+  if (assumption.line > 0)
+    place = assumption.file.empty() ? fmt::format("line {}: ", assumption.line)
+                                    : fmt::format("{}:{}: ", assumption.file, assumption.line);
+  const char* or_option = assumption.key.empty() || assumption.option.empty() ? "" : ", ";
+  return fmt::format("{}{} ({}{}{})", place, assumption.text, assumption.key, or_option,
+                     assumption.option);
+}
+
+namespace {
+
+using Found = std::match_results<std::string::const_iterator>;
+
+constexpr std::size_t longest = 200;  // of a comment that names a tool
+
+// 10, 10., .5, 1/2, 1-1/2
+const std::string a_length = "([0-9]+-[0-9]+/[0-9]+|[0-9]+/[0-9]+|[0-9]+\\.?[0-9]*|\\.[0-9]+)";
+const std::string a_unit = "(MM|INCHES|INCH|IN\\b|\")";
+
+std::regex pattern(const std::string& text) { return std::regex(text, std::regex::optimize); }
+
+std::optional<Found> found(const std::string& text, const std::regex& wanted) {
+  Found match;
+  if (!std::regex_search(text, match, wanted)) return std::nullopt;
+  return match;
+}
+
+bool has(const std::string& text, const std::regex& wanted) {
+  return std::regex_search(text, wanted);
+}
+
+double quotient(const std::string& text, std::size_t slash) {
+  const double below = std::stod(text.substr(slash + 1));
+  return below > 0.0 ? std::stod(text.substr(0, slash)) / below : 0.0;
+}
+
+double length_of(const std::string& text) {
+  if (text.size() > 12) return 0.0;  // no length of a tool
+  const std::size_t dash = text.find('-');
+  if (dash != std::string::npos)
+    return length_of(text.substr(0, dash)) + length_of(text.substr(dash + 1));
+  const std::size_t slash = text.find('/');
+  return slash == std::string::npos ? std::stod(text) : quotient(text, slash);
+}
+
+std::optional<double> unit_of_words(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  return text == "MM" ? 1.0 : units::inch;
+}
+
+std::optional<int> number_in(const std::string& text) {
+  static const std::regex t = pattern("\\bT ?0*([0-9]{1,6})\\b");
+  static const std::regex tool =
+      pattern("\\bTOOL *(?:NO\\.?|NUMBER|#)? *[-:=#]? *-? *0*([0-9]{1,6})\\b(?![./])");
+  for (const std::regex* wanted : {&t, &tool})
+    if (const auto match = found(text, *wanted)) return std::stoi((*match)[1].str());
+  return std::nullopt;
+}
+
+/// A D of its own, which is a diameter where a tool is spoken of and no register is.
+std::optional<double> bare_diameter(const std::string& text, const std::optional<int>& number) {
+  static const std::regex bare = pattern("(?:^|[^A-Z0-9])D ?([0-9]+\\.?[0-9]*)(?![0-9A-Z])");
+  static const std::regex register_of = pattern("\\bH ?[0-9]|\\||\\bOFF|\\bCOMP|\\bWEAR");
+  static const std::regex tool =
+      pattern("\\bT ?[0-9]|TOOL|MILL|CUTTER|BALL|FLAT|BULL|^ *D ?[0-9.]+ *$");
+  const auto match = found(text, bare);
+  if (!match || has(text, register_of) || !has(text, tool)) return std::nullopt;
+  const double length = length_of((*match)[1].str());
+  if (number && length == double(*number)) return std::nullopt;
+  return length;
+}
+
+/// The diameter with the unit and the radius that stand in the same words.
+std::optional<CutterData> with_cutter_diameter(const std::string& text, CutterData words) {
+  static const std::regex letter = pattern("\\bD *[=:] *" + a_length);
+  static const std::regex written =
+      pattern("\\bDIA(?:M(?:ETER)?)?\\b\\.? *[-=:]? *D?" + a_length + " *" + a_unit + "?");
+  static const std::regex sign = pattern("(?:\xC3\x98|\xC3\xB8|\xE2\x8C\x80) ?" + a_length);
+  static const std::regex code = pattern("(?:^|[^A-Z0-9])D ?" + a_length + "[ _-]?R ?" + a_length);
+  static const std::regex mill =
+      pattern(a_length + " *" + a_unit +
+              " *(?:[A-Z0-9]+ +){0,2}?(?:END ?-?MILL|BALL|FLAT|BULL|MILL\\b|CUTTER)");
+  static const std::regex kind =
+      pattern(a_length + " +(?:FLAT|BALL|BULL|SQUARE)[A-Z]* *(?:NOSED?|END)? *-?(?:END)? *-?MILL");
+  static const std::regex braces = pattern("MILL.*\\{ *" + a_length + " *" + a_unit + " *\\}");
+  if (const auto both = found(text, code)) {
+    words.diameter = length_of((*both)[1].str());
+    words.corner_radius = length_of((*both)[2].str());
+    return words;
+  }
+  for (const std::regex* wanted : {&letter, &written, &sign, &braces, &mill, &kind})
+    if (const auto match = found(text, *wanted)) {
+      words.diameter = length_of((*match)[1].str());
+      if (match->size() > 2) words.unit_mm = unit_of_words((*match)[2].str());
+      return words;
+    }
+  if (const auto bare = bare_diameter(text, words.number)) {
+    words.diameter = *bare;
+    return words;
+  }
+  return std::nullopt;
+}
+
+std::optional<double> corner_radius_in(const std::string& text) {
+  static const std::regex radius =
+      pattern("\\b(?:CR|R|(?:TIP|CORNER) *RAD(?:IUS)?) *[=:] *" + a_length + "|\\bR ?" + a_length);
+  const auto match = found(text, radius);
+  if (!match) return std::nullopt;
+  return length_of((*match)[(*match)[1].matched ? 1 : 2].str());
+}
+
+CutterData::End end_in(const std::string& text) {
+  static const std::regex ball = pattern("\\bBALL"), flat = pattern("\\bFLAT\\b|\\bSQUARE\\b");
+  if (has(text, ball)) return CutterData::End::Ball;
+  return has(text, flat) ? CutterData::End::Flat : CutterData::End::Unspecified;
+}
+
+}  // namespace
+
+std::optional<CutterData> parse_cutter_comment(std::string_view comment) {
+  if (comment.size() > longest || comment.find_first_of("0123456789") == std::string_view::npos)
+    return std::nullopt;
+  std::string text(comment);
+  for (char& c : text)
+    if (c >= 'a' && c <= 'z') c = char(c - 'a' + 'A');
+  const auto words = with_cutter_diameter(text, {.number = number_in(text)});
+  if (!words || !(words->diameter > 0.0)) return std::nullopt;
+  CutterData all = *words;
+  if (!all.corner_radius) all.corner_radius = corner_radius_in(text);
+  all.end = end_in(text);
+  return all;
+}
 
 bool is_feed(const Block& block) {
   return block.interpolation != Interpolation::Rapid && block.interpolation != Interpolation::Dwell;
@@ -19,7 +156,7 @@ Eigen::Vector2d position(const Arc& arc, double u) {
   return {arc.centre.x() + radius * std::cos(angle), arc.centre.y() + radius * std::sin(angle)};
 }
 
-Arc arc_through(const ArcWords& words) {
+Arc arc_through(const ArcGeometry& words) {
   constexpr double same_point = 1e-8;  // mm
   const Eigen::Vector2d from = words.start - words.centre, to = words.end - words.centre;
   Arc arc;
@@ -39,7 +176,7 @@ namespace {
 
 /// The coordinates of an arc in its plane and across it, changed by `change`.
 template <typename Vector, typename Change>
-void in_its_plane(const Path& path, const Arc& arc, Vector& q, const Change& change) {
+void transform_in_plane(const Path& path, const Arc& arc, Vector& q, const Change& change) {
   if (arc.turned < 0) {
     Eigen::Vector3d p(q[arc.first], q[arc.second], 0.0);
     change(p);
@@ -86,7 +223,7 @@ AxisVector position(const Path& path, const Block& block, double u) {
   AxisVector q = block.start + u * way;
   if (block.interpolation == Interpolation::Arc) {
     const Arc& arc = path.arcs[block.shape];
-    in_its_plane(path, arc, q, [&](Eigen::Vector3d& p) { p.head<2>() = position(arc, u); });
+    transform_in_plane(path, arc, q, [&](Eigen::Vector3d& p) { p.head<2>() = position(arc, u); });
   } else if (block.interpolation == Interpolation::Cubic) {
     const Cubic& cubic = path.cubics[block.shape];
     const double duration = block.end_s - block.start_s;
@@ -140,10 +277,11 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   part.more_files = path.more_files;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
-  const auto from = std::ranges::lower_bound(path.asides, first, {}, &Aside::before);
-  for (auto aside = from; aside != path.asides.end(); ++aside) {
+  const auto from =
+      std::ranges::lower_bound(path.auxiliary_words, first, {}, &AuxiliaryWord::before);
+  for (auto aside = from; aside != path.auxiliary_words.end(); ++aside) {
     if (aside->before >= last && last != path.blocks.size()) break;
-    part.asides.push_back({aside->before - first, aside->text});
+    part.auxiliary_words.push_back({aside->before - first, aside->text});
   }
   part.unit_words = path.unit_words;
   for (Block& block : part.blocks) take_shape(part, block, path);
@@ -162,7 +300,7 @@ AxisVector velocity(const Path& path, const Block& block, double u) {
     const double angle = arc.start_angle + u * arc.sweep;
     const double radius = arc.radius + u * arc.growth;
     const double c = std::cos(angle), s = std::sin(angle);
-    in_its_plane(path, arc, rate, [&](Eigen::Vector3d& v) {
+    transform_in_plane(path, arc, rate, [&](Eigen::Vector3d& v) {
       v.x() = (arc.growth * c - radius * arc.sweep * s) / duration;
       v.y() = (arc.growth * s + radius * arc.sweep * c) / duration;
     });

@@ -1,16 +1,56 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "kinematics/axis.h"
-#include "sim/program/assumption.h"
-#include "sim/program/tool_comment.h"
+#include "kinematics/axes.h"
 
 namespace abbe::sim::program {
+
+/// A choice that a program leaves to its control or its operator, as the reader made it. A reader
+/// reports one with `Canon::assume` where the program depends on it; `abbe program`, `check`, `run`
+/// and `compare` print each once, and summary.json lists them under `assumptions`.
+struct Assumption {
+  std::string text;         ///< what was assumed, and what follows from it here
+  std::string key;          ///< scene key that changes it, "program.block_skip"
+  std::string option = {};  ///< of `abbe program` that changes it, "--block-skip"; empty: none
+  int line = 0;             ///< first line that depends on it; 0: the whole program
+  std::string file = {};    ///< file of that line, if it is a subprogram's
+};
+
+/// Returns "line 7: block skip is on: 3 blocks left out (program.block_skip)".
+std::string to_text(const Assumption& assumption);
+
+/// What a comment of a CAM system says of a cutter.
+struct CutterData {
+  enum class End { Unspecified, Flat, Ball };
+  std::optional<int> number;  ///< T of the tool
+  double diameter = 0.0;      ///< > 0, in the unit of the words
+  std::optional<double> corner_radius;
+  End end = End::Unspecified;
+  std::optional<double> unit_mm;  ///< mm per unit, where the words name one; else the program's
+};
+
+/// A comment of a program that gives the diameter of a cutter.
+struct ToolComment {
+  int line = 0;
+  std::string text;
+  CutterData words;        ///< in mm
+  std::size_t before = 0;  ///< block that it stands before; the number of blocks at the end
+};
+
+/// Reads "T1 D=10. CR=0. - FLAT END MILL", "TOOL - 1 DIA. OFF. - 1 LEN. - 1 DIA. - 10.",
+/// "T1 | 10. FLAT ENDMILL | H1", "TOOL DIAMETER: 10", "D10R1", "T2 D6", "5mm Endmill",
+/// "End Mill {6.35 mm}" and what is like them, in letters of either case; lengths may be fractions
+/// ("1/2", "1-1/2"). Register numbers (H1 D1, DIA. OFF.) are no diameters. @return none for a
+/// comment that gives no diameter
+std::optional<CutterData> parse_cutter_comment(std::string_view comment);
 
 /// What the numbers of a block mean.
 enum class Coordinates {
@@ -44,14 +84,14 @@ struct Arc {
 Eigen::Vector2d position(const Arc& arc, double u);
 
 /// Ends and centre of an arc in its plane, mm.
-struct ArcWords {
+struct ArcGeometry {
   Eigen::Vector2d start, end, centre;
   bool clockwise = false;
 };
 
 /// The arc through them, of more than nothing and at most a whole turn; an end within 1e-8 mm of
 /// the start makes a circle. `first` and `second` are left.
-Arc arc_through(const ArcWords& words);
+Arc arc_through(const ArcGeometry& words);
 
 struct Cubic {
   kinematics::AxisVector start_velocity;  ///< (joints) mm/s, rad/s
@@ -80,7 +120,7 @@ struct Block {
 bool is_feed(const Block& block);
 
 /// Words of an NC program that move nothing: T, M0 M1 M6 M7 M8 M9.
-struct Aside {
+struct AuxiliaryWord {
   std::size_t before = 0;  ///< block that they stand before; the number of blocks at the end
   std::string text;
 };
@@ -109,12 +149,12 @@ struct Path {
   std::vector<Arc> arcs;
   std::vector<Eigen::Matrix3d> turns = {};  ///< of planes that no two joints span
   std::vector<Cubic> cubics;
-  std::vector<Aside> asides;               ///< in the order of the program
-  std::vector<ToolCall> tool_calls;        ///< the same
-  std::vector<ToolComment> tool_comments;  ///< the same
-  std::vector<UnitWord> unit_words;        ///< the same
-  std::vector<Assumption> assumptions;     ///< each once, in the order they were met
-  int motion_blocks = 0;                   ///< blocks with motion, as `moves` in the summary
+  std::vector<AuxiliaryWord> auxiliary_words;  ///< in the order of the program
+  std::vector<ToolCall> tool_calls;            ///< the same
+  std::vector<ToolComment> tool_comments;      ///< the same
+  std::vector<UnitWord> unit_words;            ///< the same
+  std::vector<Assumption> assumptions;         ///< each once, in the order they were met
+  int motion_blocks = 0;                       ///< blocks with motion, as `moves` in the summary
 };
 
 /// The blocks from `first` to before `last` as a program of their own, with the words that stand

@@ -4,11 +4,10 @@
 #include <cmath>
 #include <utility>
 
-#include "kinematics/pole.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
-#include "sim/program/block_axes.h"
-#include "sim/program/chords.h"
-#include "sim/program/controlled_axes.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_options.h"
 
 namespace abbe::sim::program {
 
@@ -19,10 +18,10 @@ using kinematics::Motion;
 
 namespace {
 
-constexpr double turns_at_all = 1e-9;  // rad
-constexpr double one_place = 1e-9;     // mm or rad, rounding of a change between axes and tip
-constexpr double angle_within = 1e-8;  // of the search, in u times the turn
-constexpr double level = 1e-10;        // mm or rad: nothing exceeds places that differ by less
+constexpr double turn_threshold = 1e-9;  // rad
+constexpr double one_place = 1e-9;       // mm or rad, rounding of a change between axes and tip
+constexpr double angle_within = 1e-8;    // of the search, in u times the turn
+constexpr double level = 1e-10;          // mm or rad: nothing exceeds places that differ by less
 constexpr double golden = 0.6180339887498949;
 
 std::vector<ControlledAxis> axes_named(const Chain& chain) {
@@ -32,7 +31,7 @@ std::vector<ControlledAxis> axes_named(const Chain& chain) {
 }
 
 /// Least singular value of the change of direction by two rotary axes, as an angle.
-double least_change(const Vector3d& first, const Vector3d& second) {
+double min_change(const Vector3d& first, const Vector3d& second) {
   const double a = first.squaredNorm(), b = second.squaredNorm(), c = first.dot(second);
   const double largest = 0.5 * (a + b + std::hypot(a - b, 2 * c));
   if (!(largest > 0.0)) return 0.0;
@@ -41,7 +40,7 @@ double least_change(const Vector3d& first, const Vector3d& second) {
 
 /// Parts in which ways are within the tolerance and no coordinate of an arc or a cubic turns back
 /// twice, so that three places in a row show every extreme.
-std::size_t parts_of_move(const Path& path, const Block& block, const Chain& control) {
+std::size_t extreme_search_parts(const Path& path, const Block& block, const Chain& control) {
   const std::size_t n = chords_of(path, block, control, path_meter_within);
   if (block.interpolation == Interpolation::Cubic) return std::max<std::size_t>(n, 8);
   if (block.interpolation != Interpolation::Arc) return n;
@@ -109,7 +108,7 @@ void PathMeter::note_slowed(const Block& block, double factor) {
   constexpr double rounding = 1e-9;
   if (!(factor > 1.0 + rounding)) return;
   ++figures_.slowed;
-  if (factor > figures_.most_slowed.value) figures_.most_slowed = {factor, block.line, block.file};
+  if (factor > figures_.max_slowed.value) figures_.max_slowed = {factor, block.line, block.file};
 }
 
 MoveFigures& PathMeter::kind(const Block& block) {
@@ -129,8 +128,8 @@ MoveFigures& PathMeter::kind(const Block& block) {
 }
 
 /// Under a tip mode as programmed.
-Vector3d PathMeter::tip_of(const Path& path, const Block& block, const AxisVector& q,
-                           double u) const {
+Vector3d PathMeter::tip_position(const Path& path, const Block& block, const AxisVector& q,
+                                 double u) const {
   if (block.coordinates == Coordinates::Axis) return control_->tool_in_workpiece(q).translation();
   const AxisVector programmed = position(path, block, u);
   return {programmed[xyz_[0]], programmed[xyz_[1]], programmed[xyz_[2]]};
@@ -155,25 +154,25 @@ void PathMeter::begin(const Path& path, const Block& block) {
     q_ = axes_at(path, block, *control_, 0.0);
     tip_w_ = control_->tool_in_workpiece(q_).translation();
     note_position(block, q_);
-    if (on_place) on_place(tip_w_, true);
+    if (on_tip_point) on_tip_point(tip_w_, true);
   }
   coordinates_ = block.coordinates;
   programmed_ = block.end;
 }
 
-PathMeter::MeterPlace PathMeter::place_at(const Path& path, const Block& block, double u) const {
-  MeterPlace place{u, axes_at(path, block, *control_, u), {}};
-  place.tip_w = tip_of(path, block, place.q, u);
+PathMeter::MeterPoint PathMeter::place_at(const Path& path, const Block& block, double u) const {
+  MeterPoint place{u, axes_at(path, block, *control_, u), {}};
+  place.tip_w = tip_position(path, block, place.q, u);
   return place;
 }
 
-void PathMeter::note_place(const Block& block, const MeterPlace& place) {
+void PathMeter::note_point(const Block& block, const MeterPoint& place) {
   note_position(block, place.q);
   figures_.all_w.extend(place.tip_w);
   if (block.interpolation != Interpolation::Rapid) figures_.feed_w.extend(place.tip_w);
 }
 
-double PathMeter::coordinate(const MeterPlace& place, int k) const {
+double PathMeter::coordinate(const MeterPoint& place, int k) const {
   return k < control_->size() ? place.q[k] : place.tip_w[k - control_->size()];
 }
 
@@ -188,17 +187,18 @@ bool PathMeter::is_curved(const Block& block, int k) const {
 }
 
 /// Whether a curved coordinate begins or ends a move where it may exceed all so far within it.
-bool PathMeter::ends_near_extreme(const Path& path, const Block& block) const {
-  for (const MeterPlace& end : {place_at(path, block, 0.0), place_at(path, block, 1.0)})
+bool PathMeter::has_extreme_near_end(const Path& path, const Block& block) const {
+  for (const MeterPoint& end : {place_at(path, block, 0.0), place_at(path, block, 1.0)})
     for (int k = 0; k < control_->size() + 3; ++k)
       for (const double sign : {1.0, -1.0})
-        if (is_curved(block, k) && may_be_new(block, coordinate(end, k), k, sign)) return true;
+        if (is_curved(block, k) && can_be_new_extreme(block, coordinate(end, k), k, sign))
+          return true;
   return false;
 }
 
 /// Whether an extreme beside a place with that value of coordinate k may exceed all so far.
 /// @param sign  1 for the largest, -1 for the least
-bool PathMeter::may_be_new(const Block& block, double value, int k, double sign) const {
+bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, double sign) const {
   const auto exceeds = [&](double low, double high) {
     return sign * value + path_meter_within > (sign > 0.0 ? high : -low);
   };
@@ -214,14 +214,14 @@ bool PathMeter::may_be_new(const Block& block, double value, int k, double sign)
 
 /// Where the middle one of three places is beyond both others, the extreme is sought between them.
 void PathMeter::note_extremes(const Path& path, const Block& block,
-                              const std::array<MeterPlace, 3>& three) {
+                              const std::array<MeterPoint, 3>& three) {
   for (int k = 0; k < control_->size() + 3; ++k)
     for (const double sign : {1.0, -1.0}) {
       if (!is_curved(block, k)) continue;
       const double before = sign * coordinate(three[0], k), at = sign * coordinate(three[1], k),
                    after = sign * coordinate(three[2], k);
       if (at < before || at < after || std::max(at - before, at - after) < level) continue;
-      if (!may_be_new(block, sign * at, k, sign)) continue;
+      if (!can_be_new_extreme(block, sign * at, k, sign)) continue;
       const auto value = [&](double u) { return sign * coordinate(place_at(path, block, u), k); };
       double a = three[0].u, b = three[2].u;
       double c = b - golden * (b - a), d = a + golden * (b - a);
@@ -236,14 +236,14 @@ void PathMeter::note_extremes(const Path& path, const Block& block,
           a = c, c = d, at_c = at_d;
           at_d = value(d = a + golden * (b - a));
         }
-      note_place(block, place_at(path, block, at_c > at_d ? c : d));
+      note_point(block, place_at(path, block, at_c > at_d ? c : d));
     }
 }
 
 /// The places beside the ends tell an extreme within the first or the last part.
 void PathMeter::note_all_extremes(const Path& path, const Block& block, std::size_t chords) {
   const double part = 1.0 / double(chords), little = 1e-3 * part;
-  std::array<MeterPlace, 3> three;
+  std::array<MeterPoint, 3> three;
   three[0] = place_at(path, block, 0.0);
   three[1] = place_at(path, block, little);
   const auto next = [&](double u) {
@@ -258,8 +258,8 @@ void PathMeter::note_all_extremes(const Path& path, const Block& block, std::siz
 
 void PathMeter::move(const Path& path, const Block& block) {
   const bool rapid = block.interpolation == Interpolation::Rapid;
-  const double turn = turn_in(path, block, *control_);
-  const std::size_t n = parts_of_move(path, block, *control_);
+  const double turn = rotary_turn_sum(path, block, *control_);
+  const std::size_t n = extreme_search_parts(path, block, *control_);
   const double seconds = (block.end_s - block.start_s) / double(n);
   MoveFigures& moves = kind(block);
   double limited = 0.0;
@@ -276,21 +276,21 @@ void PathMeter::move(const Path& path, const Block& block) {
     if (!rapid) note_speeds(block, step, seconds);
     if (!rapid && limits_.pole > 0.0) note_pole(block, q, seconds);
     q_ = q;
-    const Vector3d at = tip_of(path, block, q, k == n ? 1.0 : double(k) / double(n));
+    const Vector3d at = tip_position(path, block, q, k == n ? 1.0 : double(k) / double(n));
     moves.way += (at - tip_w_).norm();
     tip_w_ = at;
     note_position(block, q);
     figures_.all_w.extend(at);
     if (!rapid) figures_.feed_w.extend(at);
     if (!rapid) note_radius();
-    if (on_place) on_place(at, rapid);
+    if (on_tip_point) on_tip_point(at, rapid);
   }
-  if (n > 1 || (turn > turns_at_all && ends_near_extreme(path, block)))
+  if (n > 1 || (turn > turn_threshold && has_extreme_near_end(path, block)))
     note_all_extremes(path, block, n);
   moves.limited_s += limited;
   if (!rapid && block.end_s > block.start_s)
     note_slowed(block, limited / (block.end_s - block.start_s));
-  if (!rapid && turn > turns_at_all && rotary_.size() == 2)
+  if (!rapid && turn > turn_threshold && rotary_.size() == 2)
     for (std::size_t k = 0; k < n; ++k)
       note_singular(path, block, double(k) / double(n), double(k + 1) / double(n),
                     turn / double(n));
@@ -299,7 +299,7 @@ void PathMeter::move(const Path& path, const Block& block) {
 /// From where the axes are.
 void PathMeter::note_pole(const Block& block, const AxisVector& to, double seconds) {
   if (block.coordinates != Coordinates::Tip || rotary_.size() != 2) return;
-  if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > turns_at_all)) return;
+  if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > turn_threshold)) return;
   const auto pole = kinematics::nearest_pole(*control_, q_, to);
   if (!pole || pole->angle >= limits_.pole) return;
   const double turned = std::abs(to[pole->axis] - q_[pole->axis]);
@@ -327,7 +327,7 @@ double PathMeter::singular_angle(const Path& path, const Block& block, double u)
     R = R * Eigen::AngleAxisd(q[j], direction);
   }
   const Vector3d tool = R * control_->T_bt_home().linear().col(2);
-  return least_change(axes[0].cross(tool), axes[1].cross(tool));
+  return min_change(axes[0].cross(tool), axes[1].cross(tool));
 }
 
 void PathMeter::look_at(const Path& path, const Block& block, double u) {

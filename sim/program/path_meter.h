@@ -24,7 +24,7 @@ struct AxisLimits {
 };
 
 /// A line of the program at which a figure is met.
-struct AtLine {
+struct ValueAtLine {
   double value = 0.0;
   int line = 0;
   std::uint16_t file = 0;  ///< as of a block
@@ -33,8 +33,8 @@ struct AtLine {
 /// What a program asks of one axis, mm or rad.
 struct AxisFigures {
   bool positioned = false;  ///< no spindle, and the program has blocks
-  AtLine least, most;       ///< positions
-  AtLine fastest;           ///< mm/s or rad/s, of the moves at feed
+  ValueAtLine least, most;  ///< positions
+  ValueAtLine fastest;      ///< mm/s or rad/s, of the moves at feed
   double left = 0.0;        ///< mm or rad, to the nearer limit of travel; below zero beyond it
 };
 
@@ -73,9 +73,9 @@ struct PathFigures {
   MoveFigures rapids, lines, arcs, cubics, dwells;
   std::vector<AxisFigures> axes;  ///< (joints)
   std::size_t slowed = 0;         ///< moves at feed in which an axis would be beyond its limit
-  AtLine most_slowed;             ///< by which factor at most
+  ValueAtLine max_slowed;         ///< by which factor at most
   int fastest_axis = -1;          ///< the joint that comes nearest to its limit, or goes beyond it
-  Eigen::AlignedBox3d feed_w, all_w;     ///< of the tip in the workpiece
+  Eigen::AlignedBox3d feed_w, all_w;  ///< of the tip in the workpiece
   /// Least and largest distance of the tip from the line of the spindle that turns the workpiece at
   /// feed, mm; none where no spindle does.
   std::optional<std::array<double, 2>> radius_at_feed;
@@ -91,11 +91,11 @@ inline constexpr double path_meter_within = 0.01;
 
 /// Looks at a path block by block, as the axes of a machine run it; keeps no blocks.
 /// Positions and extents are those of the curves, within 1e-9 mm and rad: an extreme between the
-/// places of a move is searched where it may be a new one. An axis that turns back twice between two
-/// places, where slides follow rotary axes, may be missed by `path_meter_within`; on arcs, helices
-/// and cubics none is. The singular pose is met by minimising along each move that may come nearer,
-/// within 1e-7 rad; how an axis turns near a pole
-/// is summed over the pieces of moves that come near, so by one piece at most too much at each end.
+/// places of a move is searched where it may be a new one. An axis that turns back twice between
+/// two places, where slides follow rotary axes, may be missed by `path_meter_within`; on arcs,
+/// helices and cubics none is. The singular pose is met by minimising along each move that may come
+/// nearer, within 1e-7 rad; how an axis turns near a pole is summed over the pieces of moves that
+/// come near, so by one piece at most too much at each end.
 class PathMeter {
  public:
   /// @param control       outlives it; its limits are those of travel
@@ -110,7 +110,7 @@ class PathMeter {
   const kinematics::AxisVector& axes() const { return q_; }
 
   /// Called with every place of the tip that is looked at, as for a picture.
-  std::function<void(const Eigen::Vector3d& tip_w, bool rapid)> on_place = {};
+  std::function<void(const Eigen::Vector3d& tip_w, bool rapid)> on_tip_point = {};
 
  private:
   using AxisVector = kinematics::AxisVector;
@@ -118,24 +118,25 @@ class PathMeter {
   bool is_spindle(int j) const { return j == spindle_ || motion(j) == kinematics::Motion::Spindle; }
   kinematics::Motion motion(int j) const { return control_->joints()[std::size_t(j)].motion; }
   double limit(int j) const;
-  Eigen::Vector3d tip_of(const Path& path, const Block& block, const AxisVector& q, double u) const;
+  Eigen::Vector3d tip_position(const Path& path, const Block& block, const AxisVector& q,
+                               double u) const;
   bool take_chain_of(const Block& block);
   void begin(const Path& path, const Block& block);
   void move(const Path& path, const Block& block);
   void note_position(const Block& block, const AxisVector& q);
   /// A place of a move, or what an extreme is sought of: axes, then the tip.
-  struct MeterPlace {
+  struct MeterPoint {
     double u = 0.0;
     AxisVector q;
     Eigen::Vector3d tip_w;
   };
-  MeterPlace place_at(const Path& path, const Block& block, double u) const;
-  void note_place(const Block& block, const MeterPlace& place);
-  double coordinate(const MeterPlace& place, int k) const;
+  MeterPoint place_at(const Path& path, const Block& block, double u) const;
+  void note_point(const Block& block, const MeterPoint& place);
+  double coordinate(const MeterPoint& place, int k) const;
   bool is_curved(const Block& block, int k) const;
-  bool ends_near_extreme(const Path& path, const Block& block) const;
-  bool may_be_new(const Block& block, double value, int k, double sign) const;
-  void note_extremes(const Path& path, const Block& block, const std::array<MeterPlace, 3>& three);
+  bool has_extreme_near_end(const Path& path, const Block& block) const;
+  bool can_be_new_extreme(const Block& block, double value, int k, double sign) const;
+  void note_extremes(const Path& path, const Block& block, const std::array<MeterPoint, 3>& three);
   void note_all_extremes(const Path& path, const Block& block, std::size_t chords);
   void note_speeds(const Block& block, const AxisVector& step, double seconds);
   void note_slowed(const Block& block, double factor);

@@ -6,7 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/program/nc.h"
+#include "kinematics/chain.h"
+#include "sim/program/nc_reader.h"
 #include "sim/program/path.h"
 
 namespace abbe::sim::program {
@@ -39,5 +40,24 @@ std::string write_pvt(std::span<const PvtRow> rows, std::span<const ControlledAx
 /// The rows of a path that was read from such a file.
 /// @throws std::invalid_argument if a block is not a cubic
 std::vector<PvtRow> pvt_rows(const Path& path);
+
+struct PvtConversionOptions {
+  double within = 0.001;  ///< mm, of the path; a rotary axis counts with `lever`
+  double lever = 100.0;   ///< mm
+  std::size_t max_rows = 20'000'000;
+};
+
+struct PvtConversion {
+  std::vector<PvtRow> rows;
+  double off = 0.0;  ///< mm, the farthest that the cubics were seen from the path, three times in
+                     ///< each
+};
+
+/// A path as positions, velocities and times: rows close to the corners, where cubics cannot turn
+/// at once, and as many between them as curved moves need. What cubics leave by a corner falls with
+/// the time to the rows beside it.
+/// @throws BadInput for more rows than allowed, and where slides do not reach a tip
+PvtConversion convert_to_pvt(const Path& path, const kinematics::Chain& control,
+                             const PvtConversionOptions& options = {});
 
 }  // namespace abbe::sim::program

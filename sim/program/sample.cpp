@@ -9,23 +9,23 @@
 #include <utility>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
-#include "kinematics/turn_between.h"
+#include "kinematics/inverse_kinematics.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
-#include "sim/program/block_axes.h"
+#include "sim/program/block_motion.h"
 
 namespace abbe::sim::program {
 namespace {
 
 using kinematics::angle_between;
 using kinematics::AxisVector;
+using kinematics::great_circle_point;
 using kinematics::Motion;
-using kinematics::on_great_circle;
 
 // An axis has moved once it is this far from where it last was seen to move: the rounding of a
 // control's arithmetic is no reversal.
-constexpr double still_mm = 1e-9;
-constexpr double still_rad = 1e-11;
+constexpr double motion_threshold_mm = 1e-9;
+constexpr double motion_threshold_rad = 1e-11;
 constexpr double same_place = 1e-9;  // mm or rad, rounding of a change between axes and tip
 
 /// Tool in the workpiece.
@@ -134,7 +134,7 @@ void Walk::set_rates() {
   double turn_second = 0.0, turn_third = 0.0;
   double travel_squared = 0.0;
   for (int j = 0; j < control_.size(); ++j) {
-    const Bends b = bends(path_, block_, j);
+    const DerivativeBounds b = bends(path_, block_, j);
     if (is_rotary(j)) {
       rates_.turn += b.first;
       turn_second += b.second;
@@ -168,7 +168,7 @@ void Walk::set_rates() {
 }
 
 AxisVector Walk::slides(const AxisVector& programmed) const {
-  return with_slides_for(path_, block_, control_, programmed, programmed_tip(programmed));
+  return axes_for_tip(path_, block_, control_, programmed, programmed_tip(programmed));
 }
 
 AxisVector Walk::axes(double u) const {
@@ -232,8 +232,8 @@ double Walk::bend(const Places& places, double part) const {
     const double at = 0.25 * double(k + 1);
     const Place& p = places[k + 1];
     off[0][k] = p.tip - ((1 - at) * a.tip + at * b.tip);
-    off[1][k] =
-        off[0][k] + options_.reach * (p.direction - on_great_circle(a.direction, b.direction, at));
+    off[1][k] = off[0][k] +
+                options_.reach * (p.direction - great_circle_point(a.direction, b.direction, at));
   }
   double largest = 0.0;
   for (const auto& e : off)
@@ -293,7 +293,7 @@ class Recorder {
   void start(const AxisVector& q, double time_s, int block);
   void go(const AxisVector& q, double time_s, int block);
   void expect(double more, int block) const;
-  void go_on(const SampledUpTo& from, int block);
+  void go_on(const SamplingState& from, int block);
   std::size_t count() const { return samples_.states.size(); }
   Samples take();
 
@@ -315,7 +315,7 @@ void Recorder::expect(double more, int block) const {
                          "more");
 }
 
-void Recorder::go_on(const SampledUpTo& from, int block) {
+void Recorder::go_on(const SamplingState& from, int block) {
   moved_ = from.moved;
   push(from.last, block);
 }
@@ -337,7 +337,8 @@ bool Recorder::turn_back(const AxisVector& q, kinematics::AxisState& state) {
   for (int j = 0; j < control_.size(); ++j) {
     const Motion motion = control_.joints()[std::size_t(j)].motion;
     const double way = q[j] - moved_[j];
-    if (std::abs(way) <= (motion == Motion::Linear ? still_mm : still_rad)) continue;
+    if (std::abs(way) <= (motion == Motion::Linear ? motion_threshold_mm : motion_threshold_rad))
+      continue;
     moved_[j] = q[j];
     const std::int8_t direction = way > 0 ? 1 : -1;
     std::int8_t& last = state.direction[std::size_t(j)];
@@ -373,7 +374,7 @@ void Recorder::go(const AxisVector& q, double time_s, int block) {
 }
 
 /// A piece of a block that is sampled in equal steps.
-struct Stepped {
+struct StepRange {
   double from, to;  // shares of the block
   int steps;
   const AxisVector& end;
@@ -381,8 +382,8 @@ struct Stepped {
 
 /// The pieces of a block one after the other. @param expects  of so many steps, to refuse them
 template <class Expects, class Use>
-void each_stepped(const Walk& walk, const AxisVector& start, const Expects& expects,
-                  const Use& use) {
+void for_each_step_range(const Walk& walk, const AxisVector& start, const Expects& expects,
+                         const Use& use) {
   AxisVector qa = start;
   const std::vector<double> breaks = walk.breakpoints();
   for (std::size_t i = 0; i + 1 < breaks.size(); ++i) {
@@ -395,7 +396,7 @@ void each_stepped(const Walk& walk, const AxisVector& start, const Expects& expe
       const AxisVector qb = walk.axes(ub);
       const int steps = walk.steps(ua, ub, qa, qb);
       expects(steps);
-      use(Stepped{ua, ub, steps, qb});
+      use(StepRange{ua, ub, steps, qb});
       qa = qb;
     }
   }
@@ -408,7 +409,7 @@ void sample_block(const Path& path, int index, const kinematics::Chain& control,
   const AxisVector start = walk.axes(0.0);
   recorder.start(start, block.start_s, index);
   const double duration = block.end_s - block.start_s;
-  const auto record = [&](const Stepped& piece) {
+  const auto record = [&](const StepRange& piece) {
     for (int step = 1; step < piece.steps; ++step) {
       const double u = piece.from + (piece.to - piece.from) * step / piece.steps;
       recorder.go(walk.axes(u), block.start_s + u * duration, index);
@@ -416,7 +417,7 @@ void sample_block(const Path& path, int index, const kinematics::Chain& control,
     recorder.go(piece.end, piece.to == 1.0 ? block.end_s : block.start_s + piece.to * duration,
                 index);
   };
-  each_stepped(
+  for_each_step_range(
       walk, start, [&](int steps) { recorder.expect(steps, index); }, record);
 }
 
@@ -431,8 +432,8 @@ void check_count(const Path& path, const kinematics::Chain& control, const Sampl
         throw TooManySamples(path.file, block.line, 0,
                              fmt::format("a program of at most {:.0f} samples", most), "more");
     };
-    each_stepped(walk, walk.axes(0.0), expects,
-                 [&](const Stepped& piece) { count += piece.steps; });
+    for_each_step_range(walk, walk.axes(0.0), expects,
+                        [&](const StepRange& piece) { count += piece.steps; });
   }
 }
 
@@ -479,19 +480,20 @@ std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
                             const SampleOptions& options, std::size_t most,
                             const std::function<void(double part)>& progress) {
   check_size(path, control);
-  check_count(path, control, options, most_in_windows);
+  check_count(path, control, options, max_in_windows);
   const std::optional<int> spindle = spindle_of(control, options);
   Recorder recorder(path, control, options);
   std::vector<Window> all{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
-    constexpr std::size_t now_and_then = 1000;  // blocks
-    if (progress && i % now_and_then == 0) progress(double(i) / double(path.blocks.size()));
+    constexpr std::size_t progress_block_interval = 1000;  // blocks
+    if (progress && i % progress_block_interval == 0)
+      progress(double(i) / double(path.blocks.size()));
     all.back().last = i + 1;
     if (recorder.count() < most || all.back().last == path.blocks.size()) continue;
     Samples samples = recorder.take();
     if (spindle) note_spindle_speed(samples, *spindle, all.size() == 1);
-    const SampledUpTo end{samples.states.back(), samples.moved};
+    const SamplingState end{samples.states.back(), samples.moved};
     all.push_back({i + 1, i + 1, end});
     recorder.go_on(end, int(i));
   }

@@ -11,7 +11,7 @@
 namespace abbe::sim::program {
 
 /// How far the samples of a path go, for those of what follows it.
-struct SampledUpTo {
+struct SamplingState {
   kinematics::AxisState last;    ///< the last sample
   kinematics::AxisVector moved;  ///< (n) where each axis was last seen to move
 };
@@ -30,9 +30,9 @@ struct SampleOptions {
   std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
   kinematics::AxisState before = {};  ///< of a path that goes on from another: the ways and strokes
                                       ///< of the axes so far
-  std::optional<SampledUpTo> goes_on = {};  ///< of a path whose first block is sampled: that block
-                                            ///< gives the last sample again and no other
-  std::size_t max_samples = 50'000'000;     ///< more is refused before memory is taken
+  std::optional<SamplingState> goes_on = {};  ///< of a path whose first block is sampled: that
+                                              ///< block gives the last sample again and no other
+  std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
 };
 
 /// Commanded axes at instants. A reversal of an axis is sampled twice, before and after.
@@ -47,8 +47,8 @@ struct Samples {
 
 /// Blocks of a path that are sampled at once.
 struct Window {
-  std::size_t first = 0, last = 0;          ///< blocks, the last left out
-  std::optional<SampledUpTo> goes_on = {};  ///< none of the first
+  std::size_t first = 0, last = 0;            ///< blocks, the last left out
+  std::optional<SamplingState> goes_on = {};  ///< none of the first
 };
 
 /// More samples than the options allow: still a refusal of the line where the last of them ends.
@@ -63,13 +63,13 @@ Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});
 
 /// Samples of a path in windows at most: more would take days.
-inline constexpr double most_in_windows = 1e9;
+inline constexpr double max_in_windows = 1e9;
 
 /// A path in windows, each of which ends with the block that takes it to `most` samples; together
 /// they have the samples of the whole, to the bit, the last of each once more as the first of the
 /// next. In memory for one window and 300 bytes for each.
 /// @throws as `sample`; TooManySamples where a single window has more than options.max_samples, or
-///         all of them more than `most_in_windows`
+///         all of them more than `max_in_windows`
 std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
                             const SampleOptions& options, std::size_t most,
                             const std::function<void(double part)>& progress = {});

@@ -8,16 +8,17 @@
 #include <pybind11/stl.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/compensation/plug_in_task.h"
+#include "sim/compensation/plug_in_protocol.h"
 #include "sim/cut/collision_events.h"
 #include "sim/files/output.h"
-#include "sim/scene/bad_scene.h"
+#include "sim/scene/cases.h"
 #include "sim/scene/library.h"
-#include "sim/scene/toml_text.h"
+#include "sim/scene/toml.h"
 
 namespace py = pybind11;
 
 namespace abbe::python {
+
 namespace {
 
 std::string toml(const py::handle& value) {
@@ -50,12 +51,12 @@ struct Reporter {
   std::chrono::steady_clock::time_point said{};
 
   void report(const std::string& text, double fraction) {
-    constexpr std::chrono::milliseconds least_between(50);
+    constexpr std::chrono::milliseconds min_between(50);
     // who waited here for Python's lock could hold up the thread that has it
     const std::unique_lock lock(mutex, std::try_to_lock);
     if (!lock) return;
     const auto now = std::chrono::steady_clock::now();
-    if (fraction >= 0.0 && text == stage && now - said < least_between) return;
+    if (fraction >= 0.0 && text == stage && now - said < min_between) return;
     if (fraction >= 0.0) stage = text;
     said = now;
     const py::gil_scoped_acquire python;
@@ -65,7 +66,8 @@ struct Reporter {
 };
 
 /// An exception of Python whose class outlives the interpreter, as pybind11's own do.
-PyObject* new_class(py::module_& module, const char* name, PyObject* base, const char* text) {
+PyObject* new_exception_class(py::module_& module, const char* name, PyObject* base,
+                              const char* text) {
   PyObject* made =
       PyErr_NewExceptionWithDoc((std::string("abbe.") + name).c_str(), text, base, nullptr);
   module.add_object(name, made);
@@ -75,7 +77,7 @@ PyObject* new_class(py::module_& module, const char* name, PyObject* base, const
 PyObject *bad_input = nullptr, *bad_scene = nullptr, *output_failure = nullptr,
          *plug_in_failure = nullptr, *collision_stop = nullptr;
 
-py::object exception_of(const BadInput& fault) {
+py::object make_exception(const BadInput& fault) {
   py::object made = py::handle(bad_input)(fault.what());
   made.attr("file") = fault.file;
   made.attr("line") = fault.line;
@@ -88,16 +90,16 @@ py::object exception_of(const BadInput& fault) {
 void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);
-  } catch (const sim::BadScene& faults) {
-    py::object made = py::handle(bad_scene)(faults.what());
+  } catch (const sim::BadScene& input_errors) {
+    py::object made = py::handle(bad_scene)(input_errors.what());
     py::list all;
-    for (const BadInput& fault : faults.faults) all.append(exception_of(fault));
+    for (const BadInput& fault : input_errors.input_errors) all.append(make_exception(fault));
     made.attr("faults") = all;
     for (const char* key : {"file", "line", "column", "expected", "seen"})
       made.attr(key) = all[0].attr(key);
     PyErr_SetObject(bad_scene, made.ptr());
   } catch (const BadInput& fault) {
-    PyErr_SetObject(bad_input, exception_of(fault).ptr());
+    PyErr_SetObject(bad_input, make_exception(fault).ptr());
   } catch (const sim::OutputFailure& failure) {
     PyErr_SetString(output_failure, failure.what());
   } catch (const sim::compensation::PlugInFailure& failure) {
@@ -140,16 +142,132 @@ std::filesystem::path scene_file(const std::filesystem::path& name) {
 }
 
 void define_exceptions(py::module_& module) {
-  bad_input = new_class(module, "BadInput", PyExc_ValueError,
-                        "What came from outside is refused: file, line, column, expected, seen.");
-  bad_scene = new_class(module, "BadScene", bad_input,
-                        "All faults of a scene at once, in faults; the first of them as BadInput.");
-  output_failure = new_class(module, "OutputFailure", PyExc_OSError, "A file was not written.");
-  plug_in_failure =
-      new_class(module, "PlugInFailure", PyExc_RuntimeError, "A compensator did not answer.");
-  collision_stop = new_class(module, "CollisionStop", PyExc_RuntimeError,
-                             "Bodies touch, and the scene stops there.");
+  bad_input =
+      new_exception_class(module, "BadInput", PyExc_ValueError,
+                          "What came from outside is refused: file, line, column, expected, seen.");
+  bad_scene = new_exception_class(
+      module, "BadScene", bad_input,
+      "All faults of a scene at once, in faults; the first of them as BadInput.");
+  output_failure =
+      new_exception_class(module, "OutputFailure", PyExc_OSError, "A file was not written.");
+  plug_in_failure = new_exception_class(module, "PlugInFailure", PyExc_RuntimeError,
+                                        "A compensator did not answer.");
+  collision_stop = new_exception_class(module, "CollisionStop", PyExc_RuntimeError,
+                                       "Bodies touch, and the scene stops there.");
   py::register_exception_translator(translate);
+}
+
+namespace {
+
+using sim::compensation::PlugInBatch;
+using sim::compensation::PlugInFunction;
+using sim::compensation::PlugInTask;
+
+Eigen::MatrixXd answer(const py::function& function, const PlugInTask& task,
+                       const PlugInBatch& batch) {
+  // copies, since Python may keep what it is given
+  const py::object answered =
+      function(std::make_shared<PlugInTask>(task), std::make_shared<PlugInBatch>(batch));
+  using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
+  const Rows rows = Rows::ensure(answered);
+  if (!rows) throw py::error_already_set();
+  if (rows.ndim() != 2)
+    throw py::value_error("expected an array with a row a sample, seen one of " +
+                          std::to_string(rows.ndim()) + " dimensions");
+  return Eigen::Map<const PlugInBatch::Rows>(rows.data(), rows.shape(0), rows.shape(1));
+}
+
+const char* word(kinematics::Motion motion) {
+  return motion == kinematics::Motion::Linear   ? "linear"
+         : motion == kinematics::Motion::Rotary ? "rotary"
+                                                : "spindle";
+}
+
+}  // namespace
+
+sim::CaseDescription compensator_case(const py::function& function, const std::string& answers) {
+  using sim::compensation::PlugInOutput;
+  if (answers != "correction" && answers != "deviation")
+    throw py::value_error("answers: expected \"correction\" or \"deviation\", seen \"" + answers +
+                          "\"");
+  const std::string name = py::hasattr(function, "__name__")
+                               ? function.attr("__name__").cast<std::string>()
+                               : std::string(py::str(py::type::of(function).attr("__name__")));
+  sim::CaseDescription description = sim::plug_in_case(name == "<lambda>" ? "lambda" : name);
+  description.plug_in = description.name;  // there is no file
+  const std::shared_ptr<py::function> held(new py::function(function), [](py::function* one) {
+    const py::gil_scoped_acquire lock;
+    delete one;
+  });
+  description.function = std::make_shared<const PlugInFunction>(
+      PlugInFunction{answers == "correction" ? PlugInOutput::Correction : PlugInOutput::Deviation,
+                     [held](const PlugInTask& task, const PlugInBatch& batch) {
+                       const py::gil_scoped_acquire lock;
+                       return answer(*held, task, batch);
+                     }});
+  return description;
+}
+
+void define_compensators(py::module_& module) {
+  using kinematics::Joint;
+  py::class_<Joint>(module, "Joint", "A joint of the machine in the bed frame, all axes at zero.")
+      .def_property_readonly("name", [](const Joint& j) { return std::string(1, j.name); })
+      .def_property_readonly("side",
+                             [](const Joint& j) {
+                               return j.side == kinematics::Side::Workpiece ? "workpiece" : "tool";
+                             })
+      .def_property_readonly("motion", [](const Joint& j) { return word(j.motion); })
+      .def_property_readonly(
+          "direction",
+          [](const py::object& self) { return view(self.cast<const Joint&>().direction_b, self); })
+      .def_property_readonly(
+          "point",
+          [](const py::object& self) { return view(self.cast<const Joint&>().point_b, self); })
+      .def_readonly("min", &Joint::min, "mm or rad, of the travel")
+      .def_readonly("max", &Joint::max);
+  using Task = std::shared_ptr<PlugInTask>;
+  py::class_<PlugInTask, Task>(module, "Task", "The machine, and what its control could read.")
+      .def_readonly("structure", &PlugInTask::structure)
+      .def_readonly("joints", &PlugInTask::joints)
+      .def_readonly("tool", &PlugInTask::tool)
+      .def_readonly("tool_length", &PlugInTask::tool_length, "mm")
+      .def_property_readonly(
+          "readings", [](const PlugInTask& t) { return t.log.names; },
+          "names with their units, the columns of log and of Batch.readings")
+      .def_property_readonly("log_time_s",
+                             [](const py::object& self) {
+                               return view(self.cast<const PlugInTask&>().log.time_s, self);
+                             })
+      .def_property_readonly("log", [](const py::object& self) {
+        return view(self.cast<const PlugInTask&>().log.values, self);
+      });
+  const auto column = [](Eigen::VectorXd PlugInBatch::*member) {
+    return [member](const py::object& self) {
+      return view(self.cast<const PlugInBatch&>().*member, self);
+    };
+  };
+  const auto rows = [](PlugInBatch::Rows PlugInBatch::*member) {
+    return [member](const py::object& self) {
+      return view(self.cast<const PlugInBatch&>().*member, self);
+    };
+  };
+  py::class_<PlugInBatch, std::shared_ptr<PlugInBatch>>(module, "Batch",
+                                                        "Some samples in the order of time.")
+      .def("__len__", [](const PlugInBatch& b) { return b.time_s.size(); })
+      .def_property_readonly("time_s", column(&PlugInBatch::time_s))
+      .def_property_readonly("q", rows(&PlugInBatch::q), "(n, joints) commands, mm and rad")
+      .def_property_readonly("direction", rows(&PlugInBatch::direction),
+                             "(n, joints) +1 up, -1 down, 0 has not moved yet")
+      .def_property_readonly("spindle_rpm", column(&PlugInBatch::spindle_rpm))
+      .def_property_readonly(
+          "T_wt",
+          [](const py::object& self) {
+            const auto& T = self.cast<const PlugInBatch&>().T_wt;
+            constexpr py::ssize_t size = sizeof(double);
+            return view(T.data(), {T.rows(), 3, 4}, {12 * size, 4 * size, size}, self);
+          },
+          "(n, 3, 4) where the tool should be: tip [:, :, 3], axis [:, :, 2]")
+      .def_property_readonly("readings", rows(&PlugInBatch::readings), "(n, readings)");
 }
 
 }  // namespace abbe::python

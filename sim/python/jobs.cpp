@@ -1,32 +1,256 @@
 #include "sim/python/jobs.h"
 
+#include <algorithm>
+#include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
 
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
+#include <nlohmann/json.hpp>
 
-#include "kinematics/letters.h"
-#include "sim/commands/compare.h"
-#include "sim/cut/pose.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/chain.h"
+#include "sim/calibration/calibration.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/commands/scene_runs.h"
+#include "sim/cut/idle_machine.h"
+#include "sim/cut/placement.h"
 #include "sim/loop/compensate.h"
-#include "sim/python/arrays.h"
-#include "sim/python/compensator.h"
 #include "sim/python/conversions.h"
-#include "sim/python/results.h"
-#include "sim/scene/case_name.h"
+#include "sim/report/identification_report.h"
+#include "sim/report/page_template.h"
+#include "sim/report/picture_files.h"
+#include "sim/report/result_files.h"
+#include "sim/report/stock_check.h"
+#include "sim/report/summary.h"
+#include "sim/scene/cases.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
+#include "sim/study/run_study.h"
 
 namespace py = pybind11;
 
+namespace py = pybind11;
+using std::filesystem::path;
+
 namespace abbe::python {
+
+namespace {
+
+using sim::Retention;
+
+struct Compared {
+  std::shared_ptr<const sim::CaseResults> cases;
+  py::dict by_name() const {
+    py::dict all;
+    for (const sim::Compared& one : cases->cases)
+      all[py::str(one.verdict.cut.name)] =
+          Result{{cases, one.job}, {cases, &one.verdict}};  // each keeps all of them
+    return all;
+  }
+};
+
+const cutting::Surface& surface_of(const py::object& self) {
+  return self.cast<const Result&>().verdict->aligned.surface;
+}
+
+py::object figures_of(const Result& result) {
+  return to_python(sim::to_json(sim::summary(*result.job, *result.verdict)));
+}
+
+void save(const Result& result, const std::filesystem::path& folder,
+          const std::vector<std::string>& formats, bool force) {
+  const auto known = sim::map_formats();
+  for (const std::string& one : formats)
+    if (std::ranges::find(known, one) == known.end())
+      throw py::value_error(
+          fmt::format("formats: expected some of {}, seen \"{}\"", fmt::join(known, ", "), one));
+  const bool tracked = result.verdict->cut.track.has_value();
+  if (sim::retention_for(formats) == Retention::Track && !tracked)
+    throw py::value_error("expected a result cut with track=True to save its track");
+  const py::gil_scoped_release free;
+  sim::Permissions permissions;
+  permissions.command = "import abbe";
+  permissions.force = force;
+  const sim::ResultFolder into(folder, sim::writer_of(result.job->scene, permissions));
+  sim::Verdict verdict = *result.verdict;
+  verdict.stock = sim::stock_check(*result.job, verdict);
+  sim::write_program(into, *result.job);
+  sim::write_case(into, *result.job, verdict, formats);
+}
+
+constexpr int picture_width = 900;  // px
+
+/// Empty where abbe was built without pictures.
+py::bytes picture(const Result& result, int width) {
+  if (width < 1 || width > 10000) throw py::value_error("width: expected 1 to 10000 pixels");
+  std::string png;
+  {
+    const py::gil_scoped_release free;
+    png = sim::map_png(*result.job, *result.verdict, width);
+  }
+  return py::bytes(png);
+}
+
+std::string preformatted(const std::string& text) {
+  std::string lines;
+  for (std::size_t from = 0; from < text.size();) {
+    const std::size_t end = std::min(text.find('\n', from), text.size());
+    lines += sim::html::html_escaped(escaped(text.substr(from, end - from))) + "\n";
+    from = end + 1;
+  }
+  return "<pre>" + lines + "</pre>";
+}
+
+std::string image(const py::bytes& png) {
+  if (py::len(png) == 0) return "";
+  const auto text = py::module_::import("base64").attr("b64encode")(png).attr("decode")();
+  return "<img style=\"max-width:100%\" alt=\"residual map\" src=\"data:image/png;base64," +
+         text.cast<std::string>() + "\">";
+}
+
+std::string text_of(const Result& result) {
+  return sim::to_text(sim::summary(*result.job, *result.verdict));
+}
+
+void define_track(py::module_& module) {
+  using sim::ToolTrack;
+  const auto rows = [](ToolTrack::Rows ToolTrack::*member) {
+    return [member](const py::object& self) {
+      return view(self.cast<const ToolTrack&>().*member, self);
+    };
+  };
+  py::class_<ToolTrack, std::shared_ptr<ToolTrack>>(
+      module, "Track", "Where the tool was at every sample, in the workpiece frame.")
+      .def("__len__", [](const ToolTrack& t) { return t.time_s.size(); })
+      .def_property_readonly(
+          "time_s",
+          [](const py::object& self) { return view(self.cast<const ToolTrack&>().time_s, self); })
+      .def_property_readonly(
+          "line",
+          [](const py::object& self) { return view(self.cast<const ToolTrack&>().line, self); },
+          "of the program")
+      .def_property_readonly("q", rows(&ToolTrack::q), "(n, axes) as commanded, mm and rad")
+      .def_property_readonly("nominal_tip", rows(&ToolTrack::nominal_tip), "(n, 3) mm")
+      .def_property_readonly("nominal_direction", rows(&ToolTrack::nominal_direction),
+                             "(n, 3) from the tip to the spindle")
+      .def_property_readonly("actual_tip", rows(&ToolTrack::actual_tip), "(n, 3) mm")
+      .def_property_readonly("actual_direction", rows(&ToolTrack::actual_direction), "(n, 3)");
+}
+
+void define_result(py::module_& module) {
+  py::class_<Result>(module, "Result", "One case: its map on the design, and its figures.")
+      .def_property_readonly("name", [](const Result& r) { return r.verdict->cut.name; })
+      .def_property_readonly(
+          "residual_mm",
+          [](const py::object& self) { return view(surface_of(self).residual, self); },
+          "(n) along the outward normal, + material left, - gouged; NaN where not cut")
+      .def_property_readonly(
+          "form_mm",
+          [](const py::object& self) {
+            return view(self.cast<const Result&>().verdict->filtered, self);
+          },
+          "(n) the residual through the areal Gaussian filter")
+      .def_property_readonly(
+          "status",
+          [](const py::object& self) {
+            const auto& status = surface_of(self).status;
+            return view(reinterpret_cast<const std::uint8_t*>(status.data()),
+                        {py::ssize_t(status.size())}, {1}, self);
+          },
+          "(n) 0 cut, 1 uncut, 2 not judged, 3 gouged deeper than the band")
+      .def_property_readonly(
+          "cut_time_s",
+          [](const py::object& self) { return view(surface_of(self).cut_time_s, self); })
+      .def_property_readonly(
+          "cut_line", [](const py::object& self) { return view(surface_of(self).cut_line, self); },
+          "(n) line of the program that made the surface there, 0 where none did")
+      .def_property_readonly(
+          "signals",
+          [](const py::object& self) {
+            const sim::Signals& signals = self.cast<const Result&>().verdict->cut.signals;
+            py::dict all;
+            for (std::size_t k = 0; k < signals.columns.size(); ++k)
+              all[py::str(signals.columns[k])] =
+                  view(signals.rows.data() + Eigen::Index(k) * signals.rows.outerStride(),
+                       {signals.rows.rows()}, {py::ssize_t(sizeof(double))}, self);
+            return all;
+          },
+          "time lines by name, such as T_nut_C; empty without heat, force or channels")
+      .def_property_readonly(
+          "track",
+          [](const Result& r) -> py::object {
+            if (!r.verdict->cut.track) return py::none();
+            return py::cast(std::make_shared<sim::ToolTrack>(*r.verdict->cut.track));
+          },
+          "where the tool was; None unless it was cut with track=True")
+      .def_property_readonly("figures", figures_of, "as summary.json has them")
+      .def_property_readonly(
+          "warnings", [](const Result& r) { return sim::warnings_of(*r.job, r.verdict->cut); })
+      .def_property_readonly("timing_s", [](const Result& r) { return r.verdict->cut.timing_s; })
+      .def("save", save, py::arg("folder"), py::arg("formats") = sim::usual_map_formats(),
+           py::arg("force") = false,
+           "Writes the files of the case, as `abbe run` does, with its map in these formats.")
+      .def("picture", picture, py::arg("width") = picture_width, "The map as a PNG file, bytes.")
+      .def("__str__", text_of)
+      .def("__repr__",
+           [](const Result& r) {
+             return fmt::format("<abbe.Result {} of {}>", r.verdict->cut.name, r.job->scene.title);
+           })
+      .def("_repr_html_", [](const Result& r) {
+        return image(picture(r, picture_width)) + preformatted(text_of(r));
+      });
+}
+
+}  // namespace
+
+Result judged(std::shared_ptr<const sim::Job> job, sim::Cut cut) {
+  sim::check_cuts_part(*job, cut);
+  sim::Verdict verdict = sim::judge(*job, std::move(cut), nullptr);
+  return {std::move(job), std::make_shared<const sim::Verdict>(std::move(verdict))};
+}
+
+void define_results(py::module_& module) {
+  define_track(module);
+  define_result(module);
+  py::class_<Compared>(module, "Comparison", "The cases of a scene beside each other.")
+      .def_property_readonly("cases", &Compared::by_name, "by name, in the order of the table")
+      .def("__getitem__",
+           [](const Compared& c, const std::string& name) {
+             return c.by_name().attr("__getitem__")(name);
+           })
+      .def_property_readonly(
+          "figures", [](const Compared& c) { return to_python(sim::to_json(c.cases->comparison)); },
+          "as comparison.json has them")
+      .def_property_readonly("warnings",
+                             [](const Compared& c) { return c.cases->comparison.warnings; })
+      .def_property_readonly(
+          "failed",
+          [](const Compared& c) {
+            py::dict all;
+            for (const sim::FailedCase& one : c.cases->failed) all[py::str(one.name)] = one.reason;
+            return all;
+          },
+          "why, of compensators that failed, by name")
+      .def("__str__", [](const Compared& c) { return sim::to_text(c.cases->comparison); })
+      .def("_repr_html_",
+           [](const Compared& c) { return preformatted(sim::to_text(c.cases->comparison)); });
+}
+
+py::object comparison_to_python(sim::CaseResults cases) {
+  return py::cast(Compared{std::make_shared<const sim::CaseResults>(std::move(cases))});
+}
+
 namespace {
 
 using sim::Job;
-using sim::Keep;
+using sim::Retention;
 
 /// A job and what was changed in its scene, for machines with other errors.
-struct Prepared {
+struct PreparedJob {
   std::shared_ptr<Job> job;  ///< read alone, but for the plug-ins that are typed and so trusted
   std::vector<sim::Override> overrides;
 };
@@ -40,14 +264,14 @@ sim::RunOptions options_of(const py::object& set, bool trust, const py::object& 
   return options;
 }
 
-Prepared prepare(const std::filesystem::path& scene, const py::object& set, bool trust,
-                 const py::object& callback) {
+PreparedJob prepare(const std::filesystem::path& scene, const py::object& set, bool trust,
+                    const py::object& callback) {
   const sim::RunOptions options = options_of(set, trust, callback);
   const py::gil_scoped_release free;
   return {std::make_shared<Job>(sim::job_of(scene_file(scene), options)), options.overrides};
 }
 
-Prepared with_errors(const Prepared& prepared, const py::object& set) {
+PreparedJob replace_errors(const PreparedJob& prepared, const py::object& set) {
   std::vector<sim::Override> all = prepared.overrides;
   for (sim::Override& one : overrides(set)) {
     std::erase_if(all, [&](const sim::Override& old) { return old.path == one.path; });
@@ -57,18 +281,18 @@ Prepared with_errors(const Prepared& prepared, const py::object& set) {
   const Job& job = *prepared.job;
   sim::Scene scene = sim::read_scene(job.scene.file, all);
   scene.trusted = job.scene.trusted;
-  return {std::make_shared<Job>(sim::with_errors(job, scene)), std::move(all)};
+  return {std::make_shared<Job>(sim::replace_errors(job, scene)), std::move(all)};
 }
 
-Result cut(const Prepared& prepared, const py::object& which, const std::string& answers,
+Result cut(const PreparedJob& prepared, const py::object& which, const std::string& answers,
            bool track, const py::object& callback) {
   const std::shared_ptr<Job>& job = prepared.job;
-  const Keep keep = track ? Keep::Track : Keep::Map;
+  const Retention keep = track ? Retention::Track : Retention::Map;
   const sim::Progress report = progress(callback);
   std::optional<sim::CaseDescription> compensator;
   bool error_free = false;
   if (py::isinstance<py::function>(which) || PyCallable_Check(which.ptr()) != 0) {
-    compensator = case_of(py::reinterpret_borrow<py::function>(which), answers);
+    compensator = compensator_case(py::reinterpret_borrow<py::function>(which), answers);
   } else {
     const std::string name = py::str(which);
     error_free = name == "error_free";
@@ -128,30 +352,30 @@ py::object compare(const std::filesystem::path& scene, const py::object& set,
     if (py::isinstance<py::str>(one) || py::hasattr(one, "__fspath__"))
       options.plug_ins.push_back(one.cast<std::filesystem::path>());
     else
-      options.functions.push_back(case_of(py::function(one), answers));
+      options.functions.push_back(compensator_case(py::function(one), answers));
   }
-  std::optional<sim::CasesCut> made;
+  std::optional<sim::CaseResults> made;
   {
     const py::gil_scoped_release free;
-    made = sim::cases_cut(scene_file(scene), options);
+    made = sim::cut_scene_cases(scene_file(scene), options);
   }
-  return python_of(std::move(*made));
+  return comparison_to_python(std::move(*made));
 }
 
-const Job& job_of(const py::object& self) { return *self.cast<const Prepared&>().job; }
+const Job& job_of(const py::object& self) { return *self.cast<const PreparedJob&>().job; }
 
 const cutting::Design& design_of(const py::object& self) { return job_of(self).design_w; }
 
 void define_job(py::module_& module) {
-  py::class_<Prepared>(module, "Job",
-                       "A scene made ready: its part, program and machine, which all cases share.")
-      .def_property_readonly("title", [](const Prepared& p) { return p.job->scene.title; })
+  py::class_<PreparedJob>(
+      module, "Job", "A scene made ready: its part, program and machine, which all cases share.")
+      .def_property_readonly("title", [](const PreparedJob& p) { return p.job->scene.title; })
       .def_property_readonly(
           "axes",
-          [](const Prepared& p) { return kinematics::letters(p.job->machine.nominal.joints()); },
+          [](const PreparedJob& p) { return kinematics::letters(p.job->machine.nominal.joints()); },
           "a letter a joint, the columns of q")
       .def_property_readonly("cases",
-                             [](const Prepared& p) {
+                             [](const PreparedJob& p) {
                                std::vector<std::string> names{"error_free", "uncompensated"};
                                for (const sim::CaseDescription& one : p.job->scene.cases)
                                  names.push_back(one.name);
@@ -191,21 +415,22 @@ void define_job(py::module_& module) {
           "T_wt", [](const py::object& self) { return view(job_of(self).T_wt_nominal, self); },
           "(samples, 4, 4) where the tool should be in the workpiece")
       .def_property_readonly(
-          "program", [](const Prepared& p) { return p.job->program_text; },
+          "program", [](const PreparedJob& p) { return p.job->program_text; },
           "text of a generated program, else empty")
       .def_property_readonly(
-          "scene", [](const Prepared& p) { return p.job->scene.resolved; },
+          "scene", [](const PreparedJob& p) { return p.job->scene.resolved; },
           "the scene with every default filled in, TOML")
-      .def_property_readonly("warnings", [](const Prepared& p) { return p.job->warnings; })
-      .def_property_readonly("timing_s", [](const Prepared& p) { return p.job->timing_s; })
+      .def_property_readonly("warnings", [](const PreparedJob& p) { return p.job->warnings; })
+      .def_property_readonly("timing_s", [](const PreparedJob& p) { return p.job->timing_s; })
       .def("cut", cut, py::arg("case") = "uncompensated", py::kw_only(),
            py::arg("answers") = "correction", py::arg("track") = false,
            py::arg("progress") = py::none(),
            "Cuts a case by its name, a plug-in by its file, or what a function f(task, batch) "
            "corrects.")
-      .def("with_errors", with_errors, py::arg("set"),
+      .def("with_errors", replace_errors, py::arg("set"),
            "The same part and program on a machine with other errors: {\"errors.scale\": 2}.")
-      .def("__repr__", [](const Prepared& p) { return "<abbe.Job " + p.job->scene.title + ">"; });
+      .def("__repr__",
+           [](const PreparedJob& p) { return "<abbe.Job " + p.job->scene.title + ">"; });
 }
 
 }  // namespace
@@ -225,6 +450,83 @@ void define_jobs(py::module_& module) {
              py::arg("track") = false, py::arg("trust") = false, py::arg("progress") = py::none(),
              "Cuts every case of a scene, as `abbe compare` does; plug-ins by their files, "
              "functions as of Job.cut.");
+}
+
+namespace {
+
+using Method = sim::IdentifyOptions::Method;
+
+Method method_of(const std::string& word) {
+  const std::map<std::string, Method> all = {{"chain", Method::Chain},
+                                             {"step_diagonal", Method::StepDiagonal},
+                                             {"composite", Method::Composite},
+                                             {"thermal", Method::Thermal}};
+  const auto found = all.find(word);
+  if (found == all.end())
+    throw py::value_error("method: expected chain, step_diagonal, composite or thermal, seen \"" +
+                          word + "\"");
+  return found->second;
+}
+
+py::object identify(const std::vector<path>& readings, const std::string& method,
+                    const std::optional<int>& order, bool choose_orders,
+                    const std::map<std::string, double>& pitch,
+                    const std::vector<std::string>& elements,
+                    const std::vector<std::string>& sensors, const std::optional<path>& out,
+                    const py::object& callback) {
+  if (readings.empty()) throw py::value_error("readings: expected one file at least");
+  sim::IdentifyOptions options;
+  options.method = method_of(method);
+  if (order) options.model.order = *order;
+  options.choose_orders = choose_orders;
+  for (const auto& [axis, mm] : pitch) {
+    if (axis.size() != 1) throw py::value_error("pitch: expected axes such as {\"X\": 16}");
+    options.model.pitch.insert({axis[0], mm});
+  }
+  options.model.only = elements;
+  options.sensors = sensors;
+  options.out = out.value_or("belief.toml");
+  const sim::Progress report = progress(callback);
+  std::optional<nlohmann::ordered_json> json;
+  {
+    const py::gil_scoped_release free;
+    json = sim::to_json(out ? sim::identify(readings, options, report)
+                            : sim::identified(readings, options, report));
+  }
+  return to_python(*json);
+}
+
+py::object study(const path& file, const path& out, const py::object& set, bool trust, bool force,
+                 const py::object& callback) {
+  sim::study::StudyOptions options;
+  options.overrides = overrides(set);
+  options.folder = out;
+  options.permissions.trust = trust;
+  options.permissions.force = force;
+  options.progress = progress(callback);
+  std::optional<sim::study::StudyResult> made;
+  {
+    const py::gil_scoped_release free;
+    made = sim::study::run_study(scene_file(file), options, {});
+  }
+  return to_python(made->json);
+}
+
+}  // namespace
+
+void define_studies(py::module_& module) {
+  module.def("identify", identify, py::arg("readings"), py::kw_only(), py::arg("method") = "chain",
+             py::arg("order") = py::none(), py::arg("choose_orders") = false,
+             py::arg("pitch") = std::map<std::string, double>{},
+             py::arg("elements") = std::vector<std::string>{},
+             py::arg("sensors") = std::vector<std::string>{}, py::arg("out") = py::none(),
+             py::arg("progress") = py::none(),
+             "Finds the errors of a machine from files of readings, as `abbe identify` does, and "
+             "writes the belief file `out` where one is named.");
+  module.def("study", study, py::arg("study"), py::arg("out"), py::arg("set") = py::none(),
+             py::kw_only(), py::arg("trust") = false, py::arg("force") = false,
+             py::arg("progress") = py::none(),
+             "Does what is left of a study into its folder, and returns its budget.");
 }
 
 }  // namespace abbe::python

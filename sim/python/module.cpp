@@ -8,15 +8,11 @@
 #include <pybind11/stl.h>
 #include <tbb/global_control.h>
 
-#include "sim/commands/about.h"
-#include "sim/cut/work.h"
+#include "sim/commands/shell_files.h"
+#include "sim/cut/scene_checks.h"
 #include "sim/files/program_file.h"
-#include "sim/files/versions.h"
-#include "sim/python/compensator.h"
 #include "sim/python/conversions.h"
 #include "sim/python/jobs.h"
-#include "sim/python/results.h"
-#include "sim/python/studies.h"
 
 namespace py = pybind11;
 

@@ -73,14 +73,14 @@ class ShapeKeys {
     kind("backlash");
     value("half", shape.half);
   }
-  void operator()(const errors::UpDown& shape) {
+  void operator()(const errors::DirectionalTables& shape) {
     kind("up_down");
     const std::string outer = std::exchange(text_, {});
     rows(shape.up);
     const std::string up = std::exchange(text_, {});
     rows(shape.down);
     const std::string down = std::exchange(text_, outer);
-    text_ += "up = { " + on_one_line(up) + " }\ndown = { " + on_one_line(down) + " }\n";
+    text_ += "up = { " + to_single_line(up) + " }\ndown = { " + to_single_line(down) + " }\n";
   }
   void operator()(const errors::Repeatability&) { refuse(); }
   void operator()(const errors::Asynchronous&) { refuse(); }
@@ -89,7 +89,7 @@ class ShapeKeys {
   [[noreturn]] static void refuse() {
     throw std::invalid_argument("a belief cannot hold a curve that depends on chance");
   }
-  static std::string on_one_line(std::string text) {
+  static std::string to_single_line(std::string text) {
     text.pop_back();
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2)
       text.replace(at, 1, ", ");

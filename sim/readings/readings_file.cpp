@@ -4,16 +4,109 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 #include <fmt/format.h>
 
-#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/scene/bad_scene.h"
 #include "sim/scene/table_reader.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
+
+namespace {
+
+constexpr std::string_view first_part_line = "# abbe_part_readings = 1";
+constexpr std::string_view columns = "x_mm,y_mm,z_mm,nx,ny,nz,deviation_um,time_s";
+constexpr std::size_t width = 8;
+
+using Row = std::array<double, width>;
+
+Row read_row(std::string_view line, int number, const std::string& file) {
+  const std::vector<Cell> cells = cells_of(line, ',', width);
+  const auto refuse = [&](int column, const std::string& expected, const std::string& seen) {
+    throw BadInput(file, number, column, expected, seen);
+  };
+  if (cells.size() != width)
+    refuse(1, fmt::format("{} cells: {}", width, columns), std::to_string(cells.size()));
+  Row row{};
+  for (std::size_t i = 0; i < width; ++i) {
+    const auto x = number_of(cells[i].text);
+    if (!x) refuse(cells[i].column, "a number within +-1e9", in_quotes(cells[i].text));
+    row[i] = *x;
+  }
+  if (std::abs(std::hypot(row[3], row[4], row[5]) - 1.0) > 1e-9)
+    refuse(cells[3].column, "a normal of length 1", in_quotes(line));
+  return row;
+}
+
+}  // namespace
+
+std::string to_text(const PartReadingsFile& file) {
+  const errors::metrology::PartReadings& r = file.readings;
+  std::string text = fmt::format(
+      "{}\n# instrument = {}\n# kind = {}\n# part = {}\n# sigma_um = {}\n# rows = {}\n{}\n",
+      first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
+      to_toml_value(file.part), r.sigma / units::um, r.deviation.size(), columns);
+  for (Eigen::Index i = 0; i < r.deviation.size(); ++i) {
+    for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.points_w(i, k));
+    for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.normals_w(i, k));
+    text += fmt::format("{},{}\n", r.deviation[i] / units::um, r.time_s[i]);
+  }
+  return text;
+}
+
+bool is_part_readings_text(std::string_view text) { return text.starts_with(first_part_line); }
+
+PartReadingsFile read_part_readings(std::string_view text, const std::string& file) {
+  if (!is_part_readings_text(text))
+    throw BadInput(file, 1, 1, "readings of a part", in_quotes(text.substr(0, text.find('\n'))));
+  std::string head;
+  Lines lines(text);
+  auto line = lines.next();
+  for (; line && line->starts_with('#'); line = lines.next())
+    head += " " + std::string(line->substr(1)) + "\n";
+  if (!line || *line != columns)
+    throw BadInput(file, lines.number(), 1, "the columns " + std::string(columns),
+                   line ? in_quotes(*line) : "the end of the file");
+  const Node node = parse_toml(head, file);
+  InputErrors input_errors;
+  TableReader reader(node, "", input_errors);
+  reader.integer("abbe_part_readings", 1, 1, 1);
+  PartReadingsFile result;
+  result.instrument = reader.text("instrument");
+  result.kind = reader.text("kind");
+  result.part = reader.text("part", "");
+  result.readings.sigma = reader.number("sigma_um", non_negative, 0.0);
+  const int stated_rows = reader.integer("rows", 0, 1000000000, 0);
+  reader.close();
+  if (!input_errors.empty()) throw BadScene(input_errors.list());
+  std::vector<Row> rows;
+  while ((line = lines.next()))
+    if (line->find_first_not_of(" \t") != std::string_view::npos)
+      rows.push_back(read_row(*line, lines.number(), file));
+  if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
+    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", stated_rows),
+                   fmt::format("{}: the file was cut off or changed", rows.size()));
+  errors::metrology::PartReadings& r = result.readings;
+  const auto n = Eigen::Index(rows.size());
+  r.points_w.resize(n, 3);
+  r.normals_w.resize(n, 3);
+  r.deviation.resize(n);
+  r.time_s.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Row& row = rows[std::size_t(i)];
+    for (int k = 0; k < 3; ++k) {
+      r.points_w(i, k) = row[std::size_t(k)];
+      r.normals_w(i, k) = row[std::size_t(3 + k)];
+    }
+    r.deviation[i] = row[6] * units::um;
+    r.time_s[i] = row[7];
+  }
+  return result;
+}
+
 namespace {
 
 namespace metrology = errors::metrology;
@@ -23,7 +116,7 @@ using kinematics::Motion;
 using kinematics::Pose;
 using metrology::Body;
 using metrology::Channel;
-using metrology::Look;
+using metrology::Measurement;
 using metrology::Quantity;
 using metrology::Readings;
 using metrology::SetUp;
@@ -64,7 +157,7 @@ class Head {
   }
   void number(const char* key, double value) { line("{} = {}", key, value); }
   /// What is at its default is not said.
-  void number_unless_zero(const char* key, double value) {
+  void put_nonzero_number(const char* key, double value) {
     if (value != 0.0) number(key, value);
   }
   void vector(const char* key, const Vector3d& v) {
@@ -113,22 +206,22 @@ void write_channel(Head& head, const Channel& channel) {
   head.vector("point_in_mm", channel.point_in);
   head.vector("direction", channel.direction_in);
   if (channel.quantity == Quantity::Mirror) head.vector("normal", channel.normal_of);
-  head.number_unless_zero(angle ? "noise_rad" : "noise_mm", channel.noise);
-  head.number_unless_zero(angle ? "resolution_rad" : "resolution_mm", channel.resolution);
+  head.put_nonzero_number(angle ? "noise_rad" : "noise_mm", channel.noise);
+  head.put_nonzero_number(angle ? "resolution_rad" : "resolution_mm", channel.resolution);
 }
 
 void write_set_up(Head& head, const SetUp& set_up) {
   head.line("[[set_up]]");
   head.words("name", set_up.name);
   if (!set_up.zero_unknown) head.line("zero_unknown = false");
-  head.number_unless_zero("rotation_sigma_rad", set_up.rotation_sigma);
-  head.number_unless_zero("point_of_sigma_mm", set_up.point_of_sigma);
-  head.number_unless_zero("point_in_sigma_mm", set_up.point_in_sigma);
-  head.number_unless_zero("normal_sigma_rad", set_up.normal_sigma);
-  head.number_unless_zero("eccentricity_sigma_mm", set_up.eccentricity_sigma);
-  head.number_unless_zero("scale_sigma", set_up.scale_sigma);
-  head.number_unless_zero("drift_sigma_per_s", set_up.drift_sigma);
-  head.number_unless_zero("set_up_s", set_up.set_up_s);
+  head.put_nonzero_number("rotation_sigma_rad", set_up.rotation_sigma);
+  head.put_nonzero_number("point_of_sigma_mm", set_up.point_of_sigma);
+  head.put_nonzero_number("point_in_sigma_mm", set_up.point_in_sigma);
+  head.put_nonzero_number("normal_sigma_rad", set_up.normal_sigma);
+  head.put_nonzero_number("eccentricity_sigma_mm", set_up.eccentricity_sigma);
+  head.put_nonzero_number("scale_sigma", set_up.scale_sigma);
+  head.put_nonzero_number("drift_sigma_per_s", set_up.drift_sigma);
+  head.put_nonzero_number("set_up_s", set_up.set_up_s);
   for (const Channel& channel : set_up.channels) write_channel(head, channel);
 }
 
@@ -138,7 +231,7 @@ std::string head_of(const Readings& readings) {
   head.words("instrument", readings.plan.instrument);
   head.words("kind", readings.plan.kind);
   head.number("duration_s", readings.plan.duration_s);
-  head.line("rows = {}", readings.plan.looks.size());
+  head.line("rows = {}", readings.plan.measurements.size());
   head.pose("T_bw_mm", readings.nominal.T_bw_home());
   head.pose("T_bt_mm", readings.nominal.T_bt_home());
   for (const Joint& joint : readings.nominal.joints()) write_joint(head, joint);
@@ -166,8 +259,8 @@ Pose read_pose(TableReader& reader, const std::string& key) {
   return T;
 }
 
-Joint read_joint(const Node& node, Faults& faults) {
-  TableReader reader(node, "joint", faults);
+Joint read_joint(const Node& node, InputErrors& input_errors) {
+  TableReader reader(node, "joint", input_errors);
   Joint joint;
   const std::string name = reader.text("name");
   if (name.size() == 1)
@@ -209,8 +302,8 @@ Vector3d read_unit(TableReader& reader, const std::string& key) {
   return v;
 }
 
-Channel read_channel(const Node& node, Faults& faults) {
-  TableReader reader(node, "set_up.channel", faults);
+Channel read_channel(const Node& node, InputErrors& input_errors) {
+  TableReader reader(node, "set_up.channel", input_errors);
   Channel channel;
   channel.name = reader.text("name", "");
   channel.quantity = reader.choice<Quantity>("quantity", {{"length", Quantity::Length},
@@ -231,8 +324,8 @@ Channel read_channel(const Node& node, Faults& faults) {
   return channel;
 }
 
-SetUp read_set_up(const Node& node, Faults& faults) {
-  TableReader reader(node, "set_up", faults);
+SetUp read_set_up(const Node& node, InputErrors& input_errors) {
+  TableReader reader(node, "set_up", input_errors);
   SetUp set_up;
   set_up.name = reader.text("name");
   set_up.zero_unknown = reader.boolean("zero_unknown", true);
@@ -249,7 +342,8 @@ SetUp read_set_up(const Node& node, Faults& faults) {
     reader.refuse("channel", fmt::format("at most {} channels", max_channels),
                   std::to_string(channels.size()));
   else
-    for (const Node* channel : channels) set_up.channels.push_back(read_channel(*channel, faults));
+    for (const Node* channel : channels)
+      set_up.channels.push_back(read_channel(*channel, input_errors));
   reader.close();
   return set_up;
 }
@@ -259,25 +353,25 @@ kinematics::Chain read_machine(TableReader& reader) {
   const Pose T_bw = read_pose(reader, "T_bw_mm"), T_bt = read_pose(reader, "T_bt_mm");
   for (const Node* node : reader.tables("joint"))
     if (joints.size() <= kinematics::max_joints)
-      joints.push_back(read_joint(*node, reader.faults()));
-  if (reader.faults().empty()) {
+      joints.push_back(read_joint(*node, reader.input_errors()));
+  if (reader.input_errors().empty()) {
     try {
       return kinematics::Chain(joints, T_bw, T_bt);
     } catch (const std::invalid_argument& fault) {
-      reader.faults().add(reader.place(), "a machine that makes a chain", fault.what());
+      reader.input_errors().add(reader.place(), "a machine that makes a chain", fault.what());
     }
   }
   return kinematics::Chain({}, Pose::Identity(), Pose::Identity());
 }
 
 /// The head of a file and how many rows it says are below it; 0: it does not say.
-struct ReadHead {
+struct ReadingsHeader {
   Readings readings;
   int rows = 0;
 };
 
 /// The head, whose lines are the leading ones with a #, so that places are those of the file.
-ReadHead read_head(std::string_view text, const std::string& file) {
+ReadingsHeader read_head(std::string_view text, const std::string& file) {
   std::string toml;
   Lines lines(text);
   while (const auto line = lines.next()) {
@@ -287,8 +381,8 @@ ReadHead read_head(std::string_view text, const std::string& file) {
     toml += '\n';
   }
   const Node node = parse_toml(toml, file);
-  Faults faults;
-  TableReader reader(node, "", faults);
+  InputErrors input_errors;
+  TableReader reader(node, "", input_errors);
   reader.integer("abbe_readings", 1, 1, 1);
   metrology::Plan plan;
   plan.instrument = reader.text("instrument");
@@ -301,9 +395,9 @@ ReadHead read_head(std::string_view text, const std::string& file) {
     reader.refuse("set_up", fmt::format("at most {} set-ups", max_set_ups),
                   std::to_string(set_ups.size()));
   else
-    for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, faults));
+    for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, input_errors));
   reader.close();
-  if (!faults.empty()) throw BadScene(faults.list());
+  if (!input_errors.empty()) throw BadScene(input_errors.list());
   return {{std::move(plan), std::move(nominal), {}, {}, {}}, rows};
 }
 
@@ -316,10 +410,10 @@ class Rows {
   void read() {
     read_columns();
     while (next()) read_row();
-    if (readings_.plan.looks.empty()) lines_.refuse(0, "at least one reading", "none");
+    if (readings_.plan.measurements.empty()) lines_.refuse(0, "at least one reading", "none");
     readings_.value = Eigen::Map<Eigen::VectorXd>(values_.data(), Eigen::Index(values_.size()));
     using ByRow = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    readings_.T_C = Eigen::Map<ByRow>(T_C_.data(), Eigen::Index(readings_.plan.looks.size()),
+    readings_.T_C = Eigen::Map<ByRow>(T_C_.data(), Eigen::Index(readings_.plan.measurements.size()),
                                       Eigen::Index(readings_.sensors.size()));
   }
 
@@ -363,32 +457,35 @@ class Rows {
       lines_.refuse(int(line_.size()) + 1, wanted, std::to_string(cells.size()));
     if (cells.size() > width) lines_.refuse(cells[width].column, wanted, "more");
     const auto& set_ups = readings_.plan.set_ups;
-    Look look;
-    look.set_up = lines_.count_in(cells[0], 0, int(set_ups.size()) - 1);
-    const auto& channels = set_ups[std::size_t(look.set_up)].channels;
+    Measurement measurement;
+    measurement.set_up = lines_.whole_number_in(cells[0], 0, int(set_ups.size()) - 1);
+    const auto& channels = set_ups[std::size_t(measurement.set_up)].channels;
     // a log of temperatures has a set-up without channels
-    look.channel = channels.empty() ? lines_.count_in(cells[1], -1, -1)
-                                    : lines_.count_in(cells[1], 0, int(channels.size()) - 1);
-    look.run = lines_.count_in(cells[2], 0, 1000000);
-    look.target = lines_.count_in(cells[3], 0, 1000000000);
-    look.state.time_s = lines_.number_in(cells[4]);
-    look.state.q.resize(Eigen::Index(n));
+    measurement.channel = channels.empty()
+                              ? lines_.whole_number_in(cells[1], -1, -1)
+                              : lines_.whole_number_in(cells[1], 0, int(channels.size()) - 1);
+    measurement.run = lines_.whole_number_in(cells[2], 0, 1000000);
+    measurement.target = lines_.whole_number_in(cells[3], 0, 1000000000);
+    measurement.state.time_s = lines_.number_in(cells[4]);
+    measurement.state.q.resize(Eigen::Index(n));
     for (std::size_t j = 0; j < n; ++j) {
-      look.state.q[Eigen::Index(j)] = lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
-      look.state.direction[j] = std::int8_t(lines_.count_in(cells[6 + 3 * j], -1, 1));
-      look.state.stroke[j] = lines_.count_in(cells[7 + 3 * j], 0, 1000000000);
+      measurement.state.q[Eigen::Index(j)] =
+          lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
+      measurement.state.direction[j] = std::int8_t(lines_.whole_number_in(cells[6 + 3 * j], -1, 1));
+      measurement.state.stroke[j] = lines_.whole_number_in(cells[7 + 3 * j], 0, 1000000000);
     }
     const std::size_t at = 5 + 3 * n;
-    look.state.spindle_speed = lines_.number_in(cells[at]);
-    read_value(cells[at + 1], cells[at + 2],
-               look.channel < 0 ? "" : reading_unit(channels[std::size_t(look.channel)]));
+    measurement.state.spindle_speed = lines_.number_in(cells[at]);
+    read_value(
+        cells[at + 1], cells[at + 2],
+        measurement.channel < 0 ? "" : reading_unit(channels[std::size_t(measurement.channel)]));
     for (std::size_t k = at + 3; k < width; ++k) T_C_.push_back(lines_.number_in(cells[k]));
-    readings_.plan.looks.push_back(std::move(look));
+    readings_.plan.measurements.push_back(std::move(measurement));
   }
 
   void read_value(const Cell& value, const Cell& unit, std::string_view wanted) {
     const bool none = value.text.empty();
-    const bool first = readings_.plan.looks.empty();
+    const bool first = readings_.plan.measurements.empty();
     if (none != wanted.empty() || (!first && none != values_.empty()))
       lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
                     in_quotes(value.text));
@@ -411,18 +508,20 @@ std::string to_text(const Readings& readings) {
   std::string text = head_of(readings);
   const auto& joints = readings.nominal.joints();
   text += columns_of(joints, readings.sensors) + "\n";
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const Look& look = readings.plan.looks[i];
-    text += fmt::format("{},{},{},{},{}", look.set_up, look.channel, look.run, look.target,
-                        look.state.time_s);
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const Measurement& measurement = readings.plan.measurements[i];
+    text += fmt::format("{},{},{},{},{}", measurement.set_up, measurement.channel, measurement.run,
+                        measurement.target, measurement.state.time_s);
     for (std::size_t j = 0; j < joints.size(); ++j)
-      text += fmt::format(",{},{},{}", look.state.q[Eigen::Index(j)] / position_unit(joints[j]),
-                          int(look.state.direction[j]), look.state.stroke[j]);
-    text += fmt::format(",{},", look.state.spindle_speed);
+      text +=
+          fmt::format(",{},{},{}", measurement.state.q[Eigen::Index(j)] / position_unit(joints[j]),
+                      int(measurement.state.direction[j]), measurement.state.stroke[j]);
+    text += fmt::format(",{},", measurement.state.spindle_speed);
     if (readings.value.size() > 0) text += fmt::format("{}", readings.value[Eigen::Index(i)]);
-    const SetUp& set_up = readings.plan.set_ups[std::size_t(look.set_up)];
+    const SetUp& set_up = readings.plan.set_ups[std::size_t(measurement.set_up)];
     text += ',';
-    if (look.channel >= 0) text += reading_unit(set_up.channels[std::size_t(look.channel)]);
+    if (measurement.channel >= 0)
+      text += reading_unit(set_up.channels[std::size_t(measurement.channel)]);
     for (Eigen::Index k = 0; k < readings.T_C.cols(); ++k)
       text += fmt::format(",{}", readings.T_C(Eigen::Index(i), k));
     text += '\n';
@@ -430,16 +529,16 @@ std::string to_text(const Readings& readings) {
   return text;
 }
 
-bool holds_readings(std::string_view text) { return text.starts_with(first_line); }
+bool is_readings_text(std::string_view text) { return text.starts_with(first_line); }
 
 Readings read_readings(std::string_view text, const std::string& file) {
   check_encoding(text, file);
-  if (!holds_readings(text))
+  if (!is_readings_text(text))
     throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
                    in_quotes(text.substr(0, text.find('\n'))));
-  ReadHead head = read_head(text, file);
+  ReadingsHeader head = read_head(text, file);
   Rows(text, file, head.readings).read();
-  if (const std::size_t rows = head.readings.plan.looks.size();
+  if (const std::size_t rows = head.readings.plan.measurements.size();
       head.rows > 0 && rows != std::size_t(head.rows))
     throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", head.rows),
                    fmt::format("{}: the file was cut off or changed", rows));

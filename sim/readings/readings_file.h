@@ -4,9 +4,30 @@
 #include <string>
 #include <string_view>
 
+#include "errors/metrology/part.h"
 #include "errors/metrology/readings.h"
 
 namespace abbe::sim {
+
+/// Readings of a part as a file holds them.
+struct PartReadingsFile {
+  std::string instrument;
+  std::string kind;  ///< "cmm", "touch_probe"
+  std::string part;  ///< title of the scene and case it was cut in
+  errors::metrology::PartReadings readings;
+};
+
+/// Text: a head of TOML in lines that begin with "# ", then one row a point: x_mm, y_mm, z_mm on
+/// the design, normal nx, ny, nz, deviation_um, time_s. Numbers are as short as reads back the same
+/// bits, the deviation within one ulp.
+std::string to_text(const PartReadingsFile& file);
+
+/// @param file  what refusals call it
+/// @throws BadInput, BadScene
+PartReadingsFile read_part_readings(std::string_view text, const std::string& file);
+
+/// Whether a text is one of these.
+bool is_part_readings_text(std::string_view text);
 
 /// Readings as text: a head of TOML in lines that begin with "# " which says all that there is to
 /// know (instrument, nominal machine, every set-up and channel with what is known of its
@@ -23,6 +44,6 @@ errors::metrology::Readings read_readings(std::string_view text, const std::stri
 errors::metrology::Readings read_readings_file(const std::filesystem::path& file);
 
 /// Whether a text is one of these.
-bool holds_readings(std::string_view text);
+bool is_readings_text(std::string_view text);
 
 }  // namespace abbe::sim

@@ -1,23 +1,38 @@
 #include "sim/report/evaluation_report.h"
 
+#include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/escape.h"
-#include "sim/files/one_lined.h"
+#include "errors/metrology/circular.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/files/json_files.h"
+#include "sim/files/output.h"
+#include "sim/files/terminal.h"
+#include "sim/report/figures_page.h"
+
+#if ABBE_RENDER
+#include "render/plot.h"
+#endif
 
 namespace abbe::sim {
+
+namespace metrology = errors::metrology;
+
 namespace {
 
-using errors::metrology::Estimated;
+using errors::metrology::EstimatedValue;
 using errors::metrology::Figure;
 using errors::metrology::FigureGroup;
 using errors::metrology::TestResult;
 using nlohmann::ordered_json;
 
-std::string key_of(const Figure& figure) {
+std::string make_field_key(const Figure& figure) {
   return figure.unit.empty() ? figure.name : figure.name + "_" + figure.unit;
 }
 
@@ -27,7 +42,7 @@ ordered_json value_of(const Figure& figure) {
         using Value = std::decay_t<decltype(value)>;
         if constexpr (std::is_same_v<Value, std::monostate>)
           return nullptr;
-        else if constexpr (std::is_same_v<Value, Estimated>)
+        else if constexpr (std::is_same_v<Value, EstimatedValue>)
           return {{"value", value.value}, {"standard_uncertainty", value.u}};
         else if constexpr (std::is_same_v<Value, Eigen::Vector3d>)
           return {value.x(), value.y(), value.z()};
@@ -39,7 +54,7 @@ ordered_json value_of(const Figure& figure) {
 
 void put(ordered_json& json, const std::vector<Figure>& figures,
          const std::vector<FigureGroup>& groups) {
-  for (const Figure& figure : figures) json[key_of(figure)] = value_of(figure);
+  for (const Figure& figure : figures) json[make_field_key(figure)] = value_of(figure);
   for (const FigureGroup& group : groups) {
     ordered_json inner = ordered_json::object();
     put(inner, group.figures, group.groups);
@@ -61,7 +76,7 @@ ordered_json tests_json(const std::vector<TestResult>& tests) {
 std::string line(const Figure& figure, const std::string& label) {
   if (const auto* number = std::get_if<double>(&figure.value))
     return fmt::format("{:<40} {:>12.4f}\n", label, *number);
-  if (const auto* one = std::get_if<Estimated>(&figure.value))
+  if (const auto* one = std::get_if<EstimatedValue>(&figure.value))
     return fmt::format("{:<40} {:>12.4f}   u {:.4f}\n", label, one->value, one->u);
   if (const auto* words = std::get_if<std::vector<std::string>>(&figure.value))
     if (words->empty()) return {};
@@ -69,14 +84,15 @@ std::string line(const Figure& figure, const std::string& label) {
     return fmt::format("{:<40} {:>12}\n", label, escaped(*word));
   if (std::holds_alternative<std::monostate>(figure.value))
     return fmt::format("{:<40} {:>12}\n", label, "-");
-  return fmt::format("{:<40} {:>12}\n", label, one_lined(value_of(figure)).dump());
+  return fmt::format("{:<40} {:>12}\n", label, single_lined(value_of(figure)).dump());
 }
 
 std::string lines(const std::vector<Figure>& figures, const std::vector<FigureGroup>& groups,
                   std::size_t indent) {
   const std::string margin(indent, ' ');
   std::string text;
-  for (const Figure& figure : figures) text += line(figure, margin + escaped(key_of(figure)));
+  for (const Figure& figure : figures)
+    text += line(figure, margin + escaped(make_field_key(figure)));
   for (const FigureGroup& group : groups)
     text += margin + escaped(group.name) + "\n" + lines(group.figures, group.groups, indent + 2);
   return text;
@@ -117,6 +133,515 @@ std::string to_text(const Evaluation& evaluation,
   for (const std::string& warning : evaluation.warnings)
     text += "\nwarning: " + escaped(warning) + "\n";
   return text;
+}
+
+#if ABBE_RENDER
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr std::size_t max_panels = 12;  // of one picture
+
+double unit_of(bool angle) { return angle ? units::urad : units::um; }
+const char* word_of(bool angle) { return angle ? "µrad" : "µm"; }
+
+std::string figure(const char* name, const std::optional<double>& value, bool angle) {
+  return value ? fmt::format("{} {:.2f} {}", name, *value / unit_of(angle), word_of(angle)) : "";
+}
+
+/// Mean of one way of approach with its band of 2 s, over the runs themselves.
+void add_approach(render::Panel& panel, const char* name, const VectorXd& target,
+                  const Eigen::MatrixXd& runs,
+                  const std::optional<metrology::OneWayPositioning>& way, double unit, int colour) {
+  if (!way) return;
+  render::Series mean{name, target, way->mean / unit, {}, {}, render::Mark::LineAndPoints, colour};
+  if (way->s.size() > 0) {
+    mean.lower = (way->mean - 2.0 * way->s) / unit;
+    mean.upper = (way->mean + 2.0 * way->s) / unit;
+  }
+  panel.series.push_back(mean);
+  VectorXd x(runs.size()), y(runs.size());
+  for (Index k = 0; k < runs.cols(); ++k) {
+    x.segment(k * runs.rows(), runs.rows()) = target;
+    y.segment(k * runs.rows(), runs.rows()) = runs.col(k) / unit;
+  }
+  panel.series.push_back({"", x, y, {}, {}, render::Mark::Points, colour});
+}
+
+render::Panel panel_of(const std::string& name, const metrology::PositionRuns& runs, bool angle,
+                       bool is_positioning, const std::string& x_label, double x_unit) {
+  const metrology::Positioning p = metrology::positioning(runs);
+  render::Panel panel{name, x_label, fmt::format("deviation / {}", word_of(angle)), {}, {}};
+  const VectorXd target = runs.target / x_unit;
+  add_approach(panel, "up ± 2 s", target, runs.up, p.up, unit_of(angle), 0);
+  add_approach(panel, "down ± 2 s", target, runs.down, p.down, unit_of(angle), 1);
+  if (is_positioning) panel.note = {figure("A", p.A, angle), figure("E", p.E, angle)};
+  panel.note.push_back(figure("R", p.R, angle));
+  panel.note.push_back(figure("B", p.B, angle));
+  std::erase(panel.note, std::string());
+  return panel;
+}
+
+/// Name of a test with what was taken out of it.
+std::string title_of(const metrology::AxisTest& test) {
+  if (test.what == metrology::AxisTest::TestKind::Straightness)
+    return test.name + ", less its line";
+  if (test.what == metrology::AxisTest::TestKind::ErrorMotion && !test.axial &&
+      !is_hidden_by_centring(test))
+    return test.name + ", less order 1";
+  return test.name;
+}
+
+std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
+  std::vector<render::Panel> panels;
+  for (const metrology::AxisTest& test : tests.axes)
+    panels.push_back(panel_of(title_of(test), form_of(test), test.angle,
+                              test.what == metrology::AxisTest::TestKind::Positioning,
+                              fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
+                              test.rotary ? units::deg : 1.0));
+  for (const metrology::DiagonalTest& test : tests.diagonals)
+    panels.push_back(
+        panel_of(test.name, test.runs.runs, false, true, "along the diagonal / mm", 1.0));
+  return panels;
+}
+
+/// A sense about a centre; one that goes all the way round ends where it began.
+render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& trace,
+                            const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
+  VectorXd angle = trace.angle;
+  VectorXd deviation = trace.radius.array() - runs.nominal_radius;
+  for (Index i = 0; i < deviation.size(); ++i)
+    deviation[i] -= centre.x() * std::cos(angle[i]) + centre.y() * std::sin(angle[i]);
+  if (metrology::is_full_turn(angle)) {
+    angle.conservativeResize(angle.size() + 1);
+    deviation.conservativeResize(angle.size());
+    angle.tail<1>() = angle.head<1>();
+    deviation.tail<1>() = deviation.head<1>();
+  }
+  return {name, angle, deviation / units::um};
+}
+
+void write_circle(const std::filesystem::path& file, const metrology::CircleTest& test,
+                  const std::string& from) {
+  const metrology::Circular circle = metrology::circular(test.runs);
+  std::vector<render::PolarTrace> traces;
+  if (circle.anticlockwise)
+    traces.push_back(trace_of("anticlockwise", test.runs.anticlockwise, test.runs, circle.centre));
+  if (circle.clockwise)
+    traces.push_back(trace_of("clockwise", test.runs.clockwise, test.runs, circle.centre));
+  render::PolarOptions options;
+  const bool least_squares = circle.centre_kind == metrology::CircleCentre::LeastSquares;
+  options.title = test.name + (least_squares ? ", about its least-squares centre"
+                                             : ", about the centre as set up");
+  options.first_axis = test.plane.substr(0, 1);
+  options.second_axis = test.plane.substr(1, 1);
+  const auto& all = circle.both            ? circle.both
+                    : circle.anticlockwise ? circle.anticlockwise
+                                           : circle.clockwise;
+  options.caption = {from};
+  options.note = {figure("G", all->G_lsq, false)};
+  if (circle.H) options.note.push_back(figure("H", circle.H, false));
+  if (test.zero_known) {
+    options.note.push_back(figure("F max", all->F_max, false));
+    options.note.push_back(figure("F min", all->F_min, false));
+  }
+  options.note.push_back(fmt::format("radius {:.1f} mm", test.runs.nominal_radius));
+  render::write_polar(file, traces, options);
+}
+
+void write_drift(const std::filesystem::path& file, const metrology::DriftTest& test,
+                 const std::string& from) {
+  std::vector<render::Panel> panels;
+  const VectorXd& time_s = test.log.time_s;
+  const bool long_log = time_s[time_s.size() - 1] - time_s[0] > 7200.0;
+  const VectorXd x = (time_s.array() - time_s[0]) / (long_log ? 3600.0 : 60.0);
+  for (const bool angle : {false, true}) {
+    render::Panel panel{angle ? "tilts" : "displacements",
+                        long_log ? "time / h" : "time / min",
+                        fmt::format("drift / {}", word_of(angle)),
+                        {},
+                        {}};
+    for (std::size_t c = 0; c < test.log.names.size(); ++c)
+      if (test.angle[c] == angle)
+        panel.series.push_back(
+            {test.log.names[c], x, test.log.values.col(Index(c)) / unit_of(angle), {}, {}});
+    if (!panel.series.empty()) panels.push_back(std::move(panel));
+  }
+  render::CurvesOptions options;
+  options.title = test.name;
+  options.caption = {from};
+  render::write_curves(file, panels, options);
+}
+
+/// A name of a set-up as part of a file's name.
+std::string file_name_part(std::string name) {
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '+') c = '_';
+  return name;
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
+                                                       const metrology::Tests& tests,
+                                                       const std::string& from) {
+  std::vector<std::filesystem::path> files;
+  const auto add = [&](const std::string& name, const auto& draw) {
+    std::string file = name + ".png";
+    for (int k = 2; std::find(files.begin(), files.end(), folder.path() / file) != files.end(); ++k)
+      file = fmt::format("{}-{}.png", name, k);
+    files.push_back(folder.path() / file);
+    write_file(folder / file, [&](const std::filesystem::path& temporary) { draw(temporary); });
+  };
+  const std::vector<render::Panel> panels = line_panels(tests);
+  for (std::size_t first = 0; first < panels.size(); first += max_panels) {
+    const auto begin = panels.begin() + std::ptrdiff_t(first);
+    const auto count = std::min(max_panels, panels.size() - first);
+    add("axes", [&](const std::filesystem::path& file) {
+      render::CurvesOptions options;
+      options.title = "deviations over the commanded position; points: single readings";
+      options.caption = {from, "actual minus target; a slide's count from its target nearest to 0"};
+      options.columns = count > 3 ? 2 : 1;
+      options.width = options.columns == 2 ? 2600 : 1600;
+      render::write_curves(file, {begin, begin + std::ptrdiff_t(count)}, options);
+    });
+  }
+  for (const metrology::CircleTest& test : tests.circles)
+    add(file_name_part(test.name),
+        [&](const std::filesystem::path& file) { write_circle(file, test, from); });
+  for (const metrology::DriftTest& test : tests.drifts)
+    add(file_name_part(test.name),
+        [&](const std::filesystem::path& file) { write_drift(file, test, from); });
+  return files;
+}
+
+std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder,
+                                                      const PartReadingsFile& part,
+                                                      const std::string& from) {
+  const VectorXd deviation_um = part.readings.deviation / units::um;
+  render::HistogramOptions options;
+  options.title = part.part + ", read by " + part.instrument;
+  options.caption = {from, "along the design's normals, + material left"};
+  write_file(folder / "part.png", [&](const std::filesystem::path& file) {
+    render::write_histogram(file, deviation_um, VectorXd::Ones(deviation_um.size()), options);
+  });
+  return {folder.path() / "part.png"};
+}
+#else
+std::vector<std::filesystem::path> write_part_picture(const ResultFolder&, const PartReadingsFile&,
+                                                      const std::string&) {
+  return {};
+}
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, const metrology::Tests&,
+                                                       const std::string&) {
+  return {};
+}
+#endif
+
+namespace {
+
+namespace metrology = errors::metrology;
+using Eigen::Index;
+using Eigen::VectorXd;
+using nlohmann::ordered_json;
+
+constexpr Index max_drift_points = 2000;
+
+double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }
+const char* chart_unit_name(bool is_angle) { return is_angle ? "µrad" : "µm"; }
+
+ordered_json list_of(const VectorXd& values) {
+  ordered_json list = ordered_json::array();
+  for (const double value : values)
+    list.push_back(std::isfinite(value) ? ordered_json(value) : ordered_json());
+  return list;
+}
+
+// --- the figures
+
+/// Names of nested figures with their values, "causes: radius_um".
+void flatten(const ordered_json& json, const std::string& within,
+             std::vector<std::pair<std::string, ordered_json>>& figures) {
+  for (const auto& [key, value] : json.items()) {
+    if (within.empty() && (key == "name" || key == "standard" || key == "diagonals")) continue;
+    const std::string name = within.empty() ? key : within + ": " + key;
+    if (value.is_object())
+      flatten(value, name, figures);
+    else if (value.is_array()) {
+      std::string text;
+      for (const ordered_json& one : value)
+        text +=
+            (text.empty() ? "" : ", ") +
+            (one.is_string() ? one.get<std::string>() : fmt::format("{:.6g}", one.get<double>()));
+      figures.emplace_back(name, text);
+    } else if (value.is_boolean()) {
+      figures.emplace_back(name, label_text(value.get<bool>() ? "yes" : "no"));
+    } else {
+      figures.emplace_back(name, value);
+    }
+  }
+}
+
+/// A table of all tests by one standard: figures down, tests across.
+ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::size_t number) {
+  std::vector<PageColumn> columns{{label_text("figure"), ""}};
+  std::vector<std::string> names;
+  std::vector<std::vector<std::pair<std::string, ordered_json>>> all;
+  for (const ordered_json* test : tests) {
+    columns.push_back({test->at("name").get<std::string>(), ""});
+    flatten(*test, "", all.emplace_back());
+    for (const auto& [name, value] : all.back())
+      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+  }
+  ordered_json rows = ordered_json::array();
+  for (const std::string& name : names) {
+    ordered_json row = ordered_json::array();
+    row.push_back(name);
+    for (const auto& figures : all) {
+      const auto at =
+          std::ranges::find(figures, name, &std::pair<std::string, ordered_json>::first);
+      row.push_back(at == figures.end() ? ordered_json() : at->second);
+    }
+    rows.push_back(row);
+  }
+  return table_block("standard-" + std::to_string(number),
+                     tests.front()->at("standard").get<std::string>(), columns, rows);
+}
+
+/// At most so many tests stand beside each other.
+void add_standards(ordered_json& blocks, const ordered_json& tests) {
+  constexpr std::size_t max_across = 8;
+  std::vector<std::string> standards;
+  for (const ordered_json& one : tests) {
+    const auto name = one.at("standard").get<std::string>();
+    if (std::ranges::find(standards, name) == standards.end()) standards.push_back(name);
+  }
+  std::size_t number = 0;
+  for (const std::string& standard : standards) {
+    std::vector<const ordered_json*> all;
+    for (const ordered_json& one : tests)
+      if (one.at("standard").get<std::string>() == standard) all.push_back(&one);
+    for (std::size_t first = 0; first < all.size(); first += max_across) {
+      const auto count = std::min(max_across, all.size() - first);
+      blocks.push_back(standard_block(
+          {all.begin() + std::ptrdiff_t(first), all.begin() + std::ptrdiff_t(first + count)},
+          number++));
+    }
+  }
+  for (const ordered_json& one : tests)
+    if (one.contains("diagonals")) {
+      std::vector<const ordered_json*> each;
+      for (const ordered_json& diagonal : one.at("diagonals")) each.push_back(&diagonal);
+      if (!each.empty()) blocks.push_back(standard_block(each, number++));
+    }
+}
+
+void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
+  if (!evaluation.contains("temperatures")) return;
+  ordered_json rows = ordered_json::array();
+  for (const auto& [sensor, range] : evaluation.at("temperatures").items()) {
+    ordered_json row = ordered_json::array();
+    row.push_back(sensor);
+    row.push_back(figure_in(range.at("min_C")));
+    row.push_back(figure_in(range.at("max_C")));
+    rows.push_back(row);
+  }
+  blocks.push_back(table_block("temperatures", label_text("temperatures"),
+                               {{label_text("sensor"), ""},
+                                {label_text("machines_min"), "°C"},
+                                {label_text("machines_max"), "°C"}},
+                               rows));
+}
+
+// --- charts of what was evaluated
+
+/// One way of approach: its mean with the band of 2 s, and every run.
+void add_approach_series(ordered_json& panel, const char* name, const VectorXd& target,
+                         const Eigen::MatrixXd& runs,
+                         const std::optional<metrology::OneWayPositioning>& way, double unit,
+                         int colour) {
+  if (!way) return;
+  ordered_json mean =
+      series_of(label_text(name), list_of(target), list_of(way->mean / unit), "both");
+  mean["colour"] = colour;
+  if (way->s.size() > 0) {
+    mean["low"] = list_of((way->mean - 2.0 * way->s) / unit);
+    mean["high"] = list_of((way->mean + 2.0 * way->s) / unit);
+  }
+  panel["series"].push_back(mean);
+  ordered_json points =
+      series_of(label_text("single_runs"), list_of(target.replicate(runs.cols(), 1)),
+                list_of(runs.reshaped() / unit), "points");
+  points["colour"] = colour;
+  panel["series"].push_back(points);
+}
+
+ordered_json position_panel(const std::string& name, const metrology::PositionRuns& runs,
+                            bool is_angle, const PageText& x, double x_unit) {
+  const metrology::Positioning p = metrology::positioning(runs);
+  ordered_json panel;
+  panel["title"] = name;
+  panel["x"] = x;
+  panel["y"] = phrase({label_text("deviation_read"), " / ", chart_unit_name(is_angle)});
+  panel["series"] = ordered_json::array();
+  const VectorXd target = runs.target / x_unit;
+  add_approach_series(panel, "up_2s", target, runs.up, p.up, chart_unit(is_angle), 0);
+  add_approach_series(panel, "down_2s", target, runs.down, p.down, chart_unit(is_angle), 1);
+  return panel;
+}
+
+void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
+  ordered_json block = page_block("panels", "positions", label_text("over_position"));
+  block["note"] = label_text("over_position_note");
+  block["columns"] = 2;
+  block["panels"] = ordered_json::array();
+  for (const metrology::AxisTest& test : tests.axes)
+    block["panels"].push_back(
+        position_panel(test.name, form_of(test), test.angle,
+                       fmt::format("{} / {}", test.axis, test.rotary ? "°" : "mm"),
+                       test.rotary ? units::deg : 1.0));
+  for (const metrology::DiagonalTest& test : tests.diagonals)
+    block["panels"].push_back(position_panel(test.name, test.runs.runs, false,
+                                             phrase({label_text("along_diagonal"), " / mm"}), 1.0));
+  if (!block["panels"].empty()) blocks.push_back(block);
+}
+
+/// A sense about a centre; one that goes all the way round ends where it began.
+ordered_json circle_series(const char* name, const metrology::CircularTrace& trace,
+                           double nominal_radius, const Eigen::Vector2d& centre) {
+  ordered_json series;
+  series["name"] = label_text(name);
+  series["angle"] = series["deviation"] = ordered_json::array();
+  const Index n = trace.angle.size();
+  for (Index i = 0; i < n + (metrology::is_full_turn(trace.angle) ? 1 : 0); ++i) {
+    const double angle = trace.angle[i % n];
+    const double deviation = trace.radius[i % n] - nominal_radius - centre.x() * std::cos(angle) -
+                             centre.y() * std::sin(angle);
+    series["angle"].push_back(angle / units::deg);
+    series["deviation"].push_back(deviation / units::um);
+  }
+  return series;
+}
+
+void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
+  ordered_json block = page_block("polar", "circles", label_text("circles"));
+  block["unit"] = "µm";
+  block["panels"] = ordered_json::array();
+  for (const metrology::CircleTest& test : tests.circles) {
+    const metrology::Circular circle = metrology::circular(test.runs);
+    ordered_json panel;
+    panel["title"] = test.name;
+    panel["axes"] = {test.plane.substr(0, 1), test.plane.substr(1, 1)};
+    panel["note"] = ordered_json::array();
+    panel["note"].push_back(label_text(circle.centre_kind == metrology::CircleCentre::LeastSquares
+                                           ? "least_squares_centre"
+                                           : "centre_as_set"));
+    panel["series"] = ordered_json::array();
+    if (circle.anticlockwise)
+      panel["series"].push_back(circle_series("anticlockwise", test.runs.anticlockwise,
+                                              test.runs.nominal_radius, circle.centre));
+    if (circle.clockwise)
+      panel["series"].push_back(
+          circle_series("clockwise", test.runs.clockwise, test.runs.nominal_radius, circle.centre));
+    block["panels"].push_back(panel);
+  }
+  if (!block["panels"].empty()) blocks.push_back(block);
+}
+
+void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
+  ordered_json block = page_block("panels", "drifts", label_text("drifts"));
+  block["columns"] = 2;
+  block["panels"] = ordered_json::array();
+  for (const metrology::DriftTest& test : tests.drifts) {
+    const VectorXd hours = (test.log.time_s.array() - test.log.time_s[0]) / 3600.0;
+    const ReadingSubset readings = reading_subset(test.name, hours.size(), max_drift_points);
+    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
+    for (const bool is_angle : {false, true}) {
+      ordered_json panel;
+      panel["title"] = readings.title;
+      panel["x"] = phrase({label_text("time"), " / h"});
+      panel["y"] = phrase({label_text("drift"), " / ", chart_unit_name(is_angle)});
+      panel["series"] = ordered_json::array();
+      for (std::size_t c = 0; c < test.log.names.size(); ++c)
+        if (test.angle[c] == is_angle) {
+          ordered_json line =
+              series_of(test.log.names[c], list_of(hours(few)),
+                        list_of(test.log.values.col(Index(c))(few) / chart_unit(is_angle)), "line");
+          line["colour"] = c;  // the same in both panels
+          panel["series"].push_back(line);
+        }
+      if (!panel["series"].empty()) block["panels"].push_back(panel);
+    }
+  }
+  if (!block["panels"].empty()) blocks.push_back(block);
+}
+
+void add_part(ordered_json& blocks, const PartReadingsFile& part) {
+  ordered_json block = page_block("histogram", "part", label_text("part_deviations"));
+  block["x"] = label_text("deviation_read");
+  block["y"] = label_text("share_of_readings");
+  block["unit"] = "µm";
+  block["series"] = ordered_json::array();
+  ordered_json series;
+  series["name"] = part.instrument;
+  series["values"] = list_of(part.readings.deviation / units::um);
+  block["series"].push_back(series);
+  blocks.push_back(block);
+}
+
+FiguresPage evaluation_document(const ordered_json& evaluation) {
+  FiguresPage page;
+  page.title = evaluation.at("file").get<std::string>();
+  page.asked = {{"file", page.title}, {"kind", evaluation.at("kind").get<std::string>()}};
+  add_standards(page.blocks, evaluation.at("tests"));
+  add_temperatures(page.blocks, evaluation);
+  if (evaluation.contains("warnings"))
+    for (const ordered_json& warning : evaluation.at("warnings"))
+      page.warnings.push_back(warning.get<std::string>());
+  return page;
+}
+
+std::vector<std::filesystem::path> pictures_in(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    if (entry.is_regular_file() && entry.path().extension() == ".png")
+      files.push_back(entry.path());
+  std::ranges::sort(files);
+  return files;
+}
+
+}  // namespace
+
+FiguresPage evaluate_page(const Evaluation& evaluation) {
+  const ordered_json json = to_json(evaluation, {});
+  FiguresPage page = evaluation_document(json);
+  add_positions(page.blocks, evaluation.tests);
+  add_circles(page.blocks, evaluation.tests);
+  add_drifts(page.blocks, evaluation.tests);
+  if (evaluation.part) add_part(page.blocks, *evaluation.part);
+  page.files.push_back(
+      {evaluation.file.filename().string(), read_text(evaluation.file, max_saved_bytes)});
+  page.files.push_back({"evaluation.json", json_text(json)});
+  return page;
+}
+
+FiguresPage evaluate_page(const std::filesystem::path& folder) {
+  FiguresPage page;
+  read_saved_json(
+      folder / "evaluation.json", "an evaluation as abbe evaluate writes it",
+      [&](const ordered_json& evaluation, const std::string& text) {
+        page = evaluation_document(evaluation);
+        if (const ordered_json pictures =
+                pictures_block("pictures", label_text("pictures"), folder, pictures_in(folder));
+            !pictures.is_null())
+          page.blocks.push_back(pictures);
+        page.warnings.push_back(
+            "charts of the readings are left out of the report, its pictures stand in their place: "
+            "a finished evaluation does not hold the readings; abbe evaluate --report writes them");
+        page.files.push_back({"evaluation.json", text});
+      });
+  return page;
 }
 
 }  // namespace abbe::sim

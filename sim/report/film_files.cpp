@@ -2,21 +2,108 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
 #include <future>
+#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/report/film_encoder.h"
+#include "sim/compensation/child_process.h"
 
 #if ABBE_RENDER
 #include "render/film.h"
-#include "render/png.h"
+#include "render/picture.h"
 #include "sim/report/program_film.h"
 #endif
 
 namespace abbe::sim {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A path as ffmpeg takes it for a numbered list of pictures.
+std::string numbered_name(const fs::path& folder) {
+  std::string text;
+  for (const char c : fs::absolute(folder).string())
+    text += c == '%' ? std::string("%%") : std::string(1, c);
+  return text + "/frame_%05d.png";
+}
+
+}  // namespace
+
+std::optional<fs::path> find_executable(const std::string& program) {
+  const char* const list = std::getenv("PATH");
+  std::string_view rest = list == nullptr ? "" : list;
+  while (!rest.empty()) {
+    const std::size_t colon = std::min(rest.find(':'), rest.size());
+    const fs::path file = fs::path(rest.substr(0, colon)) / program;
+    rest.remove_prefix(std::min(colon + 1, rest.size()));
+    std::error_code none;
+    if (fs::is_regular_file(file, none) && ::access(file.c_str(), X_OK) == 0) return file;
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEncoding& encoding,
+                                         const fs::path& film) {
+  std::vector<std::string> command{ffmpeg,
+                                   "-hide_banner",
+                                   "-loglevel",
+                                   "error",
+                                   "-nostdin",
+                                   "-y",
+                                   "-framerate",
+                                   fmt::format("{}", encoding.fps),
+                                   "-start_number",
+                                   "1",
+                                   "-i",
+                                   numbered_name(encoding.frames),
+                                   "-frames:v",
+                                   std::to_string(encoding.count),
+                                   "-pix_fmt",
+                                   "yuv420p"};
+  const std::vector<std::string> h264{"-c:v", "libx264", "-preset",   "veryfast",
+                                      "-crf", "20",      "-movflags", "+faststart"};
+  const std::vector<std::string> vp9{"-c:v",      "libvpx-vp9", "-deadline", "realtime",
+                                     "-cpu-used", "6",          "-crf",      "32",
+                                     "-b:v",      "0",          "-row-mt",   "1"};
+  const auto& format = film.extension() == ".webm" ? vp9 : h264;
+  command.insert(command.end(), format.begin(), format.end());
+  command.push_back(fs::absolute(film).string());
+  return command;
+}
+
+std::string shell_text(const std::vector<std::string>& command) {
+  constexpr std::string_view plain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+./:%=,";
+  std::string text;
+  for (const std::string& word : command) {
+    if (!text.empty()) text += ' ';
+    if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) {
+      text += word;
+      continue;
+    }
+    text += '\'';
+    for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    text += '\'';
+  }
+  return text;
+}
+
+void encode(const std::vector<std::string>& command, const std::function<void()>& waiting) {
+  constexpr double max_s = 86400.0;
+  compensation::ChildProcess child(command, {}, waiting);
+  try {
+    child.finish("", max_s);
+  } catch (const compensation::ChildProcessError& fault) {
+    throw std::runtime_error(
+        fmt::format("{}: {} {}", command.front(), fault.what(), child.stderr_tail()));
+  }
+}
 
 #if ABBE_RENDER
 
@@ -81,17 +168,17 @@ void write_encoded(const ResultFile& film, const std::string& ffmpeg, const Film
 
 }  // namespace
 
-FilmWritten write_film(const ResultFolder& folder, const FilmedCut& cut, const FilmRequest& request,
-                       const Progress& progress) {
+FilmOutcome write_film(const ResultFolder& folder, const FilmSource& cut,
+                       const FilmRequest& request, const Progress& progress) {
   ProgramFilm program(cut, request.plan, request.options);
   const ResultFolder frames = folder.inside("frames");
   remove_earlier(folder, frames);
   write_frames(frames, program, progress);
-  FilmWritten written{frames.path(), program.frames(), std::nullopt, ""};
+  FilmOutcome written{frames.path(), program.frames(), std::nullopt, ""};
   if (request.format == "none") return written;
   const FilmEncoding encoding{frames.path(), program.frames(), request.plan.fps};
   const ResultFile film = folder / ("film." + request.format);
-  if (const auto ffmpeg = found_on_path("ffmpeg")) {
+  if (const auto ffmpeg = find_executable("ffmpeg")) {
     write_encoded(film, ffmpeg->string(), encoding, progress);
     written.film = film.path();
   } else {
@@ -103,7 +190,7 @@ FilmWritten write_film(const ResultFolder& folder, const FilmedCut& cut, const F
 
 #else
 
-FilmWritten write_film(const ResultFolder& folder, const FilmedCut&, const FilmRequest&,
+FilmOutcome write_film(const ResultFolder& folder, const FilmSource&, const FilmRequest&,
                        const Progress&) {
   throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");

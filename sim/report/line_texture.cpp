@@ -4,15 +4,239 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <map>
+#include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/report/json_numbers.h"
+#include "sim/files/json_files.h"
 
 namespace abbe::sim {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using EdgeOfMesh = std::pair<int, int>;  // vertices, the lower first
+
+/// Where a plane crosses an edge.
+struct TraceNode {
+  Vector3d point;
+  double residual;
+};
+
+/// A plane square to x or y.
+struct CrossPlane {
+  int across;
+  double level;
+
+  bool below(const cutting::Design& design, int vertex) const {
+    return design.vertices(vertex, across) < level;
+  }
+};
+
+/// A section: its nodes, which of them a triangle joins, and the triangles.
+struct MeshSection {
+  std::map<EdgeOfMesh, TraceNode> nodes;
+  std::map<EdgeOfMesh, std::vector<EdgeOfMesh>> joined;
+  std::vector<Index> triangles;
+};
+
+CrossPlane plane_of(const cutting::Design& design, ProfileLine line) {
+  if (line == ProfileLine::Radius) return {1, 0.0};
+  const int across = line == ProfileLine::X ? 1 : 0;
+  const auto column = design.vertices.col(across);
+  return {across, 0.5 * (column.minCoeff() + column.maxCoeff())};
+}
+
+TraceNode crossing_node(const ProfiledMap& map, const CrossPlane& plane, const EdgeOfMesh& edge) {
+  const auto& [a, b] = edge;
+  const auto& vertices = map.design.vertices;
+  const double p = vertices(a, plane.across) - plane.level;
+  const double q = vertices(b, plane.across) - plane.level;
+  const double u = p / (p - q);
+  return {(1.0 - u) * vertices.row(a) + u * vertices.row(b),
+          (1.0 - u) * map.residual[a] + u * map.residual[b]};
+}
+
+MeshSection section_of(const ProfiledMap& map, const CrossPlane& plane) {
+  MeshSection section;
+  for (Index t = 0; t < map.design.triangles.rows(); ++t) {
+    std::vector<EdgeOfMesh> ends;
+    for (int k = 0; k < 3; ++k) {
+      const int a = map.design.triangles(t, k), b = map.design.triangles(t, (k + 1) % 3);
+      if (plane.below(map.design, a) != plane.below(map.design, b))
+        ends.emplace_back(std::min(a, b), std::max(a, b));
+    }
+    if (ends.size() != 2) continue;
+    const std::array<TraceNode, 2> nodes = {crossing_node(map, plane, ends[0]),
+                                            crossing_node(map, plane, ends[1])};
+    if (!std::isfinite(nodes[0].residual) || !std::isfinite(nodes[1].residual)) continue;
+    for (std::size_t k = 0; k < 2; ++k) {
+      section.nodes.emplace(ends[k], nodes[k]);
+      section.joined[ends[k]].push_back(ends[1 - k]);
+    }
+    section.triangles.push_back(t);
+  }
+  return section;
+}
+
+using NodeChain = std::vector<TraceNode>;
+
+/// Walks from an edge along edges that were not walked over.
+NodeChain walked(MeshSection& section, EdgeOfMesh at) {
+  NodeChain chain{section.nodes.at(at)};
+  while (true) {
+    std::vector<EdgeOfMesh>& ways = section.joined.at(at);
+    if (ways.empty()) return chain;
+    const EdgeOfMesh next = ways.back();
+    ways.pop_back();
+    std::vector<EdgeOfMesh>& back = section.joined.at(next);
+    back.erase(std::find(back.begin(), back.end(), at));
+    at = next;
+    chain.push_back(section.nodes.at(at));
+  }
+}
+
+/// @param axis  along which a closed one begins lowest
+std::vector<NodeChain> node_chains(MeshSection section, int axis) {
+  std::vector<NodeChain> chains;
+  for (const auto& [edge, node] : section.nodes)
+    if (section.joined.at(edge).size() == 1) chains.push_back(walked(section, edge));
+  for (const auto& [edge, node] : section.nodes) {
+    if (section.joined.at(edge).empty()) continue;
+    NodeChain ring = walked(section, edge);
+    ring.pop_back();  // it comes back to where it began
+    std::rotate(ring.begin(),
+                std::min_element(ring.begin(), ring.end(),
+                                 [&](const TraceNode& a, const TraceNode& b) {
+                                   return a.point[axis] < b.point[axis];
+                                 }),
+                ring.end());
+    ring.push_back(ring.front());
+    chains.push_back(std::move(ring));
+  }
+  return chains;
+}
+
+/// The parts of a chain on the side of x >= 0.
+std::vector<NodeChain> outwards(const NodeChain& chain) {
+  std::vector<NodeChain> parts(1);
+  for (std::size_t i = 0; i < chain.size(); ++i) {
+    if (i > 0 && (chain[i - 1].point.x() < 0.0) != (chain[i].point.x() < 0.0)) {
+      const double p = chain[i - 1].point.x(), q = chain[i].point.x(), u = p / (p - q);
+      const TraceNode axis{(1.0 - u) * chain[i - 1].point + u * chain[i].point,
+                           std::lerp(chain[i - 1].residual, chain[i].residual, u)};
+      parts.back().push_back(axis);
+      if (q < 0.0) parts.emplace_back();
+    }
+    if (chain[i].point.x() >= 0.0) parts.back().push_back(chain[i]);
+  }
+  return parts;
+}
+
+/// Without places that coincide.
+NodeChain distinct_nodes(const NodeChain& chain) {
+  constexpr double same = 1e-9;  // mm
+  NodeChain kept;
+  for (const TraceNode& node : chain)
+    if (kept.empty() || (node.point - kept.back().point).norm() > same) kept.push_back(node);
+  return kept;
+}
+
+double chain_length(const NodeChain& chain) {
+  double length = 0.0;
+  for (std::size_t i = 1; i < chain.size(); ++i)
+    length += (chain[i].point - chain[i - 1].point).norm();
+  return length;
+}
+
+std::optional<LineTrace::Between> interior_deviation(const ProfiledMap& map,
+                                                     const std::vector<Index>& triangles) {
+  LineTrace::Between found;
+  double squares = 0.0;
+  for (const Index t : triangles) {
+    if (map.within.size() == 0 || !std::isfinite(map.within[t])) continue;
+    const std::array<double, 3> share = cutting::place_within(map.sampled_within, t);
+    double linear = 0.0;
+    for (int k = 0; k < 3; ++k)
+      linear += share[std::size_t(k)] * map.residual[map.design.triangles(t, k)];
+    const double off = map.within[t] - linear;
+    if (!std::isfinite(off)) continue;
+    ++found.places;
+    squares += off * off;
+    found.worst = std::max(found.worst, std::abs(off));
+  }
+  if (found.places == 0) return std::nullopt;
+  found.rms = std::sqrt(squares / found.places);
+  return found;
+}
+
+LineTrace trace_of(const NodeChain& chain, ProfileLine line) {
+  const auto n = Index(chain.size());
+  LineTrace trace;
+  trace.s = trace.along = trace.residual = Eigen::VectorXd(n);
+  trace.points.resize(n, 3);
+  for (Index i = 0; i < n; ++i) {
+    const TraceNode& node = chain[std::size_t(i)];
+    const double step = i > 0 ? (node.point - chain[std::size_t(i) - 1].point).norm() : 0.0;
+    trace.s[i] = i > 0 ? trace.s[i - 1] + step : 0.0;
+    trace.points.row(i) = node.point;
+    trace.along[i] = line == ProfileLine::Y        ? node.point.y()
+                     : line == ProfileLine::Radius ? node.point.head<2>().norm()
+                                                   : node.point.x();
+    trace.residual[i] = node.residual;
+    trace.widest_spacing = std::max(trace.widest_spacing, step);
+  }
+  trace.mean_spacing = trace.s[n - 1] / double(n - 1);
+  return trace;
+}
+
+}  // namespace
+
+ProfileLine parse_profile_line(const std::string& word) {
+  if (word == "x") return ProfileLine::X;
+  if (word == "y") return ProfileLine::Y;
+  require(word == "radius", "traced_line: expected x, y or radius");
+  return ProfileLine::Radius;
+}
+
+std::optional<LineTrace> line_trace(const ProfiledMap& map, ProfileLine line) {
+  require(map.residual.size() == map.design.vertices.rows() &&
+              (map.within.size() == 0 || map.within.size() == map.design.triangles.rows()),
+          "line_trace: sizes differ");
+  const CrossPlane plane = plane_of(map.design, line);
+  const int axis = line == ProfileLine::Y ? 1 : 0;
+  const MeshSection section = section_of(map, plane);
+  std::vector<NodeChain> chains;
+  for (const NodeChain& whole : node_chains(section, axis)) {
+    const std::vector<NodeChain> parts =
+        line == ProfileLine::Radius ? outwards(whole) : std::vector<NodeChain>{whole};
+    for (const NodeChain& part : parts)
+      if (NodeChain chain = distinct_nodes(part); chain.size() >= 2)
+        chains.push_back(std::move(chain));
+  }
+  if (chains.empty()) return std::nullopt;
+  double all = 0.0;
+  for (const NodeChain& chain : chains) all += chain_length(chain);
+  const auto longest = std::max_element(
+      chains.begin(), chains.end(),
+      [](const NodeChain& a, const NodeChain& b) { return chain_length(a) < chain_length(b); });
+  const double length = chain_length(*longest);
+  if (longest->front().point[axis] > longest->back().point[axis])
+    std::reverse(longest->begin(), longest->end());
+  LineTrace trace = trace_of(*longest, line);
+  trace.stretches = int(chains.size());
+  trace.left_out = std::max(0.0, all - length);
+  trace.between = interior_deviation(map, section.triangles);
+  return trace;
+}
+
 namespace {
 
 using Eigen::Index;
@@ -22,10 +246,10 @@ using errors::metrology::ProfileTexture;
 using errors::metrology::SettingClass;
 using nlohmann::ordered_json;
 
-constexpr double resolved_share = 0.05;  // of Rq that interpolation may miss
+constexpr double resolved_fraction = 0.05;  // of Rq that interpolation may miss
 
 /// What the standard's table has for Nic; null where it has another.
-const SettingClass* class_of(double Nic) {
+const SettingClass* find_setting_class(double Nic) {
   const SettingClass& nearest = errors::metrology::setting_class(Nic);
   return std::abs(nearest.Nic - Nic) < 1e-9 * Nic ? &nearest : nullptr;
 }
@@ -52,7 +276,7 @@ std::string short_warning(const LineTexture& t, int wanted) {
 
 /// Whether the places within triangles that were looked at show that straight lines suffice.
 bool is_resolved(const LineTexture& t) {
-  return t.trace.between && t.trace.between->rms <= resolved_share * t.texture.R.q;
+  return t.trace.between && t.trace.between->rms <= resolved_fraction * t.texture.R.q;
 }
 
 std::string coarse_warning(const LineTexture& t) {
@@ -74,7 +298,7 @@ std::string coarse_warning(const LineTexture& t) {
       "whether the map resolves the profile is not known: from triangle to triangle it is {:.3g} "
       "mm ({:.3g} mm at most), Nis {:.3g} um needs a place every {:.3g} um, and nobody looked "
       "between the vertices (part.sampling = \"adaptive\" does)",
-      trace.mean_spacing, trace.widest_spacing, t.texture.Nis_wanted / units::um,
+      trace.mean_spacing, trace.widest_spacing, t.texture.requested_Nis / units::um,
       widest / units::um);
 }
 
@@ -89,11 +313,11 @@ std::vector<std::string> texture_warnings(const LineTexture& t, int sections) {
         fmt::format("the line is cut in {} stretches; the longest, {:.4g} mm, is evaluated, {:.4g} "
                     "mm are left out",
                     t.trace.stretches, t.texture.length, t.trace.left_out));
-  if (t.texture.Nis > t.texture.Nis_wanted * (1.0 + 1e-6))
+  if (t.texture.Nis > t.texture.requested_Nis * (1.0 + 1e-6))
     add(
         fmt::format("Nis is {:.4g} um, not {:.4g} um: the line has {} places at most, {:.4g} um "
                     "apart",
-                    t.texture.Nis / units::um, t.texture.Nis_wanted / units::um,
+                    t.texture.Nis / units::um, t.texture.requested_Nis / units::um,
                     t.texture.primary.z.size(), t.texture.primary.step / units::um));
   add(coarse_warning(t));
   return warnings;
@@ -152,7 +376,7 @@ ordered_json evaluation_json(const ProfileTexture& t, const EvaluationLength& e)
 }
 
 std::string class_text(double Nic) {
-  const SettingClass* one = class_of(Nic);
+  const SettingClass* one = find_setting_class(Nic);
   return one != nullptr ? fmt::format(", setting class {}", one->name) : "";
 }
 
@@ -174,7 +398,7 @@ LineTexture line_texture(LineTrace trace, const std::optional<double>& form_cuto
   return t;
 }
 
-Eigen::VectorXd at_places(const LineTexture& t, const Eigen::VectorXd& values) {
+Eigen::VectorXd values_on_profile(const LineTexture& t, const Eigen::VectorXd& values) {
   const Eigen::VectorXd& s = t.trace.s;
   Eigen::VectorXd all(t.texture.primary.z.size());
   Index k = 0;
@@ -219,7 +443,7 @@ std::string to_text(const LineTexture& t) {
 
 ordered_json to_json(const LineTexture& t) {
   const ProfileTexture& texture = t.texture;
-  const SettingClass* one = class_of(t.Nic);
+  const SettingClass* one = find_setting_class(t.Nic);
   ordered_json json = {
       {"line", t.line},
       {"where", t.where},
@@ -253,10 +477,10 @@ ordered_json to_json(const LineTexture& t) {
 
 std::string to_csv(const LineTexture& t) {
   const ProfileTexture& texture = t.texture;
-  const Eigen::VectorXd x = at_places(t, t.trace.points.col(0));
-  const Eigen::VectorXd y = at_places(t, t.trace.points.col(1));
-  const Eigen::VectorXd z = at_places(t, t.trace.points.col(2));
-  const Eigen::VectorXd residual = at_places(t, t.trace.residual);
+  const Eigen::VectorXd x = values_on_profile(t, t.trace.points.col(0));
+  const Eigen::VectorXd y = values_on_profile(t, t.trace.points.col(1));
+  const Eigen::VectorXd z = values_on_profile(t, t.trace.points.col(2));
+  const Eigen::VectorXd residual = values_on_profile(t, t.trace.residual);
   std::string text = "s_mm,x_mm,y_mm,z_mm,residual_um,primary_um,waviness_um,roughness_um\n";
   for (Index i = 0; i < residual.size(); ++i)
     fmt::format_to(std::back_inserter(text),
@@ -267,7 +491,7 @@ std::string to_csv(const LineTexture& t) {
   return text;
 }
 
-std::string chief_parameters(const LineTexture& t) {
+std::string main_parameters(const LineTexture& t) {
   const auto um = [](double mm) { return fmt::format("{:.3g} µm", mm / units::um); };
   const ProfileTexture& texture = t.texture;
   return fmt::format("Ra {}, Rq {}, Rz {}, Rsm {}; Wa {}, Wt {}; Pt {}", um(texture.R.a),
@@ -276,7 +500,7 @@ std::string chief_parameters(const LineTexture& t) {
                      um(texture.W.a), um(texture.W.t), um(texture.P.t));
 }
 
-std::string chief_settings(const LineTexture& t) {
+std::string main_settings(const LineTexture& t) {
   const EvaluationLength& e = t.texture.sections;
   return fmt::format(
       "ISO 21920{}: Nis {:.4g} µm, Nic {:.4g} mm, R over {} × {:.4g} mm, P and W over "
@@ -285,7 +509,7 @@ std::string chief_settings(const LineTexture& t) {
       std::min(e.section, t.texture.length), t.texture.length);
 }
 
-std::string chief_doubt(const LineTexture& t) {
+std::string resolution_warning(const LineTexture& t) {
   if (!t.trace.between || is_resolved(t)) return {};
   return fmt::format(
       "not resolved: between its corners the map is {:.3g} µm RMS off straight lines",

@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/turn_between.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
 #include "sim/cut/bodies.h"
 
@@ -27,13 +27,13 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
-constexpr std::size_t most_passes = 9;     // of the cut that are drawn
-constexpr std::size_t most_points = 4000;  // of a pass that is drawn
+constexpr std::size_t max_passes = 9;     // of the cut that are drawn
+constexpr std::size_t max_points = 4000;  // of a pass that is drawn
 
 /// Frame at `point` whose z axis is `direction`.
 Pose frame(const Vector3d& point, const Vector3d& direction) {
   Pose T = Pose::Identity();
-  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), direction).toRotationMatrix();
+  T.linear() = kinematics::rotation_between(Vector3d::UnitZ(), direction).toRotationMatrix();
   T.translation() = point;
   return T;
 }
@@ -284,7 +284,7 @@ using TracePoints = std::vector<Trace::Point>;
 
 /// A path that goes to and fro many times without a rapid would be drawn as a sheet: some stretches
 /// of it, each about as long as the part.
-std::vector<TracePoints> thinned_out(const TracePoints& points) {
+std::vector<TracePoints> thinned_path(const TracePoints& points) {
   constexpr double longest = 12.0;  // of what it covers
   Eigen::AlignedBox3d box;
   std::vector<double> length(points.size(), 0.0);
@@ -295,8 +295,8 @@ std::vector<TracePoints> thinned_out(const TracePoints& points) {
   const double size = points.empty() ? 0.0 : box.diagonal().norm();
   if (points.empty() || length.back() <= longest * size) return {points};
   std::vector<TracePoints> pieces;
-  for (std::size_t k = 0; k < most_passes; ++k) {
-    const double middle = length.back() * (double(k) + 0.5) / double(most_passes);
+  for (std::size_t k = 0; k < max_passes; ++k) {
+    const double middle = length.back() * (double(k) + 0.5) / double(max_passes);
     const auto at = [&](double along) {
       return points.begin() +
              (std::lower_bound(length.begin(), length.end(), along) - length.begin());
@@ -311,14 +311,14 @@ Trace traced_part(const Job& job) {
   Trace trace;
   const auto all = stretches(job);
   trace.all_passes = all.size();
-  const std::size_t every = (all.size() + most_passes - 1) / most_passes;
-  const std::size_t most = all.size() > 1 ? most_points : 5 * most_points;
+  const std::size_t every = (all.size() + max_passes - 1) / max_passes;
+  const std::size_t most = all.size() > 1 ? max_points : 5 * max_points;
   for (std::size_t k = every / 2; k < all.size(); k += std::max<std::size_t>(1, every)) {
     const auto [first, last] = all[k];
     const std::size_t step = (last - first) / most + 1;
     TracePoints points;
     for (std::size_t i = first; i < last; i += step) points.push_back(traced_point(job, i));
-    for (TracePoints& piece : thinned_out(points)) {
+    for (TracePoints& piece : thinned_path(points)) {
       for (const Trace::Point& point : piece)
         trace.largest = std::max(trace.largest, point.error_w.norm());
       trace.passes.push_back(std::move(piece));
@@ -420,8 +420,8 @@ std::vector<SchematicBody> schematic_bodies(const Job& job) {
 
 namespace {
 
-constexpr std::size_t most_runs = 3000;        // of moves of one kind, that are drawn
-constexpr std::size_t most_of_path = 300'000;  // places that are drawn
+constexpr std::size_t max_runs = 3000;        // of moves of one kind, that are drawn
+constexpr std::size_t max_of_path = 300'000;  // places that are drawn
 
 /// First and one past the last place of every run of moves at feed, or at rapid; a run begins
 /// where the one before it ends.
@@ -468,7 +468,7 @@ std::vector<Vector3d> places_of(const TipTrace& trace, std::pair<std::size_t, st
 
 }  // namespace
 
-render::MachinePicture machine_picture(const ProgramAlone& alone) {
+render::MachinePicture machine_picture(const ProgramInspection& alone) {
   const TipTrace& trace = alone.trace;
   if (trace.places.size() < 2)
     throw BadInput(alone.file.string(), 0, 0, "a program that moves, to be drawn", "none");
@@ -488,8 +488,8 @@ render::MachinePicture machine_picture(const ProgramAlone& alone) {
   const Eigen::AlignedBox3d drawn_box(box.min() - Vector3d::Constant(0.3 * size),
                                       box.max() + Vector3d::Constant(0.3 * size));
   const auto runs = runs_of(trace);
-  const std::size_t every = (runs.size() + most_runs - 1) / most_runs;
-  const std::size_t step = trace.places.size() / most_of_path + 1;
+  const std::size_t every = (runs.size() + max_runs - 1) / max_runs;
+  const std::size_t step = trace.places.size() / max_of_path + 1;
   std::array<bool, 2> named{};
   std::size_t drawn = 0;
   for (std::size_t k = 0; k < runs.size(); k += every, ++drawn) {

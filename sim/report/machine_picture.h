@@ -1,8 +1,8 @@
 #pragma once
 
-#include "render/machine.h"
+#include "render/machine_picture.h"
 #include "sim/cut/cut.h"
-#include "sim/cut/program_alone.h"
+#include "sim/cut/program_inspection.h"
 
 namespace abbe::sim {
 
@@ -14,7 +14,7 @@ render::MachinePicture machine_picture(const Job& job);
 
 /// Machine and path of a program alone: moves at feed and rapids, the axes as they stand at its
 /// end.
-render::MachinePicture machine_picture(const ProgramAlone& alone);
+render::MachinePicture machine_picture(const ProgramInspection& alone);
 
 /// A round factor that makes the largest error of a path, mm, about a twentieth of the part; 1
 /// where it is large enough or zero.

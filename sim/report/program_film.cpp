@@ -1,6 +1,105 @@
-#if ABBE_RENDER
-
 #include "sim/report/program_film.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+
+namespace abbe::sim {
+
+std::optional<FilmInterval> interval_of_lines(const program::Path& path,
+                                              const std::optional<LineRange>& lines) {
+  std::optional<FilmInterval> stretch;
+  for (const program::Block& block : path.blocks) {
+    if (lines && (block.file != 0 || block.line < lines->first || block.line > lines->last))
+      continue;
+    if (!stretch) stretch = FilmInterval{block.start_s, block.end_s};
+    stretch->end_s = std::max(stretch->end_s, block.end_s);
+  }
+  return stretch;
+}
+
+FilmPlan film_plan(const FilmInterval& stretch, double seconds, double fps) {
+  FilmPlan plan{stretch, {}, fps};
+  const auto n = std::max(1L, std::lround(seconds * fps));
+  for (long k = 0; k < n; ++k) {
+    const double u = n > 1 ? double(k) / double(n - 1) : 1.0;
+    plan.time_s.push_back(k + 1 == n ? stretch.end_s
+                                     : stretch.begin_s + u * (stretch.end_s - stretch.begin_s));
+  }
+  return plan;
+}
+
+double speed_factor(const FilmPlan& plan) {
+  return (plan.stretch.end_s - plan.stretch.begin_s) * plan.fps / double(plan.time_s.size());
+}
+
+std::string speed_text(const FilmPlan& plan) {
+  const double times = speed_factor(plan);
+  const auto number = [](double x) { return fmt::format("{:.{}f}", x, x < 10.0 ? 1 : 0); };
+  if (!(times > 0.0)) return "a moment of the program";
+  if (times >= 1.05) return number(times) + " × faster than real time";
+  if (times <= 1.0 / 1.05) return number(1.0 / times) + " × slower than real time";
+  return "in real time";
+}
+
+namespace {
+
+constexpr std::size_t max_line_bytes = 200;  // bytes
+
+std::vector<std::string> text_lines(std::istream& in) {
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) {
+    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
+    line.resize(std::min(line.size(), max_line_bytes));
+    lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+std::vector<std::string> read_program_lines(const std::filesystem::path& file) {
+  constexpr std::uintmax_t largest = std::uintmax_t(256) << 20;  // more is not worth its memory
+  std::error_code failure;
+  const std::uintmax_t size = std::filesystem::file_size(file, failure);
+  if (failure || size > largest) return {};
+  std::ifstream in(file);
+  return text_lines(in);
+}
+
+}  // namespace
+
+ProgramText::ProgramText(const Job& job, const Commands& commands) {
+  const std::string& text =
+      commands.rewritten_program.empty() ? job.program_text : commands.rewritten_program;
+  if (!text.empty()) {
+    std::istringstream in(text);
+    files_.push_back(text_lines(in));
+  } else if (const auto* file = std::get_if<ProgramDescription::File>(&job.scene.program.source)) {
+    files_.push_back(read_program_lines(file->file));
+  } else {
+    files_.emplace_back();
+  }
+  for (const std::string& more : path_of(job, commands).more_files)
+    files_.push_back(read_program_lines(more));
+}
+
+std::string ProgramText::of(const program::Block& block) const {
+  if (block.file >= files_.size() || block.line < 1) return {};
+  const std::vector<std::string>& lines = files_[block.file];
+  const auto row = std::size_t(block.line) - 1;
+  return row < lines.size() ? escaped(lines[row]) : std::string();
+}
+
+}  // namespace abbe::sim
+
+#if ABBE_RENDER
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +108,8 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/turn_between.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
-#include "sim/cut/inside_tables.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/tool_poses.h"
 #include "sim/report/machine_picture.h"
@@ -29,14 +127,14 @@ constexpr render::Colour slide_colour{0.78, 0.82, 0.88}, turn_colour{0.93, 0.84,
     fresh_colour{0.50, 0.66, 0.82}, crash_colour{0.82, 0.16, 0.12}, nominal_path{0.20, 0.35, 0.65},
     actual_path{0.80, 0.25, 0.20};
 
-enum Look : std::uint8_t { raw_look, fresh_look, crash_look };
+enum Look : std::uint8_t { raw_style, fresh_style, crash_style };
 
-const program::Path& path_of_part(const FilmedCut& cut, std::size_t part) {
+const program::Path& part_path(const FilmSource& cut, std::size_t part) {
   return path_of(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
-const std::vector<Pose>& nominal_poses(const FilmedCut& cut, std::size_t part) {
-  return wanted_poses(parts_of(cut.job)[part], of_part(cut.commands, part));
+const std::vector<Pose>& nominal_poses(const FilmSource& cut, std::size_t part) {
+  return target_poses(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
 /// With the spindle that turns the workpiece turned back.
@@ -62,7 +160,7 @@ render::FilmBody looking(const render::Colour& colour, double opacity, bool clos
 }
 
 /// A plain shape as a mesh.
-cutting::ClosedMesh mesh_of_shape(const render::Body& body) {
+cutting::ClosedMesh shape_mesh(const render::Body& body) {
   if (const auto* block = std::get_if<render::BlockShape>(&body.shape))
     return cutting::box_mesh(block->size);
   const auto& cylinder = std::get<render::CylinderShape>(body.shape);
@@ -117,7 +215,7 @@ cutting::Points corners_of(const cutting::Points& points) {
   return corners;
 }
 
-void append_placed(const cutting::Points& points, const Pose& T, std::vector<Vector3d>& to) {
+void append_transformed(const cutting::Points& points, const Pose& T, std::vector<Vector3d>& to) {
   for (const auto& row : points.rowwise()) to.push_back(T * Vector3d(row.transpose()));
 }
 
@@ -129,11 +227,11 @@ cutting::Points points_of(const std::vector<Vector3d>& all) {
 
 }  // namespace
 
-ProgramFilm::ProgramFilm(const FilmedCut& cut, FilmPlan plan, const FilmOptions& options)
+ProgramFilm::ProgramFilm(const FilmSource& cut, FilmPlan plan, const FilmOptions& options)
     : cut_(cut), plan_(std::move(plan)), words_(cut.job, cut.commands) {
   setting_.width = options.width;
   setting_.height = options.height;
-  inside_tables(cut.job, [&] {
+  check_table_range(cut.job, [&] {
     add_moments();
     magnification_ = options.magnification.value_or(round_magnification(part_size(), largest()));
     if (magnification_ != 1.0) add_trace();
@@ -141,7 +239,7 @@ ProgramFilm::ProgramFilm(const FilmedCut& cut, FilmPlan plan, const FilmOptions&
   add_bodies();
   add_part();
   set_views();
-  set_words();
+  set_captions();
 }
 
 void ProgramFilm::add_moments() {
@@ -209,7 +307,7 @@ void ProgramFilm::add_bodies() {
   const auto& joints = first.machine.nominal.joints();
   const auto parts = parts_of(cut_.job);
   for (std::size_t p = 0; p < parts.size(); ++p) {
-    const std::vector<SolidBody> solids = bodies_of(parts[p]);
+    const std::vector<SolidBody> solids = job_bodies(parts[p]);
     for (const SolidBody& solid : solids) {
       if (p > 0) break;
       if (solid.kind == SolidBody::Kind::Fixture)
@@ -228,7 +326,7 @@ void ProgramFilm::add_bodies() {
   }
   if (!first.scene.machine.bodies.empty()) return;
   for (const SchematicBody& one : schematic_bodies(first))
-    add_body(mesh_of_shape(one.body), {one.frame, {}, one.body.T},
+    add_body(shape_mesh(one.body), {one.frame, {}, one.body.T},
              looking(one.body.colour, one.body.opacity, false));
 }
 
@@ -263,7 +361,7 @@ Vector3d ProgramFilm::nominal_tip(std::size_t part, std::size_t sample) const {
   return at_rest(parts_of(cut_.job)[part], q, nominal_poses(cut_, part)[sample]).translation();
 }
 
-ProgramFilm::TracedSamples ProgramFilm::traced_samples(std::size_t part) {
+ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t part) {
   const program::Samples& samples = of_part(cut_.commands, part).samples;
   const double size = part_size(), step = size / 300.0, longest = 1.2 * size;
   constexpr double sharp = 0.2;  // rad
@@ -279,7 +377,7 @@ ProgramFilm::TracedSamples ProgramFilm::traced_samples(std::size_t part) {
     const double time = samples.states[i].time_s;
     const bool fed = std::exchange(
         feeds, time >= plan_.stretch.begin_s && time <= plan_.stretch.end_s &&
-                   is_feed(path_of_part(cut_, part).blocks[std::size_t(samples.block[i])]));
+                   is_feed(part_path(cut_, part).blocks[std::size_t(samples.block[i])]));
     if (!feeds) continue;
     const Vector3d now = nominal_tip(part, i);
     const double moved = fed ? (now - last).norm() : 0.0;
@@ -299,7 +397,7 @@ void ProgramFilm::add_trace() {
   const auto parts = parts_of(cut_.job);
   for (std::size_t p = 0; p < parts.size(); ++p) {
     const Commands& commands = of_part(cut_.commands, p);
-    const TracedSamples traced = traced_samples(p);
+    const TracedSamples traced = traced_path_samples(p);
     if (traced.at.empty()) continue;
     const std::vector<Pose> T_wt = tool_poses(parts[p], commands, cut_.process, traced.at);
     for (std::size_t k = 0; k < traced.at.size(); ++k) {
@@ -344,7 +442,7 @@ double ProgramFilm::end_s() const {
 
 bool ProgramFilm::is_feeding(const Moment& moment) const {
   const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
-  return is_feed(path_of_part(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
+  return is_feed(part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
 }
 
 void ProgramFilm::set_views() {
@@ -354,22 +452,23 @@ void ProgramFilm::set_views() {
   const cutting::Points part =
       stock_ ? stock_->mesh().vertices_w : cutting::Points(cut_.job.design_w.vertices);
   std::vector<Vector3d> all_b, part_w, close_w;
-  append_placed(part, Pose::Identity(), part_w);
+  append_transformed(part, Pose::Identity(), part_w);
   for (const Trace::Point& point : trace_.points)
     part_w.insert(part_w.end(), {point.nominal_w, point.actual_w});
   for (const Moment& moment : moments_) {
     const Pose& T_bw = workpiece_in_bed(moment);
-    append_placed(corners_of(part), T_bw, all_b);
+    append_transformed(corners_of(part), T_bw, all_b);
     for (std::size_t i = 0; i < actors_.size(); ++i) {
       const Actor& actor = actors_[i];
       if (actor.part && *actor.part != moment.part) continue;
       const Pose T_wt = tool_pose(moment);
-      append_placed(
+      append_transformed(
           corners[i],
           actor.part ? T_bw * T_wt : moment.carriers_b[std::size_t(actor.frame)] * actor.T, all_b);
       if (!actor.part) continue;
-      append_placed(corners[i], T_wt, close_w);
-      if (actor.cuts && (is_feeding(moment) || !feeds)) append_placed(corners[i], T_wt, part_w);
+      append_transformed(corners[i], T_wt, close_w);
+      if (actor.cuts && (is_feeding(moment) || !feeds))
+        append_transformed(corners[i], T_wt, part_w);
     }
   }
   setting_.machine_b = points_of(all_b);
@@ -382,7 +481,7 @@ void ProgramFilm::set_views() {
   setting_.up_w = cut_.job.scene.part.T_wm.linear() * view.up;
 }
 
-void ProgramFilm::set_words() {
+void ProgramFilm::set_captions() {
   const Scene& scene = cut_.job.scene;
   setting_.title = scene.title.empty() ? scene.file.stem().string() : scene.title;
   setting_.subtitle = speed_text(plan_);
@@ -406,7 +505,7 @@ std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s
   const Job& part = parts_of(cut_.job)[moment.part];
   const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
   const program::Block& block =
-      path_of_part(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])];
+      part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])];
   const auto& states = samples.states;
   std::size_t before = moment.sample, after = std::min(moment.sample + 1, states.size() - 1);
   if (samples.block[after] != samples.block[before] && before > 0) after = before--;
@@ -431,8 +530,8 @@ std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s
 }
 
 std::vector<render::Wire> ProgramFilm::paths(double time_s) const {
-  constexpr int most_passes = 24;
-  const int every = (trace_.passes + most_passes - 1) / most_passes;
+  constexpr int max_passes = 24;
+  const int every = (trace_.passes + max_passes - 1) / max_passes;
   const auto end = std::ranges::upper_bound(trace_.points, time_s, {}, &Trace::Point::time_s);
   if (end == trace_.points.begin()) return {};
   const int current = (end - 1)->pass;
@@ -454,22 +553,22 @@ void ProgramFilm::show_part(double time_s, render::FilmState& state) {
   if (stock_) {
     if (stock_->advance_to(time_s) || stock_mesh_ == nullptr) {
       cutting::StockMesh mesh = stock_->mesh();
-      stock_looks_.clear();
+      stock_styles_.clear();
       for (const std::int32_t line : mesh.line)
-        stock_looks_.push_back(line > 0 ? fresh_look : line < 0 ? crash_look : raw_look);
+        stock_styles_.push_back(line > 0 ? fresh_style : line < 0 ? crash_style : raw_style);
       stock_mesh_ = std::make_shared<const render::FilmMesh>(
           render::FilmMesh{std::move(mesh.vertices_w), {}, std::move(mesh.triangles), true});
     }
     state.part = stock_mesh_;
-    state.looks = stock_looks_;
+    state.looks = stock_styles_;
     return;
   }
   state.part = design_;
-  state.looks.assign(std::size_t(design_->vertices.rows()), raw_look);
+  state.looks.assign(std::size_t(design_->vertices.rows()), raw_style);
   if (cut_.surface == nullptr) return;
   const auto& cut_at = cut_.surface->cut_time_s;
   for (Eigen::Index i = 0; i < cut_at.size(); ++i)
-    if (cut_at[i] <= time_s) state.looks[std::size_t(i)] = fresh_look;  // never where it is NaN
+    if (cut_at[i] <= time_s) state.looks[std::size_t(i)] = fresh_style;  // never where it is NaN
 }
 
 render::FilmState ProgramFilm::state(std::size_t frame) {
@@ -487,7 +586,7 @@ render::FilmState ProgramFilm::state(std::size_t frame) {
   }
   const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
   state.text =
-      words_.of(path_of_part(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
+      words_.of(part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
   state.values = values(moment, time_s);
   if (!trace_.points.empty()) state.paths = paths(time_s);
   show_part(time_s, state);

@@ -2,24 +2,30 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <vector>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
+#include "sim/files/json_files.h"
+#include "sim/program/path_meter.h"
+#include "sim/scene/program.h"
 
 namespace abbe::sim {
+
 namespace {
 
 using dialects::Use;
 using kinematics::Motion;
 using nlohmann::ordered_json;
-using program::AtLine;
 using program::AxisFigures;
 using program::MoveFigures;
+using program::ValueAtLine;
 
-const kinematics::Joint& joint_of(const ProgramAlone& alone, int j) {
+const kinematics::Joint& joint_of(const ProgramInspection& alone, int j) {
   return alone.machine.control.joints()[std::size_t(j)];
 }
 
@@ -32,7 +38,7 @@ const char* unit_name(const kinematics::Joint& joint) {
 }
 
 /// The highest speed of an axis, mm/s or rad/s.
-double limit_of(const ProgramAlone& alone, const kinematics::Joint& joint) {
+double limit_of(const ProgramInspection& alone, const kinematics::Joint& joint) {
   return joint.motion == Motion::Linear ? alone.description.rapid_speed
                                         : alone.description.rapid_turn;
 }
@@ -59,7 +65,7 @@ std::size_t moves_of(const program::PathFigures& figures) {
 }
 
 /// Name of a work offset as the control of the program has it.
-std::string offset_name(const ProgramAlone& alone, int number) {
+std::string offset_name(const ProgramInspection& alone, int number) {
   if (number < 0) return "none";  // G53, G500, a table of times
   for (const dialects::Dialect one : {dialects::Dialect::Siemens, dialects::Dialect::Heidenhain})
     if (alone.dialect == dialects::name_of(one)) return dialects::offset_name(one, number + 1);
@@ -67,18 +73,18 @@ std::string offset_name(const ProgramAlone& alone, int number) {
 }
 
 /// "as FILE has them"
-std::string offsets_text(const ProgramAlone& alone) {
+std::string offsets_text(const ProgramInspection& alone) {
   if (!alone.offset_table.empty())
     return "as " + escaped(alone.offset_table.string()) + " has them";
   return alone.offset.empty() ? "zero unless the program sets them"
                               : "G54 to G59 at " + escaped(alone.offset) + " each";
 }
 
-std::string place_of(const ProgramAlone& alone, const AtLine& at) {
+std::string place_of(const ProgramInspection& alone, const ValueAtLine& at) {
   return program::line_text(alone.more_files, at.line, at.file);
 }
 
-std::string times_text(const ProgramAlone& alone) {
+std::string times_text(const ProgramInspection& alone) {
   const program::PathFigures& f = alone.figures;
   const MoveFigures feed = feed_of(f);
   const double dwell = f.dwells.seconds;
@@ -99,14 +105,15 @@ std::string box_text(const char* name, const Eigen::AlignedBox3d& box) {
                      box.min().z() + 0.0, box.max().z());
 }
 
-std::string radius_text(const ProgramAlone& alone) {
+std::string radius_text(const ProgramInspection& alone) {
   const auto& range = alone.figures.radius_at_feed;
   if (!range) return "";
-  return fmt::format("radius    {:.6g} .. {:.6g} mm from the spindle line at feed: diameters {:.6g} .. {:.6g}\n",
-                     (*range)[0], (*range)[1], 2 * (*range)[0], 2 * (*range)[1]);
+  return fmt::format(
+      "radius    {:.6g} .. {:.6g} mm from the spindle line at feed: diameters {:.6g} .. {:.6g}\n",
+      (*range)[0], (*range)[1], 2 * (*range)[0], 2 * (*range)[1]);
 }
 
-std::string axes_text(const ProgramAlone& alone) {
+std::string axes_text(const ProgramInspection& alone) {
   std::string text =
       "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
   for (int j = 0; j < alone.machine.control.size(); ++j) {
@@ -131,7 +138,7 @@ std::string axes_text(const ProgramAlone& alone) {
   return text;
 }
 
-std::string singular_text(const ProgramAlone& alone) {
+std::string singular_text(const ProgramInspection& alone) {
   if (!alone.figures.singular)
     return "singular  no move at feed turns the tool by two rotary axes\n";
   const program::SingularPose& pose = *alone.figures.singular;
@@ -144,9 +151,9 @@ std::string singular_text(const ProgramAlone& alone) {
                      program::line_text(alone.more_files, pose.line, pose.file), at);
 }
 
-std::string tools_text(const ProgramAlone& alone) {
+std::string tools_text(const ProgramInspection& alone) {
   std::string text;
-  for (const ToolOfProgram& tool : alone.tools)
+  for (const ProgramTool& tool : alone.tools)
     text += fmt::format("{:<9} {}, called {} on line {}, {} blocks\n", text.empty() ? "tools" : "",
                         tool.number < 0 ? "M6 without T" : fmt::format("T{}", tool.number),
                         tool.calls == 1 ? "once" : fmt::format("{} times, first", tool.calls),
@@ -168,23 +175,23 @@ std::string tools_text(const ProgramAlone& alone) {
   return text + "\n";
 }
 
-std::string words_text(const ProgramAlone& alone, Use use, const char* name) {
+std::string words_text(const ProgramInspection& alone, Use use, const char* name) {
   std::string text;
   for (const dialects::UsedWord& word : alone.words)
     if (word.use == use) text += fmt::format(" {} {}", word.word, word.count);
   return text.empty() ? "" : fmt::format("{:<9}{}\n", name, text);
 }
 
-std::string skipped_text(const ProgramAlone& alone) {
+std::string skipped_text(const ProgramInspection& alone) {
   std::string text;
-  for (const dialects::Skipped& word : alone.skipped)
+  for (const dialects::SkippedWord& word : alone.skipped)
     text += fmt::format(" {} {}", escaped(word.word), word.count);
   return text.empty() ? "" : fmt::format("{:<9}{}\n", "skipped", text);
 }
 
 }  // namespace
 
-std::string to_text(const ProgramAlone& alone) {
+std::string to_text(const ProgramInspection& alone) {
   const program::PathFigures& f = alone.figures;
   const bool by_linuxcnc = alone.interpreter == dialects::Interpreter::LinuxCnc;
   return fmt::format("program   {}, {} lines, read as {}{}{}\n", escaped(alone.file.string()),
@@ -201,8 +208,8 @@ std::string to_text(const ProgramAlone& alone) {
              alone.executed, moves_of(f), f.rapids.count, f.lines.count, f.arcs.count,
              f.cubics.count > 0 ? fmt::format(", {} cubics", f.cubics.count) : "", f.dwells.count,
              f.tip_blocks) +
-         times_text(alone) + box_text("feed", f.feed_w) + box_text("all", f.all_w) + radius_text(alone) +
-         axes_text(alone) + "\n" + singular_text(alone) + tools_text(alone) +
+         times_text(alone) + box_text("feed", f.feed_w) + box_text("all", f.all_w) +
+         radius_text(alone) + axes_text(alone) + "\n" + singular_text(alone) + tools_text(alone) +
          words_text(alone, Use::Read, "words") + words_text(alone, Use::WithoutEffect, "ignored") +
          skipped_text(alone);
 }
@@ -224,7 +231,7 @@ ordered_json to_json(const Eigen::AlignedBox3d& box) {
   return json;
 }
 
-ordered_json axes_json(const ProgramAlone& alone) {
+ordered_json axes_json(const ProgramInspection& alone) {
   ordered_json axes;
   for (int j = 0; j < alone.machine.control.size(); ++j) {
     const AxisFigures& axis = alone.figures.axes[std::size_t(j)];
@@ -247,7 +254,7 @@ ordered_json axes_json(const ProgramAlone& alone) {
   return axes;
 }
 
-ordered_json singular_json(const ProgramAlone& alone) {
+ordered_json singular_json(const ProgramInspection& alone) {
   if (!alone.figures.singular) return nullptr;
   const program::SingularPose& pose = *alone.figures.singular;
   ordered_json at;
@@ -257,7 +264,7 @@ ordered_json singular_json(const ProgramAlone& alone) {
   return {{"angle_deg", pose.angle / units::deg}, {"line", pose.line}, {"axes", at}};
 }
 
-ordered_json pole_json(const ProgramAlone& alone) {
+ordered_json pole_json(const ProgramInspection& alone) {
   if (!alone.figures.pole) return nullptr;
   const program::NearPole& pole = *alone.figures.pole;
   return {{"angle_deg", pole.angle / units::deg},
@@ -267,9 +274,9 @@ ordered_json pole_json(const ProgramAlone& alone) {
           {"fastest_deg_per_min", pole.fastest / units::deg * 60.0}};
 }
 
-ordered_json tools_json(const ProgramAlone& alone) {
+ordered_json tools_json(const ProgramInspection& alone) {
   ordered_json tools = ordered_json::array();
-  for (const ToolOfProgram& tool : alone.tools)
+  for (const ProgramTool& tool : alone.tools)
     tools.push_back({{"number", tool.number},
                      {"line", tool.line},
                      {"calls", tool.calls},
@@ -277,7 +284,7 @@ ordered_json tools_json(const ProgramAlone& alone) {
   return tools;
 }
 
-ordered_json words_json(const ProgramAlone& alone) {
+ordered_json words_json(const ProgramInspection& alone) {
   ordered_json words = ordered_json::array();
   for (const dialects::UsedWord& word : alone.words)
     words.push_back({{"word", word.word},
@@ -285,7 +292,7 @@ ordered_json words_json(const ProgramAlone& alone) {
                      {"count", word.count},
                      {"line", word.line},
                      {"meaning", std::string(word.sentence)}});
-  for (const dialects::Skipped& word : alone.skipped)
+  for (const dialects::SkippedWord& word : alone.skipped)
     words.push_back(
         {{"word", word.word}, {"use", "skipped"}, {"count", word.count}, {"line", word.line}});
   return words;
@@ -305,7 +312,7 @@ ordered_json to_json(const std::vector<program::Assumption>& assumptions) {
   return list;
 }
 
-ordered_json to_json(const ProgramAlone& alone) {
+ordered_json to_json(const ProgramInspection& alone) {
   const program::PathFigures& f = alone.figures;
   const MoveFigures feed = feed_of(f);
   ordered_json offsets, fastest;
@@ -346,6 +353,143 @@ ordered_json to_json(const ProgramAlone& alone) {
       {"words", words_json(alone)},
       {"assumptions", to_json(alone.assumptions)},
       {"warnings", alone.warnings}};
+}
+
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::size_t max_events = 40;  // of the text
+constexpr std::size_t max_pairs = 12;   // of the text
+
+ordered_json position_json(const ProgramLocation& place,
+                           const std::vector<std::string>& more_files) {
+  ordered_json json = {{"line", place.line}, {"time_s", place.time_s}};
+  if (place.file > 0) json["file"] = more_files[std::size_t(place.file) - 1];
+  return json;
+}
+
+ordered_json event_json(const Collision& one, const std::vector<std::string>& more_files) {
+  ordered_json json = {{"kind", one.contact ? "contact" : "near_miss"},
+                       {"a", one.a},
+                       {"b", one.b},
+                       {"rapid", one.rapid},
+                       {"first", position_json(one.first, more_files)},
+                       {"last", position_json(one.last, more_files)},
+                       {"distance_mm", one.distance}};
+  if (!one.contact || one.depths > 0)
+    json[one.contact ? "deepest" : "nearest"] = position_json(one.worst, more_files);
+  if (one.contact) json["depth_mm"] = one.depths > 0 ? ordered_json(one.depth) : ordered_json();
+  json["at_bed_mm"] = numbers(one.place_b);
+  json["at_workpiece_mm"] = numbers(one.place_w);
+  return json;
+}
+
+const char* scope_name(ClearanceScope in_blocks) {
+  switch (in_blocks) {
+    case ClearanceScope::Always:
+      return "always";
+    case ClearanceScope::WhenNear:
+      return "where_near";
+    case ClearanceScope::WhenInContact:
+      return "where_met";
+    case ClearanceScope::Never:
+      break;
+  }
+  return "never";
+}
+
+std::string counted(std::size_t n, const char* one, const char* more) {
+  return fmt::format("{} {}", n, n == 1 ? one : more);
+}
+
+std::string position_text(const Eigen::Vector3d& place) {
+  return fmt::format("({:.2f}, {:.2f}, {:.2f})", place.x(), place.y(), place.z());
+}
+
+/// Pairs that come nearest, without those that are left out or may touch.
+std::vector<Clearance> nearest_pairs(const Collisions& collisions) {
+  std::vector<Clearance> pairs;
+  for (const Clearance& one : collisions.clearances)
+    if (!one.overlap_at_start && std::isfinite(one.distance)) pairs.push_back(one);
+  std::ranges::stable_sort(pairs, {}, &Clearance::distance);
+  if (pairs.size() > max_pairs) pairs.resize(max_pairs);
+  return pairs;
+}
+
+}  // namespace
+
+ordered_json to_json(const Collisions& all) {
+  ordered_json bodies = ordered_json::array(), events = ordered_json::array(),
+               pairs = ordered_json::array(), blocks = ordered_json::array();
+  for (const Collisions::NamedBody& one : all.bodies)
+    bodies.push_back(
+        {{"name", one.name}, {"carried_by", one.carrier}, {"triangles", one.triangles}});
+  for (const Collision& one : all.list) events.push_back(event_json(one, all.more_files));
+  for (const Clearance& one : all.clearances) {
+    ordered_json json = {{"a", one.a}, {"b", one.b}, {"overlap_at_start", one.overlap_at_start}};
+    if (std::isfinite(one.distance) && !one.overlap_at_start) {
+      json["clearance_mm"] = one.distance;
+      json["at"] = position_json(one.place, all.more_files);
+    }
+    json["in_blocks"] = scope_name(one.in_blocks);
+    pairs.push_back(std::move(json));
+  }
+  for (const BlockClearance& one : all.blocks)
+    blocks.push_back({one.place.line, one.place.time_s,
+                      one.pair < 0 ? ordered_json() : ordered_json(one.at_least),
+                      one.pair < 0 ? ordered_json() : ordered_json(one.pair)});
+  return {{"case", all.commands},
+          {"contacts", contacts(all)},
+          {"near_misses", all.list.size() - contacts(all)},
+          {"clear", is_clear(all)},
+          {"beyond_travel", all.beyond_travel},
+          {"resolution_mm", all.resolution},
+          {"clearance_mm", all.clearance},
+          {"gouge_mm", all.gouge},
+          {"bodies", bodies},
+          {"events", events},
+          {"pairs", pairs},
+          {"block_columns", {"line", "time_s", "clearance_at_least_mm", "pair"}},
+          {"blocks", blocks},
+          {"distances_asked", all.queries},
+          {"seconds", all.seconds},
+          {"warnings", all.warnings}};
+}
+
+std::string to_text(const Collisions& all) {
+  const std::size_t count = contacts(all);
+  std::string text = fmt::format(
+      "\ncollisions of {}: {}; {} under {:g} mm; {} bodies, {} pairs, {:.1f} s\n",
+      escaped(all.commands), count == 0 ? "none" : counted(count, "collision", "collisions"),
+      counted(all.list.size() - count, "near miss", "near misses"), all.clearance,
+      all.bodies.size(), all.clearances.size(), all.seconds);
+  for (std::size_t i = 0; i < std::min(all.list.size(), max_events); ++i) {
+    const Collision& one = all.list[i];
+    text += fmt::format("{} {}\n          {} at {} of the workpiece, {} of the bed\n",
+                        one.contact ? "COLLISION" : "near miss", event_text(one, all),
+                        one.contact ? "first" : "nearest", position_text(one.place_w),
+                        position_text(one.place_b));
+  }
+  if (all.list.size() > max_events)
+    text += fmt::format("          and {} more; --json has all\n", all.list.size() - max_events);
+  if (!all.beyond_travel.empty()) text += fmt::format("TRAVEL    {}\n", escaped(all.beyond_travel));
+  if (all.clearances.empty()) return text + "          no two bodies can meet\n";
+  const std::vector<Clearance> nearest = nearest_pairs(all);
+  if (!nearest.empty()) text += "nearest   ";
+  bool first = true;
+  for (const Clearance& one : nearest) {
+    text += fmt::format("{}{:>8.3f} mm  {} - {}, {}\n", first ? "" : "          ", one.distance,
+                        escaped(one.a), escaped(one.b),
+                        program::line_text(all.more_files, one.place.line, one.place.file));
+    first = false;
+  }
+  if (!nearest.empty())
+    text +=
+        "          the true clearance is at most 5 % or 0.01 mm less; what each block has at least "
+        "is "
+        "in --json\n";
+  return text;
 }
 
 }  // namespace abbe::sim

@@ -13,11 +13,11 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "render/field.h"
-#include "render/map.h"
 #include "render/plot.h"
+#include "render/residual_field.h"
+#include "render/residual_map.h"
 #include "sim/files/output.h"
-#include "sim/report/map_figures.h"
+#include "sim/report/result_pictures.h"
 
 namespace abbe::sim {
 namespace {
@@ -39,10 +39,10 @@ render::Field difference(render::Field a, const render::Field& b,
   for (std::size_t i = 0; i < a.status.size(); ++i)
     a.status[i] = std::uint8_t(
         cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
-  if (a.looked_within == b.looked_within && a.within_um.size() == b.within_um.size()) {
+  if (a.sampled_within == b.sampled_within && a.within_um.size() == b.within_um.size()) {
     a.within_um -= b.within_um;
   } else {
-    a.looked_within = cutting::Surface::Within::None;
+    a.sampled_within = cutting::Surface::Within::None;
     a.within_um.resize(0);
   }
   if (a.form_um.size() == b.form_um.size())
@@ -69,7 +69,7 @@ Eigen::RowVector3d middle_of(const render::Field& field) {
 
 /// The triangles of a map that a plane through the middle of the part cuts, in order of the file.
 /// @param across  axis to which the plane is square: 0 or 1
-std::vector<Stretch> cut_across(const render::Field& field, int across) {
+std::vector<Stretch> crossed_triangles(const render::Field& field, int across) {
   const double level = middle_of(field)[across];
   const auto& vertices = field.design.vertices;
   std::vector<Stretch> all;
@@ -94,8 +94,8 @@ std::vector<Stretch> cut_across(const render::Field& field, int across) {
 }
 
 std::vector<Stretch> stretches_of(const render::Field& field, const std::string& line) {
-  if (line == "x") return cut_across(field, 1);
-  if (line == "y") return cut_across(field, 0);
+  if (line == "x") return crossed_triangles(field, 1);
+  if (line == "y") return crossed_triangles(field, 0);
   std::vector<Stretch> all;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     const double r = field.design.vertices.row(i).head<2>().norm(), d = field.deviation_um[i];
@@ -105,7 +105,7 @@ std::vector<Stretch> stretches_of(const render::Field& field, const std::string&
 }
 
 /// The line of a profile, in words.
-std::string where_runs(const render::Field& field, const std::string& line) {
+std::string line_description(const render::Field& field, const std::string& line) {
   if (line == "radius") return "the distance from the part's z axis, all around it";
   return line == "x"
              ? fmt::format("x through the middle of the part, y = {:.3f} mm", middle_of(field).y())
@@ -259,11 +259,11 @@ render::MapOptions map_options(const RenderOptions& options, const About& known,
 /// The line's profiles by ISO 21920.
 LineTexture texture_of(const RenderOptions& options, const std::filesystem::path& source,
                        const render::Field& field, const About& known) {
-  const TracedMap map{field.design, field.deviation_um, field.looked_within, field.within_um};
-  std::optional<LineTrace> trace = line_trace(map, traced_line(*options.line));
+  const ProfiledMap map{field.design, field.deviation_um, field.sampled_within, field.within_um};
+  std::optional<LineTrace> trace = line_trace(map, parse_profile_line(*options.line));
   if (!trace)
     throw BadInput(source.string(), 0, 0, "a part that is cut along " + *options.line,
-                   "nothing cut along " + where_runs(field, *options.line));
+                   "nothing cut along " + line_description(field, *options.line));
   trace->residual *= units::um;
   if (trace->between) {
     trace->between->rms *= units::um;
@@ -272,14 +272,14 @@ LineTexture texture_of(const RenderOptions& options, const std::filesystem::path
   LineTexture texture = line_texture(std::move(*trace), known.form_cutoff, options.texture);
   texture.line = *options.line;
   texture.where = *options.line == "radius" ? "the radius from the part's z axis towards +x"
-                                            : where_runs(field, *options.line);
+                                            : line_description(field, *options.line);
   return texture;
 }
 
 /// Waviness and the line that was taken away as form, over the line's coordinate.
 render::ProfileSeries waviness_series(const LineTexture& texture) {
   constexpr Eigen::Index most = 2000;  // points of a curve
-  const Eigen::VectorXd along = at_places(texture, texture.trace.along);
+  const Eigen::VectorXd along = values_on_profile(texture, texture.trace.along);
   const Eigen::VectorXd drawn = texture.texture.waviness + texture.texture.line;
   const Eigen::Index n = std::min(most, along.size());
   render::ProfileSeries series{"mean line of Nic", Eigen::VectorXd(n), Eigen::VectorXd(n)};
@@ -292,22 +292,23 @@ render::ProfileSeries waviness_series(const LineTexture& texture) {
 }
 
 /// A profile along a line instead of a map, and its parameters.
-Rendered render_profile(const RenderOptions& options, const std::filesystem::path& source,
-                        const ResultFolder& folder, const render::Field& field,
-                        const About& known) {
+RenderOutcome render_profile(const RenderOptions& options, const std::filesystem::path& source,
+                             const ResultFolder& folder, const render::Field& field,
+                             const About& known) {
   const render::Figures numbers = figures(render::statistics(field));
-  Rendered done;
+  RenderOutcome done;
   done.texture = texture_of(options, source, field, known);
   const LineTexture& texture = *done.texture;
   render::ProfileOptions plot;
   plot.title = known.title;
   plot.x_label = *options.line + " / mm";
   plot.caption = {"+ material left, − gouged; along the outward design normal",
-                  "along " + where_runs(field, *options.line),
+                  "along " + line_description(field, *options.line),
                   fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
                               numbers.pv_um, numbers.rms_um, known.datum, known.alignment),
-                  chief_settings(texture), chief_parameters(texture)};
-  if (const std::string doubt = chief_doubt(texture); !doubt.empty()) plot.caption.push_back(doubt);
+                  main_settings(texture), main_parameters(texture)};
+  if (const std::string doubt = resolution_warning(texture); !doubt.empty())
+    plot.caption.push_back(doubt);
   plot.format = format_of(options.format);
   if (options.size)
     std::tie(plot.width, plot.height) = std::pair((*options.size)[0], (*options.size)[1]);
@@ -327,7 +328,7 @@ Rendered render_profile(const RenderOptions& options, const std::filesystem::pat
 
 }  // namespace
 
-Rendered render_result(const RenderOptions& options) {
+RenderOutcome render_result(const RenderOptions& options) {
   const std::filesystem::path source = result_file(options.result);
   render::Field field = render::read_residual(source);
   About known = about(source);
@@ -372,7 +373,7 @@ Rendered render_result(const RenderOptions& options) {
     write_file(folder / "difference.vtp", [&](const std::filesystem::path& file) {
       render::write_residual(file, picture.field);
     });
-  Rendered done{drawn.path(), {}, {}};
+  RenderOutcome done{drawn.path(), {}, {}};
   if (options.minus) done.files.push_back((folder / "difference.vtp").path());
   return done;
 }
@@ -383,7 +384,7 @@ Rendered render_result(const RenderOptions& options) {
 
 namespace abbe::sim {
 
-Rendered render_result(const RenderOptions& options) {
+RenderOutcome render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");
 }

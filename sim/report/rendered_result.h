@@ -8,9 +8,9 @@
 
 #include <Eigen/Core>
 
-#include "sim/files/permissions.h"
+#include "sim/files/output.h"
 #include "sim/report/line_texture.h"
-#include "sim/scene/part_description.h"
+#include "sim/scene/part.h"
 
 namespace abbe::sim {
 
@@ -31,7 +31,7 @@ struct RenderOptions {
 };
 
 /// What was drawn.
-struct Rendered {
+struct RenderOutcome {
   std::filesystem::path picture;
   std::vector<std::filesystem::path> files;  ///< beside it
   std::optional<LineTexture> texture;        ///< of a line
@@ -40,6 +40,6 @@ struct Rendered {
 /// Pictures of a finished result, or of a difference of two; of a line its profiles as well, as
 /// profile-LINE.json and .csv.
 /// @throws BadInput, also where nothing of a line is cut; OutputFailure
-Rendered render_result(const RenderOptions& options);
+RenderOutcome render_result(const RenderOptions& options);
 
 }  // namespace abbe::sim

@@ -1,37 +1,42 @@
 #include "sim/report/result_files.h"
 
 #include <algorithm>
+#include <future>
 #include <map>
 
 #include <nlohmann/json.hpp>
 
-#include "kinematics/letters.h"
-#include "sim/report/result_map.h"
-#include "sim/report/result_meshes.h"
-#include "sim/report/result_tables.h"
-#include "sim/report/summary_report.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/chain.h"
+#include "sim/report/map_formats.h"
+#include "sim/report/picture_files.h"
+#include "sim/report/program_report.h"
+#include "sim/report/stock_check.h"
+#include "sim/report/summary.h"
+#include "sim/scene/toml.h"
 
 #if ABBE_RENDER
-#include "render/field.h"
+#include "render/residual_field.h"
 #endif
 
 namespace abbe::sim {
+
 namespace {
 
 /// What is to be written.
-struct ToSave {
+struct SaveRequest {
   const Job& job;
   const Verdict& verdict;
   const std::vector<std::string>& formats;
   ResultMap map;
 };
 
-std::string name_of_map(const std::string& format) {
+std::string map_file_name(const std::string& format) {
   return format == saved_track ? "track.npz" : "residual." + format;
 }
 
 /// The facts, the figures of the map and which files hold it.
-nlohmann::ordered_json about_map(const ToSave& all) {
+nlohmann::ordered_json map_metadata_json(const SaveRequest& all) {
   nlohmann::ordered_json json = to_json(all.map.facts);
   const nlohmann::ordered_json figures = to_json(summary(all.job, all.verdict));
   for (const char* key : {"residual_um", "machine_um", "form_um", "texture_um", "vertices",
@@ -56,35 +61,40 @@ nlohmann::ordered_json about_map(const ToSave& all) {
   json["files"] = nlohmann::ordered_json::array();
   for (const std::string& format : map_formats())
     if (std::ranges::find(all.formats, format) != all.formats.end())
-      json["files"].push_back(name_of_map(format));
+      json["files"].push_back(map_file_name(format));
   return json;
 }
 
-using Save = void (*)(const ResultFile&, const ToSave&);
+using Save = void (*)(const ResultFile&, const SaveRequest&);
 
 /// How each format is written; texts keep their bytes.
 const std::map<std::string, Save>& savers() {
   static const std::map<std::string, Save> all = {
 #if ABBE_RENDER
     {"vtp",
-     [](const ResultFile& file, const ToSave& what) {
+     [](const ResultFile& file, const SaveRequest& what) {
        const ResultMap& map = what.map;
        write_file(file, [&](const std::filesystem::path& path) {
          render::write_residual(
              path,
              {map.design, map.residual_um, map.status, map.cut_time_s, map.cut_line,
-              map.looked_within, map.within_um, map.form_um, map.tolerance_um},
+              map.sampled_within, map.within_um, map.form_um, map.tolerance_um},
              fact_texts(map.facts));
        });
      }},
 #endif
-    {"ply", [](const ResultFile& file, const ToSave& what) { write_file(file, to_ply(what.map)); }},
-    {"stl", [](const ResultFile& file, const ToSave& what) { write_file(file, to_stl(what.map)); }},
-    {"csv", [](const ResultFile& file, const ToSave& what) { write_file(file, to_csv(what.map)); }},
-    {"npz", [](const ResultFile& file, const ToSave& what) { write_file(file, to_npz(what.map)); }},
-    {"json", [](const ResultFile& file, const ToSave& what) { write_json(file, about_map(what)); }},
+    {"ply",
+     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_ply(what.map)); }},
+    {"stl",
+     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_stl(what.map)); }},
+    {"csv",
+     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_csv(what.map)); }},
+    {"npz",
+     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_npz(what.map)); }},
+    {"json", [](const ResultFile& file,
+                const SaveRequest& what) { write_json(file, map_metadata_json(what)); }},
     {saved_track,
-     [](const ResultFile& file, const ToSave& what) {
+     [](const ResultFile& file, const SaveRequest& what) {
        const Job& job = what.job;
        write_file(file, to_npz(in_part_frame(what.verdict.cut.track.value(), job.scene.part.T_wm),
                                kinematics::letters(job.machine.nominal.joints()), what.map.facts));
@@ -106,23 +116,76 @@ std::vector<std::string> usual_map_formats() {
   return savers().contains("vtp") ? std::vector<std::string>{"vtp"} : std::vector<std::string>{};
 }
 
-Keep kept_for(const std::vector<std::string>& formats) {
-  return std::ranges::find(formats, saved_track) == formats.end() ? Keep::Map : Keep::Track;
+Retention retention_for(const std::vector<std::string>& formats) {
+  return std::ranges::find(formats, saved_track) == formats.end() ? Retention::Map
+                                                                  : Retention::Track;
 }
 
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                      const std::vector<std::string>& formats, const Progress& progress) {
-  const ToSave all{job, verdict, formats, result_map(job, verdict)};
+  const SaveRequest all{job, verdict, formats, result_map(job, verdict)};
   double done = 0.0;
   for (const auto& [format, save] : savers()) {
     if (progress) progress("write", done / double(savers().size()));
     done += 1.0;
-    const ResultFile file = folder / name_of_map(format);
+    const ResultFile file = folder / map_file_name(format);
     if (std::ranges::find(formats, format) != formats.end())
       save(file, all);
     else
       remove_file(file);
   }
+}
+
+namespace {
+
+/// A file that only some cases have: where there is none, one of an earlier run goes.
+void write_or_remove(const ResultFile& file, const std::string& text) {
+  if (text.empty())
+    remove_file(file);
+  else
+    write_file(file, text);
+}
+
+void write_collisions(const ResultFile& file, const Cut& cut) {
+  if (!cut.collisions) return remove_file(file);
+  Collisions found = *cut.collisions;
+  found.commands = cut.name;
+  write_json(file, to_json(found));
+}
+
+/// The machined body; its picture and the file for ParaView are those of the pictures.
+void write_stock_mesh(const ResultFile& file, const Job& job, const Verdict& verdict) {
+  if (!verdict.stock) return remove_file(file);
+  write_file(file, to_stl(*verdict.stock, job, verdict));
+}
+
+}  // namespace
+
+void write_program(const ResultFolder& folder, const Job& job) {
+  if (job.program_text.empty()) return;
+  write_file(folder / job.path.file, job.program_text);
+}
+
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                const std::vector<std::string>& formats, const Progress& progress) {
+  // what is written and what is drawn share only the mark of the folder, which has a lock
+  std::future<void> files =
+      std::async(std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
+  write_case_pictures(folder, job, verdict, progress);
+  write_source_pictures(folder, job, verdict);
+  write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
+                                              ? ""
+                                              : escaped_lines(to_csv(verdict.cut.signals)));
+  write_file(folder / "scene.toml",
+             "case = " + to_toml_value(verdict.cut.case_name) + "\n" + job.scene.resolved);
+  const ResultFile rewritten =
+      folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
+  write_or_remove(rewritten, verdict.cut.rewritten_program);
+  write_stock_mesh(folder / "stock.stl", job, verdict);
+  write_collisions(folder / "collisions.json", verdict.cut);
+  files.get();
+  // last, so that a summary stands for a finished case
+  write_json(folder / "summary.json", to_json(summary(job, verdict)));
 }
 
 }  // namespace abbe::sim

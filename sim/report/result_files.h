@@ -20,7 +20,7 @@ std::vector<std::string> map_formats();
 std::vector<std::string> usual_map_formats();
 
 /// What must be kept of a cut for these.
-Keep kept_for(const std::vector<std::string>& formats);
+Retention retention_for(const std::vector<std::string>& formats);
 
 /// Writes `residual.FORMAT` for each of the formats, and removes those of the others that an
 /// earlier run left.
@@ -28,5 +28,15 @@ Keep kept_for(const std::vector<std::string>& formats);
 /// @throws OutputFailure, Interrupted
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                      const std::vector<std::string>& formats, const Progress& progress = {});
+
+/// `program.ngc` or `program.csv` of a generated program.
+/// @throws OutputFailure
+void write_program(const ResultFolder& folder, const Job& job);
+
+/// Writes every file of one case into its folder.
+/// @param formats  of its map, of `map_formats`
+/// @throws OutputFailure, Interrupted
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                const std::vector<std::string>& formats, const Progress& progress = {});
 
 }  // namespace abbe::sim

@@ -6,12 +6,12 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "cutting/stock.h"
-#include "cutting/turned_mesh.h"
+#include "cutting/stock/stock.h"
+#include "cutting/stock/stock_mesh.h"
 #include "kinematics/units.h"
-#include "sim/cut/stopwatch.h"
-#include "sim/report/json_numbers.h"
-#include "sim/report/result_meshes.h"
+#include "sim/cut/resources.h"
+#include "sim/files/json_files.h"
+#include "sim/report/map_formats.h"
 
 namespace abbe::sim {
 namespace {
@@ -31,7 +31,7 @@ cutting::Design compared_design(const Job& job, const Verdict& verdict) {
       job.design_w, kinematics::motion(verdict.aligned.displacement, verdict.aligned.point));
 }
 
-const Findings::Sums& sums_of(const StockCheck& check, FindingKind kind) {
+const Findings::Sums& finding_sums(const StockCheck& check, FindingKind kind) {
   return check.findings.sums[std::size_t(kind)];
 }
 
@@ -67,16 +67,16 @@ std::string more_text(const Findings::Sums& sums, std::size_t said) {
 }
 
 std::string kind_text(const StockCheck& check, FindingKind kind) {
-  const Findings::Sums& sums = sums_of(check, kind);
+  const Findings::Sums& sums = finding_sums(check, kind);
   if (sums.regions == 0)
     return sums.speckles == 0
                ? ""
                : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
   const std::vector<std::size_t> rows = listed(check, kind);
-  std::string text =
-      fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind), volume_text(sums.volume),
-                  places_text(sums.regions), kind == FindingKind::Undercut ? "highest" : "deepest",
-                  place_text(*deepest(check, kind)), speckle_text(sums));
+  std::string text = fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind),
+                                 volume_text(sums.volume), location_count_text(sums.regions),
+                                 kind == FindingKind::Undercut ? "highest" : "deepest",
+                                 place_text(*deepest(check, kind)), speckle_text(sums));
   if (rows.size() < 2) return text;
   for (std::size_t i = 0; i < std::min(said, rows.size()); ++i) {
     const Finding& one = check.findings.list[rows[i]];
@@ -87,7 +87,7 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
 }
 
 /// What of the skin was not held against the design, in words; empty where all was.
-std::string left_out_text(const StockCheck& check) {
+std::string excluded_text(const StockCheck& check) {
   const Findings& f = check.findings;
   const double all = f.compared + f.no_design + f.unresolved;
   if (!(all > 0.0)) return "";
@@ -105,7 +105,7 @@ std::string left_out_text(const StockCheck& check) {
 /// Effects of a case that its stock does not show. Above the flank the stock takes off what the
 /// shank meets, the springing back of tool and part with it; and it is cut by a cutter that does
 /// not wear.
-std::vector<std::string> effects_left_out(const Job& job, const Verdict& verdict) {
+std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict) {
   const auto in_map = [&] {
     const auto& max = verdict.residual.max;
     return max && *max > 0.0
@@ -141,7 +141,7 @@ ordered_json finding_json(const Finding& one, std::size_t number) {
 }
 
 ordered_json kind_json(const StockCheck& check, FindingKind kind) {
-  const Findings::Sums& sums = sums_of(check, kind);
+  const Findings::Sums& sums = finding_sums(check, kind);
   ordered_json list = ordered_json::array();
   for (const std::size_t i : listed(check, kind))
     list.push_back(finding_json(check.findings.list[i], i + 1));
@@ -168,7 +168,7 @@ std::string volume_text(double mm3) {
   return mm3 < 1000.0 ? fmt::format("{:.3g}", mm3) : fmt::format("{:.0f}", mm3);
 }
 
-std::string places_text(std::size_t count) {
+std::string location_count_text(std::size_t count) {
   return fmt::format("{} {}", count, count == 1 ? "place" : "places");
 }
 
@@ -190,7 +190,7 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
       process.stock ? cutting::stock_skin(*process.stock) : cutting::stock_skin(*process.turned);
   check->is_turned = !process.stock;
   check->has_design = job.design_w.triangles.rows() > 0;
-  check->left_out = effects_left_out(job, verdict);
+  check->left_out = omitted_effects(job, verdict);
   if (const auto& described = job.scene.cutting) {
     check->limits.rest = described->rest;
     check->limits.gouge = described->gouge;
@@ -217,7 +217,7 @@ std::string to_text(const StockCheck& check) {
         "um{}\n",
         check.limits.rest / units::um, check.limits.gouge / units::um,
         check.is_turned ? "" : ", no undercut");
-  text += left_out_text(check);
+  text += excluded_text(check);
   for (const std::string& effect : check.left_out) text += effect + "\n";
   return text;
 }
@@ -247,9 +247,9 @@ ordered_json to_json(const StockCheck& check) {
 std::vector<std::string> warnings_of(const StockCheck& check) {
   std::vector<std::string> warnings;
   if (const Finding* most = deepest(check, FindingKind::Gouge))
-    warnings.push_back(fmt::format("the machined body is gouged in {}, deepest {}",
-                                   places_text(sums_of(check, FindingKind::Gouge).regions),
-                                   place_text(*most)));
+    warnings.push_back(fmt::format(
+        "the machined body is gouged in {}, deepest {}",
+        location_count_text(finding_sums(check, FindingKind::Gouge).regions), place_text(*most)));
   const Findings& f = check.findings;
   if (f.compared == 0.0 && f.no_design + f.unresolved > 0.0)
     warnings.push_back(

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "cutting/part_findings.h"
+#include "cutting/stock/part_findings.h"
 #include "sim/report/verdict.h"
 
 namespace abbe::sim {
@@ -37,7 +37,7 @@ const char* name_of(cutting::FindingKind kind);
 std::string volume_text(double mm3);
 
 /// "1 place", "4 places"
-std::string places_text(std::size_t count);
+std::string location_count_text(std::size_t count);
 
 /// "0.41 mm at (12.1, -4.0, 80.2), line 120"
 std::string place_text(const cutting::Finding& finding);

@@ -6,12 +6,14 @@
 #include <utility>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "sim/report/verdict.h"
 
 namespace abbe::sim {
 
 /// What a case left on the part, and how far a compensator brought it down.
-struct CaseFigures {
+struct CaseStatistics {
   std::string name;
   cutting::Statistics residual;
   std::optional<cutting::Statistics> at_vertices;   ///< of the vertices alone, where places at
@@ -23,7 +25,7 @@ struct CaseFigures {
   std::optional<cutting::InterpolationError> interpolation;
   Spread tip_error;        ///< mm
   Spread direction_error;  ///< rad
-  BetweenSamples between_samples;
+  ChordError chord_error;
   std::optional<Verdict::Place> highest, lowest, worst;  ///< as of a verdict
   /// Percent by which a figure fell; none where there is nothing to fall from.
   struct Reduction {
@@ -38,7 +40,7 @@ struct CaseFigures {
 };
 
 /// The cut of a case in figures.
-struct CutFigures {
+struct CutStatistics {
   std::size_t steps = 0;
   ProcessTotals totals;
   std::vector<int> crash_lines;  ///< of the program
@@ -51,10 +53,10 @@ struct Summary {
   int moves = 0;
   std::size_t samples = 0;
   program::Unreached unreached;
-  CaseFigures figures;
-  std::optional<Tolerance> tolerance;                ///< of the part, where no region has another
-  std::vector<cutting::RecognisedPatch> recognised;  ///< faces of a mesh
-  std::optional<SampledSurface> sampling;            ///< how the judged places were chosen
+  CaseStatistics figures;
+  std::optional<Tolerance> tolerance;              ///< of the part, where no region has another
+  std::vector<cutting::AnalyticPatch> recognised;  ///< faces of a mesh
+  std::optional<SampledSurface> sampling;          ///< how the judged places were chosen
   double point_left = 0.0;            ///< mm, most that the compensator knew it could not restore
   double direction_left = 0.0;        ///< rad, the same of the direction
   std::optional<Spread> facet_error;  ///< mm, of the design's own mesh; none where there is none
@@ -62,11 +64,11 @@ struct Summary {
   Alignment alignment = {};
   ViewDescription view;  ///< of the pictures
   /// What the alignment took out of the map.
-  struct TakenOut {
+  struct RemovedAlignment {
     kinematics::Deviation displacement = kinematics::Deviation::Zero();  ///< mm and rad
     std::vector<std::string> undetermined;  ///< components that were left out
   };
-  std::optional<TakenOut> taken_out;  ///< of a scene with an alignment
+  std::optional<RemovedAlignment> taken_out;  ///< of a scene with an alignment
   std::vector<cutting::FormNumber> form;
   std::vector<Verdict::Ring> rings;
   struct NodeTemperature {
@@ -74,7 +76,7 @@ struct Summary {
     double start_C = 0.0, end_C = 0.0;  ///< when the program starts and ends
   };
   std::optional<std::vector<NodeTemperature>> temperatures;  ///< of a machine with heat
-  std::optional<CutFigures> cut;                             ///< of a scene with [cutting]
+  std::optional<CutStatistics> cut;                          ///< of a scene with [cutting]
   std::vector<std::pair<std::string, double>> timing_s;      ///< stages; the last of a name counts
   std::shared_ptr<const StockCheck> stock;                   ///< of the verdict
   std::vector<WornTool> wear;  ///< of the tools that are assumed to wear, at the end
@@ -99,12 +101,20 @@ struct Comparison {
   DatumDescription::Kind datum = {};
   Alignment alignment = {};
   std::optional<Tolerance> tolerance;
-  std::vector<CaseFigures> cases;
+  std::vector<CaseStatistics> cases;
   std::vector<FailedCase> failed;
   std::vector<std::string> warnings;  ///< of the scene, its variants and all cases
   std::vector<program::Assumption> assumptions;
 };
 Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                       const std::vector<FailedCase>& failed = {});
+
+/// `summary.json` of a case and `comparison.json` of all; the keys are a promise to scripts.
+nlohmann::ordered_json to_json(const Summary& summary);
+nlohmann::ordered_json to_json(const Comparison& comparison);
+
+/// A table of residuals, a line a case.
+std::string to_text(const Summary& summary);
+std::string to_text(const Comparison& comparison);
 
 }  // namespace abbe::sim

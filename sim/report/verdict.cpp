@@ -2,17 +2,70 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
+#include "cutting/map/areal_filter.h"
 #include "kinematics/units.h"
-#include "sim/cut/program_warnings.h"
-#include "sim/cut/tolerance_bands.h"
-#include "sim/report/form_texture.h"
+#include "sim/cut/part_regions.h"
+#include "sim/cut/scene_checks.h"
 
 namespace abbe::sim {
+
+namespace {
+
+/// Of what the filter leaves out, vertices and places within triangles by their weights.
+std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design,
+                                                   const cutting::Surface& surface,
+                                                   const Eigen::VectorXd& filtered) {
+  const cutting::Weights weights = cutting::weights(surface, design);
+  std::vector<double> texture, area;
+  for (Eigen::Index i = 0; i < filtered.size(); ++i) {
+    if (!std::isfinite(filtered[i])) continue;
+    texture.push_back(surface.residual[i] - filtered[i]);
+    area.push_back(weights.vertex[i]);
+  }
+  Eigen::VectorXd within = surface.within;
+  tbb::parallel_for(Eigen::Index(0), within.size(), [&](Eigen::Index t) {
+    within[t] -=
+        cutting::value_at_place_within(surface.sampled_within, filtered, design.triangles, t);
+  });
+  for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
+    if (!(weights.within[t] > 0.0)) continue;
+    texture.push_back(within[t]);
+    area.push_back(weights.within[t]);
+  }
+  const auto n = Eigen::Index(texture.size());
+  const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), parts(area.data(), n);
+  if (!(parts.sum() > 0.0)) return std::nullopt;
+  return errors::metrology::areal(Eigen::MatrixX2d::Zero(n, 2), heights, parts,
+                                  {.reference = errors::metrology::ArealReference::Mean});
+}
+
+}  // namespace
+
+FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surface,
+                                    const cutting::ToleranceBands& tolerance) {
+  FormTextureSplit parted;
+  parted.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
+  cutting::Surface form = surface;
+  form.residual = parted.filtered;
+  form.sampled_within = cutting::Surface::Within::None;
+  form.within.resize(0);  // smooth: its vertices stand for what is around them
+  parted.form = cutting::statistics(form, job.design_w, tolerance);
+  // places at random of which too few carry the form are no texture of it: each stands beside the
+  // form of others
+  if (surface.sampled_within != cutting::Surface::Within::Random ||
+      cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
+    parted.texture = texture_of(job.design_w, surface, parted.filtered);
+  return parted;
+}
+
 namespace {
 
 /// The vertex in the part frame, gouged there or cut.
@@ -29,11 +82,11 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int ver
 }
 
 /// The place within a triangle; its line is that of the nearest corner.
-Verdict::Place place_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
+Verdict::Place location_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
   const cutting::Triangles& triangles = job.design_w.triangles;
-  const Eigen::Vector3d p_w =
-      cutting::at_place_within(surface.looked_within, job.design_w.vertices, triangles, triangle);
-  const auto share = cutting::place_within(surface.looked_within, triangle);
+  const Eigen::Vector3d p_w = cutting::value_at_place_within(
+      surface.sampled_within, job.design_w.vertices, triangles, triangle);
+  const auto share = cutting::place_within(surface.sampled_within, triangle);
   const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
   const int corner = triangles(triangle, nearest);
   return {surface.within[triangle], job.scene.part.T_wm.inverse() * p_w,
@@ -43,10 +96,10 @@ Verdict::Place place_in_triangle(const Job& job, const cutting::Surface& surface
 Verdict::Place place_of(const Job& job, const cutting::Surface& surface,
                         const cutting::SampleValue& sample) {
   return sample.vertex >= 0 ? place_of(job, surface, sample.vertex)
-                            : place_in_triangle(job, surface, sample.triangle);
+                            : location_in_triangle(job, surface, sample.triangle);
 }
 
-void find_places(const Job& job, Verdict& verdict) {
+void find_extremes(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
   if (s.highest) verdict.highest = place_of(job, surface, *s.highest);
@@ -57,7 +110,7 @@ void find_places(const Job& job, Verdict& verdict) {
   if (s.conformance && s.conformance->vertex >= 0)
     verdict.worst = place_of(job, surface, s.conformance->vertex);
   if (s.conformance && s.conformance->triangle >= 0)
-    verdict.worst = place_in_triangle(job, surface, s.conformance->triangle);
+    verdict.worst = location_in_triangle(job, surface, s.conformance->triangle);
 }
 
 /// A mesh whose facets sag by more than all that is found on it.
@@ -74,7 +127,7 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
 /// Returns a warning for a tolerance or limit that a number in another unit explains better than a
 /// machine: 250 times as wide as what the uncompensated machine does, or a 250th of it. Nothing is
 /// said of other cases, as a compensator may leave a thousandth, nor of a machine without errors.
-std::string odd_tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
+std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
   constexpr double most = 250.0;  // a thousand is the unit; the rest is how good a machine may be
   if (cut.case_name != "uncompensated" || !map.pv || !(cut.tip_error.max > 0.0)) return {};
   const double pv_um = *map.pv / units::um;
@@ -95,7 +148,7 @@ std::string odd_tolerance_warning(const Job& job, const Cut& cut, const cutting:
 }
 
 /// Mean radius of each ring of the part by area.
-std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surface) {
+std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& surface) {
   if (job.scene.part.rings.empty()) return {};
   const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
   const cutting::Weights weights = cutting::weights(surface, part);
@@ -114,7 +167,7 @@ std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surf
       add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
     for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
       if (!(weights.within[t] > 0.0)) continue;
-      const std::array<double, 3> share = cutting::place_within(surface.looked_within, t);
+      const std::array<double, 3> share = cutting::place_within(surface.sampled_within, t);
       double along = 0.0, mean = 0.0;
       for (std::size_t k = 0; k < 3; ++k) {
         const Eigen::Index v = part.triangles(t, Eigen::Index(k));
@@ -160,8 +213,8 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
   verdict.tolerance = tolerance_bands(job.scene.part, job.face_groups, job.design_w);
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
-  find_places(job, verdict);
-  FormAndTexture parted = form_and_texture(job, verdict.aligned.surface, verdict.tolerance);
+  find_extremes(job, verdict);
+  FormTextureSplit parted = split_form_texture(job, verdict.aligned.surface, verdict.tolerance);
   verdict.filtered = std::move(parted.filtered);
   verdict.form_part = std::move(parted.form);
   verdict.texture = parted.texture;
@@ -170,9 +223,9 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
   for (std::string text :
-       {coarse_warning(job, verdict.residual), odd_tolerance_warning(job, cut, verdict.residual)})
+       {coarse_warning(job, verdict.residual), tolerance_warning(job, cut, verdict.residual)})
     if (!text.empty()) cut.warnings.push_back(std::move(text));
-  verdict.rings = rings_of(job, verdict.aligned.surface);
+  verdict.rings = ring_results(job, verdict.aligned.surface);
   for (const Verdict::Ring& ring : verdict.rings)
     if (!ring.radius) cut.warnings.push_back("no cut vertex lies on the ring " + ring.name);
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
@@ -193,7 +246,7 @@ std::string tolerance_verdict(const std::optional<cutting::Conformance>& conform
                      worst->at_m.x(), worst->at_m.y(), worst->at_m.z(), worst->line);
 }
 
-std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {
+std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& verdict) {
   std::vector<std::string> all;
   const auto look = [&](const char* what, const std::optional<double>& limit_um,
                         std::optional<double> value) {

@@ -6,21 +6,37 @@
 #include <string>
 #include <vector>
 
-#include "cutting/alignment.h"
-#include "cutting/form.h"
-#include "cutting/residual.h"
-#include "errors/metrology/areal.h"
+#include <Eigen/Core>
+
+#include "cutting/map/form.h"
+#include "cutting/map/residual.h"
+#include "errors/metrology/surface_texture.h"
 #include "sim/cut/cut.h"
+#include "sim/cut/job.h"
 
 namespace abbe::sim {
+
+/// A map parted by the areal filter of the part's cut-off.
+struct FormTextureSplit {
+  Eigen::VectorXd filtered;                         ///< (n) mm, NaN where not cut
+  cutting::Statistics form;                         ///< of that
+  std::optional<errors::metrology::Areal> texture;  ///< of the map minus it, about its mean; none
+                                                    ///< where nothing is cut, or the places at
+                                                    ///< random are too few to carry the form
+};
+
+/// @param surface    a map on the job's design, aligned
+/// @param tolerance  of each vertex; no rows where there is none
+FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surface,
+                                    const cutting::ToleranceBands& tolerance);
 
 struct StockCheck;
 
 /// One case judged: its map aligned as the scene asks, and the figures of it.
 struct Verdict {
   Cut cut;
-  cutting::Aligned aligned;      ///< the map without what the alignment of the scene takes out
-  cutting::Statistics residual;  ///< of the aligned map
+  cutting::AlignmentResult aligned;  ///< the map without what the alignment of the scene takes out
+  cutting::Statistics residual;      ///< of the aligned map
   std::vector<cutting::FormNumber> form;  ///< where the design is a known surface
   Eigen::VectorXd
       filtered;  ///< (n) mm, the aligned map through the areal filter; NaN where not cut
@@ -58,7 +74,7 @@ std::string tolerance_verdict(const std::optional<cutting::Conformance>& conform
                               const std::optional<Verdict::Place>& worst);
 
 /// Names the acceptance limits of the scene that a case exceeds; empty if none.
-std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);
+std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& verdict);
 
 /// A case beside others.
 struct Compared {

@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 
 #include "sim/files/program_file.h"
-#include "sim/scene/bad_scene.h"
-#include "sim/scene/nearest_word.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
 namespace {
@@ -44,14 +44,14 @@ std::vector<path> files_of(const path& library, std::string_view kind) {
   return files;
 }
 
-path without_ending(path file) { return file.replace_extension(); }
+path strip_extension(path file) { return file.replace_extension(); }
 
 /// The shortest that means one file alone.
 std::string shortest(const path& file, const std::vector<path>& files, std::string_view kind) {
   const auto same = [&](const path& other) {
-    return without_ending(other) == without_ending(file);
+    return strip_extension(other) == strip_extension(file);
   };
-  const path name = std::ranges::count_if(files, same) > 1 ? file : without_ending(file);
+  const path name = std::ranges::count_if(files, same) > 1 ? file : strip_extension(file);
   return std::string(library_prefix) +
          (kind.empty() ? name : name.lexically_relative(kind)).generic_string();
 }
@@ -61,7 +61,7 @@ std::vector<path> meant(const path& name, const std::vector<path>& files, std::s
   std::vector<path> found;
   for (const path& file : files)
     for (const path& in : {path(), path(kind)})
-      if (in / name == file || in / name == without_ending(file)) {
+      if (in / name == file || in / name == strip_extension(file)) {
         found.push_back(file);
         break;
       }
@@ -81,18 +81,19 @@ std::string listed(std::vector<path> files, std::string_view kind, std::string_v
   return text;
 }
 
-path in_library(const FileName& wanted, Faults& faults) {
+path in_library(const FileName& wanted, InputErrors& input_errors) {
   const path name = path(wanted.name.substr(library_prefix.size())).lexically_normal();
   const path library = library_folder();
   std::vector<path> found = meant(name, files_of(library, ""), wanted.kind);
   if (found.size() == 1) return library / found.front();
   if (found.size() > 1) {
-    faults.add(wanted.place, "one of " + listed(found, "", name.string()),
-               fmt::format("\"{}\", which may mean each of them", wanted.name));
+    input_errors.add(wanted.place, "one of " + listed(found, "", name.string()),
+                     fmt::format("\"{}\", which may mean each of them", wanted.name));
   } else {
     const std::vector<path> files = files_of(library, wanted.kind);
-    faults.add(wanted.place, "a name of the library: " + listed(files, wanted.kind, name.string()),
-               fmt::format("\"{}\"", wanted.name));
+    input_errors.add(wanted.place,
+                     "a name of the library: " + listed(files, wanted.kind, name.string()),
+                     fmt::format("\"{}\"", wanted.name));
   }
   return name;
 }
@@ -113,26 +114,27 @@ path library_folder() {
                  "no such folder");
 }
 
-path located(const FileName& name, const path& folder, Faults& faults) {
+path locate_file(const FileName& name, const path& folder, InputErrors& input_errors) {
   const path beside = (folder / name.name).lexically_normal();
   try {
-    if (name.name.starts_with(library_prefix)) return in_library(name, faults);
+    if (name.name.starts_with(library_prefix)) return in_library(name, input_errors);
     const path inside = path(name.name).lexically_normal();
     if (is_file(beside) || inside.is_absolute() || *inside.begin() == "..") return beside;
     const path file = library_folder() / inside;
     return is_file(file) ? file : beside;
   } catch (const BadInput& fault) {  // no library: only a name that asks for it minds
-    if (name.name.starts_with(library_prefix)) faults.add(name.place, fault.expected, fault.seen);
+    if (name.name.starts_with(library_prefix))
+      input_errors.add(name.place, fault.expected, fault.seen);
     return beside;
   }
 }
 
 path library_file(const path& name) {
-  Faults faults;
+  InputErrors input_errors;
   const std::string text = name.string();
   const Place place{std::make_shared<const std::string>(text), 0, 0, true};
-  const path file = located({text, place, ""}, "", faults);
-  if (!faults.empty()) throw BadScene(faults.list());
+  const path file = locate_file({text, place, ""}, "", input_errors);
+  if (!input_errors.empty()) throw BadScene(input_errors.list());
   return file;
 }
 

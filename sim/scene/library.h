@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "sim/scene/faults.h"
+#include "sim/scene/toml.h"
 
 /// The machines, errors, tools, materials, parts, programs and beliefs that come with abbe.
 namespace abbe::sim {
@@ -29,8 +29,8 @@ struct FileName {
 /// file of its kind, with or without its ending. Any other name is relative to `folder`, and where
 /// no file is there, to the library. A name that means nothing there is a fault that lists what
 /// the library has, the nearest first, and is returned as a path beside the scene.
-std::filesystem::path located(const FileName& name, const std::filesystem::path& folder,
-                              Faults& faults);
+std::filesystem::path locate_file(const FileName& name, const std::filesystem::path& folder,
+                                  InputErrors& input_errors);
 
 /// The file of the library that "library:NAME" means, a path in it with or without its ending.
 /// @throws BadScene that lists the nearest names

@@ -7,25 +7,34 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "errors/compliance.h"
 #include "errors/geometric.h"
 #include "errors/vibration.h"
 #include "kinematics/bad_input.h"
-#include "sim/scene/case_description.h"
-#include "sim/scene/compensation_description.h"
-#include "sim/scene/cutting_description.h"
-#include "sim/scene/instrument_description.h"
-#include "sim/scene/machine_description.h"
-#include "sim/scene/override.h"
-#include "sim/scene/part_description.h"
-#include "sim/scene/program_description.h"
-#include "sim/scene/signals_description.h"
-#include "sim/scene/thermal_description.h"
-#include "sim/scene/tool_description.h"
-#include "sim/scene/view_description.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/compensation.h"
+#include "sim/scene/cutting.h"
+#include "sim/scene/document.h"
+#include "sim/scene/instruments.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/part.h"
+#include "sim/scene/program.h"
+#include "sim/scene/thermal.h"
+#include "sim/scene/tool.h"
 
-/// Everything together: description (TOML) -> compiled machine, part, path -> loop -> report.
 namespace abbe::sim {
+
+/// A picture's view: where the camera stands, in the part frame.
+struct ViewDescription {
+  Eigen::Vector3d from =
+      Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< direction from the part to the camera
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+  std::optional<double> range_um;  ///< colour scale is -range .. +range; else fitted
+};
+
+// Everything together: description (TOML) -> compiled machine, part, path -> loop -> report.
 
 struct Node;
 
@@ -82,5 +91,20 @@ struct Scene {
   std::vector<NamedProgram> programs;          ///< that it would run; of read_scene
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run: sim/scene/trust.h
 };
+
+/// Every tool of a scene, in the order in which it describes them.
+std::vector<ToolDescription> tools_of(const Scene& scene);
+
+/// Length from the nose to the tip as the control has it, mm: of its tool table, else of its own
+/// section, else that of the scene.
+double believed_length(const Scene& scene, const ToolDescription& tool);
+
+/// Where the control's tool table and the true tools of the scene part by more than 1 nm, with
+/// figures, and tools that it has not.
+std::vector<std::string> tool_table_warnings(const Scene& scene);
+
+/// The scene with the tool of that number as its only one.
+/// @throws std::out_of_range if it describes none
+Scene with_tool(Scene scene, int number);
 
 }  // namespace abbe::sim

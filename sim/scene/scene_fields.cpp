@@ -1,20 +1,42 @@
 #include "sim/scene/scene_fields.h"
 
 #include <stdexcept>
+#include <vector>
 
-#include "sim/scene/body_names.h"
-#include "sim/scene/case_name.h"
-#include "sim/scene/scene_sections.h"
-#include "sim/scene/scene_tools.h"
+#include "sim/scene/bodies.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/compensation.h"
+#include "sim/scene/compliance.h"
+#include "sim/scene/cutting.h"
+#include "sim/scene/errors.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/instruments.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/part.h"
+#include "sim/scene/program.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/thermal.h"
+#include "sim/scene/toml.h"
+#include "sim/scene/tool.h"
 
 namespace abbe::sim {
+
+template <typename T>
+class Fields;
+
+/// `[sampling]`, `[search]`, `[view]`, `[limits]`
+const Fields<Scene>& sampling_fields();
+const Fields<Scene>& search_fields();
+const Fields<ViewDescription>& view_fields();
+const Fields<Limits>& limits_fields();
 
 namespace {
 
 using Field = Fields<Scene>::Field;
 
 Key table_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
-  Key key = key_of(name, Key::Kind::Table, sentence);
+  Key key = make_field_key(name, Key::Kind::Table, sentence);
   key.keys = std::move(keys);
   return key;
 }
@@ -47,7 +69,7 @@ void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
   fields.custom(
       {key},
       [key, read](TableReader& reader, Scene& scene) {
-        if (const Node* node = section(reader, key)) read(*node, scene, reader.faults());
+        if (const Node* node = section(reader, key)) read(*node, scene, reader.input_errors());
       },
       [key, write](const Scene& scene, Node::Table& table) {
         if (auto own = write(scene)) put(table, key.name, std::move(*own));
@@ -73,7 +95,7 @@ void add_errors(Fields<Scene>& fields) {
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.know("errors");
         if (!node) return;
-        ErrorsSection read = read_errors(*node, scene.machine, scene.seed, reader.faults());
+        ErrorsSection read = read_errors(*node, scene.machine, scene.seed, reader.input_errors());
         scene.geometric = std::move(read.geometric);
         scene.error_scale = read.scale;
       },
@@ -92,7 +114,7 @@ void add_tools(Fields<Scene>& fields) {
         const Node* node = reader.know("tool");
         if (!node) reader.missing("tool", "a table or a file");
         if (!node || node->text()) return;  // a file that was refused
-        std::vector<ToolDescription> tools = read_tools(*node, reader.faults());
+        std::vector<ToolDescription> tools = read_tools(*node, reader.input_errors());
         scene.tool = std::move(tools.front());
         scene.more_tools.assign(tools.begin() + 1, tools.end());
       },
@@ -108,8 +130,8 @@ void add_tools(Fields<Scene>& fields) {
 void add_machine_to_program(Fields<Scene>& fields) {
   add_section(
       fields, table_key(must("machine"), machine_keys(), "axes, their order and where they are"),
-      [](const Node& node, Scene& scene, Faults& faults) {
-        scene.machine = read_machine(node, faults);
+      [](const Node& node, Scene& scene, InputErrors& input_errors) {
+        scene.machine = read_machine(node, input_errors);
       },
       [](const Scene& scene) {
         return std::optional<Node::Table>(written_machine(scene.machine));
@@ -118,12 +140,14 @@ void add_machine_to_program(Fields<Scene>& fields) {
   add_tools(fields);
   add_section(
       fields, table_key(must("part"), part_keys(), "the design, where it is judged"),
-      [](const Node& node, Scene& scene, Faults& faults) { scene.part = read_part(node, faults); },
+      [](const Node& node, Scene& scene, InputErrors& input_errors) {
+        scene.part = read_part(node, input_errors);
+      },
       [](const Scene& scene) { return std::optional<Node::Table>(written_part(scene.part)); });
   add_section(
       fields, table_key(must("program"), program_keys(), "NC, PVT, or what writes it"),
-      [](const Node& node, Scene& scene, Faults& faults) {
-        scene.program = read_program(node, scene.machine.joints, faults);
+      [](const Node& node, Scene& scene, InputErrors& input_errors) {
+        scene.program = read_program(node, scene.machine.joints, input_errors);
       },
       [](const Scene& scene) {
         return std::optional<Node::Table>(written_program(scene.program, scene.machine.joints));
@@ -151,7 +175,7 @@ std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& ther
     with_day->table()->push_back({key, day->place, *day});
   }
   if (!with_day) return std::nullopt;
-  return read_thermal(*with_day, scene.machine, scene.seed, reader.faults());
+  return read_thermal(*with_day, scene.machine, scene.seed, reader.input_errors());
 }
 
 void add_thermal(Fields<Scene>& fields) {
@@ -178,8 +202,8 @@ void add_thermal(Fields<Scene>& fields) {
 void add_force(Fields<Scene>& fields) {
   add_section(
       fields, table_key("compliance", compliance_keys(), "what gives way"),
-      [](const Node& node, Scene& scene, Faults& faults) {
-        scene.compliance = read_compliance(node, scene.machine, faults);
+      [](const Node& node, Scene& scene, InputErrors& input_errors) {
+        scene.compliance = read_compliance(node, scene.machine, input_errors);
       },
       [](const Scene& scene) -> std::optional<Node::Table> {
         if (!scene.compliance) return {};
@@ -189,7 +213,7 @@ void add_force(Fields<Scene>& fields) {
       fields, list_key("vibration", vibration_keys(), "harmonics of the spindle, which add up"),
       [](TableReader& reader, Scene& scene) {
         for (const Node* node : reader.tables("vibration"))
-          scene.vibrations.push_back(read_vibration(*node, scene.machine, reader.faults()));
+          scene.vibrations.push_back(read_vibration(*node, scene.machine, reader.input_errors()));
       },
       [](const Scene& scene) {
         std::vector<Node::Table> all;
@@ -203,7 +227,7 @@ void add_stock(Fields<Scene>& fields) {
       {table_key("cutting", cutting_keys(), "the blank, and how finely the cut is followed")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("cutting"))
-          scene.cutting = read_cutting(*node, scene.tool, reader.faults());
+          scene.cutting = read_cutting(*node, scene.tool, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
         if (scene.cutting) put(table, "cutting", written_cutting(*scene.cutting, scene.tool));
@@ -216,7 +240,7 @@ void add_stock(Fields<Scene>& fields) {
       [material](TableReader& reader, Scene& scene) {
         const Node* node = section(reader, material);
         if (!node) return;
-        const cutting::CuttingCoefficients read = read_material(*node, reader.faults());
+        const cutting::CuttingCoefficients read = read_material(*node, reader.input_errors());
         if (scene.cutting)
           scene.cutting->material = read;
         else
@@ -234,7 +258,7 @@ void add_instruments(Fields<Scene>& fields) {
       list_key("instrument", instrument_keys(), "what measures the machine, or the finished part"),
       [](TableReader& reader, Scene& scene) {
         Instruments instruments =
-            read_instruments(reader.tables("instrument"), scene.machine, reader.faults());
+            read_instruments(reader.tables("instrument"), scene.machine, reader.input_errors());
         scene.instruments = std::move(instruments.of_machine);
         scene.part_instruments = std::move(instruments.of_part);
       },
@@ -247,7 +271,7 @@ void add_instruments(Fields<Scene>& fields) {
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.section("sensor_choice");
         if (!node) return;
-        scene.sensor_choice = read_sensor_choice(*node, reader.faults());
+        scene.sensor_choice = read_sensor_choice(*node, reader.input_errors());
         scene.sensor_choice->study.seed = scene.seed;
         if (!scene.thermal && !reader.has("thermal"))
           reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
@@ -263,7 +287,7 @@ void add_control(Fields<Scene>& fields) {
       {table_key("control", control_keys(), "what the control believes, where it differs")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("control"))
-          scene.control = read_control(*node, scene.machine.joints, reader.faults());
+          scene.control = read_control(*node, scene.machine.joints, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
         Node::Table own = written_control(scene.control);
@@ -282,7 +306,7 @@ void add_own(Fields<Scene>& fields, const char* name, M member, const Fields<U>&
         const Node* node = reader.section(key.name);
         if (!node) return;
         U& value = std::invoke(member, scene);
-        value = own.read_table(*node, key.name, reader.faults(), value);
+        value = own.read_table(*node, key.name, reader.input_errors(), value);
       },
       [key, member, own](const Scene& scene, Node::Table& table) {
         put(table, key.name, own.written(std::invoke(member, scene)));
@@ -294,7 +318,7 @@ void add_compensation(Fields<Scene>& fields) {
       {table_key("belief", belief_keys(), "what compensators are given to believe")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("belief"))
-          scene.belief = read_belief(*node, scene.machine, reader.faults());
+          scene.belief = read_belief(*node, scene.machine, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
         put(table, "belief", written_belief(scene.belief, scene.machine));
@@ -303,7 +327,8 @@ void add_compensation(Fields<Scene>& fields) {
       {table_key("compensation", compensation_keys(), "strategies and channels with their limits")},
       [](TableReader& reader, Scene& scene) {
         if (const Node* node = reader.section("compensation"))
-          scene.compensation = read_compensation(*node, scene.machine.joints, reader.faults());
+          scene.compensation =
+              read_compensation(*node, scene.machine.joints, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
         put(table, "compensation", written_compensation(scene.compensation, scene.machine.joints));
@@ -342,7 +367,9 @@ const Fields<Scene>& cutting_scene_fields() {
     add_stock(all);
     all.tables(KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
                "what clamps the part: bodies placed in the workpiece frame, for collisions");
-    all.check(check_fixture_names);
+    all.check([](TableReader& reader, Scene& scene) {
+      check_fixture_names(reader, scene.machine, scene.fixtures);
+    });
     add_own(all, "signals", &Scene::signals, signals_fields(),
             "what the control can read, and how often it is written");
     add_instruments(all);
@@ -366,7 +393,9 @@ const Fields<Scene>& judging_scene_fields() {
     add_own(all, "search", itself, search_fields(), "where the machined surface is sought");
     add_own(all, "collision", &Scene::collision, collision_fields(),
             "what meets what, and how near is too near");
-    all.check(check_ignored_names);
+    all.check([](TableReader& reader, Scene& scene) {
+      check_ignored_names(reader, scene.machine, scene.fixtures);
+    });
     add_own(all, "view", &Scene::view, view_fields(), "of pictures");
     add_own(all, "limits", &Scene::limits, limits_fields(), "beyond which `abbe` exits with 1");
     add_compensation(all);
@@ -400,6 +429,63 @@ Node written(const Scene& scene) {
     variants.push_back(Node{{}, written_variant(variant)});
   if (!variants.empty()) put(table, "variant", std::move(variants));
   return Node{{}, std::move(table)};
+}
+
+const Fields<Scene>& sampling_fields() {
+  static const Fields<Scene> fields =
+      Fields<Scene>()
+          .number(
+              "chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
+              "how far the commanded tool may be from its path between two samples of it; how far "
+              "errors bend in between is reported, between_samples: see max_step_mm")
+          .number(
+              "max_step_mm", &Scene::max_step, positive,
+              "between two samples at most; an error of amplitude a and period p is followed to "
+              "a (pi step / p)^2 / 2");
+  return fields;
+}
+
+const Fields<Scene>& search_fields() {
+  static const Fields<Scene> fields = Fields<Scene>().number(
+      "band_mm", &Scene::band, positive,
+      "how far the machined surface is sought along the normal; a gouge deeper than it is followed "
+      "to ten bands, counted apart and left out of PV and RMS");
+  return fields;
+}
+
+const Fields<ViewDescription>& view_fields() {
+  static const Fields<ViewDescription> fields =
+      Fields<ViewDescription>()
+          .direction("from", &ViewDescription::from,
+                     "direction from the part to the camera, in the part frame")
+          .direction("up", &ViewDescription::up, "what is up in the picture, in the part frame")
+          .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
+                             positive, "the colour scale runs from -range to range")
+          .check([](TableReader& reader, ViewDescription& view) {
+            if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
+              reader.refuse("up", "a direction across view.from for view.up", "one along it");
+          });
+  return fields;
+}
+
+const Fields<Limits>& limits_fields() {
+  static const Fields<Limits> fields =
+      Fields<Limits>()
+          .number_as_written("pv_um", &Limits::pv_um, non_negative,
+                             "of the residual; exceeded, `abbe` exits with 1, and a gouge deeper "
+                             "than the band exceeds each limit")
+          .number_as_written("rms_um", &Limits::rms_um, non_negative, "the same")
+          .number_as_written("max_abs_um", &Limits::max_abs_um, non_negative, "the same")
+          .number_as_written("form_pv_um", &Limits::form_pv_um, non_negative,
+                             "the same of `form_um`, the residual through the areal filter")
+          .number_as_written("form_rms_um", &Limits::form_rms_um, non_negative, "the same")
+          .number_as_written("texture_sa_um", &Limits::texture_sa_um, non_negative,
+                             "the same of `texture_um`, what that filter leaves out")
+          .number_as_written("texture_sq_um", &Limits::texture_sq_um, non_negative, "the same")
+          .number_as_written("texture_sz_um", &Limits::texture_sz_um, non_negative, "the same")
+          .boolean("tolerance", &Limits::tolerance,
+                   "whether a verdict of FAIL (`part.tolerance_um`) makes `abbe` exit with 1, too");
+  return fields;
 }
 
 }  // namespace abbe::sim

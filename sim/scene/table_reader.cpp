@@ -1,19 +1,162 @@
 #include "sim/scene/table_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <regex>
+#include <system_error>
+#include <vector>
 
 #include <fmt/format.h>
 
+#include "kinematics/units.h"
+
 namespace abbe::sim {
+
+bool matches(const std::string& text, const std::string& pattern) {
+  return std::regex_match(text, std::regex(pattern));
+}
+
+int edit_distance(std::string_view a, std::string_view b) {
+  std::vector<int> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = int(j);
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    int diagonal = row[0];
+    row[0] = int(i);
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const int above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
+  if (word.size() > 80) return std::nullopt;
+  constexpr std::size_t abbreviation = 2;
+  if (word.size() >= abbreviation)
+    for (const std::string& candidate : candidates)
+      if (candidate.starts_with(word)) return candidate;
+  std::optional<std::string> best;
+  int best_distance = std::max(2, int(word.size()) / 2) + 1;
+  for (const std::string& candidate : candidates) {
+    const int distance = edit_distance(word, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+std::string missing_file_text(const std::filesystem::path& file) {
+  constexpr std::size_t max_compared = 1000;
+  namespace fs = std::filesystem;
+  std::set<std::string> names;
+  std::error_code failure;
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  for (fs::directory_iterator at(folder, failure), end; !failure && at != end;
+       at.increment(failure)) {
+    if (at->is_regular_file(failure)) names.insert(at->path().filename().string());
+    if (names.size() == max_compared) break;
+  }
+  const auto meant = nearest(file.filename().string(), names);
+  return "no file " + file.string() + (meant ? " (nearest: \"" + *meant + "\")" : "");
+}
+
+namespace {
+
+struct Unit {
+  std::string_view suffix;
+  double factor;
+};
+// Longer suffixes first: "_mm_per_min" also ends in a unit of its own.
+constexpr std::array known_units{
+    Unit{"_Nm_per_rpm", 1e3},
+    Unit{"_Nm_per_urad", 1e9},
+    Unit{"_urad_per_m_K", 1e-9},
+    Unit{"_urad_per_m", 1e-9},
+    Unit{"_um_per_m_K", 1e-6},
+    Unit{"_urad_per_K", units::urad},
+    Unit{"_N_s_per_mm", 1.0},
+    Unit{"_N_per_mm2", 1.0},
+    Unit{"_um_per_K", units::um},
+    Unit{"_um_per_N", units::um},
+    Unit{"_um_urad", 1.0},  // each number as its element is: um or urad
+    Unit{"_um_per_m", 1e-6},
+    Unit{"_um_per_h", units::um / 3600.0},
+    Unit{"_N_per_um", 1e3},
+    Unit{"_Nm_per_A", 1e3},
+    Unit{"_N_per_mm", 1.0},
+    Unit{"_J_per_K", 1.0},
+    Unit{"_W_per_K", 1.0},
+    Unit{"_deg_per_min", units::deg / 60.0},
+    Unit{"_mm_per_min", units::mm_per_min},
+    Unit{"_mm_per_rev", 1.0},
+    Unit{"_um_per_rev", units::um},
+    Unit{"_deg_per_s", units::deg},
+    Unit{"_mm_per_s", 1.0},
+    Unit{"_arcsec", units::deg / 3600.0},
+    Unit{"_urad", units::urad},
+    Unit{"_mrad", 1e-3},
+    Unit{"_rad", 1.0},
+    Unit{"_GPa", 1e3},
+    Unit{"_MPa", 1.0},
+    Unit{"_deg", units::deg},
+    Unit{"_rpm", units::rpm},
+    Unit{"_inch", units::inch},
+    Unit{"_min", 60.0},
+    Unit{"_um", units::um},
+    Unit{"_nm", units::nm},
+    Unit{"_mm", 1.0},
+    Unit{"_ms", 1e-3},
+    Unit{"_kg", 1.0},
+    Unit{"_Hz", 1.0},
+    Unit{"_Nm_s", 1e3},
+    Unit{"_Nm", 1e3},
+    Unit{"_cm", 10.0},
+    Unit{"_m", 1000.0},
+    Unit{"_s", 1.0},
+    Unit{"_h", 3600.0},
+    Unit{"_W", 1.0},
+    Unit{"_K", 1.0},
+    Unit{"_C", 1.0},
+    Unit{"_N", 1.0},
+    Unit{"_A", 1.0},
+};
+
+const Unit* trailing_unit(std::string_view key) {
+  for (const Unit& unit : known_units) {
+    if (key.size() > unit.suffix.size() && key.ends_with(unit.suffix)) return &unit;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+double unit_of(std::string_view key) {
+  const Unit* unit = trailing_unit(key);
+  return unit ? unit->factor : 1.0;
+}
+
+std::string_view key_stem(std::string_view key) {
+  const Unit* unit = trailing_unit(key);
+  return unit ? key.substr(0, key.size() - unit->suffix.size()) : key;
+}
+
+std::string unit_name(std::string_view key) {
+  const Unit* unit = trailing_unit(key);
+  return unit ? std::string(unit->suffix.substr(1)) : std::string("no unit");
+}
 
 namespace {
 
 // In the unit of any key a number beyond is a mistake, and products of a few stay finite. Travel
 // without an end is 1e9 rad.
-constexpr double most_number = 1e12;
+constexpr double max_number = 1e12;
 // What is nearer to zero is zero, or a mistake; what divides must not make infinities.
-constexpr double least_number = 1e-100, least_divisor = 1e-12;
+constexpr double min_number = 1e-100, min_divisor = 1e-12;
 
 std::string range_text(const Range& range) {
   const double huge = std::numeric_limits<double>::max();
@@ -31,9 +174,9 @@ bool inside(double x, const Range& range) {
          (range.open_max ? x < range.max : x <= range.max);
 }
 
-bool is_beyond(double x, const Node& node, const std::string& name, Faults& faults) {
-  if (std::abs(x) <= most_number) return false;
-  faults.add(node.place, fmt::format("{} within +-{:g}", name, most_number), shown(node));
+bool is_beyond(double x, const Node& node, const std::string& name, InputErrors& input_errors) {
+  if (std::abs(x) <= max_number) return false;
+  input_errors.add(node.place, fmt::format("{} within +-{:g}", name, max_number), shown(node));
   return true;
 }
 
@@ -45,8 +188,8 @@ std::string list_text(const std::set<std::string>& words) {
 
 }  // namespace
 
-TableReader::TableReader(const Node& table, std::string where, Faults& faults)
-    : table_(table), where_(std::move(where)), faults_(faults) {}
+TableReader::TableReader(const Node& table, std::string where, InputErrors& input_errors)
+    : table_(table), where_(std::move(where)), input_errors_(input_errors) {}
 
 std::string TableReader::name_of(const std::string& key) const {
   return where_.empty() ? key : where_ + "." + key;
@@ -65,7 +208,7 @@ void TableReader::missing(const std::string& key, const std::string& kind) {
 void TableReader::refuse(const std::string& key, const std::string& expected,
                          const std::string& seen) {
   const Node* node = know(key);
-  faults_.add(node ? node->place : table_.place, expected, seen);
+  input_errors_.add(node ? node->place : table_.place, expected, seen);
 }
 
 std::optional<double> TableReader::finite(const Node& node, const std::string& key) {
@@ -75,11 +218,11 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
   } else if (const std::int64_t* whole = std::get_if<std::int64_t>(&node.value)) {
     value = double(*whole);
   } else {
-    faults_.add(node.place, "a number for " + name_of(key), shown(node));
+    input_errors_.add(node.place, "a number for " + name_of(key), shown(node));
     return std::nullopt;
   }
   if (!std::isfinite(value)) {
-    faults_.add(node.place, "a finite number for " + name_of(key), shown(node));
+    input_errors_.add(node.place, "a finite number for " + name_of(key), shown(node));
     return std::nullopt;
   }
   return value;
@@ -91,16 +234,18 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
   const std::optional<double> value = finite(*node, key);
   if (!value) return std::nullopt;
   if (!inside(*value, range)) {
-    faults_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)), shown(*node));
+    input_errors_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)),
+                      shown(*node));
     return std::nullopt;
   }
-  if (is_beyond(*value, *node, name_of(key), faults_)) return std::nullopt;
+  if (is_beyond(*value, *node, name_of(key), input_errors_)) return std::nullopt;
   const bool divides = range.min == 0.0 && range.open_min;
-  const double least = divides ? least_divisor : least_number;
+  const double least = divides ? min_divisor : min_number;
   if (*value != 0.0 && std::abs(*value) < least) {
-    faults_.add(node->place,
-                fmt::format("{} of at least {:g}{}", name_of(key), least, divides ? "" : ", or 0"),
-                shown(*node));
+    input_errors_.add(
+        node->place,
+        fmt::format("{} of at least {:g}{}", name_of(key), least, divides ? "" : ", or 0"),
+        shown(*node));
     return std::nullopt;
   }
   return value;
@@ -128,9 +273,9 @@ std::optional<std::int64_t> TableReader::maybe_integer(const std::string& key, s
   if (!node) return std::nullopt;
   const std::int64_t* value = std::get_if<std::int64_t>(&node->value);
   if (!value || *value < min || *value > max) {
-    faults_.add(node->place,
-                fmt::format("a whole number from {} to {} for {}", min, max, name_of(key)),
-                shown(*node));
+    input_errors_.add(node->place,
+                      fmt::format("a whole number from {} to {} for {}", min, max, name_of(key)),
+                      shown(*node));
     return std::nullopt;
   }
   return *value;
@@ -145,7 +290,7 @@ bool TableReader::boolean(const std::string& key, bool fallback) {
   const Node* node = know(key);
   if (!node) return fallback;
   if (const bool* value = std::get_if<bool>(&node->value)) return *value;
-  faults_.add(node->place, "true or false for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "true or false for " + name_of(key), shown(*node));
   return fallback;
 }
 
@@ -153,7 +298,7 @@ std::string TableReader::text(const std::string& key, const std::string& fallbac
   const Node* node = know(key);
   if (!node) return fallback;
   if (const std::string* value = node->text(); value && !value->empty()) return *value;
-  faults_.add(node->place, "a text for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "a text for " + name_of(key), shown(*node));
   return fallback;
 }
 
@@ -172,7 +317,7 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
     if (one.text())
       all.push_back(*one.text());
     else
-      faults_.add(one.place, "a text", shown(one));
+      input_errors_.add(one.place, "a text", shown(one));
   }
   return all;
 }
@@ -184,7 +329,7 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
     const std::string wanted =
         size > 0 ? fmt::format("an array of {} numbers", size) : std::string("an array of numbers");
-    faults_.add(node->place, wanted + " for " + name_of(key), shown(*node));
+    input_errors_.add(node->place, wanted + " for " + name_of(key), shown(*node));
     return std::nullopt;
   }
   Eigen::VectorXd values(Eigen::Index(array->size()));
@@ -192,7 +337,7 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const Node& element = (*array)[std::size_t(i)];
     const std::optional<double> value = finite(element, key);
-    good = good && value && !is_beyond(*value, element, name_of(key), faults_);
+    good = good && value && !is_beyond(*value, element, name_of(key), input_errors_);
     values[i] = value.value_or(0.0);
   }
   if (!good) return std::nullopt;
@@ -222,8 +367,8 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
   if (!values) return fallback;
   const double length = values->stableNorm();
   if (!(length > 1e-9)) {
-    faults_.add(table_.find(key)->place, "a direction that is not zero for " + name_of(key),
-                "length " + to_toml_value(length));
+    input_errors_.add(table_.find(key)->place, "a direction that is not zero for " + name_of(key),
+                      "length " + to_toml_value(length));
     return fallback;
   }
   // Dividing a unit vector by a length of 1 - 1 ulp would change it: what is unit stays as it is.
@@ -249,14 +394,14 @@ std::optional<std::string> TableReader::word(const std::string& key,
   if (seen_word) {
     if (const auto meant = nearest(*seen_word, words)) seen += " (nearest: \"" + *meant + "\")";
   }
-  faults_.add(node->place, list_text(words) + " for " + name_of(key), seen);
+  input_errors_.add(node->place, list_text(words) + " for " + name_of(key), seen);
   return std::nullopt;
 }
 
 const Node* TableReader::section(const std::string& key) {
   const Node* node = know(key);
   if (!node || node->table()) return node;
-  faults_.add(node->place, "a table for " + name_of(key), shown(*node));
+  input_errors_.add(node->place, "a table for " + name_of(key), shown(*node));
   return nullptr;
 }
 
@@ -266,14 +411,14 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
   if (node->table()) return {node};
   std::vector<const Node*> list;
   if (!node->array()) {
-    faults_.add(node->place, "a list of tables for " + name_of(key), shown(*node));
+    input_errors_.add(node->place, "a list of tables for " + name_of(key), shown(*node));
     return list;
   }
   for (const Node& element : *node->array()) {
     if (element.table()) {
       list.push_back(&element);
     } else {
-      faults_.add(element.place, "a table in " + name_of(key), shown(element));
+      input_errors_.add(element.place, "a table in " + name_of(key), shown(element));
     }
   }
   return list;
@@ -285,23 +430,24 @@ void TableReader::close() {
   for (const Node::Entry& entry : entries ? *entries : Node::Table{}) {
     if (known_.contains(entry.key)) continue;
     const auto same_stem = std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
-      return stem_of(key) == stem_of(entry.key) && !table_.find(key);
+      return key_stem(key) == key_stem(entry.key) && !table_.find(key);
     });
     if (same_stem != known_.end()) {
-      faults_.add(entry.place, fmt::format("{} in {}", name_of(*same_stem), unit_name(*same_stem)),
-                  fmt::format("{} in {}", entry.key, unit_name(entry.key)));
+      input_errors_.add(entry.place,
+                        fmt::format("{} in {}", name_of(*same_stem), unit_name(*same_stem)),
+                        fmt::format("{} in {}", entry.key, unit_name(entry.key)));
       explained.insert(*same_stem);
     } else if (const auto meant = nearest(entry.key, known_)) {
-      faults_.add(entry.place, "a known key (nearest: " + name_of(*meant) + ")", entry.key);
+      input_errors_.add(entry.place, "a known key (nearest: " + name_of(*meant) + ")", entry.key);
       if (edit_distance(entry.key, *meant) <= 2) explained.insert(*meant);
     } else {
-      faults_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,
-                  entry.key);
+      input_errors_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,
+                        entry.key);
     }
   }
   for (const auto& [key, kind] : missing_) {
     if (!explained.contains(key))
-      faults_.add(table_.place, kind + " for " + name_of(key), "nothing");
+      input_errors_.add(table_.place, kind + " for " + name_of(key), "nothing");
   }
   missing_.clear();
 }

@@ -1,24 +1,48 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <initializer_list>
 #include <limits>
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "sim/scene/faults.h"
-#include "sim/scene/key_unit.h"
-#include "sim/scene/nearest_word.h"
-#include "sim/scene/toml_text.h"
-#include "sim/scene/toml_tree.h"
+#include "sim/scene/toml.h"
 
-/// Strict reading of TOML: every key has a place, every fault is collected, nothing is guessed.
 namespace abbe::sim {
+
+/// Whether all of a text is as an ECMAScript pattern says.
+bool matches(const std::string& text, const std::string& pattern);
+
+/// The candidate that begins with the word, else that with the least edit distance, if it is near
+/// enough to be meant.
+std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates);
+
+/// Letters to insert, delete or replace to make one word of the other (Levenshtein 1966).
+int edit_distance(std::string_view a, std::string_view b);
+
+/// "no file a/b.stl (nearest: \"c.stl\")", of the files in its folder.
+std::string missing_file_text(const std::filesystem::path& file);
+
+// Units that stand at the end of a key: "radius_mm".
+
+/// Factor from the unit that ends a key to mm, rad, s, N, K, and to kg, W and A where the key has
+/// them: "_um" gives 1e-3, "_rpm" pi/30, "_um_per_m_K" 1e-6; 1 without.
+double unit_of(std::string_view key);
+
+/// Key without its unit: "radius_mm" gives "radius".
+std::string_view key_stem(std::string_view key);
+
+/// Unit of a key as messages name it: "mm", "no unit".
+std::string unit_name(std::string_view key);
+
+// Strict reading of TOML: every key has a place, every fault is collected, nothing is guessed.
 
 /// What a number may be, in the unit of its key.
 struct Range {
@@ -38,14 +62,14 @@ class TableReader {
  public:
   /// @param where  name of the section for messages, "part"; empty for the top
   /// Both references must outlive the reader.
-  TableReader(const Node& table, std::string where, Faults& faults);
+  TableReader(const Node& table, std::string where, InputErrors& input_errors);
 
   bool has(const std::string& key) const { return table_.find(key) != nullptr; }
   const Node& node() const { return table_; }
   /// How messages name a key: "part.radius_mm".
   std::string name_of(const std::string& key) const;
   const Place& place() const { return table_.place; }
-  Faults& faults() const { return faults_; }
+  InputErrors& input_errors() const { return input_errors_; }
 
   double number(const std::string& key, const Range& range);  ///< required
   double number(const std::string& key, const Range& range,
@@ -118,9 +142,47 @@ class TableReader {
 
   const Node& table_;
   std::string where_;
-  Faults& faults_;
+  InputErrors& input_errors_;
   std::set<std::string> known_;
   std::vector<std::pair<std::string, std::string>> missing_;  ///< key, kind
+};
+
+struct Word;
+
+/// What a key of a table takes, as people and editors read it: the one statement from which come
+/// the tables of keys in the documents, `abbe schema` and `abbe explain`.
+struct Key {
+  enum class Kind {
+    Number,
+    Whole,
+    Boolean,
+    Text,
+    Numbers,
+    NumberOrNumbers,
+    Texts,
+    Table,
+    Tables,
+    Any
+  };
+  std::string name;      ///< "radius_mm"; of keys that are many how they look: "<axis>_mm"
+  std::string sentence;  ///< what it is
+  Kind kind = Kind::Any;
+  bool required = false;    ///< wherever its table, or the word that brings it, is
+  std::string fallback;     ///< what stands in where it is left out, for people; empty: nothing
+  std::string pattern;      ///< regular expression of the names where they are many; else empty
+  std::string either;       ///< of the keys of a table with one `either`, exactly one is given
+  Range range{};            ///< of numbers, in the unit of the key
+  int size = 0;             ///< of numbers; 0: any from 1 on
+  std::vector<Word> words;  ///< of a text that is one of these
+  std::vector<Key> keys;    ///< of the table or of each table
+  bool or_file = false;     ///< a table that may stand in a file of its own, which is then named
+};
+
+/// A word that a key may have, and the keys of its table that it brings.
+struct Word {
+  std::string word;
+  std::string sentence;
+  std::vector<Key> keys;
 };
 
 }  // namespace abbe::sim

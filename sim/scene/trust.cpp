@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t most_bytes = std::size_t(1) << 20;
 
 /// Who else could have written a file; empty if nobody.
-std::string danger(const fs::path& file) {
+std::string write_access_risk(const fs::path& file) {
   struct ::stat about {};
   if (::stat(file.c_str(), &about) != 0) return "one that cannot be looked at";
   if (about.st_uid != ::geteuid() && about.st_uid != 0) return "one that belongs to somebody else";
@@ -36,7 +36,7 @@ fs::path resolved(const fs::path& file) {
   return failure ? fs::absolute(file).lexically_normal() : real;
 }
 
-bool lies_in(const fs::path& file, const std::vector<fs::path>& folders) {
+bool is_inside_folder(const fs::path& file, const std::vector<fs::path>& folders) {
   const fs::path real = resolved(file);
   return std::ranges::any_of(folders, [&](const fs::path& folder) {
     return std::mismatch(folder.begin(), folder.end(), real.begin(), real.end()).first ==
@@ -70,7 +70,7 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
   std::error_code none;
   if (file.empty() || !fs::exists(fs::symlink_status(file, none))) return {};
   for (const fs::path& one : {file, file.parent_path()})
-    if (const std::string seen = danger(one); !seen.empty())
+    if (const std::string seen = write_access_risk(one); !seen.empty())
       throw BadInput(one.string(), 0, 0,
                      "a trust file in a folder that you alone can write (chmod go-w)", seen);
   const std::string text = read_text(file, most_bytes);
@@ -90,15 +90,15 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
   return folders;
 }
 
-std::vector<JudgedProgram> judged(const std::vector<NamedProgram>& programs,
-                                  const Permissions& permissions) {
+std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
+                                 const Permissions& permissions) {
   std::optional<std::vector<fs::path>> folders;
-  std::vector<JudgedProgram> all;
+  std::vector<ProgramTrust> all;
   for (const NamedProgram& one : programs) {
     bool trusted = permissions.trust || one.typed;
     if (!trusted) {
       if (!folders) folders = trusted_folders(trust_file());
-      trusted = lies_in(one.file, *folders) && lies_in(one.program, *folders);
+      trusted = is_inside_folder(one.file, *folders) && is_inside_folder(one.program, *folders);
     }
     all.push_back({one, trusted});
   }
@@ -109,7 +109,7 @@ std::vector<fs::path> trusted_programs(const std::vector<NamedProgram>& programs
                                        const Permissions& permissions) {
   std::vector<fs::path> trusted;
   std::vector<BadInput> refused;
-  for (const JudgedProgram& one : judged(programs, permissions)) {
+  for (const ProgramTrust& one : judged(programs, permissions)) {
     if (one.trusted)
       trusted.push_back(one.named.program);
     else

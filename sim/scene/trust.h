@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "sim/files/output.h"
-#include "sim/files/permissions.h"
 #include "sim/scene/scene.h"
 
 /// A program that a file names runs only if the user trusts it: with --trust, or because the file
@@ -23,13 +22,13 @@ std::filesystem::path trust_file();
 std::vector<std::filesystem::path> trusted_folders(const std::filesystem::path& file);
 
 /// A program that a file names, and whether it may run.
-struct JudgedProgram {
+struct ProgramTrust {
   NamedProgram named;
   bool trusted = false;
 };
 /// @throws BadInput for the trust file, which is read only if it is needed
-std::vector<JudgedProgram> judged(const std::vector<NamedProgram>& programs,
-                                  const Permissions& permissions);
+std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
+                                 const Permissions& permissions);
 
 /// The programs, if all of them may run.
 /// @throws BadScene with the place of every one that may not

@@ -9,9 +9,9 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/scene/key_unit.h"
-#include "sim/scene/scene_tools.h"
-#include "sim/scene/toml_tree.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
 namespace {
@@ -153,27 +153,27 @@ constexpr std::array<std::string_view, 3> changes{"study", "variant", "set"};
 
 /// Temperatures that a workshop, its coolant and a machine before its work have, deg C. Fahrenheit
 /// and kelvin begin where they end: 20 deg C is 68 F and 293 K.
-constexpr double coldest_C = -40.0, warmest_C = 60.0, fahrenheit_to = 200.0;
+constexpr double absolute_zero_C = -40.0, warmest_C = 60.0, fahrenheit_to = 200.0;
 
 /// Distances between the ends of a travel; a slide of a few mm is a piezo stage.
 constexpr double shortest_travel_mm = 5.0, longest_travel_mm = 1e5;
 // 110 deg either way are 3.8 rad, a whole turn either way 12.6: a table that turns less is none.
 constexpr double shortest_travel_deg = 13.0;
 
-std::string_view last_name(std::string_view key) { return key.substr(key.rfind('.') + 1); }
+std::string_view last_key(std::string_view key) { return key.substr(key.rfind('.') + 1); }
 
 std::string_view parent_of(std::string_view key) {
   const std::size_t dot = key.rfind('.');
   return dot == std::string_view::npos ? std::string_view() : key.substr(0, dot);
 }
 
-bool has_unit(std::string_view key) { return stem_of(key) != key; }
+bool has_unit(std::string_view key) { return key_stem(key) != key; }
 
 /// The part of a key that bears the unit: its end, or what holds the axis at its end, as in
 /// "axis_speed_mm_per_min.X".
 std::string_view part_with_unit(std::string_view key) {
-  const std::string_view own = last_name(key);
-  const std::string_view holder = last_name(parent_of(key));
+  const std::string_view own = last_key(key);
+  const std::string_view holder = last_key(parent_of(key));
   return !has_unit(own) && own.size() <= 3 && has_unit(holder) ? holder : own;
 }
 
@@ -192,7 +192,7 @@ bool is_temperature(std::string_view name) { return name.ends_with("_C"); }
 
 /// 30, 45, 60, 90, 120, 135, 180, 270 or 360 degrees as radians, to the three digits that people
 /// write; as degrees such numbers are rare.
-bool looks_like_radians(double value) {
+bool resembles_radians(double value) {
   for (const int part : {2, 3, 4, 6, 8, 9, 12, 18, 24}) {
     const double angle = pi * part / 12.0;
     if (std::abs(std::abs(value) - angle) < 1e-3 * angle) return true;
@@ -208,14 +208,16 @@ const PlausibleRange* range_of(std::string_view key) {
 }
 
 /// Returns true if anything is known of the numbers of a key.
-bool has_rule(std::string_view key) {
+bool has_plausible_range(std::string_view key) {
   const std::string_view name = part_with_unit(key);
   return is_temperature(name) || name.ends_with("_deg") || range_of(key) != nullptr;
 }
 
 std::string mistaken_temperature(double value) {
-  if (value >= coldest_C && value <= warmest_C) return {};
-  return value < coldest_C ? "another quantity" : value < fahrenheit_to ? "Fahrenheit" : "kelvin";
+  if (value >= absolute_zero_C && value <= warmest_C) return {};
+  return value < absolute_zero_C ? "another quantity"
+         : value < fahrenheit_to ? "Fahrenheit"
+                                 : "kelvin";
 }
 
 /// What a warning says is expected of a key.
@@ -223,7 +225,7 @@ std::string plausible_text(std::string_view key) {
   const std::string unit = unit_name(part_with_unit(key));
   const std::string named = unit == "no unit" ? "" : " " + unit;
   if (is_temperature(part_with_unit(key)))
-    return fmt::format("{} to {} deg C", coldest_C, warmest_C);
+    return fmt::format("{} to {} deg C", absolute_zero_C, warmest_C);
   const PlausibleRange* range = range_of(key);
   if (range == nullptr) return "degrees";
   if (range->low == 0.0) return fmt::format("up to {:g}{}", range->high, named);
@@ -259,7 +261,7 @@ class Walk {
     if (const Node::Array* array = node.array()) {
       visit_travel(*array, node.place, key);
       // tables and covariances are long: their key is looked up once
-      if (!array->empty() && number_of(array->front()) && !has_rule(key)) return;
+      if (!array->empty() && number_of(array->front()) && !has_plausible_range(key)) return;
       for (const Node& element : *array) visit(element, key);
     }
   }
@@ -293,7 +295,7 @@ class Walk {
 
   /// A travel is odd as a whole: each end of it may be near zero.
   void visit_travel(const Node::Array& ends, const Place& place, const std::string& key) {
-    const std::string_view name = last_name(key);
+    const std::string_view name = last_key(key);
     if (ends.size() != 2 || !name.starts_with("travel_")) return;
     const auto from = number_of(ends[0]), to = number_of(ends[1]);
     if (!from || !to) return;
@@ -319,16 +321,16 @@ class Walk {
 
 /// Tools are measured to hundredths of a mm: what is farther off is a difference, a diameter or
 /// another unit in place of the actual size.
-constexpr double most_wrong_tool_mm = 1.0, most_wrong_ratio = 1.25;
+constexpr double max_wrong_tool_mm = 1.0, max_wrong_ratio = 1.25;
 /// Controls are set to some um; a mm is a number of another axis, sign or unit.
-constexpr double most_wrong_control_mm = 1.0;
+constexpr double max_wrong_control_mm = 1.0;
 
 void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warnings) {
   const std::string whose = tool.number ? fmt::format(" of T{}", *tool.number) : "";
   const auto add = [&](const char* key, double actual, double nominal) {
-    const bool is_near = std::abs(actual - nominal) <= most_wrong_tool_mm;
+    const bool is_near = std::abs(actual - nominal) <= max_wrong_tool_mm;
     const double ratio = std::max(actual, nominal) / std::min(actual, nominal);
-    if (is_near && (ratio > 0.0 && ratio <= most_wrong_ratio)) return;
+    if (is_near && (ratio > 0.0 && ratio <= max_wrong_ratio)) return;
     warnings.push_back(fmt::format(
         "tool.actual.{}{} is {:.6g} where the tool is {:.6g}: it is the size itself, not a "
         "difference, a diameter or another unit",
@@ -343,19 +345,20 @@ void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warni
 void add_control_texts(const Scene& scene, std::vector<std::string>& warnings) {
   const ControlDescription& control = scene.control;
   if (control.tool_length &&
-      std::abs(*control.tool_length - scene.tool.length) > most_wrong_control_mm)
+      std::abs(*control.tool_length - scene.tool.length) > max_wrong_control_mm)
     warnings.push_back(fmt::format(
         "control.tool_length_mm is {:.6g} where the tool is {:.6g} long: it is the length itself "
         "that the control believes",
         *control.tool_length, scene.tool.length));
   const auto& joints = scene.machine.joints;
   for (std::size_t j = 0; j < std::min(joints.size(), control.joints.size()); ++j) {
-    const double apart = (control.joints[j].point_b - joints[j].point_b).norm();
-    if (joints[j].motion == kinematics::Motion::Rotary && apart > most_wrong_control_mm)
+    const double length_mismatch_text = (control.joints[j].point_b - joints[j].point_b).norm();
+    if (joints[j].motion == kinematics::Motion::Rotary &&
+        length_mismatch_text > max_wrong_control_mm)
       warnings.push_back(fmt::format(
           "control.axis.{}.point_mm lies {:.4g} mm from that of the machine, and no control is "
           "that wrong: another axis, sign or unit?",
-          joints[j].name, apart));
+          joints[j].name, length_mismatch_text));
   }
 }
 
@@ -367,12 +370,13 @@ void add_fixture_texts(const Scene& scene, std::vector<std::string>& warnings) {
     if (joint.motion == kinematics::Motion::Linear)
       longest = std::max(longest, joint.max - joint.min);
   for (const BodyDescription& fixture : scene.fixtures) {
-    const double apart = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
-    if (longest > 0.0 && apart > longest)
+    const double length_mismatch_text =
+        (fixture.T.translation() - scene.part.T_wm.translation()).norm();
+    if (longest > 0.0 && length_mismatch_text > longest)
       warnings.push_back(fmt::format(
           "fixture \"{}\" lies {:.4g} mm from the part, and the longest slide goes {:.4g} mm: its "
           "at_mm may be in another unit or from another zero",
-          fixture.name, apart, longest));
+          fixture.name, length_mismatch_text, longest));
   }
 }
 
@@ -415,7 +419,7 @@ std::string probable_mistake(std::string_view key, double value) {
     if (size > range->high) return std::string(range->above);
     return {};
   }
-  return name.ends_with("_deg") && looks_like_radians(value) ? "radians" : "";
+  return name.ends_with("_deg") && resembles_radians(value) ? "radians" : "";
 }
 
 std::vector<std::string> value_warnings(const Node& tree) {

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
-#include "sim/study/answers.h"
-#include "sim/study/indices.h"
+#include "sim/study/response_statistics.h"
 #include "sim/study/study.h"
 
 namespace abbe::sim::study {
@@ -41,7 +41,7 @@ struct ResponseBudget {
   std::optional<Answers> answers;           ///< of them
   std::optional<double> limit;              ///< mm
   std::optional<double> capability;         ///< Cpk against it
-  std::optional<Banded> share_within;       ///< of the machines within the limit
+  std::optional<IntervalEstimate> fraction_within;  ///< of the machines within the limit
   std::optional<IndexConvergence> convergence;
 };
 
@@ -68,14 +68,14 @@ struct Allocation {
   Eigen::VectorXd cheapest;  ///< (inputs) factors <= 1 of least cost, sum of cost / factor
   double equal_cost = 0.0;
   double cheapest_cost = 0.0;
-  Banded equal_share;  ///< of fresh random machines within the limit
-  Banded cheapest_share;
+  IntervalEstimate equal_share;  ///< of fresh random machines within the limit
+  IntervalEstimate cheapest_share;
   double floor = 0.0;      ///< mm, of the response with all inputs at their centres
   bool attainable = true;  ///< false: not even without any spread
 };
 
-struct ArmBudget {
-  Arm arm;
+struct ConfigurationBudget {
+  Configuration arm;
   std::vector<ResponseBudget> responses;
   std::vector<MapContribution> maps;  ///< (inputs) or empty without influence maps
   std::optional<double> map_rms;  ///< mm, root of the mean square of the map over random machines:
@@ -98,7 +98,7 @@ struct Proof {
                                   ///< share in tolerance, which may be zero, of the largest figure
 };
 
-struct Sweeping {
+struct SweepResult {
   int sweep = 0;
   std::vector<std::vector<Eigen::VectorXd>> answers;  ///< (arms)(responses), each (values)
 };
@@ -108,9 +108,9 @@ struct Budget {
   Study study;
   std::uint64_t cases = 0;   ///< finished
   std::uint64_t failed = 0;  ///< of them, without an answer
-  std::vector<ArmBudget> arms;
+  std::vector<ConfigurationBudget> arms;
   std::vector<Proof> proofs;
-  std::vector<Sweeping> sweeps;
+  std::vector<SweepResult> sweeps;
   std::vector<std::string> warnings;
 };
 
@@ -135,5 +135,57 @@ std::string to_text(const Budget& budget);
 /// @throws OutputFailure, Interrupted
 void write_pictures(const ResultFolder& folder, const Budget& budget,
                     const Progress& progress = {});
+
+/// Inputs in the order of what they contribute, by the best figure of a budget.
+struct Ranking {
+  enum class Basis {
+    None,
+    Sobol,       ///< shares are first-order indices, the order is that of total ones
+    Change,      ///< square of the larger change, one at a time
+    MainEffect,  ///< share of the variance of random machines that an input makes alone
+    Map,         ///< mean square of the map
+  } basis = Basis::None;
+  std::vector<int> order;   ///< (inputs) the largest weight first, equal ones by their number
+  Eigen::VectorXd weights;  ///< (inputs) >= 0 by which they are ordered
+  Eigen::VectorXd shares;   ///< (inputs) of the whole; all zero where nothing varies. Of a map as
+                            ///< MapContribution says, so below zero where correlated inputs take
+                            ///< away
+  double length_mismatch_text =
+      0.0;  ///< of the whole, what no input makes alone; shares and this add up to 1
+};
+
+/// What correlation chance alone may give a response: four standard errors; 0 without answers.
+double chance_correlation(const ResponseBudget& response);
+
+/// By Sobol indices; where there are none by changes, then by main effects beyond chance; of no
+/// basis where none is, or where the response varies by less than the floor of 1 nm.
+Ranking ranking(const ResponseBudget& response, std::size_t inputs);
+/// By the larger change alone, of those above 1 nm: of a tornado.
+Ranking change_ranking(const ResponseBudget& response, std::size_t inputs);
+/// By the map of an arm.
+Ranking map_ranking(const ConfigurationBudget& arm, std::size_t inputs);
+
+/// What a share of a ranking is a share of, in words.
+const char* share_of(Ranking::Basis basis);
+/// What stands apart from the shares of a ranking, in words; empty where nothing can.
+const char* remainder_name(Ranking::Basis basis);
+
+/// The inputs that together make at least half of the whole, at most three, the largest first;
+/// empty where three do not.
+std::vector<int> dominant_inputs(const Ranking& ranking);
+
+/// A bar of a Pareto picture.
+struct ParetoBar {
+  enum class Kind { Input, Others, Apart } kind = Kind::Input;
+  int input = 0;         ///< of kind Input
+  std::size_t many = 1;  ///< of kind Others
+  double share = 0.0;
+};
+/// The largest shares, the others in one bar, and what stands apart; they add up to 1.
+/// @param most  inputs with a bar of their own
+std::vector<ParetoBar> pareto(const Ranking& ranking, std::size_t most);
+
+/// The larger of both changes, by size; nothing where one at a time was not asked.
+std::optional<double> larger_change(const Contribution& contribution);
 
 }  // namespace abbe::sim::study

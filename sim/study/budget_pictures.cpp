@@ -9,20 +9,19 @@
 
 #include "kinematics/units.h"
 #include "render/distribution.h"
+#include "render/figures.h"
 #include "render/heat_map.h"
-#include "render/label.h"
 #include "render/plot.h"
 #include "sim/files/output.h"
-#include "sim/study/picture_names.h"
-#include "sim/study/ranking.h"
-#include "sim/study/words.h"
+#include "sim/study/budget.h"
+#include "sim/study/study_text.h"
 
 namespace abbe::sim::study {
 namespace {
 
-constexpr std::size_t most_bars = 25;
-constexpr std::size_t most_panels = 12;
-constexpr std::size_t most_arms = 24;  // in one distribution
+constexpr std::size_t max_bars = 25;
+constexpr std::size_t max_panels = 12;
+constexpr std::size_t max_configurations = 24;  // in one distribution
 
 std::string axis_text(Response response) {
   return title_of(response) + " / " + shown_unit(response);
@@ -44,13 +43,15 @@ class Album {
   PictureNames names_;
 };
 
-constexpr std::size_t most_letters = 44;        // of a name beside a bar or a cell
-constexpr std::size_t most_title_letters = 34;  // above a small panel
+constexpr std::size_t max_letters = 44;        // of a name beside a bar or a cell
+constexpr std::size_t max_title_letters = 34;  // above a small panel
 
-std::string name_of_input(const Budget& budget, int i, std::size_t most = most_letters) {
+std::string name_of_input(const Budget& budget, int i, std::size_t most = max_letters) {
   return short_line(budget.study.inputs[std::size_t(i)].name, most);
 }
-std::string name_of_arm(const ArmBudget& arm) { return short_line(arm.arm.name, most_letters); }
+std::string configuration_name(const ConfigurationBudget& arm) {
+  return short_line(arm.arm.name, max_letters);
+}
 
 std::string shown_percent(double share) {
   return share > 0.0 && share < 0.0005 ? "< 0.1 %" : render::fixed(100.0 * share, 1) + " %";
@@ -63,14 +64,14 @@ std::string name_of_bar(const Budget& budget, const Ranking& r, const ParetoBar&
     case ParetoBar::Kind::Others:
       return fmt::format("{} others", bar.many);
     case ParetoBar::Kind::Apart:
-      return apart_of(r.basis);
+      return remainder_name(r.basis);
   }
   return "";
 }
 
 /// Shares of the inputs with their running sum, which ends at 100 %: what has no room in one bar,
 /// what no input makes alone in the last.
-void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
+void write_pareto(Album& album, const Budget& budget, const ConfigurationBudget& arm) {
   Ranking r = map_ranking(arm, budget.study.inputs.size());
   std::string of = "map";
   if (r.basis == Ranking::Basis::None && !arm.responses.empty()) {
@@ -79,7 +80,7 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
   }
   if (r.basis == Ranking::Basis::None || !(r.weights.sum() > 0.0)) return;
   std::vector<render::Bar> bars;
-  for (const ParetoBar& one : pareto(r, most_bars)) {
+  for (const ParetoBar& one : pareto(r, max_bars)) {
     render::Bar bar{name_of_bar(budget, r, one), 100.0 * one.share};
     bar.text = shown_percent(one.share);
     if (r.basis == Ranking::Basis::Map && one.kind == ParetoBar::Kind::Input)
@@ -88,7 +89,7 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
     bars.push_back(bar);
   }
   render::BarsOptions options;
-  options.title = fmt::format("{}: what makes the {}", name_of_arm(arm), of);
+  options.title = fmt::format("{}: what makes the {}", configuration_name(arm), of);
   options.x_label = fmt::format("share of {} / %", share_of(r.basis));
   options.running_sum = "running sum";
   if (arm.map_mean_rms && r.basis == Ranking::Basis::Map)
@@ -105,12 +106,12 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
 /// What is left out of a tornado, in words.
 std::string left_out(const Ranking& r, Response response) {
   double squares = 0.0, sum = 0.0;
-  for (std::size_t k = most_bars; k < r.order.size(); ++k) {
+  for (std::size_t k = max_bars; k < r.order.size(); ++k) {
     squares += r.weights[r.order[k]];
     sum += std::sqrt(r.weights[r.order[k]]);
   }
   return fmt::format("{} inputs are left out: together {} {} root-sum-square, {} {} in sum",
-                     r.order.size() - most_bars,
+                     r.order.size() - max_bars,
                      render::figure(in_unit(response, std::sqrt(squares))), shown_unit(response),
                      render::figure(in_unit(response, sum)), shown_unit(response));
 }
@@ -130,15 +131,15 @@ std::string totals(const ResponseBudget& r) {
 }
 
 /// Changes by each input, to either side of the base machine.
-void write_tornado(Album& album, const Budget& budget, const ArmBudget& arm,
+void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget& arm,
                    const ResponseBudget& r) {
   const Ranking order = change_ranking(r, budget.study.inputs.size());
   if (order.basis == Ranking::Basis::None) return;
-  std::vector<const Contribution*> by_input(budget.study.inputs.size(), nullptr);
-  for (const Contribution& c : r.contributions) by_input[std::size_t(c.input)] = &c;
+  std::vector<const Contribution*> contributions_by_input(budget.study.inputs.size(), nullptr);
+  for (const Contribution& c : r.contributions) contributions_by_input[std::size_t(c.input)] = &c;
   std::vector<render::Bar> bars;
-  for (std::size_t k = 0; k < std::min(order.order.size(), most_bars); ++k) {
-    const Contribution* c = by_input[std::size_t(order.order[k])];
+  for (std::size_t k = 0; k < std::min(order.order.size(), max_bars); ++k) {
+    const Contribution* c = contributions_by_input[std::size_t(order.order[k])];
     if (c == nullptr) continue;
     const auto shown = [&](const std::optional<double>& v) {
       return v ? in_unit(r.response, *v) : std::nan("");
@@ -150,20 +151,20 @@ void write_tornado(Album& album, const Budget& budget, const ArmBudget& arm,
   const double step = budget.study.one_at_a_time ? budget.study.one_at_a_time->step : 1.0;
   render::BarsOptions options;
   options.title =
-      fmt::format("{}: {}, one input at a time", name_of_arm(arm), title_of(r.response));
+      fmt::format("{}: {}, one input at a time", configuration_name(arm), title_of(r.response));
   options.x_label = fmt::format("change of {} against the base / {}", title_of(r.response),
                                 shown_unit(r.response));
   options.legend = {fmt::format("centre − {:g} std. dev.", step),
                     fmt::format("centre + {:g} std. dev.", step)};
   options.caption.push_back(totals(r));
-  if (order.order.size() > most_bars) options.caption.push_back(left_out(order, r.response));
+  if (order.order.size() > max_bars) options.caption.push_back(left_out(order, r.response));
   album.add({"tornado", arm.arm.name, name_of(r.response)},
             [&](const auto& file) { render::write_bars(file, bars, options); });
 }
 
 /// One index of one input over the base points.
-render::Series index_series(const IndexConvergence& c, std::size_t input, Banded SobolIndex::*which,
-                            const char* name) {
+render::Series index_series(const IndexConvergence& c, std::size_t input,
+                            IntervalEstimate SobolIndex::*which, const char* name) {
   const auto n = Eigen::Index(c.base_points.size());
   render::Series s;
   s.name = name;
@@ -172,7 +173,7 @@ render::Series index_series(const IndexConvergence& c, std::size_t input, Banded
   s.lower.resize(n);
   s.upper.resize(n);
   for (Eigen::Index m = 0; m < n; ++m) {
-    const Banded& b = c.indices[std::size_t(m)][input].*which;
+    const IntervalEstimate& b = c.indices[std::size_t(m)][input].*which;
     s.y[m] = b.value;
     // the first few points say next to nothing; their bands would hide the rest
     s.lower[m] = std::max(b.low, -0.5);
@@ -182,16 +183,16 @@ render::Series index_series(const IndexConvergence& c, std::size_t input, Banded
   return s;
 }
 
-void write_indices(Album& album, const Budget& budget, const ArmBudget& arm,
+void write_indices(Album& album, const Budget& budget, const ConfigurationBudget& arm,
                    const ResponseBudget& r) {
   if (!r.convergence || r.convergence->base_points.empty()) return;
   const IndexConvergence& c = *r.convergence;
   const Ranking order = ranking(r, budget.study.inputs.size());
   if (order.order.empty()) return;  // it varies by less than the numerical floor
   std::vector<render::Panel> panels;
-  for (std::size_t k = 0; k < std::min(order.order.size(), most_panels); ++k) {
+  for (std::size_t k = 0; k < std::min(order.order.size(), max_panels); ++k) {
     const auto i = std::size_t(order.order[k]);
-    render::Panel panel{name_of_input(budget, int(i), most_title_letters), "", "", {}, {}, {}};
+    render::Panel panel{name_of_input(budget, int(i), max_title_letters), "", "", {}, {}, {}};
     panel.series = {index_series(c, i, &SobolIndex::total, "total, 95 % band"),
                     index_series(c, i, &SobolIndex::first, "alone, 95 % band")};
     const SobolIndex& last = c.indices.back()[i];
@@ -200,27 +201,28 @@ void write_indices(Album& album, const Budget& budget, const ArmBudget& arm,
     panels.push_back(panel);
   }
   render::GridOptions options;
-  options.title = fmt::format("{}: Sobol indices of {} over the base points", name_of_arm(arm),
-                              title_of(r.response));
+  options.title = fmt::format("{}: Sobol indices of {} over the base points",
+                              configuration_name(arm), title_of(r.response));
   options.common_y = true;
   options.caption = {
       "share of the variance that an input makes alone, and with all its "
       "interactions; beside the name: total index of all base points"};
-  if (order.order.size() > most_panels)
+  if (order.order.size() > max_panels)
     options.caption.push_back(fmt::format("the {} inputs of the largest total index of {}",
-                                          most_panels, order.order.size()));
+                                          max_panels, order.order.size()));
   album.add({"indices", arm.arm.name, name_of(r.response)},
             [&](const auto& file) { render::write_grid(file, panels, options); });
 }
 
-std::string banded(Response response, const Banded& b) {
+std::string banded(Response response, const IntervalEstimate& b) {
   const auto shown = [&](double v) { return render::figure(in_unit(response, v)); };
   return fmt::format("{} [{}, {}]", shown(b.value), shown(b.low), shown(b.high));
 }
 
-render::DistributionSeries distribution_of(const ArmBudget& arm, const ResponseBudget& r) {
+render::DistributionSeries distribution_of(const ConfigurationBudget& arm,
+                                           const ResponseBudget& r) {
   render::DistributionSeries s;
-  s.name = name_of_arm(arm);
+  s.name = configuration_name(arm);
   s.values = r.values.unaryExpr([&](double v) { return in_unit(r.response, v); });
   s.figures.assign(5, "");
   if (r.answers) {
@@ -230,10 +232,10 @@ render::DistributionSeries distribution_of(const ArmBudget& arm, const ResponseB
     s.figures[1] = render::figure(in_unit(r.response, r.answers->standard_deviation.value));
     s.figures[2] = banded(r.response, r.answers->p95);
   }
-  if (r.share_within)
-    s.figures[3] = fmt::format("{} [{}, {}]", render::fixed(100.0 * r.share_within->value, 1),
-                               render::fixed(100.0 * r.share_within->low, 1),
-                               render::fixed(100.0 * r.share_within->high, 1));
+  if (r.fraction_within)
+    s.figures[3] = fmt::format("{} [{}, {}]", render::fixed(100.0 * r.fraction_within->value, 1),
+                               render::fixed(100.0 * r.fraction_within->low, 1),
+                               render::fixed(100.0 * r.fraction_within->high, 1));
   if (r.capability) s.figures[4] = render::fixed(*r.capability, 2);
   return s;
 }
@@ -243,9 +245,9 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
   std::vector<render::DistributionSeries> series;
   render::DistributionOptions options;
   std::size_t arms = 0;
-  for (const ArmBudget& arm : budget.arms)
+  for (const ConfigurationBudget& arm : budget.arms)
     for (const ResponseBudget& r : arm.responses) {
-      if (r.response != response || r.values.size() == 0 || ++arms > most_arms) continue;
+      if (r.response != response || r.values.size() == 0 || ++arms > max_configurations) continue;
       series.push_back(distribution_of(arm, r));
       if (r.limit) options.limit = in_unit(response, *r.limit);
     }
@@ -259,15 +261,15 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
   if (options.limit)
     options.limit_label = fmt::format("limit {} {}", render::figure(*options.limit), unit);
   options.caption = {"brackets hold the truth with 95 % confidence"};
-  if (arms > most_arms)
-    options.caption.push_back(fmt::format("{} more arms are left out", arms - most_arms));
+  if (arms > max_configurations)
+    options.caption.push_back(fmt::format("{} more arms are left out", arms - max_configurations));
   album.add({"distribution", name_of(response)},
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
 
 /// Correlations with a response, linear and of ranks; NaN where chance may give as much.
 /// (inputs x 2)
-Eigen::MatrixXd beyond_chance(const ResponseBudget& r, std::size_t inputs) {
+Eigen::MatrixXd significant_correlations(const ResponseBudget& r, std::size_t inputs) {
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(Eigen::Index(inputs), 2, std::nan(""));
   const auto shown = [least = chance_correlation(r)](const std::optional<double>& value) {
     return value && std::abs(*value) > least ? *value : std::nan("");
@@ -277,7 +279,7 @@ Eigen::MatrixXd beyond_chance(const ResponseBudget& r, std::size_t inputs) {
   return all;
 }
 
-void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm) {
+void write_correlation(Album& album, const Budget& budget, const ConfigurationBudget& arm) {
   const std::size_t inputs = budget.study.inputs.size();
   Eigen::MatrixXd all(Eigen::Index(inputs), 0);
   render::HeatMap map;
@@ -287,7 +289,7 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
                      [](const Contribution& c) { return c.correlation || c.rank_correlation; }))
       continue;
     all.conservativeResize(Eigen::NoChange, all.cols() + 2);
-    all.rightCols(2) = beyond_chance(r, inputs);
+    all.rightCols(2) = significant_correlations(r, inputs);
     for (const char* kind : {"linear", "rank"})
       map.columns.push_back(title_of(r.response) + ", " + kind);
     least = std::max(least, chance_correlation(r));
@@ -303,11 +305,11 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return strongest[a] > strongest[b]; });
   const std::size_t beyond = order.size();
-  order.resize(std::min(beyond, most_bars));
+  order.resize(std::min(beyond, max_bars));
   for (const int i : order) map.rows.push_back(name_of_input(budget, i));
   map.values = all(order, Eigen::all);
   render::HeatMapOptions options;
-  options.title = short_line(arm.arm.name, most_title_letters) + ": correlations";
+  options.title = short_line(arm.arm.name, max_title_letters) + ": correlations";
   options.value_label = "correlation";
   options.range = 1.0;
   options.decimals = 2;
@@ -324,11 +326,11 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
 
 /// "EXX, factor", "thermal.link.3 / W_per_K"
 std::string axis_text(const Input& input) {
-  const std::string name = short_line(input.name, most_letters);
+  const std::string name = short_line(input.name, max_letters);
   return name + (input.element.empty() ? "" : ", factor") + " / " + shown_unit(unit_of(input));
 }
 
-void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
+void write_sweep(Album& album, const Budget& budget, const SweepResult& sweeping) {
   const Study& study = budget.study;
   const Sweep& sweep = study.sweeps[std::size_t(sweeping.sweep)];
   const Input& input = study.inputs[std::size_t(sweep.input)];
@@ -338,7 +340,7 @@ void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
         title_of(study.responses[r]), axis_text(input), axis_text(study.responses[r]), {}, {}, {}};
     for (std::size_t a = 0; a < sweeping.answers.size(); ++a) {
       render::Series s;
-      s.name = short_line(study.arms[a].name, most_letters);
+      s.name = short_line(study.arms[a].name, max_letters);
       s.x = sweep.values;
       s.y = sweeping.answers[a][r].unaryExpr(
           [&](double v) { return in_unit(study.responses[r], v); });
@@ -359,7 +361,7 @@ void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
 void write_pictures(const ResultFolder& folder, const Budget& budget, const Progress& progress) {
   Album album(folder);
   double done = 0.0;
-  for (const ArmBudget& arm : budget.arms) {
+  for (const ConfigurationBudget& arm : budget.arms) {
     if (progress) progress("budget", done++ / double(budget.arms.size() + 1));
     write_pareto(album, budget, arm);
     for (const ResponseBudget& r : arm.responses) {
@@ -370,7 +372,7 @@ void write_pictures(const ResultFolder& folder, const Budget& budget, const Prog
   }
   for (const Response response : budget.study.responses)
     write_distribution(album, budget, response);
-  for (const Sweeping& sweep : budget.sweeps) write_sweep(album, budget, sweep);
+  for (const SweepResult& sweep : budget.sweeps) write_sweep(album, budget, sweep);
 }
 
 }  // namespace abbe::sim::study

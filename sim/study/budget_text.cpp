@@ -6,9 +6,7 @@
 #include "kinematics/units.h"
 #include "sim/scene/scene.h"
 #include "sim/study/budget.h"
-#include "sim/study/ranking.h"
-#include "sim/study/text_style.h"
-#include "sim/study/words.h"
+#include "sim/study/study_text.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -60,7 +58,7 @@ std::string machines(double share) {
   return fmt::format("{:.{}f}", p, p > 99.0 && p < 100.0 ? 2 : 1);
 }
 
-std::string machines(const Banded& b) {
+std::string machines(const IntervalEstimate& b) {
   return fmt::format("{} % [{}, {}]", machines(b.value), machines(b.low), machines(b.high));
 }
 
@@ -97,7 +95,7 @@ std::string unit_text(const Words& w, int input) {
   return w.name(w.units[std::size_t(input)].unit);
 }
 
-double in_its_unit(const Words& w, int input, double value) {
+double input_unit_text(const Words& w, int input, double value) {
   return value * w.units[std::size_t(input)].size;
 }
 
@@ -105,33 +103,33 @@ std::string with_unit(Response response, double value) {
   return figure(in_unit(response, value)) + " " + shown_unit(response);
 }
 
-std::string in_band(Response response, const Banded& b) {
+std::string band_text(Response response, const IntervalEstimate& b) {
   return fmt::format("{} [{}, {}]", figure(in_unit(response, b.value)),
                      figure(in_unit(response, b.low)), figure(in_unit(response, b.high)));
 }
 
-std::string totals(const Words& w, const ArmBudget& arm) {
+std::string totals(const Words& w, const ConfigurationBudget& arm) {
   TextTable t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.",
                "P95", "P99", "limit", "within the limit", "Cpk"}};
   for (const ResponseBudget& r : arm.responses) {
     const auto shown = [&](const std::optional<double>& v) {
       return v ? figure(in_unit(r.response, *v)) : std::string();
     };
-    const auto band = [&](const Banded Answers::*what) {
-      return r.answers ? in_band(r.response, (*r.answers).*what) : std::string();
+    const auto band = [&](const IntervalEstimate Answers::*what) {
+      return r.answers ? band_text(r.response, (*r.answers).*what) : std::string();
     };
     t.rows.push_back({title_of(r.response) + ", " + shown_unit(r.response), shown(r.base),
                       shown(r.root_sum_square), shown(r.sum), shown(r.worst), shown(r.worst_bound),
                       band(&Answers::mean), band(&Answers::standard_deviation), band(&Answers::p95),
                       band(&Answers::p99), shown(r.limit),
-                      r.share_within ? machines(*r.share_within) : "",
+                      r.fraction_within ? machines(*r.fraction_within) : "",
                       r.capability ? hundredths(*r.capability) : ""});
   }
   return w.lines_of(t);
 }
 
 /// What the letters of `totals` mean, as far as they are there.
-std::string legend(const Budget& budget, const ArmBudget& arm) {
+std::string legend(const Budget& budget, const ConfigurationBudget& arm) {
   std::string text = "Base: every input at its centre. ";
   const auto any = [&](const auto& has) {
     return std::any_of(arm.responses.begin(), arm.responses.end(), has);
@@ -166,23 +164,23 @@ std::vector<int> largest(const Ranking& r, std::size_t most) {
   return inputs;
 }
 
-std::string apart_text(const Ranking& r) {
-  if (!(r.apart >= 0.005)) return "";
-  return fmt::format(", {} {}", apart_of(r.basis), percent(r.apart));
+std::string remainder_text(const Ranking& r) {
+  if (!(r.length_mismatch_text >= 0.005)) return "";
+  return fmt::format(", {} {}", remainder_name(r.basis), percent(r.length_mismatch_text));
 }
 
 /// "mostly EXX 41 %, EYX 20 %, interactions of inputs 12 %", or that none dominates; empty without
 /// a basis.
 std::string whose(const Words& w, const Ranking& r) {
   if (r.basis == Ranking::Basis::None) return "";
-  const std::vector<int> first = dominating(r);
-  if (!first.empty()) return "mostly " + leaders(w, r, first) + apart_text(r);
+  const std::vector<int> first = dominant_inputs(r);
+  if (!first.empty()) return "mostly " + leaders(w, r, first) + remainder_text(r);
   const std::vector<int> some = largest(r, 3);
   if (!some.empty())
-    return "no input dominates: the largest are " + leaders(w, r, some) + apart_text(r);
+    return "no input dominates: the largest are " + leaders(w, r, some) + remainder_text(r);
   if (r.basis == Ranking::Basis::MainEffect)
     return "no input dominates: none makes more of it alone than chance";
-  return r.weights.sum() > 0.0 ? "no input dominates" + apart_text(r) : "no input changes it";
+  return r.weights.sum() > 0.0 ? "no input dominates" + remainder_text(r) : "no input changes it";
 }
 
 /// How many inputs make so much of what inputs make alone.
@@ -204,7 +202,7 @@ std::string dominance(const Words& w, const std::string& what, const Ranking& r)
 }
 
 /// What every response and the map owe to whom, in a line each.
-std::string dominating_text(const Words& w, const ArmBudget& arm) {
+std::string dominant_inputs_text(const Words& w, const ConfigurationBudget& arm) {
   std::string text;
   for (const ResponseBudget& r : arm.responses)
     text += dominance(w, title_of(r.response), ranking(r, w.study.inputs.size()));
@@ -229,17 +227,17 @@ std::string change_text(Response response, const Contribution* c) {
   return shown(c->low) + " / " + shown(c->high);
 }
 
-std::string index_text(const Banded& b) {
+std::string index_text(const IntervalEstimate& b) {
   return fmt::format("{} [{}, {}]", hundredths(b.value), hundredths(b.low), hundredths(b.high));
 }
 
-constexpr std::size_t most_changes = 3;  // responses whose changes have room in one table
+constexpr std::size_t max_changes = 3;  // responses whose changes have room in one table
 
-TextTable input_table(const ArmBudget& arm, const Ranking& order) {
+TextTable input_table(const ConfigurationBudget& arm, const Ranking& order) {
   TextTable t;
   t.heads = {"input", "centre", "std. dev.", "unit"};
   t.text_columns = 1;
-  for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r) {
+  for (std::size_t r = 0; r < std::min(arm.responses.size(), max_changes); ++r) {
     const Response response = arm.responses[r].response;
     t.heads.push_back(fmt::format("{} − / +, {}", title_of(response), shown_unit(response)));
   }
@@ -251,11 +249,11 @@ TextTable input_table(const ArmBudget& arm, const Ranking& order) {
   return t;
 }
 
-std::vector<std::string> input_row(const Words& w, const ArmBudget& arm, const Ranking& order,
-                                   int i) {
-  std::vector<std::string> row{w.name(i), figure(in_its_unit(w, i, centre(w.study)[i])),
-                               figure(in_its_unit(w, i, spreads(w.study)[i])), unit_text(w, i)};
-  for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r)
+std::vector<std::string> input_row(const Words& w, const ConfigurationBudget& arm,
+                                   const Ranking& order, int i) {
+  std::vector<std::string> row{w.name(i), figure(input_unit_text(w, i, centre(w.study)[i])),
+                               figure(input_unit_text(w, i, spreads(w.study)[i])), unit_text(w, i)};
+  for (std::size_t r = 0; r < std::min(arm.responses.size(), max_changes); ++r)
     row.push_back(change_text(arm.responses[r].response, contribution_of(arm.responses[r], i)));
   const Contribution* c =
       arm.responses.empty() ? nullptr : contribution_of(arm.responses.front(), i);
@@ -271,7 +269,7 @@ std::vector<std::string> input_row(const Words& w, const ArmBudget& arm, const R
   return row;
 }
 
-std::string inputs(const Words& w, const ArmBudget& arm) {
+std::string inputs(const Words& w, const ConfigurationBudget& arm) {
   Ranking order;
   if (!arm.responses.empty()) order = ranking(arm.responses.front(), w.study.inputs.size());
   if (order.basis == Ranking::Basis::None || !(order.weights.sum() > 0.0)) {
@@ -292,14 +290,14 @@ std::string inputs(const Words& w, const ArmBudget& arm) {
   if (order.order.size() > most_rows)
     text +=
         fmt::format("and {} others, together {}.\n", order.order.size() - most_rows, percent(rest));
-  text += fmt::format("Shares: of {}{}. ", share_of(order.basis), apart_text(order));
+  text += fmt::format("Shares: of {}{}. ", share_of(order.basis), remainder_text(order));
   if (order.basis == Ranking::Basis::MainEffect && !w.study.copula.groups().empty())
     text += "Inputs are correlated: what two of them make together counts for both. ";
   return text + "\n\n";
 }
 
 /// The part of the map that no input makes.
-std::string map_text(const ArmBudget& arm) {
+std::string map_text(const ConfigurationBudget& arm) {
   std::string text;
   if (arm.map_rms)
     text += fmt::format("Map over random machines: RMS {} µm", figure(*arm.map_rms / units::um));
@@ -322,7 +320,7 @@ double halved(const Ranking& squares, std::size_t count) {
 }
 
 /// What halving would bring; where no allocation was asked.
-std::string halving(const Words& w, const ArmBudget& arm) {
+std::string halving(const Words& w, const ConfigurationBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();
   const Ranking squares = change_ranking(r, w.study.inputs.size());
@@ -360,8 +358,8 @@ std::string tightening(const Words& w, const Eigen::VectorXd& factors) {
       rest += then - input.cost;
       continue;
     }
-    t.rows.push_back({w.name(i), figure(in_its_unit(w, i, now[i])),
-                      figure(in_its_unit(w, i, now[i] * factors[i])), unit_text(w, i),
+    t.rows.push_back({w.name(i), figure(input_unit_text(w, i, now[i])),
+                      figure(input_unit_text(w, i, now[i] * factors[i])), unit_text(w, i),
                       fmt::format("{:.2f}", factors[i]), figure(input.cost), figure(then),
                       figure(then - input.cost)});
   }
@@ -394,14 +392,15 @@ std::string allocation(const Words& w, const Allocation& a) {
   return text + "\n" + (a.cheapest.size() > 0 ? tightening(w, a.cheapest) : "");
 }
 
-std::string arm_text(const Words& w, const Budget& budget, const ArmBudget& arm) {
-  return heading(w.style, 2, w.name(arm.arm.name)) + totals(w, arm) + dominating_text(w, arm) +
+std::string configuration_text(const Words& w, const Budget& budget,
+                               const ConfigurationBudget& arm) {
+  return heading(w.style, 2, w.name(arm.arm.name)) + totals(w, arm) + dominant_inputs_text(w, arm) +
          (arm.allocation ? allocation(w, *arm.allocation) : halving(w, arm)) + inputs(w, arm) +
          map_text(arm) + legend(budget, arm);
 }
 
 /// A line for an arm: what it gives, whose it is, what to do first.
-std::string in_short(const Words& w, const ArmBudget& arm) {
+std::string summary_sentence(const Words& w, const ConfigurationBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();
   std::string text = fmt::format("- {}: {}", w.bold(w.name(arm.arm.name)), title_of(r.response));
@@ -409,12 +408,13 @@ std::string in_short(const Words& w, const ArmBudget& arm) {
               ? " ≤ " + with_unit(r.response, r.answers->p95.value) + " in 95 % of the machines"
               : " " + with_unit(r.response, r.base) + " at the centres";
   if (r.limit) text += fmt::format(", limit {}", with_unit(r.response, *r.limit));
-  if (r.share_within) text += fmt::format(" kept by {}", percent(r.share_within->value));
+  if (r.fraction_within) text += fmt::format(" kept by {}", percent(r.fraction_within->value));
   const Ranking own = ranking(r, w.study.inputs.size());
   const std::string theirs = whose(w, own);
   if (!theirs.empty()) text += "; " + theirs;
   const Ranking map = map_ranking(arm, w.study.inputs.size());
-  if (dominating(own).empty() && !dominating(map).empty()) text += "; the map is " + whose(w, map);
+  if (dominant_inputs(own).empty() && !dominant_inputs(map).empty())
+    text += "; the map is " + whose(w, map);
   if (arm.allocation && !arm.allocation->attainable) {
     text += "; no spending reaches the limit";
   } else if (arm.allocation) {
@@ -459,9 +459,9 @@ std::string written(const Budget& budget, TextStyle style) {
   const Words w{budget.study, style, unit_sizes(budget)};
   std::string text = head(w, budget);
   for (const std::string& warning : budget.warnings) text += notice(style, w.name(warning));
-  for (const ArmBudget& arm : budget.arms) text += in_short(w, arm);
+  for (const ConfigurationBudget& arm : budget.arms) text += summary_sentence(w, arm);
   if (!budget.arms.empty()) text += "\n";
-  for (const ArmBudget& arm : budget.arms) text += arm_text(w, budget, arm);
+  for (const ConfigurationBudget& arm : budget.arms) text += configuration_text(w, budget, arm);
   return without_trailing_spaces(text + proofs(w, budget));
 }
 

@@ -2,21 +2,168 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <climits>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <stdexcept>
+#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
+#include <nlohmann/json.hpp>
 
+#include "kinematics/bad_input.h"
+#include "sim/compensation/plug_in.h"
+#include "sim/dialects/read_options.h"
+#include "sim/files/output.h"
 #include "sim/files/progress.h"
-#include "sim/study/messages.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml.h"
+
+#ifdef ABBE_MPI
+// the C functions alone: the C++ ones are no more in the standard and need a library of their own
+#define OMPI_SKIP_MPICXX 1
+#define MPICH_SKIP_MPICXX 1
+#include <mpi.h>
+#endif
 
 namespace abbe::sim::study {
+
+namespace {
+
+int number_in(const char* variable) {
+  const char* text = std::getenv(variable);
+  return text == nullptr ? 0 : std::atoi(text);
+}
+
+/// How many processes were started together with this one, so that they can talk. A Slurm job has
+/// variables of PMI even where no MPI program was started: in its script, and in a step of which
+/// the MPI support is off. To start MPI there would end the process.
+int started_process_count() {
+  if (std::getenv("OMPI_COMM_WORLD_SIZE") != nullptr) return number_in("OMPI_COMM_WORLD_SIZE");
+  if (std::getenv("PMI_RANK") != nullptr && std::getenv("PMI_SIZE") != nullptr)
+    return number_in("PMI_SIZE");
+  if (std::getenv("PMIX_RANK") != nullptr && std::getenv("PMIX_NAMESPACE") != nullptr)
+    return number_in("SLURM_STEP_NUM_TASKS");
+  return 1;
+}
+
+}  // namespace
+
+#ifdef ABBE_MPI
+
+namespace {
+
+bool is_running() {
+  int begun = 0, ended = 0;
+  MPI_Initialized(&begun);
+  MPI_Finalized(&ended);
+  return begun != 0 && ended == 0;
+}
+
+}  // namespace
+
+Ranks ranks(int& argc, char**& argv) {
+  if (started_process_count() <= 1) return {};
+  if (!is_running()) {
+    int provided = 0;
+    MPI_Init_thread(&argc, &argv, MPI_THREAD_SERIALIZED, &provided);
+  }
+  Ranks here;
+  MPI_Comm_rank(MPI_COMM_WORLD, &here.rank);
+  MPI_Comm_size(MPI_COMM_WORLD, &here.size);
+  return here;
+}
+
+void finalize_ranks(int exit_code) {
+  if (!is_running()) return;
+  if (exit_code == 0 || exit_code == 1) {
+    MPI_Finalize();
+    return;
+  }
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  std::signal(SIGTERM, SIG_DFL);  // mpirun asks with it first
+  if (rank != 0) std::this_thread::sleep_for(std::chrono::seconds(2));
+  MPI_Abort(MPI_COMM_WORLD, exit_code);
+}
+
+std::vector<std::uint64_t> broadcast_from_rank_0(const Ranks& ranks,
+                                                 const std::vector<std::uint64_t>& data) {
+  if (ranks.size == 1) return data;
+  std::uint64_t size = data.size();
+  MPI_Bcast(&size, 1, MPI_UINT64_T, 0, MPI_COMM_WORLD);
+  std::vector<std::uint64_t> result(size);
+  if (ranks.rank == 0) result = data;
+  constexpr std::uint64_t at_once = 1 << 24;
+  for (std::uint64_t i = 0; i < size; i += at_once)
+    MPI_Bcast(result.data() + i, int(std::min(at_once, size - i)), MPI_UINT64_T, 0, MPI_COMM_WORLD);
+  return result;
+}
+
+void send(int rank, int kind, const std::string& bytes) {
+  if (bytes.size() > INT_MAX) throw std::runtime_error("a batch of 2 GB is too large to be sent");
+  MPI_Send(bytes.data(), int(bytes.size()), MPI_BYTE, rank, kind, MPI_COMM_WORLD);
+}
+
+Message receive(int rank, bool interruptible) {
+  const int from = rank == any_rank ? MPI_ANY_SOURCE : rank;
+  // a blocking receive would keep a core busy that computes for another rank
+  constexpr std::chrono::microseconds longest(1000);
+  MPI_Status status;
+  std::chrono::microseconds pause(10);
+  for (int there = 0;;) {
+    MPI_Iprobe(from, MPI_ANY_TAG, MPI_COMM_WORLD, &there, &status);
+    if (there != 0) break;
+    if (interruptible) stop_if_interrupted();
+    std::this_thread::sleep_for(pause);
+    pause = std::min(2 * pause, longest);
+  }
+  int size = 0;
+  MPI_Get_count(&status, MPI_BYTE, &size);
+  Message message{status.MPI_SOURCE, status.MPI_TAG, std::string(std::size_t(size), '\0')};
+  MPI_Recv(message.bytes.data(), size, MPI_BYTE, message.rank, message.kind, MPI_COMM_WORLD,
+           MPI_STATUS_IGNORE);
+  return message;
+}
+
+bool can_threads_communicate() {
+  int provided = MPI_THREAD_SINGLE;
+  MPI_Query_thread(&provided);
+  return provided >= MPI_THREAD_SERIALIZED;
+}
+
+#else
+
+Ranks ranks(int&, char**&) {
+  if (started_process_count() > 1)
+    throw std::runtime_error(
+        "one of several processes, but built without MPI: ./abbe setup --cluster builds it with");
+  return {};
+}
+
+void finalize_ranks(int) {}
+
+std::vector<std::uint64_t> broadcast_from_rank_0(const Ranks&,
+                                                 const std::vector<std::uint64_t>& data) {
+  return data;
+}
+
+void send(int, int, const std::string&) { throw std::logic_error("built without MPI"); }
+Message receive(int, bool) { throw std::logic_error("built without MPI"); }
+bool can_threads_communicate() { return false; }
+
+#endif
+
 namespace {
 
 /// Remembers the first failure of many threads.
@@ -40,15 +187,15 @@ class FirstFailure {
 /// Where batches come from and where their rows go; both are called by one thread at a time.
 struct Ends {
   std::function<std::optional<Batch>()> next;
-  Take deliver;
+  TakeBatch deliver;
 };
 
 /// What each of the threads does: batch after batch until there are none.
 class Work {
  public:
-  Work(const Compute& compute, const Ends& ends) : compute_(compute), ends_(ends) {}
+  Work(const ComputeBatch& compute, const Ends& ends) : compute_(compute), ends_(ends) {}
 
-  void until_done() {
+  void wait_until_done() {
     while (const std::optional<Batch> batch = next()) {
       try {
         stop_if_interrupted();
@@ -79,7 +226,7 @@ class Work {
     refused_ = false;
   }
 
-  const Compute& compute_;
+  const ComputeBatch& compute_;
   const Ends& ends_;
   std::mutex mutex_;
   bool refused_ = false;
@@ -88,13 +235,13 @@ class Work {
 
 /// A failure is remembered rather than thrown through TBB, which would cancel the parallel work in
 /// other batches half done and have it look finished.
-std::exception_ptr work(const Compute& compute, const Ends& ends, int threads) {
+std::exception_ptr work(const ComputeBatch& compute, const Ends& ends, int threads) {
   Work work(compute, ends);
   tbb::parallel_for(
       tbb::blocked_range<int>(0, threads, 1),
       [&](const tbb::blocked_range<int>&) {
         // a thread that waits inside a batch must not begin another one
-        tbb::this_task_arena::isolate([&] { work.until_done(); });
+        tbb::this_task_arena::isolate([&] { work.wait_until_done(); });
       },
       tbb::simple_partitioner());
   return work.failure();
@@ -104,7 +251,8 @@ void rethrow(const std::exception_ptr& failure) {
   if (failure) std::rethrow_exception(failure);
 }
 
-void farm_alone(const std::vector<Batch>& batches, const Compute& compute, const Take& take) {
+void farm_alone(const std::vector<Batch>& batches, const ComputeBatch& compute,
+                const TakeBatch& take) {
   auto at = batches.begin();
   const auto next = [&] { return at == batches.end() ? std::nullopt : std::optional(*at++); };
   rethrow(work(compute, {next, take}, tbb::this_task_arena::max_concurrency()));
@@ -124,7 +272,8 @@ enum Kind : int {
 /// What rank 0 does until the others have nothing more to say.
 class Office {
  public:
-  Office(const std::vector<Batch>& batches, const Take& take) : batches_(batches), take_(take) {}
+  Office(const std::vector<Batch>& batches, const TakeBatch& take)
+      : batches_(batches), take_(take) {}
 
   void run(int others) {
     while (others > 0) {
@@ -133,7 +282,7 @@ class Office {
       if (message.kind == Rows) take(message.bytes);
       if (message.kind == Done) --others;
       if (message.kind == Done && !message.bytes.empty())
-        failure_.remember(failure_in(message.bytes));
+        failure_.remember(parse_failure(message.bytes));
     }
   }
   std::exception_ptr failure() const { return failure_.failure(); }
@@ -154,7 +303,7 @@ class Office {
   void take(const std::string& bytes) {
     if (refused_) return;
     try {
-      Finished finished = finished_in(bytes);
+      BatchResult finished = parse_batch_result(bytes);
       take_(finished.batch, std::move(finished.rows));
     } catch (...) {
       refused_ = true;
@@ -163,13 +312,13 @@ class Office {
   }
 
   const std::vector<Batch>& batches_;
-  const Take& take_;
+  const TakeBatch& take_;
   std::size_t handed_out_ = 0;
   bool refused_ = false;
   FirstFailure failure_;
 };
 
-void farm_out(const std::vector<Batch>& batches, const Ranks& ranks, const Take& take) {
+void farm_out(const std::vector<Batch>& batches, const Ranks& ranks, const TakeBatch& take) {
   Office office(batches, take);
   office.run(ranks.size - 1);
   const std::string outcome = to_bytes(office.failure());
@@ -177,23 +326,23 @@ void farm_out(const std::vector<Batch>& batches, const Ranks& ranks, const Take&
   rethrow(office.failure());
 }
 
-void work_for_rank_0(const Compute& compute) {
+void work_for_rank_0(const ComputeBatch& compute) {
   const auto next = []() -> std::optional<Batch> {
     send(0, Ask);
     const Message answer = receive(0);
-    return answer.kind == Do ? std::optional(batch_in(answer.bytes)) : std::nullopt;
+    return answer.kind == Do ? std::optional(parse_batch(answer.bytes)) : std::nullopt;
   };
   const auto deliver = [](const Batch& batch, std::vector<Row> rows) {
-    send(0, Rows, to_bytes(Finished{batch, std::move(rows)}));
+    send(0, Rows, to_bytes(BatchResult{batch, std::move(rows)}));
   };
-  const int threads = threads_may_talk() ? tbb::this_task_arena::max_concurrency() : 1;
+  const int threads = can_threads_communicate() ? tbb::this_task_arena::max_concurrency() : 1;
   send(0, Done, to_bytes(work(compute, {next, deliver}, threads)));
-  rethrow(failure_in(receive(0).bytes));
+  rethrow(parse_failure(receive(0).bytes));
 }
 
 }  // namespace
 
-std::vector<Batch> of_shard(const std::vector<Batch>& batches, const Shard& shard) {
+std::vector<Batch> shard_batches(const std::vector<Batch>& batches, const Shard& shard) {
   if (shard.count < 1 || shard.index < 0 || shard.index >= shard.count)
     throw std::invalid_argument(fmt::format("no shard {} of {}", shard.index, shard.count));
   std::vector<Batch> mine;
@@ -213,11 +362,148 @@ std::vector<Batch> unfinished(const std::vector<Batch>& batches,
   return left;
 }
 
-void farm(const std::vector<Batch>& batches, const Ranks& ranks, const Compute& compute,
-          const Take& take) {
+void farm(const std::vector<Batch>& batches, const Ranks& ranks, const ComputeBatch& compute,
+          const TakeBatch& take) {
   if (ranks.size == 1) return farm_alone(batches, compute, take);
   if (ranks.rank == 0) return farm_out(batches, ranks, take);
   work_for_rank_0(compute);
+}
+
+namespace {
+
+using compensation::PlugInFailure;
+using nlohmann::json;
+
+void put(std::string& bytes, const void* data, std::size_t size) {
+  if (size > 0) bytes.append(static_cast<const char*>(data), size);
+}
+void put(std::string& bytes, std::uint64_t number) { put(bytes, &number, sizeof number); }
+
+/// Takes bytes from the front.
+struct Reader {
+  std::string_view bytes;
+
+  void take(void* data, std::size_t size) {
+    if (size > bytes.size()) throw std::runtime_error("a message between ranks is cut off");
+    if (size > 0) std::memcpy(data, bytes.data(), size);
+    bytes.remove_prefix(size);
+  }
+  std::uint64_t number() {
+    std::uint64_t number = 0;
+    take(&number, sizeof number);
+    return number;
+  }
+  /// How many things of a size follow.
+  std::size_t count(std::size_t size) {
+    const std::uint64_t n = number();
+    if (n > bytes.size() / size) throw std::runtime_error("a message between ranks is cut off");
+    return n;
+  }
+  Row row() {
+    Row row;
+    row.index = number();
+    row.answers.resize(count(sizeof(double)));
+    take(row.answers.data(), row.answers.size() * sizeof(double));
+    row.fault.resize(count(1));
+    take(row.fault.data(), row.fault.size());
+    return row;
+  }
+};
+
+json to_json(const BadInput& fault) {
+  return {fault.file, fault.line, fault.column, fault.expected, fault.seen};
+}
+BadInput parse_bad_input(const json& fault) {
+  return {fault[0], fault[1], fault[2], fault[3], fault[4]};
+}
+
+json described(const std::exception_ptr& failure) {
+  try {
+    std::rethrow_exception(failure);
+  } catch (const dialects::BadProgram& program) {
+    json input_errors = json::array();
+    for (const BadInput& fault : program.input_errors) input_errors.push_back(to_json(fault));
+    return {{"kind", "BadScene"}, {"faults", input_errors}};
+  } catch (const BadInput& fault) {
+    return {{"kind", "BadInput"}, {"faults", {to_json(fault)}}};
+  } catch (const BadScene& scene) {
+    json input_errors = json::array();
+    for (const BadInput& fault : scene.input_errors) input_errors.push_back(to_json(fault));
+    return {{"kind", "BadScene"}, {"faults", input_errors}};
+  } catch (const Interrupted&) {
+    return {{"kind", "Interrupted"}};
+  } catch (const OutputFailure& fault) {
+    return {{"kind", "OutputFailure"}, {"text", fault.what()}};
+  } catch (const PlugInFailure& fault) {
+    return {{"kind", "PlugInFailure"}, {"text", fault.what()}};
+  } catch (const std::bad_alloc&) {
+    return {{"kind", "bad_alloc"}};
+  } catch (const std::exception& fault) {
+    return {{"kind", "other"}, {"text", fault.what()}};
+  } catch (...) {
+    return {{"kind", "other"}, {"text", "a failure without a text"}};
+  }
+}
+
+}  // namespace
+
+std::string to_bytes(const Batch& batch) {
+  std::string bytes;
+  put(bytes, batch.first);
+  put(bytes, batch.last);
+  return bytes;
+}
+
+Batch parse_batch(std::string_view bytes) {
+  Reader reader{bytes};
+  const std::uint64_t first = reader.number();
+  return {first, reader.number()};
+}
+
+std::string to_bytes(const BatchResult& finished) {
+  std::string bytes = to_bytes(finished.batch);
+  put(bytes, finished.rows.size());
+  for (const Row& row : finished.rows) {
+    put(bytes, row.index);
+    put(bytes, row.answers.size());
+    put(bytes, row.answers.data(), row.answers.size() * sizeof(double));
+    put(bytes, row.fault.size());
+    put(bytes, row.fault.data(), row.fault.size());
+  }
+  return bytes;
+}
+
+BatchResult parse_batch_result(std::string_view bytes) {
+  Reader reader{bytes};
+  BatchResult finished;
+  finished.batch.first = reader.number();
+  finished.batch.last = reader.number();
+  finished.rows.resize(reader.count(3 * sizeof(std::uint64_t)));
+  for (Row& row : finished.rows) row = reader.row();
+  return finished;
+}
+
+std::string to_bytes(const std::exception_ptr& failure) {
+  if (!failure) return {};
+  return described(failure).dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+std::exception_ptr parse_failure(const std::string& bytes) {
+  if (bytes.empty()) return nullptr;
+  const json failure = json::parse(bytes);
+  const std::string kind = failure["kind"];
+  const std::string text = failure.value("text", "");
+  if (kind == "BadInput") return std::make_exception_ptr(parse_bad_input(failure["faults"][0]));
+  if (kind == "BadScene") {
+    std::vector<BadInput> input_errors;
+    for (const json& fault : failure["faults"]) input_errors.push_back(parse_bad_input(fault));
+    return std::make_exception_ptr(BadScene(input_errors));
+  }
+  if (kind == "Interrupted") return std::make_exception_ptr(Interrupted());
+  if (kind == "OutputFailure") return std::make_exception_ptr(OutputFailure(text));
+  if (kind == "PlugInFailure") return std::make_exception_ptr(PlugInFailure(text));
+  if (kind == "bad_alloc") return std::make_exception_ptr(std::bad_alloc());
+  return std::make_exception_ptr(std::runtime_error(text));
 }
 
 }  // namespace abbe::sim::study

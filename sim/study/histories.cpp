@@ -7,22 +7,21 @@
 
 #include <fmt/format.h>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "kinematics/units.h"
-#include "sim/calibration/identify.h"
+#include "sim/calibration/calibration.h"
 #include "sim/files/progress.h"
 #include "sim/measure/measure.h"
 #include "sim/readings/readings_file.h"
 #include "sim/scene/read_scene.h"
-#include "sim/study/csv_field.h"
-#include "sim/study/text_style.h"
+#include "sim/study/study_text.h"
 
 namespace abbe::sim::study {
 namespace {
 
 using errors::metrology::Readings;
 
-constexpr double least_drift = 1e-6;  // mm: the cut surface is exact to about that
+constexpr double min_drift = 1e-6;  // mm: the cut surface is exact to about that
 
 // ---- days
 
@@ -59,7 +58,7 @@ bool same_day(const ThermalDescription& a, const ThermalDescription& b) {
 
 // ---- what a day teaches
 
-struct Lesson {
+struct LearntBelief {
   std::string day;
   ThermalDescription heat;  ///< of that day, only to know the day again
   compensation::ThermalBelief belief;
@@ -83,13 +82,13 @@ std::vector<Readings> readings_of(const Scene& scene, const std::string& day) {
   return all;
 }
 
-Lesson lesson_of(const Study& study, const std::string& day) {
+LearntBelief learn_belief(const Study& study, const std::string& day) {
   const Scene scene = scene_of_day(study, day);
   const std::vector<Readings> readings = readings_of(scene, day);
   const std::string expected = "readings from which heat can be learnt on " + name_of_day(day) +
                                ", every instrument from the same three or more start_h";
   try {
-    IdentifiedThermal found = identify_thermal(readings, thermal_identification({}));
+    ThermalIdentificationResult found = identify_thermal(readings, thermal_identification({}));
     return {day, *scene.thermal, std::move(found.belief), std::move(found.day.sensors),
             std::move(found.warnings)};
   } catch (const std::invalid_argument& fault) {
@@ -102,14 +101,15 @@ Lesson lesson_of(const Study& study, const std::string& day) {
 // ---- what it is worth
 
 /// Whether a variant changes anything that days can share: part, program, nominal machine.
-bool reshapes(const std::vector<Override>& set) {
-  constexpr std::array not_cut{"compare", "instrument", "sensor_choice", "title"};
+bool is_reshaping(const std::vector<Override>& set) {
+  constexpr std::array ignored_keys{"compare", "instrument", "sensor_choice", "title"};
   Input input;
   for (const Override& one : set) {
     const std::string key = one.path.substr(0, one.path.find('.'));
-    if (std::ranges::find(not_cut, key) == not_cut.end()) input.settings.push_back({one.path, 1.0});
+    if (std::ranges::find(ignored_keys, key) == ignored_keys.end())
+      input.settings.push_back({one.path, 1.0});
   }
-  return study::reshapes(input);
+  return study::is_reshaping(input);
 }
 
 /// Compiles days; those that cut the same part by the same program share them.
@@ -120,13 +120,13 @@ class Workshop {
 
   Job job_of(const Scene& scene, const std::string& day) {
     const auto variant = std::ranges::find(variants_, day, &Variant::name);
-    if (variant != variants_.end() && reshapes(variant->set)) return prepare(scene);
+    if (variant != variants_.end() && is_reshaping(variant->set)) return prepare(scene);
     if (!shared_) {
       shared_ = prepare(scene);
       return *shared_;
     }
     try {
-      return with_errors(*shared_, scene);
+      return replace_errors(*shared_, scene);
     } catch (const BadInput&) {
       return prepare(scene);  // of another machine, or with errors that want denser samples
     }
@@ -147,7 +147,7 @@ double rms_of(const cutting::Surface& drift, const Job& job) {
 struct TestDay {
   std::string name;
   Job job;
-  cutting::Surface without_heat;
+  cutting::Surface cold_surface;
   double uncompensated_rms = 0.0;
 };
 
@@ -156,24 +156,24 @@ TestDay test_day(Workshop& workshop, const Study& study, const std::string& day)
   TestDay result{day, workshop.job_of(scene, day), {}, 0.0};
   Scene unmoved = scene;
   unmoved.thermal->scale = 0.0;
-  result.without_heat = cut(with_errors(result.job, unmoved)).surface;
+  result.cold_surface = cut(replace_errors(result.job, unmoved)).surface;
   stop_if_interrupted();
-  const cutting::Surface with_heat = cut(result.job).surface;
-  result.uncompensated_rms = rms_of(cutting::minus(with_heat, result.without_heat), result.job);
+  const cutting::Surface warm_surface = cut(result.job).surface;
+  result.uncompensated_rms = rms_of(cutting::minus(warm_surface, result.cold_surface), result.job);
   return result;
 }
 
-HistoryResult judged(TestDay& day, const Lesson& lesson, const CaseDescription& compensator) {
+HistoryResult judged(TestDay& day, const LearntBelief& lesson, const CaseDescription& compensator) {
   stop_if_interrupted();
   day.job.scene.belief.thermal = lesson.belief;
   const Cut compensated = cut(day.job, compensator);
   HistoryResult result;
   result.train = lesson.day;
   result.test = day.name;
-  result.own_day = lesson.day == day.name || same_day(lesson.heat, *day.job.scene.thermal);
+  result.is_own_day = lesson.day == day.name || same_day(lesson.heat, *day.job.scene.thermal);
   result.uncompensated_rms = day.uncompensated_rms;
-  result.compensated_rms = rms_of(cutting::minus(compensated.surface, day.without_heat), day.job);
-  if (result.uncompensated_rms >= least_drift)
+  result.compensated_rms = rms_of(cutting::minus(compensated.surface, day.cold_surface), day.job);
+  if (result.uncompensated_rms >= min_drift)
     result.reduction_percent = 100.0 * (1.0 - result.compensated_rms / result.uncompensated_rms);
   result.sensors = lesson.sensors;
   result.warnings = lesson.warnings;
@@ -183,9 +183,9 @@ HistoryResult judged(TestDay& day, const Lesson& lesson, const CaseDescription& 
 }
 
 /// Days learnt and parts cut, reported as one stage.
-class DaysDone {
+class DayProgress {
  public:
-  DaysDone(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
+  DayProgress(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
   void step() {
     ++done_;
     if (progress_) progress_("thermal histories", double(done_) / double(steps_));
@@ -221,10 +221,10 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
   const auto& [train, test, case_name] = *study.histories;
   const CaseDescription compensator = case_of_histories(study);
   for (const std::string& day : test) scene_of_day(study, day);  // refused before anything is cut
-  DaysDone stage(progress, train.size() + test.size() * (train.size() + 1));
-  std::vector<Lesson> lessons;
+  DayProgress stage(progress, train.size() + test.size() * (train.size() + 1));
+  std::vector<LearntBelief> lessons;
   for (const std::string& day : train) {
-    lessons.push_back(lesson_of(study, day));
+    lessons.push_back(learn_belief(study, day));
     stage.step();
   }
   Workshop workshop(study);
@@ -247,7 +247,7 @@ nlohmann::ordered_json to_json(const std::vector<HistoryResult>& results) {
     if (one.reduction_percent) reduction = *one.reduction_percent;
     list.push_back({{"train", one.train},
                     {"test", one.test},
-                    {"own_day", one.own_day},
+                    {"own_day", one.is_own_day},
                     {"uncompensated_rms_um", one.uncompensated_rms / units::um},
                     {"compensated_rms_um", one.compensated_rms / units::um},
                     {"reduction_percent", reduction},
@@ -263,7 +263,7 @@ std::string to_csv(const std::vector<HistoryResult>& results) {
   for (const HistoryResult& one : results)
     text +=
         fmt::format("{},{},{},{},{},{},{}\n", csv_field(one.train), csv_field(one.test),
-                    one.own_day, csv_field(one.uncompensated_rms / units::um),
+                    one.is_own_day, csv_field(one.uncompensated_rms / units::um),
                     csv_field(one.compensated_rms / units::um), csv_field(one.reduction_percent),
                     csv_field(fmt::format("{}", fmt::join(one.sensors, "; "))));
   return text;
@@ -276,7 +276,7 @@ std::string to_text(const std::vector<HistoryResult>& results) {
   const auto day = [](const std::string& name) { return name.empty() ? "its own day" : name; };
   for (const HistoryResult& one : results)
     rows.rows.push_back(
-        {day(one.train), day(one.test) + (one.own_day ? " (the same)" : ""),
+        {day(one.train), day(one.test) + (one.is_own_day ? " (the same)" : ""),
          fmt::format("{:.3f}", one.uncompensated_rms / units::um),
          fmt::format("{:.3f}", one.compensated_rms / units::um),
          one.reduction_percent ? fmt::format("{:.1f}", *one.reduction_percent) : "–",

@@ -19,8 +19,8 @@ namespace abbe::sim::study {
 struct HistoryResult {
   std::string train;  ///< variant, "" for the scene's own day
   std::string test;
-  bool own_day = false;  ///< learnt and judged on one day: of that name, or with that very history,
-                         ///< room and coolant
+  bool is_own_day = false;  ///< learnt and judged on one day: of that name, or with that very
+                            ///< history, room and coolant
   double uncompensated_rms = 0.0;           ///< mm, drift part of the map, weighted by area
   double compensated_rms = 0.0;             ///< mm, the same with the belief of the train day
   std::optional<double> reduction_percent;  ///< negative: made worse; none where heat moves the
@@ -35,7 +35,7 @@ struct HistoryResult {
 /// makes the belief, four sensors chosen, of what their files say; nothing else of the truth gets
 /// into it, and a `[belief.thermal]` of the scene is not used. Chance is drawn from the seed of
 /// each day: days that shall not share their noise set a `seed` of their own. A day is never judged
-/// by its own readings unless it is in both lists, and then `own_day` says so.
+/// by its own readings unless it is in both lists, and then `is_own_day` says so.
 /// @param progress  shows one stage, "thermal histories", by days learnt and parts cut
 /// @return train by train, test by test
 /// @throws BadScene for a day that is none, BadInput naming the scene where a day has no heat or

@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
-#include "kinematics/numbers.h"
+#include <tbb/parallel_for.h>
+
+#include "kinematics/units.h"
 
 namespace abbe::sim::study {
+
 namespace {
 
 using Eigen::Index;
@@ -16,13 +20,13 @@ using Eigen::Index;
 constexpr int lot = machines_at_once;
 constexpr Index tile = 512;  // rivals: their products stay in the cache
 
-using Lot = Eigen::Array<double, lot, 1>;
-using LotMatrix = Eigen::Matrix<double, lot, Eigen::Dynamic>;
+using MachineLane = Eigen::Array<double, lot, 1>;
+using LaneMatrix = Eigen::Matrix<double, lot, Eigen::Dynamic>;
 
 /// Offsets from the base run of machines from .. from + lot - 1, a row each; beyond the last one
 /// the base run itself.
-LotMatrix offsets(const InfluenceMap& influence, const Eigen::MatrixXd& x, Index from) {
-  LotMatrix offset = LotMatrix::Zero(lot, x.rows());
+LaneMatrix offsets(const InfluenceMap& influence, const Eigen::MatrixXd& x, Index from) {
+  LaneMatrix offset = LaneMatrix::Zero(lot, x.rows());
   const Index count = std::min<Index>(lot, x.cols() - from);
   offset.topRows(count) = (x.middleCols(from, count).colwise() - influence.centre).transpose();
   return offset;
@@ -30,9 +34,9 @@ LotMatrix offsets(const InfluenceMap& influence, const Eigen::MatrixXd& x, Index
 
 /// Calls `visit(vertex, distances of the lot)` for every vertex that is cut, in order.
 template <typename Visit>
-void for_every_vertex(const InfluenceMap& influence, const LotMatrix& offset, const Visit& visit) {
+void for_every_vertex(const InfluenceMap& influence, const LaneMatrix& offset, const Visit& visit) {
   const Index n = Index(influence.first.size()) - 1;
-  LotMatrix moved, shifted;
+  LaneMatrix moved, shifted;
   for (Index v = 0; v < n;) {
     const Index begin = influence.first[std::size_t(v)];
     Index end_vertex = v + 1;
@@ -43,7 +47,7 @@ void for_every_vertex(const InfluenceMap& influence, const LotMatrix& offset, co
     shifted.noalias() = offset * influence.shift.middleCols(begin, count);
     for (; v < end_vertex; ++v) {
       const Index last = influence.first[std::size_t(v) + 1];
-      Lot least = Lot::Constant(std::numeric_limits<double>::infinity());
+      MachineLane least = MachineLane::Constant(std::numeric_limits<double>::infinity());
       for (Index r = influence.first[std::size_t(v)]; r < last; ++r) {
         const auto across = shifted.col(r - begin).array();
         least = least.min(influence.distance[r] + moved.col(r - begin).array() +
@@ -56,18 +60,18 @@ void for_every_vertex(const InfluenceMap& influence, const LotMatrix& offset, co
 
 /// What sums over the vertices tell of a lot.
 struct Sums {
-  Lot low = Lot::Constant(std::numeric_limits<double>::infinity());
-  Lot high = -low;
-  Lot square = Lot::Zero();
+  MachineLane low = MachineLane::Constant(std::numeric_limits<double>::infinity());
+  MachineLane high = -low;
+  MachineLane square = MachineLane::Zero();
   // of heights above the first vertex: a part that is far off as a whole loses no digits
-  Lot level = Lot::Zero();
-  Lot first_above = Lot::Zero();
-  Lot square_above = Lot::Zero();
+  MachineLane level = MachineLane::Zero();
+  MachineLane first_above = MachineLane::Zero();
+  MachineLane square_above = MachineLane::Zero();
   double area = 0.0;
 
-  void add(const Lot& height, double of_area) {
+  void add(const MachineLane& height, double of_area) {
     if (area == 0.0) level = height;
-    const Lot above = height - level;
+    const MachineLane above = height - level;
     low = low.min(height);
     high = high.max(height);
     square += of_area * height.square();
@@ -76,9 +80,9 @@ struct Sums {
     area += of_area;
   }
 
-  Lot value(Response response) const {
-    if (!(area > 0.0)) return Lot::Constant(none);
-    const Lot mean_above = first_above / area;
+  MachineLane value(Response response) const {
+    if (!(area > 0.0)) return MachineLane::Constant(none);
+    const MachineLane mean_above = first_above / area;
     switch (response) {
       case Response::Pv:
         return high - low;
@@ -91,7 +95,7 @@ struct Sums {
       case Response::MaxAbs:
         return high.abs().max(low.abs());
       default:
-        return Lot::Constant(none);
+        return MachineLane::Constant(none);
     }
   }
 };
@@ -114,9 +118,10 @@ Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
       Eigen::MatrixXd::Constant(Index(influence.first.size()) - 1, x.cols(), none);
   for (Index from = 0; from < x.cols(); from += lot) {
     const Index count = std::min<Index>(lot, x.cols() - from);
-    for_every_vertex(influence, offsets(influence, x, from), [&](Index v, const Lot& distance) {
-      all.row(v).segment(from, count) = distance.head(count).transpose();
-    });
+    for_every_vertex(influence, offsets(influence, x, from),
+                     [&](Index v, const MachineLane& distance) {
+                       all.row(v).segment(from, count) = distance.head(count).transpose();
+                     });
   }
   return all;
 }
@@ -125,8 +130,8 @@ bool is_counted(Response response) {
   return response == Response::P95Abs || response == Response::InTolerance || is_filtered(response);
 }
 
-Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,
-                          const Eigen::MatrixXd& x) {
+Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready,
+                          const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd values(Index(study.responses.size()), x.cols());
   const bool summed = ready.job.scene.alignment == Alignment::None &&
                       std::none_of(study.responses.begin(), study.responses.end(), is_counted);
@@ -140,9 +145,10 @@ Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const Influ
   for (Index from = 0; from < x.cols(); from += lot) {
     const Index count = std::min<Index>(lot, x.cols() - from);
     Sums sums;
-    for_every_vertex(influence, offsets(influence, x, from), [&](Index v, const Lot& distance) {
-      sums.add(distance - influence.error_free[v], influence.design.area[v]);
-    });
+    for_every_vertex(influence, offsets(influence, x, from),
+                     [&](Index v, const MachineLane& distance) {
+                       sums.add(distance - influence.error_free[v], influence.design.area[v]);
+                     });
     for (std::size_t i = 0; i < study.responses.size(); ++i)
       values.row(Index(i)).segment(from, count) =
           sums.value(study.responses[i]).head(count).transpose();
@@ -156,6 +162,161 @@ Eigen::MatrixXd effects(const InfluenceMap& influence) {
   for (Index v = 0; v < n; ++v)
     if (is_cut(influence, v)) all.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
   return all;
+}
+
+namespace {
+
+using Eigen::Index;
+
+constexpr Index pass_lot = 8;       // machines whose passes are looked at together
+constexpr Index answer_block = 64;  // machines that are answered together
+constexpr double step = 0.01;       // of the spread
+
+/// The surface of one machine.
+struct Made {
+  std::vector<Index> vertex;          ///< (c) that are cut
+  std::vector<Index> competing_pass;  ///< (c) which makes the surface
+  std::vector<double> across;         ///< (c) mm, by which that pass is shifted
+  std::vector<double> height;         ///< (c) mm
+};
+
+/// @param moved, shifted  (m) mm, along the normal and across each pass
+Made made_by(const InfluenceMap& influence, const Eigen::VectorXd& moved,
+             const Eigen::VectorXd& shifted) {
+  Made made;
+  for (std::size_t v = 0; v + 1 < influence.first.size(); ++v) {
+    const Index begin = influence.first[v], end = influence.first[v + 1];
+    if (begin == end) continue;
+    const auto distance = [&](Index r) {
+      return influence.distance[r] + moved[r] +
+             influence.half_curvature[r] * shifted[r] * shifted[r];
+    };
+    Index least = begin;
+    for (Index r = begin + 1; r < end; ++r)
+      if (distance(r) < distance(least)) least = r;
+    made.vertex.push_back(Index(v));
+    made.competing_pass.push_back(least);
+    made.across.push_back(shifted[least]);
+    made.height.push_back(distance(least) - influence.error_free[Index(v)]);
+  }
+  return made;
+}
+
+/// What the response gains with the height of each cut vertex.
+std::vector<double> weights(const InfluenceMap& influence, Response response, const Made& made) {
+  const std::vector<double>& height = made.height;
+  std::vector<double> weight(height.size(), 0.0);
+  if (height.empty()) return weight;
+  const auto [low, high] = std::minmax_element(height.begin(), height.end());
+  const auto place = [&](auto at) { return std::size_t(at - height.begin()); };
+  double area = 0.0, first = 0.0, square = 0.0;
+  for (std::size_t i = 0; i < height.size(); ++i) {
+    weight[i] = influence.design.area[made.vertex[i]];
+    area += weight[i];
+    first += weight[i] * height[i];
+    square += weight[i] * height[i] * height[i];
+  }
+  const double mean = first / area;
+  const auto about = [&](double level, double deviation) {
+    for (std::size_t i = 0; i < height.size(); ++i)
+      weight[i] *= deviation > 0.0 ? (height[i] - level) / (area * deviation) : 0.0;
+    return weight;
+  };
+  switch (response) {
+    case Response::Rms:
+      return about(0.0, std::sqrt(square / area));
+    case Response::Std:
+      return about(mean, std::sqrt(std::max(0.0, square / area - mean * mean)));
+    case Response::Mean:
+      for (double& one : weight) one /= area;
+      return weight;
+    default:
+      break;
+  }
+  std::fill(weight.begin(), weight.end(), 0.0);
+  if (response == Response::Pv) {
+    weight[place(high)] += 1.0;
+    weight[place(low)] -= 1.0;
+  } else if (*high >= -*low) {
+    weight[place(high)] = 1.0;
+  } else {
+    weight[place(low)] = -1.0;
+  }
+  return weight;
+}
+
+Eigen::VectorXd gradient(const InfluenceMap& influence, Response response, const Made& made) {
+  const std::vector<double> weight = weights(influence, response, made);
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(influence.slope.rows());
+  for (std::size_t i = 0; i < weight.size(); ++i) {
+    if (weight[i] == 0.0) continue;
+    const Index r = made.competing_pass[i];
+    const double lift = 2.0 * influence.half_curvature[r] * made.across[i];
+    sum += weight[i] * influence.slope.col(r) + (weight[i] * lift) * influence.shift.col(r);
+  }
+  return sum;
+}
+
+/// Calls `visit(first, count)` for stretches of at most `length`, in parallel.
+template <typename Visit>
+void for_blocks(Index all, Index length, const Visit& visit) {
+  tbb::parallel_for(Index(0), (all + length - 1) / length,
+                    [&](Index i) { visit(i * length, std::min(length, all - i * length)); });
+}
+
+Eigen::MatrixXd differences(const ResponseFunction& response, const Eigen::VectorXd& spread,
+                            const Eigen::MatrixXd& x) {
+  const Index p = x.rows();
+  Eigen::MatrixXd result(p, x.cols());
+  tbb::parallel_for(Index(0), x.cols(), [&](Index k) {
+    Eigen::MatrixXd around = x.col(k).replicate(1, p + 1);
+    around.leftCols(p).diagonal() += step * spread;
+    const Eigen::VectorXd values = response.values(around);
+    result.col(k) = (values.head(p).array() - values[p]) / (step * spread.array());
+  });
+  return result;
+}
+
+}  // namespace
+
+ResponseFunction response_function(const Study& study, const PreparedConfiguration& ready,
+                                   const InfluenceMap& influence, Response response) {
+  Study of_one = study;
+  of_one.responses = {response};
+  ResponseFunction function;
+  function.values = [of_one, &ready, &influence](const Eigen::MatrixXd& x) {
+    Eigen::VectorXd values(x.cols());
+    for_blocks(x.cols(), answer_block, [&](Index first, Index count) {
+      values.segment(first, count) =
+          responses(of_one, ready, influence, x.middleCols(first, count)).row(0).transpose();
+    });
+    return values;
+  };
+  if (ready.job.scene.alignment == Alignment::None && !is_counted(response))
+    function.gradients = [&influence, response](const Eigen::MatrixXd& x) {
+      return gradients(influence, response, x);
+    };
+  else
+    function.gradients = [values = function, spread = spreads(study)](const Eigen::MatrixXd& x) {
+      return differences(values, spread, x);
+    };
+  return function;
+}
+
+Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
+                          const Eigen::MatrixXd& x) {
+  if (is_counted(response))
+    throw std::invalid_argument("a response that is counted has no gradient");
+  Eigen::MatrixXd result(x.rows(), x.cols());
+  for_blocks(x.cols(), pass_lot, [&](Index first, Index count) {
+    const Eigen::MatrixXd offset = x.middleCols(first, count).colwise() - influence.centre;
+    const Eigen::MatrixXd moved = influence.slope.transpose() * offset;
+    const Eigen::MatrixXd shifted = influence.shift.transpose() * offset;
+    for (Index k = 0; k < count; ++k)
+      result.col(first + k) =
+          gradient(influence, response, made_by(influence, moved.col(k), shifted.col(k)));
+  });
+  return result;
 }
 
 }  // namespace abbe::sim::study

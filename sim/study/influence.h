@@ -1,13 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "cutting/mesh.h"
-#include "cutting/surface.h"
-#include "sim/study/arm.h"
+#include "cutting/part/mesh.h"
+#include "cutting/surface/surface.h"
+#include "sim/study/configuration.h"
 
 namespace abbe::sim::study {
 
@@ -57,23 +58,45 @@ bool is_counted(Response response);
 /// responses that are not counted, the maps are not kept: 10 000 vertices, 100 inputs
 /// and four rivals a vertex cost 8 M multiplications a machine, 0.2 ms on two cores.
 /// @return (responses x cases)
-Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,
-                          const Eigen::MatrixXd& x);
+Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready,
+                          const InfluenceMap& influence, const Eigen::MatrixXd& x);
 
 /// Effect on each vertex of a unit of each input, of the pass that makes the surface in the base
 /// run. (p x n), NaN where not cut
 Eigen::MatrixXd effects(const InfluenceMap& influence);
 
 /// Finds the rivals of the base run, what every input does to them, and where that fails.
-/// Left out, beside what `cutting::Rival` says: products of two inputs; that an input through
-/// geometric elements changes the cutting force (under compliance, by the share that it changes the
-/// depth of cut); of a turned part the square of a displacement D along the cut, slope D^2 / 2r, so
-/// that vertices nearer to the spindle line than some D are flagged. An input that is not linear
-/// has the mean slope between its values of one standard deviation, and is reported as if it were.
+/// Left out, beside what `cutting::CompetingPass` says: products of two inputs; that an input
+/// through geometric elements changes the cutting force (under compliance, by the share that it
+/// changes the depth of cut); of a turned part the square of a displacement D along the cut, slope
+/// D^2 / 2r, so that vertices nearer to the spindle line than some D are flagged. An input that is
+/// not linear has the mean slope between its values of one standard deviation, and is reported as
+/// if it were.
 /// @throws BadInput naming an input that changes part, program, nominal machine or stock: the maps
 ///         cannot follow those, the full engine can; where no checked machine can cut the program;
 ///         where the base run leaves all of the part uncut or gouged
-InfluenceMap influence_map(const Study& study, const ReadyArm& ready,
+InfluenceMap influence_map(const Study& study, const PreparedConfiguration& ready,
                            const Progress& progress = {});
+
+/// A response of an arm as a function of its inputs. Both may be called from any thread.
+struct ResponseFunction {
+  /// (p x cases) inputs -> (cases) mm or percent
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& x)> values;
+  /// (p x cases) inputs -> (p x cases) per unit of the input; at a kink that of one side
+  std::function<Eigen::MatrixXd(const Eigen::MatrixXd& x)> gradients;
+};
+
+/// By influence maps. Gradients are those of the maps in closed form where the scene aligns nothing
+/// and the response is not counted, else differences over a hundredth of the spreads. Keeps
+/// references: the arguments must outlive it.
+ResponseFunction response_function(const Study& study, const PreparedConfiguration& ready,
+                                   const InfluenceMap& influence, Response response);
+
+/// Gradients of a response of maps that are not aligned: of the pass that makes the surface at each
+/// vertex, weighted as the response weighs the vertex.
+/// @param x  (p x cases)  @return (p x cases); zero where nothing is cut
+/// @throws std::invalid_argument for a response that is counted
+Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
+                          const Eigen::MatrixXd& x);
 
 }  // namespace abbe::sim::study

@@ -1,25 +1,516 @@
+#include "sim/study/influence_map.h"
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <set>
+#include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
+#include <Eigen/Geometry>
 
-#include "kinematics/numbers.h"
-#include "sim/scene/bad_scene.h"
-#include "sim/study/influence_columns.h"
-#include "sim/study/plan.h"
+#include "cutting/surface/cutter_entry.h"
+#include "errors/coefficients.h"
+#include "errors/geometric.h"
+#include "errors/identification/model.h"
+#include "kinematics/jacobian.h"
+#include "kinematics/units.h"
+#include "sim/cut/tool_poses.h"
+#include "sim/machine/run_out.h"
+#include "sim/scene/toml.h"
+#include "sim/study/case_plan.h"
+#include "sim/study/influence.h"
 
+/// How the tool's displacement becomes that of the place where a rival pass makes the surface.
 namespace abbe::sim::study {
+
+/// Small displacement of the tool in the workpiece frame, [translation of the tip | rotation
+/// vector], mm and rad.
+using Twist = kinematics::Deviation;
+
+/// Displacement of the contact (mm, workpiece frame) by the tool's at the ends of the rival's move.
+/// Where the workpiece turns, what is interpolated is the displacement as the spindle sees it.
+Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
+                             const std::array<Twist, 2>& at_ends);
+
+/// A machine at the ends of a rival's move.
+struct Tool {
+  std::array<kinematics::Pose, 2> T_wt;
+  std::optional<SpindleLine> spindle;  ///< of this machine: another clamping puts it elsewhere
+};
+
+/// The tool in the workpiece at the instant of a rival, T_wt.
+kinematics::Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass,
+                         const Tool& tool);
+
+/// Displacement of the contact from one machine's tool to another's (mm, workpiece frame), each
+/// interpolated as the surface is made of it.
+Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
+                             const Tool& from, const Tool& to);
+
+// What inputs do to the rivals of a base run: columns of slope and shift of its influence map.
+
+/// Of some inputs, lying as in the map.
+struct Columns {
+  Eigen::MatrixXd slope;  ///< (inputs x rivals) mm per unit of the input
+  Eigen::MatrixXd shift;  ///< (inputs x rivals) the same, across the pass
+};
+
+/// What a unit of an input adds to the deviations of the joints: a difference of two models that
+/// hold nothing but the elements that it touches. Curves are linear in their numbers, so it is
+/// exact for those.
+struct GeometricInput {
+  Eigen::Index input = 0;
+  errors::GeometricModel with;
+  errors::GeometricModel without;
+  double per_unit = 1.0;
+};
+
+/// An input that acts through elements of the geometric errors only, on axes that are commanded the
+/// same whatever it is; none of any other kind.
+/// @param scenes  scenes_around it
+std::optional<GeometricInput> geometric_input(const BaseRun& run, Eigen::Index input,
+                                              const std::array<Scene, 2>& scenes);
+
+/// The columns of all geometric inputs at once, by the Jacobian of the chain.
+Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs);
+
+/// The column of any other input: the difference of the machines at `stepped_scenes`, the one's
+/// tool against the other's where rivals need it, and how far the one's tool is larger than the
+/// other's. With compliance, each is cut for its own forces.
+/// @throws BadInput where a machine cannot cut the program, or its samples are not those of others
+Columns difference_columns(const BaseRun& run, Eigen::Index input,
+                           const std::array<Scene, 2>& scenes);
+
+/// Whether two cutters leave the same surface on the same way.
+bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b);
+
 namespace {
 
-using cutting::Rival;
+/// The design with only those vertices judged that have no rival.
+cutting::Design without_rivals(cutting::Design design,
+                               const std::vector<cutting::CompetingPass>& competing_passes) {
+  design.judged.resize(std::size_t(design.vertices.rows()), 1);
+  for (const cutting::CompetingPass& competing_pass : competing_passes)
+    design.judged[std::size_t(competing_pass.vertex)] = 0;
+  return design;
+}
+
+}  // namespace
+
+BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const Progress& progress) {
+  const Job& job = ready.job;
+  if (!job.stretches.empty())
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "one tool for influence maps; engine = \"full\" follows several",
+                   fmt::format("{} tools", 1 + job.scene.more_tools.size()));
+  if (job.scene.tool.wear && job.scene.tool.wear->radius > 0.0)
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "a tool that keeps its radius for influence maps; engine = \"full\" follows its "
+                   "wear",
+                   "tool.wear.radius_um");
+  const auto* hollow = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
+  if (hollow && cutting::is_hollow(*hollow))
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "a convex tool for influence maps; engine = \"full\" follows a hollow one",
+                   "a tool.kind = \"profile\" that bends inwards");
+  BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
+  run.T_wt = tool_poses(job, ready.commanded, run.process);
+  cutting::CompetingPassOptions options;
+  options.reach = study.influence.reach;
+  options.most = study.influence.max_rivals;
+  options.band = job.scene.band;
+  if (progress) options.progress = [&](double fraction) { progress("rivals", fraction); };
+  const program::Samples& samples = ready.commanded.samples;
+  const cutting::SurfaceOptions band{.band = job.scene.band, .progress = {}};
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual)) {
+    for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);
+    const cutting::CutterMotion motion = cutter_motion(run.T_wt, samples);
+    run.competing_passes = cutting::milled_competing_passes(job.design_w, *cutter, motion, options);
+    run.gouges = cutting::milled_surface(without_rivals(job.design_w, run.competing_passes),
+                                         *cutter, motion, band)
+                     .gouges;
+    return run;
+  }
+  const int joint = *job.machine.workpiece_spindle;
+  run.spindle = spindle_line(job.truth.actual, joint);
+  run.sample = distinct_instants(samples);
+  const auto& nose = std::get<cutting::Nose>(job.scene.tool.actual);
+  const cutting::NoseMotion motion = nose_motion(run.T_wt, samples, *run.spindle, joint);
+  run.competing_passes = cutting::turned_competing_passes(job.design_w, nose, motion, options);
+  run.gouges = cutting::turned_surface(without_rivals(job.design_w, run.competing_passes), nose,
+                                       motion, band)
+                   .gouges;
+  return run;
+}
+
+std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass) {
+  const auto move = std::size_t(competing_pass.move);
+  const std::size_t next = std::min(move + 1, run.sample.size() - 1);
+  return {End{run.sample[move], 1.0 - competing_pass.t}, End{run.sample[next], competing_pass.t}};
+}
+
+std::vector<std::size_t> competing_pass_samples(const BaseRun& run) {
+  std::vector<std::size_t> needed;
+  for (const cutting::CompetingPass& competing_pass : run.competing_passes)
+    for (const End& end : ends_of(run, competing_pass)) needed.push_back(end.sample);
+  std::sort(needed.begin(), needed.end());
+  needed.erase(std::unique(needed.begin(), needed.end()), needed.end());
+  return needed;
+}
+
+std::array<double, 2> around(const Study& study, Eigen::Index input) {
+  const Distribution& d = study.inputs[std::size_t(input)].distribution;
+  return {value_at_score(d, -1.0), value_at_score(d, 1.0)};
+}
+
+std::array<Scene, 2> stepped_scenes(const BaseRun& run, Eigen::Index input) {
+  Eigen::VectorXd x = centre(run.study);
+  std::array<Scene, 2> scenes;
+  const std::array<double, 2> at = around(run.study, input);
+  for (std::size_t side = 0; side < 2; ++side) {
+    x[input] = at[side];
+    scenes[side] = with_run_out(scene_at(run.study, run.ready.arm, run.ready.scene, x));
+  }
+  return scenes;
+}
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+Matrix3d turn(const SpindleLine& line, double angle) {
+  return Eigen::AngleAxisd(angle, line.direction_w).toRotationMatrix();
+}
+
+double turn_at(const BaseRun& run, const End& end) {
+  return run.ready.commanded.samples.states[end.sample].q[*run.ready.job.machine.workpiece_spindle];
+}
+
+double turn_at(const BaseRun& run, const std::array<End, 2>& ends) {
+  return ends[0].share * turn_at(run, ends[0]) + ends[1].share * turn_at(run, ends[1]);
+}
+
+Pose between(const Pose& from, const Pose& to, double share) {
+  Pose pose = Pose::Identity();
+  pose.translation() = (1.0 - share) * from.translation() + share * to.translation();
+  pose.linear() = Eigen::Quaterniond(from.linear())
+                      .slerp(share, Eigen::Quaterniond(to.linear()))
+                      .toRotationMatrix();
+  return pose;
+}
+
+}  // namespace
+
+Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
+                      const std::array<Twist, 2>& at_ends) {
+  const std::array<End, 2> ends = ends_of(run, competing_pass);
+  Vector3d d = Vector3d::Zero();
+  for (std::size_t e = 0; e < 2; ++e) {
+    const Vector3d shift = at_ends[e].head<3>(), rotation = at_ends[e].tail<3>();
+    const Vector3d& tip = run.T_wt[ends[e].sample].translation();
+    if (!run.spindle) {
+      d += ends[e].share * (shift + rotation.cross(competing_pass.contact - tip));
+      continue;
+    }
+    // the contact, carried back by the spindle to where it is when the tool is at this end
+    const Matrix3d on = turn(*run.spindle, turn_at(run, ends) - turn_at(run, ends[e]));
+    const Vector3d contact = on.transpose() * (competing_pass.contact - run.spindle->point_w);
+    d += ends[e].share * (on * (shift + rotation.cross(contact - (tip - run.spindle->point_w))));
+  }
+  return d;
+}
+
+Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass, const Tool& tool) {
+  const std::array<End, 2> ends = ends_of(run, competing_pass);
+  if (!tool.spindle) return between(tool.T_wt[0], tool.T_wt[1], ends[1].share);
+  const SpindleLine& line = *tool.spindle;
+  const Pose slow = between(slow_pose(line, turn_at(run, ends[0]), tool.T_wt[0]),
+                            slow_pose(line, turn_at(run, ends[1]), tool.T_wt[1]), ends[1].share);
+  return slow_pose(line, -turn_at(run, ends), slow);
+}
+
+Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
+                      const Tool& from, const Tool& to) {
+  const Pose a = tool_at(run, competing_pass, from), b = tool_at(run, competing_pass, to);
+  const Matrix3d R = b.linear() * a.linear().transpose();
+  const Vector3d rotation = 0.5 * Vector3d(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
+  const Vector3d arm = competing_pass.contact - 0.5 * (a.translation() + b.translation());
+  return b.translation() - a.translation() + rotation.cross(arm);
+}
+
+namespace {
+
+using Eigen::Index;
+
+/// The elements through which an input acts if it acts through elements only; else none.
+std::set<std::string> elements_of(const Input& input) {
+  std::set<std::string> names;
+  if (!input.element.empty()) names.insert(input.element);
+  if (!input.number.empty()) names.insert(errors::identification::element_of_number(input.number));
+  for (const Setting& one : input.settings) {
+    const std::string errors = "errors.";
+    if (!one.path.starts_with(errors)) return {};
+    const std::size_t end = one.path.find('.', errors.size());
+    names.insert(one.path.substr(errors.size(), end - errors.size()));
+  }
+  return names;
+}
+
+errors::GeometricErrors only(const errors::GeometricErrors& all,
+                             const std::set<std::string>& names) {
+  errors::GeometricErrors some;
+  some.measuring_lines = all.measuring_lines;
+  for (const errors::Element& element : all.elements)
+    if (names.count(errors::to_string(element.name))) some.elements.push_back(element);
+  return some;
+}
+
+/// Whether nothing but elements can distinguish two scenes of the same input: their run-out
+/// is in the tools.
+bool same_tools(const ToolDescription& a, const ToolDescription& b) {
+  if (a.actual_length != b.actual_length) return false;
+  const auto* x = std::get_if<cutting::Cutter>(&a.actual);
+  const auto* y = std::get_if<cutting::Cutter>(&b.actual);
+  return !x || !y || same_shape(*x, *y);
+}
+
+Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
+               const Eigen::MatrixXd& J_motion, const Eigen::MatrixXd& J_location) {
+  Twist twist = Twist::Zero();
+  const auto add = [&](const errors::GeometricModel& model, double factor) {
+    const auto joints = errors::deviations(model, state);
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      const Index at = 6 * Index(i);
+      if (!joints[i].motion.isZero(0.0))
+        twist += factor * (J_motion.middleCols<6>(at) * joints[i].motion);
+      if (!joints[i].location.isZero(0.0))
+        twist += factor * (J_location.middleCols<6>(at) * joints[i].location);
+    }
+  };
+  add(input.with, input.per_unit);
+  add(input.without, -input.per_unit);
+  return twist;
+}
+
+}  // namespace
+
+std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
+                                              const std::array<Scene, 2>& scenes) {
+  if (run.ready.commanded_for_each) return std::nullopt;
+  const std::set<std::string> names = elements_of(run.study.inputs[std::size_t(input)]);
+  const std::array parts{only(scenes[0].geometric, names), only(scenes[1].geometric, names)};
+  for (const errors::GeometricErrors& part : parts)
+    if (names.empty() || part.elements.size() != names.size()) return std::nullopt;
+  if (!same_tools(scenes[0].tool, scenes[1].tool)) return std::nullopt;
+  const kinematics::Chain& chain = run.ready.job.truth.actual;
+  const double scale = scenes[0].error_scale;
+  const std::array<double, 2> at = around(run.study, input);
+  return GeometricInput{input, errors::scaled(errors::bind(parts[1], chain), scale),
+                        errors::scaled(errors::bind(parts[0], chain), scale),
+                        1.0 / (at[1] - at[0])};
+}
+
+Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs) {
+  const Index count = Index(inputs.size()), competing_passes = Index(run.competing_passes.size());
+  Columns columns{Eigen::MatrixXd(count, competing_passes),
+                  Eigen::MatrixXd(count, competing_passes)};
+  if (inputs.empty()) return columns;
+  const kinematics::Chain& chain = run.ready.job.truth.actual;
+  tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
+    const cutting::CompetingPass& competing_pass = run.competing_passes[r];
+    const std::array<End, 2> ends = ends_of(run, competing_pass);
+    std::vector<std::array<Twist, 2>> twists(inputs.size());
+    for (std::size_t e = 0; e < 2; ++e) {
+      const kinematics::AxisState& state = run.ready.commanded.samples.states[ends[e].sample];
+      const Eigen::MatrixXd J_motion = kinematics::motion_jacobian(chain, state.q);
+      const Eigen::MatrixXd J_location = kinematics::location_jacobian(chain, state.q);
+      for (std::size_t i = 0; i < inputs.size(); ++i)
+        twists[i][e] = twist_of(inputs[i], state, J_motion, J_location);
+    }
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const Eigen::Vector3d d = displacement(run, competing_pass, twists[i]);
+      columns.slope(Index(i), Index(r)) = competing_pass.gradient.dot(d);
+      columns.shift(Index(i), Index(r)) = competing_pass.across.dot(d);
+    }
+  });
+  return columns;
+}
+
+namespace {
+
+using cutting::CompetingPass;
+using Eigen::Index;
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+/// One of the two machines of a difference.
+struct Machined {
+  std::vector<Pose> T_wt;  ///< of the samples that rivals need
+  std::optional<SpindleLine> spindle;
+};
+
+Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std::size_t>& needed) {
+  const Job job = replace_errors(run.ready.job, scene);
+  const Commands own = run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
+  const Commands& commanded = run.ready.commanded_for_each ? own : run.ready.commanded;
+  if (commanded.samples.states.size() != run.T_wt.size())
+    throw BadInput(run.study.file.string(), 0, 0,
+                   "engine = \"full\" for a case whose samples depend on the machine",
+                   run.ready.arm.name);
+  // what gives way less takes more off, which loads it more
+  const bool bends = job.truth.compliance && !run.process.steps.empty();
+  Machined made{
+      tool_poses(job, commanded, bends ? cut_process(job, commanded) : run.process, needed),
+      std::nullopt};
+  if (run.spindle) made.spindle = spindle_line(job.truth.actual, *job.machine.workpiece_spindle);
+  return made;
+}
+
+/// mm along the normal, how far a cutter of another shape leaves the surface on a rival's own move.
+double left_by(const BaseRun& run, const cutting::CutterMotion& motion,
+               const CompetingPass& competing_pass, const cutting::Cutter& cutter) {
+  const cutting::Design& design = run.ready.job.design_w;
+  const cutting::Ray ray{design.vertices.row(competing_pass.vertex).transpose(),
+                         design.normals.row(competing_pass.vertex).transpose(),
+                         run.ready.job.scene.band};
+  const auto entry =
+      cutting::first_entry(cutter, cutting::move_after(motion, competing_pass.move), ray, ray.band);
+  return entry ? entry->s : competing_pass.distance;
+}
+
+/// mm from the centre to the edge of a nose in the direction psi.
+double edge_at(const cutting::Nose& nose, double psi) {
+  double radius = nose.radius;
+  for (const cutting::NoseWave& wave : nose.waves)
+    radius += wave.amplitude * std::cos(wave.order * psi + wave.phase);
+  return radius;
+}
+
+/// How much farther out another edge is where one touches, in (x, z) of frame t.
+Eigen::Vector2d outer_part(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
+                           const Vector3d& contact_t) {
+  const Eigen::Vector2d at(contact_t.x(), contact_t.z());
+  const cutting::OutlineDistance here = cutting::distance(from.pieces, at);
+  return (here.value - cutting::distance(to.pieces, at).value) * here.gradient;
+}
+
+/// One column that does nothing.
+Columns nothing(const BaseRun& run) {
+  const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(1, Index(run.competing_passes.size()));
+  return {zero, zero};
+}
+
+Columns cutter_columns(const BaseRun& run, const cutting::Cutter& from, const cutting::Cutter& to,
+                       double per_unit) {
+  Columns columns = nothing(run);
+  if (same_shape(from, to)) return columns;
+  if (cutting::is_hollow(from) || cutting::is_hollow(to))
+    throw std::invalid_argument(
+        "influence maps: expected convex tools, seen a tool.kind = \"profile\" that bends inwards");
+  const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.commanded.samples);
+  tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
+    const double larger = left_by(run, motion, run.competing_passes[r], to);
+    const double smaller = left_by(run, motion, run.competing_passes[r], from);
+    columns.slope(0, Index(r)) = (larger - smaller) * per_unit;
+  });
+  return columns;
+}
+
+/// One column of what moves the contacts of rivals: `moved(competing_pass, ends of its move)`, mm
+/// per unit.
+template <typename Moved>
+Columns contact_columns(const BaseRun& run, const Moved& moved) {
+  Columns columns = nothing(run);
+  tbb::parallel_for(std::size_t(0), run.competing_passes.size(), [&](std::size_t r) {
+    const CompetingPass& competing_pass = run.competing_passes[r];
+    const Vector3d d = moved(competing_pass, ends_of(run, competing_pass));
+    columns.slope(0, Index(r)) = competing_pass.gradient.dot(d);
+    columns.shift(0, Index(r)) = competing_pass.across.dot(d);
+  });
+  return columns;
+}
+
+/// An edge that stands out farther moves the contact away from the centre.
+Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cutting::Nose& to,
+                     double per_unit) {
+  return contact_columns(
+      run, [&](const CompetingPass& competing_pass, const std::array<End, 2>& ends) -> Vector3d {
+        const Pose T_wt =
+            tool_at(run, competing_pass,
+                    {{run.T_wt[ends[0].sample], run.T_wt[ends[1].sample]}, run.spindle});
+        const Vector3d contact_t = T_wt.inverse() * competing_pass.contact;
+        if (from.profile) {
+          const Eigen::Vector2d out = outer_part(*from.profile, *to.profile, contact_t) * per_unit;
+          return T_wt.linear() * Vector3d(out.x(), 0.0, out.y());
+        }
+        const double psi = std::atan2(contact_t.z(), contact_t.x());
+        const double out = (edge_at(to, psi) - edge_at(from, psi)) * per_unit;
+        return out * (competing_pass.contact - T_wt.translation()).normalized();
+      });
+}
+
+/// What the shape of the tool does.
+Columns shape_columns(const BaseRun& run, const ToolDescription& from, const ToolDescription& to,
+                      double per_unit) {
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&from.actual))
+    return cutter_columns(run, *cutter, std::get<cutting::Cutter>(to.actual), per_unit);
+  return nose_columns(run, std::get<cutting::Nose>(from.actual), std::get<cutting::Nose>(to.actual),
+                      per_unit);
+}
+
+/// What the two machines' poses do.
+Columns pose_columns(const BaseRun& run, const std::array<Machined, 2>& sides,
+                     const std::vector<std::size_t>& needed, double per_unit) {
+  const auto tool = [&](const Machined& side, const std::array<End, 2>& ends) {
+    Tool one{{}, side.spindle};
+    for (std::size_t e = 0; e < 2; ++e)
+      one.T_wt[e] = side.T_wt[std::size_t(
+          std::lower_bound(needed.begin(), needed.end(), ends[e].sample) - needed.begin())];
+    return one;
+  };
+  return contact_columns(
+      run, [&](const CompetingPass& competing_pass, const std::array<End, 2>& ends) -> Vector3d {
+        return per_unit *
+               displacement(run, competing_pass, tool(sides[0], ends), tool(sides[1], ends));
+      });
+}
+
+}  // namespace
+
+bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
+  return a.radius == b.radius && a.corner_radius == b.corner_radius &&
+         a.flank_length == b.flank_length &&
+         (a.outline == b.outline || (a.outline && b.outline && *a.outline == *b.outline));
+}
+
+Columns difference_columns(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes) {
+  const std::array<double, 2> at = around(run.study, input);
+  const double per_unit = 1.0 / (at[1] - at[0]);
+  const std::vector<std::size_t> needed = competing_pass_samples(run);
+  Columns columns = pose_columns(
+      run, {machined(run, scenes[0], needed), machined(run, scenes[1], needed)}, needed, per_unit);
+  const Columns shape = shape_columns(run, scenes[0].tool, scenes[1].tool, per_unit);
+  columns.slope += shape.slope;
+  columns.shift += shape.shift;
+  return columns;
+}
+
+namespace {
+
+using cutting::CompetingPass;
 using Eigen::Index;
 
 constexpr std::uint64_t check_stream = 0x2545f4914f6cdd1dULL;
 Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
-  const Index p = Index(run.study.inputs.size()), m = Index(run.rivals.size());
+  const Index p = Index(run.study.inputs.size()), m = Index(run.competing_passes.size());
   Columns all{Eigen::MatrixXd(p, m), Eigen::MatrixXd(p, m)};
   const auto put = [&](Index input, const Columns& some, Index row) {
     all.slope.row(input) = some.slope.row(row);
@@ -28,12 +519,12 @@ Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
   std::vector<GeometricInput> geometric;
   for (Index i = 0; i < p; ++i) {
     if (progress) progress("inputs", double(i) / double(p));
-    if (reshapes(run.study.inputs[std::size_t(i)]))
+    if (is_reshaping(run.study.inputs[std::size_t(i)]))
       throw BadInput(run.study.file.string(), 0, 0,
                      "engine = \"full\" for an input that changes part, program, nominal machine "
                      "or stock",
                      run.study.inputs[std::size_t(i)].name);
-    const std::array<Scene, 2> scenes = scenes_around(run, i);
+    const std::array<Scene, 2> scenes = stepped_scenes(run, i);
     if (auto one = geometric_input(run, i, scenes))
       geometric.push_back(std::move(*one));
     else
@@ -47,7 +538,7 @@ Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
 /// Machines that are cut to see where the maps fail, those left out that cannot cut the program.
 class Checks {
  public:
-  Checks(const Study& study, const ReadyArm& ready) : study_(study), ready_(ready) {}
+  Checks(const Study& study, const PreparedConfiguration& ready) : study_(study), ready_(ready) {}
 
   std::optional<cutting::Surface> cut(const Eigen::VectorXd& x) {
     try {
@@ -63,13 +554,13 @@ class Checks {
   }
 
   /// @throws what the last one was refused for, if no machine could be cut
-  void want_one() const {
+  void throw_unless_checked() const {
     if (!any_ && refused_) std::rethrow_exception(refused_);
   }
 
  private:
   const Study& study_;
-  const ReadyArm& ready_;
+  const PreparedConfiguration& ready_;
   bool any_ = false;
   std::exception_ptr refused_;
 };
@@ -110,22 +601,22 @@ Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Prog
     for (Index v = 0; v < doubt.size(); ++v)
       doubt[v] = std::max(doubt[v], off(map, *surface, v, estimated(v, i)));
   }
-  checks.want_one();
+  checks.throw_unless_checked();
   return doubt;
 }
 
 /// Without rivals where the study compares with an error-free map that has no surface there.
 BaseRun comparable(BaseRun run) {
   if (run.study.machine_part)
-    std::erase_if(run.rivals, [&](const Rival& rival) {
-      return !std::isfinite(run.ready.error_free.residual[rival.vertex]);
+    std::erase_if(run.competing_passes, [&](const CompetingPass& competing_pass) {
+      return !std::isfinite(run.ready.error_free.residual[competing_pass.vertex]);
     });
   return run;
 }
 
 /// The rivals of every vertex, in order, before what inputs do to them.
 InfluenceMap framed(const BaseRun& run) {
-  const std::vector<Rival>& rivals = run.rivals;
+  const std::vector<CompetingPass>& competing_passes = run.competing_passes;
   const Job& job = run.ready.job;
   const Index n = job.design_w.vertices.rows();
   InfluenceMap map;
@@ -140,21 +631,21 @@ InfluenceMap framed(const BaseRun& run) {
   for (const cutting::Gouge& gouge : run.gouges)
     map.status[std::size_t(gouge.vertex)] = cutting::VertexStatus::Gouged;
   if (run.study.machine_part) map.error_free = run.ready.error_free.residual;
-  map.distance.resize(Index(rivals.size()));
-  map.half_curvature.resize(Index(rivals.size()));
+  map.distance.resize(Index(competing_passes.size()));
+  map.half_curvature.resize(Index(competing_passes.size()));
   map.first.assign(std::size_t(n) + 1, 0);
-  for (std::size_t r = 0; r < rivals.size(); ++r) {
-    ++map.first[std::size_t(rivals[r].vertex) + 1];
-    map.status[std::size_t(rivals[r].vertex)] = cutting::VertexStatus::Cut;
-    map.distance[Index(r)] = rivals[r].distance;
-    map.half_curvature[Index(r)] = 0.5 * rivals[r].curvature;
+  for (std::size_t r = 0; r < competing_passes.size(); ++r) {
+    ++map.first[std::size_t(competing_passes[r].vertex) + 1];
+    map.status[std::size_t(competing_passes[r].vertex)] = cutting::VertexStatus::Cut;
+    map.distance[Index(r)] = competing_passes[r].distance;
+    map.half_curvature[Index(r)] = 0.5 * competing_passes[r].curvature;
   }
   for (std::size_t v = 0; v < std::size_t(n); ++v) map.first[v + 1] += map.first[v];
   return map;
 }
 
 /// What a base run without any rival did instead.
-std::string instead_of_cutting(const BaseRun& run) {
+std::string uncut_message(const BaseRun& run) {
   const std::string& arm = run.ready.arm.name;
   if (run.gouges.empty()) return fmt::format("nothing cut ({})", arm);
   return fmt::format("nothing cut within {} mm, {} {} gouged deeper ({})", run.ready.job.scene.band,
@@ -163,12 +654,13 @@ std::string instead_of_cutting(const BaseRun& run) {
 
 }  // namespace
 
-InfluenceMap influence_map(const Study& study, const ReadyArm& ready, const Progress& progress) {
+InfluenceMap influence_map(const Study& study, const PreparedConfiguration& ready,
+                           const Progress& progress) {
   const BaseRun run = comparable(base_run(study, ready, progress));
-  if (run.rivals.empty())
+  if (run.competing_passes.empty())
     throw BadInput(study.scene.string(), 0, 0,
                    "a program that cuts the part within the band, every input at its centre",
-                   instead_of_cutting(run));
+                   uncut_message(run));
   InfluenceMap map = framed(run);
   Columns columns = columns_of_inputs(run, progress);
   map.slope = std::move(columns.slope);

@@ -3,26 +3,123 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sqlite3.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "kinematics/bad_input.h"
 #include "kinematics/hash.h"
+#include "sim/files/atomic_output.h"
 #include "sim/files/output.h"
-#include "sim/study/journal_lock.h"
 
 namespace abbe::sim::study {
+
+/// A file beside a journal that one process at a time can hold, void as soon as its process ends.
+/// SQLite's own locks serve reading and writing; they would not keep a second study from doing the
+/// same cases.
+class JournalLock {
+ public:
+  /// @throws OutputFailure if another process holds it, naming that process, or the file cannot be
+  ///         one of abbe's
+  explicit JournalLock(const std::filesystem::path& journal);
+  ~JournalLock();
+  JournalLock(const JournalLock&) = delete;
+  JournalLock& operator=(const JournalLock&) = delete;
+
+ private:
+  void try_once();
+
+  std::filesystem::path journal_, file_;
+  int descriptor_ = -1;
+};
+
 namespace {
 
-constexpr int our_files = 0x61626265;  // "abbe" in the head of the file
-constexpr int busy_ms = 20000;         // a reader may look while the writer tidies up
+[[noreturn]] void throw_not_locked(const std::filesystem::path& file, int reason) {
+  throw OutputFailure(
+      fmt::format("{}: cannot be locked: {}", file.string(), std::strerror(reason)));
+}
+
+/// Who holds the lock, as that process wrote it.
+std::string holder(int descriptor) {
+  char text[200];
+  const ssize_t length = ::pread(descriptor, text, sizeof text, 0);
+  return length > 0 ? std::string(text, std::size_t(length)) : "another process";
+}
+
+/// Whether a lock may be made of a file: an empty one, or what a holder left.
+bool is_lock(int descriptor) {
+  struct stat about {};
+  if (::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) return false;
+  const std::string who = about.st_size > 0 ? holder(descriptor) : "";
+  return about.st_size == 0 ||
+         (about.st_size < 200 && who.starts_with("process ") && who.find(" on ") != who.npos);
+}
+
+}  // namespace
+
+JournalLock::JournalLock(const std::filesystem::path& journal)
+    : journal_(journal), file_(journal.string() + "-lock") {
+  while (descriptor_ < 0) try_once();
+  char host[100] = "";
+  ::gethostname(host, sizeof host - 1);
+  const std::string who = fmt::format("process {} on {}", ::getpid(), host);
+  // only to inform others: on a full disk it may fail
+  if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
+    const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
+}
+
+JournalLock::~JournalLock() {
+  ::unlink(file_.c_str());
+  ::close(descriptor_);
+}
+
+void JournalLock::try_once() {
+  const int descriptor = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+  if (descriptor < 0) throw_not_locked(file_, errno);
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    const int reason = errno;
+    const std::string who = holder(descriptor);
+    ::close(descriptor);
+    if (reason == EINTR) return;
+    if (reason != EWOULDBLOCK) throw_not_locked(file_, reason);
+    throw OutputFailure(fmt::format(
+        "{}: another process works on this study ({}); wait for it, or use another --out",
+        journal_.string(), who));
+  }
+  if (!is_lock(descriptor)) {
+    ::close(descriptor);
+    throw OutputFailure(fmt::format(
+        "{}: a file that abbe did not make stands there; move it, or choose another --out",
+        file_.string()));
+  }
+  // its holder may have ended, and the file with it, between the two calls above
+  struct stat held {
+  }, there{};
+  if (::fstat(descriptor, &held) == 0 && ::stat(file_.c_str(), &there) == 0 &&
+      held.st_ino == there.st_ino && held.st_dev == there.st_dev)
+    descriptor_ = descriptor;
+  else
+    ::close(descriptor);
+}
+
+namespace {
+
+constexpr int application_id = 0x61626265;  // "abbe" in the head of the file
+constexpr int busy_ms = 20000;              // a reader may look while the writer tidies up
 constexpr const char* tables[] = {
     "CREATE TABLE cases (number INTEGER PRIMARY KEY, answers BLOB NOT NULL, fault TEXT NOT NULL, "
     "check_sum INTEGER NOT NULL)",
@@ -40,7 +137,7 @@ std::string bytes_of(const std::vector<double>& answers) {
   return bytes;
 }
 
-std::vector<double> answers_in(std::string_view bytes) {
+std::vector<double> parse_responses(std::string_view bytes) {
   std::vector<double> answers(bytes.size() / 8);
   for (std::size_t k = 0; k < answers.size(); ++k) {
     std::uint64_t bits = 0;
@@ -66,7 +163,7 @@ struct FinishStatement {
 };
 using Statement = std::unique_ptr<sqlite3_stmt, FinishStatement>;
 
-BadInput no_journal(const std::filesystem::path& file, const std::string& seen) {
+BadInput not_a_journal(const std::filesystem::path& file, const std::string& seen) {
   return BadInput(file.string(), 0, 0,
                   "the journal of a study (to start from the beginning, delete the file or choose "
                   "another --out)",
@@ -84,9 +181,9 @@ struct Database {
     const int kind = code & 0xff;
     if (system != 0 && (kind == SQLITE_IOERR || kind == SQLITE_CANTOPEN))
       reason += fmt::format(" ({})", std::strerror(system));
-    if (kind == SQLITE_NOTADB) throw no_journal(file, "something else");
-    if (kind == SQLITE_CORRUPT) throw no_journal(file, "a damaged one");
-    if (!to_write) throw no_journal(file, reason);
+    if (kind == SQLITE_NOTADB) throw not_a_journal(file, "something else");
+    if (kind == SQLITE_CORRUPT) throw not_a_journal(file, "a damaged one");
+    if (!to_write) throw not_a_journal(file, reason);
     throw OutputFailure(fmt::format("{}: cannot be written: {}", file.string(), reason));
   }
   Statement prepared(std::string_view sql) const {
@@ -145,13 +242,13 @@ Row row_at(const Database& database, const Statement& step) {
   row.fault = bytes(step, 2);
   if (!kinds || answers.size() % 8 != 0 ||
       sqlite3_column_int64(step.get(), 3) != check_sum(row.index, answers, row.fault))
-    throw no_journal(database.file, fmt::format("a damaged one (case {})", row.index));
-  row.answers = answers_in(answers);
+    throw not_a_journal(database.file, fmt::format("a damaged one (case {})", row.index));
+  row.answers = parse_responses(answers);
   return row;
 }
 
 template <typename Visit>
-void each_row(const Database& database, const Visit& visit) {
+void for_every_row(const Database& database, const Visit& visit) {
   const Statement rows =
       database.prepared("SELECT number, answers, fault, check_sum FROM cases ORDER BY number");
   while (database.step(rows)) visit(row_at(database, rows));
@@ -162,7 +259,7 @@ void each_row(const Database& database, const Visit& visit) {
 void check_pages(const Database& database) {
   const Statement check = database.prepared("PRAGMA quick_check(1)");
   if (!database.step(check) || bytes(check, 0) != "ok")
-    throw no_journal(database.file, "a damaged one");
+    throw not_a_journal(database.file, "a damaged one");
 }
 
 /// Whether nothing has been written to it yet: a process may end just after it made the file.
@@ -172,21 +269,21 @@ bool is_blank(const Database& database) {
 }
 
 /// @throws BadInput unless it is a journal
-std::string identity_of(const Database& database) {
+std::string study_identity(const Database& database) {
   const Statement schema = database.prepared("SELECT sql FROM sqlite_schema ORDER BY name");
   for (const char* table : tables)
     if (!database.step(schema) || bytes(schema, 0) != table)
-      throw no_journal(database.file, "something else");
-  if (database.step(schema) || database.number("PRAGMA application_id") != our_files)
-    throw no_journal(database.file, "something else");
+      throw not_a_journal(database.file, "something else");
+  if (database.step(schema) || database.number("PRAGMA application_id") != application_id)
+    throw not_a_journal(database.file, "something else");
   const Statement study = database.prepared("SELECT identity FROM study");
-  if (!database.step(study)) throw no_journal(database.file, "one without a study");
+  if (!database.step(study)) throw not_a_journal(database.file, "one without a study");
   return std::string(bytes(study, 0));
 }
 
 /// Runs `write` in a transaction: all of it happens or nothing.
 template <typename Write>
-void in_one_transaction(const Database& database, const Write& write) {
+void run_transaction(const Database& database, const Write& write) {
   database.run("BEGIN IMMEDIATE");
   try {
     write();
@@ -206,17 +303,17 @@ void bind_bytes(const Statement& statement, int place, std::string_view value, b
 }
 
 void begin(const Database& database, const std::string& identity) {
-  in_one_transaction(database, [&] {
+  run_transaction(database, [&] {
     for (const char* table : tables) database.run(table);
     const Statement study = database.prepared("INSERT INTO study VALUES (?)");
     bind_bytes(study, 1, identity, true);
     database.step(study);
-    database.run(fmt::format("PRAGMA application_id = {}", our_files));
+    database.run(fmt::format("PRAGMA application_id = {}", application_id));
   });
 }
 
 void rename(const Database& database, const std::string& identity) {
-  in_one_transaction(database, [&] {
+  run_transaction(database, [&] {
     const Statement study = database.prepared("UPDATE study SET identity = ?");
     bind_bytes(study, 1, identity, true);
     database.step(study);
@@ -236,7 +333,7 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
 struct Beside {
   const char* ending;
   std::string_view begins;
-  std::uintmax_t fewest_bytes;  ///< below, it is being made
+  std::uintmax_t min_file_bytes;  ///< below, it is being made
 };
 constexpr std::string_view memory_begins(
     std::endian::native == std::endian::little ? "\x18\xe2\x2d\0" : "\0\x2d\xe2\x18", 4);
@@ -244,9 +341,9 @@ constexpr Beside beside[] = {{"-wal", "\x37\x7f\x06", 1},
                              {"-shm", memory_begins, 4},
                              {"-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 1}};
 
-bool is_sqlites(const std::filesystem::path& file, const Beside& kind) {
+bool is_sqlite_companion(const std::filesystem::path& file, const Beside& kind) {
   std::error_code failure;
-  if (std::filesystem::file_size(file, failure) < kind.fewest_bytes && !failure) return true;
+  if (std::filesystem::file_size(file, failure) < kind.min_file_bytes && !failure) return true;
   std::string head(kind.begins.size(), '\0');
   std::ifstream(file, std::ios::binary).read(head.data(), std::streamsize(head.size()));
   return head == kind.begins || head == std::string(head.size(), '\0');
@@ -269,19 +366,20 @@ void check_places(const std::filesystem::path& file) {
   is_there(file);
   for (const Beside& kind : beside) {
     const std::filesystem::path one = file.string() + kind.ending;
-    if (is_there(one) && !is_sqlites(one, kind)) refuse(one, "a file that abbe did not make");
+    if (is_there(one) && !is_sqlite_companion(one, kind))
+      refuse(one, "a file that abbe did not make");
   }
 }
 
-Database opened_to_write(const std::filesystem::path& file, const std::string& identity) {
+Database open_to_write(const std::filesystem::path& file, const std::string& identity) {
   check_places(file);
   std::error_code missing;
   const auto size = std::filesystem::file_size(file, missing);
   // SQLite takes less than a page for an empty database, and would write over it
-  if (!missing && size > 0 && size < 512) throw no_journal(file, "something else");
+  if (!missing && size > 0 && size < 512) throw not_a_journal(file, "something else");
   Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   const bool blank = is_blank(database);
-  const std::string seen = blank ? identity : identity_of(database);
+  const std::string seen = blank ? identity : study_identity(database);
   const bool others = seen != identity;
   // a study that failed before its first case leaves nothing that another one could mix up
   const bool empty = !blank && database.number("SELECT count(*) FROM cases") == 0;
@@ -292,14 +390,15 @@ Database opened_to_write(const std::filesystem::path& file, const std::string& i
   if (blank) begin(database, identity);
   if (others) rename(database, identity);
   check_pages(database);
-  each_row(database, [](const Row&) {});
+  for_every_row(database, [](const Row&) {});
   return database;
 }
 
-Database opened_to_read(const std::filesystem::path& file) {
+Database open_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
-    throw no_journal(file, std::filesystem::exists(file, ignored) ? "something else" : "no file");
+    throw not_a_journal(file,
+                        std::filesystem::exists(file, ignored) ? "something else" : "no file");
   check_places(file);
   return opened(file, SQLITE_OPEN_READONLY);
 }
@@ -312,7 +411,7 @@ bool operator==(const Row& a, const Row& b) {
 
 struct Journal::Connection {
   Connection(const std::filesystem::path& file, const std::string& identity)
-      : lock(file), database(opened_to_write(file, identity)) {}
+      : lock(file), database(open_to_write(file, identity)) {}
   /// Leaves one file, which can be read where nothing can be written; if a reader is at it, it
   /// stays as it is.
   ~Connection() {
@@ -334,7 +433,7 @@ Journal::~Journal() = default;
 
 void Journal::add(const std::vector<Row>& rows) {
   const Database& database = connection_->database;
-  in_one_transaction(database, [&] {
+  run_transaction(database, [&] {
     const Statement insert =
         database.prepared("INSERT INTO cases VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING");
     for (const Row& row : rows) {
@@ -360,12 +459,12 @@ std::vector<std::uint64_t> Journal::finished() const {
 }
 
 Recorded recorded(const std::filesystem::path& file) {
-  const Database database = opened_to_read(file);
-  if (is_blank(database)) throw no_journal(file, "an empty file");
+  const Database database = open_to_read(file);
+  if (is_blank(database)) throw not_a_journal(file, "an empty file");
   Recorded found;
-  found.identity = identity_of(database);
+  found.identity = study_identity(database);
   check_pages(database);
-  each_row(database, [&](Row row) { found.rows.push_back(std::move(row)); });
+  for_every_row(database, [&](Row row) { found.rows.push_back(std::move(row)); });
   return found;
 }
 

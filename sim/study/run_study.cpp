@@ -1,31 +1,114 @@
 #include "sim/study/run_study.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <set>
+#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/escape.h"
-#include "sim/cut/stages.h"
+#include "sim/cut/run_estimate.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
-#include "sim/study/budget_of.h"
-#include "sim/study/csv_field.h"
+#include "sim/scene/table_reader.h"
+#include "sim/study/budget_analysis.h"
 #include "sim/study/histories.h"
-#include "sim/study/influence_files.h"
-#include "sim/study/picture_names.h"
-#include "sim/study/study_page.h"
-#include "sim/study/words.h"
+#include "sim/study/study_results.h"
+#include "sim/study/study_text.h"
 
 namespace abbe::sim::study {
+
+namespace {
+
+/// As one word of the shell.
+std::string quoted(const std::string& text) {
+  if (matches(text, "[A-Za-z0-9_./+:,@-]+")) return text;
+  std::string word = "'";
+  for (const char letter : text) word += letter == '\'' ? "'\\''" : std::string(1, letter);
+  return word + "'";
+}
+
+std::string quoted(const std::filesystem::path& path) {
+  return quoted(std::filesystem::absolute(path).lexically_normal().string());
+}
+
+/// A name that Slurm's own lines can hold.
+std::string job_name(const std::filesystem::path& study) {
+  std::string name = "abbe-";
+  for (const unsigned char letter : study.stem().string())
+    name += std::isalnum(letter) != 0 || letter == '_' || letter == '-' ? char(letter) : '_';
+  return name;
+}
+
+/// Where Slurm logs: beside the folder of results, in which nobody else writes.
+std::filesystem::path log_folder(const SlurmOptions& options) {
+  std::filesystem::path out = std::filesystem::absolute(options.out).lexically_normal();
+  if (!out.has_filename()) out = out.parent_path();
+  return out += "-logs";
+}
+
+/// Slurm puts the number of the task and the like in place of %a in the name of a log.
+std::string log_name(const SlurmOptions& options, const std::string& name) {
+  std::string folder;
+  for (const char letter : log_folder(options).string())
+    folder += letter == '%' ? "%%" : std::string(1, letter);
+  return quoted(folder + "/" + name);
+}
+
+void check(const SlurmOptions& options) {
+  if (options.shards < 1 || options.cpus < 1)
+    throw std::invalid_argument("a job array needs at least one shard and one cpu");
+  if (!matches(options.time, "[0-9]+(:[0-9]+){0,2}|[0-9]+-[0-9]+(:[0-9]+){0,2}"))
+    throw std::invalid_argument(fmt::format(
+        "expected a time as Slurm reads it (90, 12:00:00, 2-00), seen {}", options.time));
+}
+
+}  // namespace
+
+std::string slurm_script(const SlurmOptions& options) {
+  check(options);
+  const std::string command =
+      fmt::format("{} study {} --out {}{}", quoted(options.program), quoted(options.study),
+                  quoted(options.out), options.trust ? " --trust" : "");
+  return fmt::format(
+      R"(#!/bin/sh
+#SBATCH --job-name={name}
+#SBATCH --array=0-{last}
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task={cpus}
+#SBATCH --time={time}
+#SBATCH --requeue
+#SBATCH --open-mode=append
+# Submit with:  sh THIS_FILE
+# Cases that are done are kept: after a failure or a time limit, submit it again.
+set -eu
+
+if [ -n "${{SLURM_ARRAY_TASK_ID:-}}" ]; then
+  exec {command} --threads {cpus} --shard "$SLURM_ARRAY_TASK_ID/{shards}"
+fi
+
+mkdir -p {logs}
+shards=$(sbatch --parsable --output={shard_log} "$0")
+sbatch --dependency="afterok:${{shards%%;*}}" --kill-on-invalid-dep=yes --job-name={name}-merge \
+  --ntasks=1 --cpus-per-task={cpus} --time={time} --output={merge_log} \
+  --wrap={merge}
+)",
+      fmt::arg("name", job_name(options.study)), fmt::arg("last", options.shards - 1),
+      fmt::arg("cpus", options.cpus), fmt::arg("time", options.time), fmt::arg("command", command),
+      fmt::arg("shards", options.shards), fmt::arg("logs", quoted(log_folder(options))),
+      fmt::arg("shard_log", log_name(options, "shard-%a.log")),
+      fmt::arg("merge_log", log_name(options, "merge.log")),
+      fmt::arg("merge", quoted(fmt::format("{} --threads {} --merge", command, options.cpus))));
+}
+
 namespace {
 
 using nlohmann::ordered_json;
 using std::filesystem::path;
 
-constexpr std::uint64_t most_input_cells = 2'000'000;
+constexpr std::uint64_t max_input_cells = 2'000'000;
 constexpr std::uint64_t inputs_at_once = 1024;
 
 std::string journal_name(const StudyOptions& options) {
@@ -45,7 +128,7 @@ std::vector<path> journals(const path& folder) {
   return files;
 }
 
-Recorded recorded_of(const Study& study, const path& folder) {
+Recorded read_journal_file(const Study& study, const path& folder) {
   const std::vector<path> files = journals(folder);
   if (files.empty())
     throw BadInput(folder.string(), 0, 0, "a folder with a journal: the --out of `abbe study`",
@@ -76,19 +159,20 @@ int shards_of(const path& folder) {
 }
 
 /// Which shards miss how many cases.
-std::string missing_of_shards(const Plan& plan, const std::vector<Row>& rows, int shards) {
+std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, int shards) {
   std::vector<std::uint64_t> finished;
   for (const Row& row : rows) finished.push_back(row.index);
   const std::vector<Batch> batches = batches_of(plan);
   std::string text;
   for (int i = 0; i < shards; ++i) {
-    const std::uint64_t missing = cases_in(unfinished(of_shard(batches, {i, shards}), finished));
+    const std::uint64_t missing =
+        cases_in(unfinished(shard_batches(batches, {i, shards}), finished));
     if (missing > 0) text += fmt::format(", {} missing of --shard {}/{}", missing, i, shards);
   }
   return text;
 }
 
-std::string response_head(const Study& study, const Arm& arm, Response response) {
+std::string response_head(const Study& study, const Configuration& arm, Response response) {
   const std::string unit = unit_of(response) == std::string("%") ? "percent" : unit_of(response);
   const std::string figure = fmt::format("{}_{}", name_of(response), unit);
   return study.arms.size() == 1 ? figure : arm.name + " " + figure;
@@ -98,7 +182,7 @@ std::string table_head(const Study& study, bool with_inputs) {
   std::string head = "case,analysis,engine";
   for (const Input& input : study.inputs)
     if (with_inputs) head += "," + csv_field(input.name + " / " + unit_of(input));
-  for (const Arm& arm : study.arms)
+  for (const Configuration& arm : study.arms)
     for (const Response response : study.responses)
       head += "," + csv_field(response_head(study, arm, response));
   return head + ",fault\n";
@@ -133,7 +217,7 @@ StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& 
 }
 
 /// With every name on one line, for the terminal.
-std::vector<HistoryResult> one_lined(std::vector<HistoryResult> results) {
+std::vector<HistoryResult> single_lined(std::vector<HistoryResult> results) {
   for (HistoryResult& one : results) {
     one.train = escaped(one.train);
     one.test = escaped(one.test);
@@ -144,8 +228,8 @@ std::vector<HistoryResult> one_lined(std::vector<HistoryResult> results) {
 
 // Seconds on two cores, of a vertex of an influence map: its rivals, an input's effect, a check, a
 // case estimated from it, its pictures.
-constexpr double s_of_vertex_rivalled = 6e-5, s_of_vertex_input = 2e-6, s_of_vertex_checked = 4e-5,
-                 s_of_vertex_case = 4e-8, s_of_vertex_drawn = 2e-5;
+constexpr double s_of_vertex_passes = 6e-5, s_of_vertex_input = 2e-6, s_of_vertex_checked = 4e-5,
+                 s_of_vertex_case = 4e-8, seconds_per_vertex_drawn = 2e-5;
 
 bool has_maps(const Study& study) { return study.engine != Engine::Full && !study.inputs.empty(); }
 
@@ -154,48 +238,49 @@ WorkSize size_of_scene(const Study& study) {
   return study.arms.empty() ? WorkSize{} : expected_size(scene_of(study, study.arms.front()));
 }
 
-/// Every arm made ready, as `ready_study` reports it.
-std::vector<Stage> stages_of_making_ready(const Study& study) {
+/// Every arm made ready, as `prepare_study` reports it.
+std::vector<Stage> preparation_stages(const Study& study) {
   const std::string part = "prepare " + study.title;
   const WorkSize size = size_of_scene(study);
   std::vector<Stage> stages;
   for (std::size_t i = 0; i < study.arms.size(); ++i) {
-    stages = std::move(stages) + stages_of_preparing(part, size);
-    if (study.machine_part) stages = std::move(stages) + stages_of_error_free(part, size);
+    stages = std::move(stages) + scene_preparation_stages(part, size);
+    if (study.machine_part) stages = std::move(stages) + error_free_stages(part, size);
   }
   const double inputs = double(study.inputs.size());
   for (std::size_t i = 0; has_maps(study) && i < study.arms.size(); ++i)
     stages = std::move(stages) +
              std::vector<Stage>{
-                 {part, "rivals", s_of_vertex_rivalled * size.vertices},
+                 {part, "rivals", s_of_vertex_passes * size.vertices},
                  {part, "inputs", s_of_vertex_input * size.vertices * inputs},
                  {part, "checks", s_of_vertex_checked * size.vertices * study.influence.checks}};
   return stages;
 }
 
 /// Cases that are left, tables, pictures, days.
-std::vector<Stage> stages_of_cases(const Study& study, const std::string& part,
-                                   const std::vector<Batch>& left, const Plan& plan,
-                                   const WorkSize& size) {
+std::vector<Stage> case_stages(const Study& study, const std::string& part,
+                               const std::vector<Batch>& left, const Plan& plan,
+                               const WorkSize& size) {
   double seconds = 0.0;
   for (const Batch& batch : left) {
     const double cases = double(batch.last - batch.first) * double(study.arms.size());
     if (!block_of(plan, batch.first).full)
       seconds += cases * s_of_vertex_case * size.vertices;
     else
-      for (const Stage& one : stages_of_cut(part, size)) seconds += cases * one.seconds;
+      for (const Stage& one : cut_stages(part, size)) seconds += cases * one.seconds;
   }
   return {{part, "cases", seconds}};
 }
 
-std::vector<Stage> stages_of_results(const Study& study, const WorkSize& size) {
+std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
   std::vector<Stage> stages;
   if (!study.inputs.empty())
     stages = {
         {"budget", "budget", 0.5 * double(study.arms.size())},
         {"pictures", "budget", 2.0},
         {"pictures", "maps",
-         has_maps(study) ? s_of_vertex_drawn * size.vertices * double(study.arms.size()) : 0.0}};
+         has_maps(study) ? seconds_per_vertex_drawn * size.vertices * double(study.arms.size())
+                         : 0.0}};
   if (study.histories)
     stages.push_back({"histories", "thermal histories",
                       double(study.histories->train.size() * (1 + study.histories->test.size()))});
@@ -212,7 +297,7 @@ class Results {
         report_language_(std::move(report_language)),
         progress_(progress) {}
 
-  StudyResult write(const ReadyStudy& ready, const std::vector<Row>& rows) {
+  StudyResult write(const PreparedStudy& ready, const std::vector<Row>& rows) {
     StudyResult result{ordered_json::object(), ""};
     if (!study_.inputs.empty()) result = write_budget(ready, rows);
     if (study_.histories) {
@@ -220,7 +305,7 @@ class Results {
       const auto results = histories(study_, to(progress_));
       write_histories(folder_, study_, results);
       result.json["histories"] = to_json(results);
-      result.text += to_text(one_lined(results));
+      result.text += to_text(single_lined(results));
     }
     write_file(folder_ / "study.toml", study_.text);
     write_scenes(ready);
@@ -231,9 +316,9 @@ class Results {
   }
 
  private:
-  StudyResult write_budget(const ReadyStudy& ready, const std::vector<Row>& rows) {
+  StudyResult write_budget(const PreparedStudy& ready, const std::vector<Row>& rows) {
     progress_.begin("budget");
-    const Budget budget = budget_of(ready, rows, to(progress_));
+    const Budget budget = compute_budget(ready, rows, to(progress_));
     StudyResult result{to_json(budget), to_text(budget)};
     write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
     write_table(folder_ / "budget.csv", to_csv(budget));
@@ -252,10 +337,10 @@ class Results {
   }
 
   /// The scenes as they were understood, one of each variant.
-  void write_scenes(const ReadyStudy& ready) {
+  void write_scenes(const PreparedStudy& ready) {
     PictureNames names;
     std::set<std::string> written;
-    for (const ReadyArm& arm : ready.arms) {
+    for (const PreparedConfiguration& arm : ready.arms) {
       const std::string& variant = arm.arm.variant;
       if (!written.insert(variant).second) continue;
       std::vector<std::string> parts{"scene"};
@@ -285,8 +370,9 @@ class Results {
 
 /// A rank that computes for another one.
 void serve(const Study& study, const std::vector<Batch>& left, const Ranks& ranks) {
-  const ReadyStudy ready = left.empty() ? ReadyStudy{study, {}, {}, {}} : ready_study(study);
-  farm(left, ranks, compute_of(ready), {});
+  const PreparedStudy ready =
+      left.empty() ? PreparedStudy{study, {}, {}, {}} : prepare_study(study);
+  farm(left, ranks, batch_computation(ready), {});
 }
 
 }  // namespace
@@ -295,34 +381,33 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
   const Plan plan = plan_of(study);
   std::vector<Batch> batches = batches_of(plan);
-  if (options.shard) batches = of_shard(batches, *options.shard);
+  if (options.shard) batches = shard_batches(batches, *options.shard);
   if (ranks.rank != 0) {
-    serve(study, unfinished(batches, from_rank_0(ranks, {})), ranks);
+    serve(study, unfinished(batches, broadcast_from_rank_0(ranks, {})), ranks);
     return {};
   }
   const ResultFolder folder(options.folder, {options.permissions, study.files});
   const ResultFile file_of_journal = folder / journal_name(options);
-  claim(file_of_journal);
+  reserve_file(file_of_journal);
   Journal journal(file_of_journal.path(), study.identity);
-  const std::vector<std::uint64_t> finished = from_rank_0(ranks, journal.finished());
+  const std::vector<std::uint64_t> finished = broadcast_from_rank_0(ranks, journal.finished());
   const std::vector<Batch> left = unfinished(batches, finished);
 
   const std::uint64_t all = cases_in(left);
   const std::string cases = fmt::format("{} of {} cases", all, cases_in(batches));
   const auto rest = [&](const WorkSize& size) {
-    std::vector<Stage> stages = stages_of_cases(study, cases, left, plan, size);
-    return options.shard ? stages : std::move(stages) + stages_of_results(study, size);
+    std::vector<Stage> stages = case_stages(study, cases, left, plan, size);
+    return options.shard ? stages : std::move(stages) + result_stages(study, size);
   };
-  ProgressLine progress(stages_of_making_ready(study) + rest(size_of_scene(study)),
-                        options.progress);
+  ProgressLine progress(preparation_stages(study) + rest(size_of_scene(study)), options.progress);
   progress.begin("prepare " + study.title);
   const bool computes = !left.empty() || !options.shard;
-  const ReadyStudy ready =
-      computes ? ready_study(study, to(progress)) : ReadyStudy{study, plan, {}, {}};
+  const PreparedStudy ready =
+      computes ? prepare_study(study, to(progress)) : PreparedStudy{study, plan, {}, {}};
   if (!ready.arms.empty()) progress.replan(rest(size_of(ready.arms.front().job)));
   progress.begin(cases);
   std::uint64_t done = 0;
-  farm(left, ranks, compute_of(ready), [&](const Batch&, const std::vector<Row>& rows) {
+  farm(left, ranks, batch_computation(ready), [&](const Batch&, const std::vector<Row>& rows) {
     journal.add(rows);
     done += rows.size();
     progress.report("cases", double(done) / double(all));
@@ -334,7 +419,7 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
 
 StudyResult merge_study(const path& file, const StudyOptions& options) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
-  const Recorded all = recorded_of(study, options.folder);
+  const Recorded all = read_journal_file(study, options.folder);
   const Plan plan = plan_of(study);
   if (all.rows.size() != plan.cases)
     throw BadInput(options.folder.string(), 0, 0,
@@ -342,29 +427,28 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
                                "stopped",
                                plan.cases),
                    fmt::format("{} of them finished", all.rows.size()) +
-                       missing_of_shards(plan, all.rows, shards_of(options.folder)));
+                       missing_shards_text(plan, all.rows, shards_of(options.folder)));
   const ResultFolder folder(options.folder, {options.permissions, study.files});
-  ProgressLine progress(
-      stages_of_making_ready(study) + stages_of_results(study, size_of_scene(study)),
-      options.progress);
+  ProgressLine progress(preparation_stages(study) + result_stages(study, size_of_scene(study)),
+                        options.progress);
   progress.begin("prepare " + study.title);
-  const ReadyStudy ready = ready_study(study, to(progress));
+  const PreparedStudy ready = prepare_study(study, to(progress));
   return Results(study, folder, options.report_language, progress).write(ready, all.rows);
 }
 
 StudyResult show_study(const path& file, const StudyOptions& options) {
   const Study study = read_study(file, options.overrides);
   const Plan plan = plan_of(study);
-  const Recorded all = recorded_of(study, options.folder);
+  const Recorded all = read_journal_file(study, options.folder);
   StudyResult result = state(study, plan, all.rows);
-  const Budget budget = budget_of(study, plan, all.rows);
+  const Budget budget = compute_budget(study, plan, all.rows);
   result.json["budget"] = to_json(budget);
   result.text += "\n" + to_text(budget);
   return result;
 }
 
 std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
-  const bool with_inputs = rows.size() * study.inputs.size() <= most_input_cells;
+  const bool with_inputs = rows.size() * study.inputs.size() <= max_input_cells;
   std::string text;
   text += table_head(study, with_inputs);
   Eigen::MatrixXd x;  // of the cases from .. to - 1

@@ -7,29 +7,30 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
-#include "sim/scene/bad_scene.h"
-#include "sim/scene/scene_names.h"
-#include "sim/scene/scene_tree.h"
+#include "sim/scene/document.h"
+#include "sim/scene/read_scene.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim::study {
 namespace {
 
-struct Named {
+struct NamedFiles {
   Response response;
   const char* name;
 };
-constexpr std::array names{Named{Response::Pv, "pv"},
-                           Named{Response::Rms, "rms"},
-                           Named{Response::Mean, "mean"},
-                           Named{Response::Std, "std"},
-                           Named{Response::MaxAbs, "max_abs"},
-                           Named{Response::P95Abs, "p95_abs"},
-                           Named{Response::InTolerance, "in_tolerance"},
-                           Named{Response::FormPv, "form_pv"},
-                           Named{Response::FormRms, "form_rms"},
-                           Named{Response::TextureSa, "texture_sa"},
-                           Named{Response::TextureSq, "texture_sq"},
-                           Named{Response::TextureSz, "texture_sz"}};
+constexpr std::array names{NamedFiles{Response::Pv, "pv"},
+                           NamedFiles{Response::Rms, "rms"},
+                           NamedFiles{Response::Mean, "mean"},
+                           NamedFiles{Response::Std, "std"},
+                           NamedFiles{Response::MaxAbs, "max_abs"},
+                           NamedFiles{Response::P95Abs, "p95_abs"},
+                           NamedFiles{Response::InTolerance, "in_tolerance"},
+                           NamedFiles{Response::FormPv, "form_pv"},
+                           NamedFiles{Response::FormRms, "form_rms"},
+                           NamedFiles{Response::TextureSa, "texture_sa"},
+                           NamedFiles{Response::TextureSq, "texture_sq"},
+                           NamedFiles{Response::TextureSz, "texture_sz"}};
 
 std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
 
@@ -55,7 +56,7 @@ void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::Geometric
 }
 
 /// Changes that make the variant of an arm.
-std::vector<Override> set_of_variant(const Study& study, const Arm& arm) {
+std::vector<Override> set_of_variant(const Study& study, const Configuration& arm) {
   if (arm.variant.empty()) return {};
   std::string known;
   for (const Variant& variant : study.variants) {
@@ -72,7 +73,7 @@ std::vector<Override> set_of_variant(const Study& study, const Arm& arm) {
 
 const char* name_of(Response response) {
   const auto found = std::find_if(names.begin(), names.end(),
-                                  [&](const Named& one) { return one.response == response; });
+                                  [&](const NamedFiles& one) { return one.response == response; });
   return found->name;
 }
 
@@ -102,13 +103,13 @@ Eigen::VectorXd spreads(const Study& study) {
   return x;
 }
 
-Study with_scene(Study study) {
-  Faults faults;
-  std::optional<Node> tree = read_tree(study.scene, faults);
-  if (!tree) throw BadScene(faults.list());
-  Scene scene = scene_of_tree(*tree, study.scene, study.overrides, faults);
+Study load_scene(Study study) {
+  InputErrors input_errors;
+  std::optional<Node> tree = read_tree(study.scene, input_errors);
+  if (!tree) throw BadScene(input_errors.list());
+  Scene scene = build_scene(*tree, study.scene, study.overrides, input_errors);
   study.variants = std::move(scene.variants);
-  const sim::Named named = named_by(*scene.tree, study.scene);
+  const sim::NamedFiles named = collect_named_files(*scene.tree, study.scene);
   study.files.insert(study.files.end(), named.files.begin(), named.files.end());
   study.programs.insert(study.programs.end(), named.programs.begin(), named.programs.end());
   std::erase_if(*tree->table(), [](const Node::Entry& entry) { return entry.key == "variant"; });
@@ -116,9 +117,12 @@ Study with_scene(Study study) {
   return study;
 }
 
-Scene scene_of(const Study& study, const Arm& arm) { return scene_at(study, arm, {}, {}); }
+Scene scene_of(const Study& study, const Configuration& arm) {
+  return scene_at(study, arm, {}, {});
+}
 
-Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x) {
+Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
+               const Eigen::VectorXd& x) {
   const bool by_path = std::any_of(study.inputs.begin(), study.inputs.end(),
                                    [](const Input& input) { return !input.settings.empty(); });
   Scene scene = base;
@@ -128,7 +132,7 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
     for (Eigen::Index i = 0; i < x.size(); ++i)
       for (const Setting& one : study.inputs[std::size_t(i)].settings)
         all.push_back({one.path, fmt::format("{}", one.factor * x[i])});  // whole as such
-    scene = scene_of_tree(*study.scene_tree, study.scene, all);
+    scene = build_scene(*study.scene_tree, study.scene, all);
     scene.trusted = study.trusted;
     scene.geometric.elements.insert(scene.geometric.elements.end(), study.completion.begin(),
                                     study.completion.end());
@@ -141,13 +145,14 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
   return scene;
 }
 
-bool reshapes(const Input& input) {
-  constexpr std::array only_wrong{"errors",     "setup",        "thermal", "history",   "room",
-                                  "room_C",     "datum",        "control", "vibration", "belief",
-                                  "compliance", "compensation", "signals"};
+bool is_reshaping(const Input& input) {
+  constexpr std::array error_only_keys{
+      "errors",  "setup",     "thermal", "history",    "room",         "room_C", "datum",
+      "control", "vibration", "belief",  "compliance", "compensation", "signals"};
   return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& one) {
     if (one.path.starts_with("tool.actual.") || one.path.starts_with("tool.wear.")) return false;
-    return std::find(only_wrong.begin(), only_wrong.end(), top_key(one.path)) == only_wrong.end();
+    return std::find(error_only_keys.begin(), error_only_keys.end(), top_key(one.path)) ==
+           error_only_keys.end();
   });
 }
 

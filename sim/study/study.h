@@ -12,11 +12,9 @@
 #include <Eigen/Core>
 
 #include "errors/element.h"
-#include "sim/files/permissions.h"
-#include "sim/scene/override.h"
-#include "sim/study/copula.h"
-#include "sim/study/distribution.h"
-#include "sim/study/sequence.h"
+#include "sim/files/output.h"
+#include "sim/scene/document.h"
+#include "sim/study/sampling.h"
 
 namespace abbe::sim {
 struct Node;
@@ -57,7 +55,7 @@ struct Unidentified {
 
 /// A machine whose part is judged in every case: the scene or one of its variants, as it is or with
 /// one of its compensators.
-struct Arm {
+struct Configuration {
   std::string name;       ///< "uncompensated", "3 h perfect-iterated-ideal"
   std::string variant;    ///< of the scene; empty: the scene itself
   std::string case_name;  ///< "uncompensated" or a compensator
@@ -127,7 +125,7 @@ struct Uncertainty {
 /// How influence maps are made, checked and shown.
 struct InfluenceOptions {
   double reach = 0.05;  ///< mm, rival passes within so much of the first one are kept
-  int most_rivals = 6;
+  int max_rivals = 6;
   int checks = 4;      ///< random machines that are cut to find where the maps fail
   double flag = 2e-4;  ///< mm, a vertex that differs by more in one of them is flagged
   bool sheet = true;   ///< all inputs on one sheet
@@ -151,15 +149,15 @@ struct Study {
   std::vector<Override> overrides;         ///< of the scene, before any input
   Engine engine = Engine::Influence;
   std::uint64_t seed = 1;
-  std::vector<Arm> arms;            ///< (>= 1)
+  std::vector<Configuration> arms;  ///< (>= 1)
   std::vector<Response> responses;  ///< (>= 1)
   bool machine_part = false;        ///< figures are of the map minus the error-free one
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper ones
   std::vector<Input> inputs;
-  std::vector<Unidentified> unidentified;  ///< of a belief whose covariance is drawn
+  std::vector<Unidentified> unidentified;   ///< of a belief whose covariance is drawn
   std::vector<errors::Element> completion;  ///< elements at zero, beside those of the scene, which
                                             ///< hold numbers that are unidentified
-  Copula copula{0};  ///< how the inputs vary together
+  Copula copula{0};                         ///< how the inputs vary together
   InfluenceOptions influence;
   std::uint64_t proofs = 50;  ///< cases that engine `both` cuts as well
   std::optional<OneAtATime> one_at_a_time;
@@ -197,19 +195,20 @@ Eigen::VectorXd spreads(const Study& study);
 
 /// The study with its scene read, once and for all its cases.
 /// @throws BadScene
-Study with_scene(Study study);
+Study load_scene(Study study);
 
 /// The scene of an arm as it is before any input; of a study whose scene was read.
 /// @throws BadScene
-Scene scene_of(const Study& study, const Arm& arm);
+Scene scene_of(const Study& study, const Configuration& arm);
 
 /// The same with its inputs at x, the cases of the arm alone in it.
 /// @param base  scene_of the arm
 /// @throws BadScene
-Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x);
+Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
+               const Eigen::VectorXd& x);
 
 /// Whether an input changes part, program, nominal machine or tool, or how the stock is followed,
 /// so that its cases share nothing; else it only changes what is wrong.
-bool reshapes(const Input& input);
+bool is_reshaping(const Input& input);
 
 }  // namespace abbe::sim::study

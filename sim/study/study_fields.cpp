@@ -10,7 +10,7 @@ namespace abbe::sim::study {
 
 namespace {
 
-constexpr double most_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
+constexpr double max_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
 constexpr Range confidence_range{0.5, 0.999};  // of a confidence
 
 /// The names of all responses, for messages.
@@ -52,8 +52,8 @@ Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
   for (const Response response : all_responses) {
     if (response == Response::Mean || response == Response::InTolerance) continue;
-    Key key = key_of(std::string(name_of(response)) + "_um", Key::Kind::Number,
-                     "upper limit: share of the machines within, Cpk");
+    Key key = make_field_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
+                             "upper limit: share of the machines within, Cpk");
     key.range = positive;
     fields.custom(
         {key},
@@ -102,8 +102,9 @@ const Fields<Stretch>& stretch_fields() {
 }
 
 std::vector<Key> sweep_keys() {
-  std::vector<Key> keys{key_of(must("input"), Key::Kind::Text, "name of the input that is swept"),
-                        key_of("values", Key::Kind::Numbers, "its values")};
+  std::vector<Key> keys{
+      make_field_key(must("input"), Key::Kind::Text, "name of the input that is swept"),
+      make_field_key("values", Key::Kind::Numbers, "its values")};
   for (Key key : stretch_fields().keys()) {
     key.required = false;
     keys.push_back(std::move(key));
@@ -111,8 +112,8 @@ std::vector<Key> sweep_keys() {
   return keys;
 }
 
-void read_sweep(const Node& node, Study& study, Faults& faults) {
-  TableReader reader(node, "sweep", faults);
+void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
+  TableReader reader(node, "sweep", input_errors);
   Sweep sweep;
   sweep.input = input_named(reader, "input", study.inputs);
   if (reader.has("values")) {
@@ -123,19 +124,19 @@ void read_sweep(const Node& node, Study& study, Faults& faults) {
         Eigen::VectorXd::LinSpaced(Eigen::Index(stretch.steps), stretch.from, stretch.to);
   }
   reader.close();
-  if (study.sweeps.size() == most_sweeps)
-    faults.add(node.place, fmt::format("at most {} sweeps", most_sweeps), "more");
-  if (study.sweeps.size() < most_sweeps) study.sweeps.push_back(std::move(sweep));
+  if (study.sweeps.size() == max_sweeps)
+    input_errors.add(node.place, fmt::format("at most {} sweeps", max_sweeps), "more");
+  if (study.sweeps.size() < max_sweeps) study.sweeps.push_back(std::move(sweep));
 }
 
 Fields<Study>::Field sweep_field() {
-  Key key = key_of("sweep", Key::Kind::Tables,
-                   "an input through its values, all others at their centres");
+  Key key = make_field_key("sweep", Key::Kind::Tables,
+                           "an input through its values, all others at their centres");
   key.keys = sweep_keys();
   return {{key},
           [](TableReader& reader, Study& study) {
             for (const Node* node : reader.tables("sweep"))
-              read_sweep(*node, study, reader.faults());
+              read_sweep(*node, study, reader.input_errors());
           },
           [](const Study& study, Node::Table& table) {
             Node::Array sweeps;
@@ -154,7 +155,7 @@ Fields<InfluenceOptions> influence_fields() {
   return Fields<Options>()
       .number("reach_um", &Options::reach, positive,
               "passes of the tool within so much of the first are kept")
-      .whole("most_rivals", &Options::most_rivals, 1, 64, "passes kept at a vertex at most")
+      .whole("most_rivals", &Options::max_rivals, 1, 64, "passes kept at a vertex at most")
       .whole("checks", &Options::checks, 0, 1000,
              "random machines that are cut to find where the maps fail")
       .number("flag_um", &Options::flag, positive,
@@ -180,10 +181,10 @@ Fields<Histories> histories_fields() {
 void check_pictures(TableReader& reader, Study& study) {
   const Node* influence = reader.know("influence");
   if (!influence || !influence->table()) return;
-  TableReader own(*influence, "influence", reader.faults());
+  TableReader own(*influence, "influence", reader.input_errors());
   const std::set<std::string> names = input_names(study.inputs);
   for (const std::string& name : study.influence.pictures)
-    if (!names.count(name)) own.refuse("pictures", "names of inputs", with_meant(name, names));
+    if (!names.count(name)) own.refuse("pictures", "names of inputs", with_suggestion(name, names));
 }
 
 }  // namespace
@@ -201,7 +202,7 @@ const Fields<Study>& engine_fields() {
                 "how the cases are computed")
           .whole("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
                  "of everything that is drawn; `--seed`")
-          .whole("proofs", &Study::proofs, 1, most_cases, "machines that `both` cuts as well");
+          .whole("proofs", &Study::proofs, 1, max_cases, "machines that `both` cuts as well");
   return fields;
 }
 
@@ -223,7 +224,7 @@ const Fields<Distribution>& distribution_fields() {
               "mean, middle, mode or median, within `low` .. `high`; the base machine has every "
               "input there")
           .number(
-              KeyName("spread"), &Distribution::spread, {0.0, most_spread, true, false},
+              KeyName("spread"), &Distribution::spread, {0.0, max_spread, true, false},
               "standard deviation of `normal` before it is cut off, half width of `uniform` and "
               "`triangular`, standard deviation of the logarithm of `log_normal` (at most 10), "
               "in the unit of the path's key; must be given for `[[input]]`")
@@ -235,7 +236,7 @@ const Fields<Distribution>& distribution_fields() {
               reader.refuse("centre",
                             "a centre within low and high, as the base machine stands there",
                             fmt::format("{}", d.centre));
-            if (const char* fault = fault_of(d)) reader.refuse("spread", fault, shown(d));
+            if (const char* fault = distribution_error(d)) reader.refuse("spread", fault, shown(d));
           });
   return fields;
 }
@@ -243,14 +244,14 @@ const Fields<Distribution>& distribution_fields() {
 const Fields<Study>& response_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
-          .custom(
-              {key_of(KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
+          .custom({make_field_key(
+                      KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
                       "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
                       "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "
                       "`\"form_rms\"`, `\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; form "
                       "and texture as the areal filter of `form_cutoff_mm` parts them, of the "
                       "part's own vertices")},
-              read_responses, write_responses)
+                  read_responses, write_responses)
           .word("of", &Study::machine_part,
                 {{"residual", false, "the map as `summary.json` judges it"},
                  {"machine", true, "less the error-free map"}},
@@ -270,7 +271,7 @@ const Fields<Study>& question_fields() {
         .table(
             "monte_carlo", &Study::monte_carlo,
             Fields<MonteCarlo>()
-                .whole("cases", &MonteCarlo::cases, 2, most_cases, "random machines")
+                .whole("cases", &MonteCarlo::cases, 2, max_cases, "random machines")
                 .word("sampling", &MonteCarlo::sampling,
                       {{"sobol", Sampling::Sobol, "fills evenly; its bands are on the safe side"},
                        {"random", Sampling::Random}},
@@ -317,11 +318,11 @@ int input_named(TableReader& reader, const std::string& key, const std::vector<I
   for (std::size_t i = 0; i < inputs.size(); ++i)
     if (inputs[i].name == name) return int(i);
   if (!name.empty())
-    reader.refuse(key, "the name of an input", with_meant(name, input_names(inputs)));
+    reader.refuse(key, "the name of an input", with_suggestion(name, input_names(inputs)));
   return 0;
 }
 
-std::string with_meant(const std::string& name, const std::set<std::string>& known) {
+std::string with_suggestion(const std::string& name, const std::set<std::string>& known) {
   const auto meant = nearest(name, known);
   return "\"" + name + "\"" + (meant ? " (nearest: \"" + *meant + "\")" : "");
 }

@@ -9,9 +9,9 @@
 /// The keys of a study file.
 namespace abbe::sim::study {
 
-inline constexpr std::int64_t most_cases = 10'000'000;  ///< their answers are kept in memory
-inline constexpr std::size_t most_inputs = 2000;
-inline constexpr std::size_t most_sweeps = 1000;
+inline constexpr std::int64_t max_cases = 10'000'000;  ///< their answers are kept in memory
+inline constexpr std::size_t max_inputs = 2000;
+inline constexpr std::size_t max_sweeps = 1000;
 
 /// `engine`, `seed`, `proofs`
 const Fields<Study>& engine_fields();
@@ -29,6 +29,6 @@ std::set<std::string> input_names(const std::vector<Input>& inputs);
 /// Index of the input that a key names; a name that no input has is refused.
 int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs);
 /// A name that is not known, with the one that may be meant.
-std::string with_meant(const std::string& name, const std::set<std::string>& known);
+std::string with_suggestion(const std::string& name, const std::set<std::string>& known);
 
 }  // namespace abbe::sim::study

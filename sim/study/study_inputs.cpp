@@ -1,18 +1,154 @@
 #include "sim/study/study_inputs.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
+#include <stdexcept>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "errors/coefficients.h"
+#include "errors/identification/model.h"
 #include "kinematics/units.h"
+#include "sim/machine/truth.h"
+#include "sim/scene/error_tables.h"
 #include "sim/scene/scene.h"
-#include "sim/study/belief_inputs.h"
 #include "sim/study/study_fields.h"
 
 namespace abbe::sim::study {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using errors::identification::element_of_number;
+using errors::identification::typical_deviation;
+
+bool is_angle(const std::string& number) {
+  return errors::parse_element_name(element_of_number(number)).is_angle();
+}
+
+/// Elements that an identification may find and the belief lacks, at zero. None of a machine whose
+/// slides have no stated travel.
+std::vector<errors::Element> lacking_elements(const Scene& scene,
+                                              std::vector<std::string>& numbers) {
+  errors::GeometricErrors model;
+  try {
+    model = errors::identification::model_of(compile(scene).nominal,
+                                             {.order = 2, .harmonics = 2, .placement = false});
+  } catch (const std::invalid_argument&) {
+    return {};
+  }
+  std::vector<errors::Element> lacking;
+  for (const errors::Element& element : model.elements)
+    if (std::ranges::find(scene.geometric.elements, element.name, &errors::Element::name) ==
+        scene.geometric.elements.end())
+      lacking.push_back(element);
+  const auto is_held = [&](const errors::Coefficient& one) {
+    const auto at = std::ranges::find(model.covariance.of, one) - model.covariance.of.begin();
+    return at < std::ssize(model.covariance.of) && model.covariance.matrix(at, at) == 0.0;
+  };
+  for (const errors::Coefficient& one : errors::coefficients(model.elements))
+    if (std::ranges::find(lacking, model.elements[std::size_t(one.element)].name,
+                          &errors::Element::name) != lacking.end() &&
+        !is_held(one))
+      numbers.push_back(errors::name_of(one, model.elements));
+  return lacking;
+}
+
+void check_priors(const Priors& priors, const std::vector<Unidentified>& unidentified) {
+  std::set<std::string> elements;
+  for (const Unidentified& one : unidentified) elements.insert(element_of_number(one.number));
+  for (const auto& [name, spread] : priors.spread)
+    if (!elements.contains(name))
+      throw std::invalid_argument(fmt::format(
+          "{}, which the belief holds or the machine does not have; not identified: {}", name,
+          elements.empty() ? "nothing" : fmt::format("{}", fmt::join(elements, ", "))));
+}
+
+/// What the belief knows: inputs with their covariance.
+void add_known(const errors::GeometricErrors& belief, BeliefInputs& result) {
+  const errors::Covariance& known = belief.covariance;
+  const auto all = errors::coefficients(belief.elements);
+  const VectorXd values = errors::values(belief.elements);
+  std::vector<Index> rows;
+  VectorXd per_unit(Index(known.of.size()));
+  for (std::size_t k = 0; k < known.of.size(); ++k) {
+    const auto i = Index(k);
+    const std::string name = errors::name_of(known.of[k], belief.elements);
+    per_unit[i] = 1.0 / errors::identification::shown_unit(name);
+    if (!(known.matrix(i, i) > 0.0)) continue;  // zero by convention
+    Input input;
+    input.name = input.number = name;
+    input.unit = is_angle(name) ? "urad" : "um";
+    const auto at = std::ranges::find(all, known.of[k]) - all.begin();
+    input.distribution.centre = values[at] * per_unit[i];
+    rows.push_back(i);
+    result.inputs.push_back(std::move(input));
+  }
+  const MatrixXd scaled = per_unit.asDiagonal() * known.matrix * per_unit.asDiagonal();
+  result.covariance = scaled(rows, rows);
+}
+
+/// What has a prior: an input each, along which the numbers that hide it go back.
+void add_drawn(BeliefInputs& result) {
+  std::vector<const Unidentified*> drawn;
+  for (const Unidentified& one : result.unidentified)
+    if (one.is_drawn) drawn.push_back(&one);
+  const auto known = Index(result.inputs.size()), size = known + Index(drawn.size());
+  for (const Unidentified* one : drawn) {
+    Input input;
+    input.name = input.number = one->number;
+    input.unit = one->unit;
+    result.inputs.push_back(std::move(input));
+  }
+  MatrixXd covariance = MatrixXd::Zero(size, size);
+  covariance.topLeftCorner(known, known) = result.covariance;
+  for (std::size_t k = 0; k < drawn.size(); ++k) {
+    VectorXd along = VectorXd::Zero(size);
+    along[known + Index(k)] = 1.0;
+    for (const auto& [name, amount] : drawn[k]->hidden_by) {
+      const auto at =
+          std::ranges::find(result.inputs, name, &Input::number) - result.inputs.begin();
+      if (at < size) along[at] -= amount;
+    }
+    covariance += std::pow(drawn[k]->spread, 2) * along * along.transpose();
+  }
+  result.covariance = std::move(covariance);
+}
+
+}  // namespace
+
+BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
+  BeliefInputs result;
+  std::vector<UnidentifiedNumber> numbers;
+  if (const Node* errors = scene.tree ? scene.tree->find("errors") : nullptr)
+    numbers = unidentified_numbers(*errors);
+  std::vector<std::string> lacking;
+  result.completion = lacking_elements(scene, lacking);
+  for (std::string& number : lacking) numbers.push_back({std::move(number), {}});
+  for (const UnidentifiedNumber& one : numbers) {
+    const std::string element = element_of_number(one.number);
+    const auto stated = priors.spread.find(element);
+    Unidentified number{one.number, is_angle(one.number) ? "urad" : "um", 0.0,
+                        priors.typical || stated != priors.spread.end(), one.hidden_by};
+    number.spread = typical_deviation(one.number) / errors::identification::shown_unit(one.number);
+    if (stated != priors.spread.end())
+      number.spread = stated->second * typical_deviation(one.number) / typical_deviation(element);
+    number.is_drawn = number.is_drawn && number.spread > 0.0;
+    result.unidentified.push_back(std::move(number));
+  }
+  check_priors(priors, result.unidentified);
+  add_known(scene.geometric, result);
+  add_drawn(result);
+  for (std::size_t i = 0; i < result.inputs.size(); ++i)
+    result.inputs[i].distribution.spread = std::sqrt(result.covariance(Index(i), Index(i)));
+  return result;
+}
+
 namespace {
 
 Distribution scaled(Distribution d, double base) {
@@ -39,7 +175,7 @@ std::string unit_of_path(const std::string& path) {
     }
     last = last.substr(0, dot);
   }
-  const std::string_view stem = stem_of(last);
+  const std::string_view stem = key_stem(last);
   return stem.size() < last.size() ? last.substr(stem.size() + 1) : "";
 }
 
@@ -125,7 +261,7 @@ const Fields<ManyInputs>& many_alike_fields() {
   return fields;
 }
 
-bool is_of(const ManyInputs& many, const std::string& element) {
+bool matches_element(const ManyInputs& many, const std::string& element) {
   return many.of.empty() || std::find(many.of.begin(), many.of.end(), element) != many.of.end();
 }
 
@@ -139,9 +275,9 @@ const Fields<double>& correlation_fields() {
 class InputsReader {
  public:
   InputsReader(TableReader& reader, const std::vector<Scene>& scenes)
-      : reader_(reader), faults_(reader.faults()), scenes_(scenes) {}
+      : reader_(reader), input_errors_(reader.input_errors()), scenes_(scenes) {}
 
-  StatedInputs read();
+  DeclaredInputs read();
 
  private:
   void read_one(const Node& node);
@@ -156,9 +292,9 @@ class InputsReader {
   void read_correlations();
 
   TableReader& reader_;
-  Faults& faults_;
+  InputErrors& input_errors_;
   const std::vector<Scene>& scenes_;
-  StatedInputs stated_;
+  DeclaredInputs stated_;
   std::map<std::string, int> index_;
   std::set<std::string> taken_;               ///< what inputs set
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
@@ -172,7 +308,7 @@ std::optional<double> written_number(const Node& node) {
 
 /// A centre that no limit rules out, for an input that is refused for the want of one: no other
 /// fault is reported of a number that nobody wrote.
-double centre_that_passes(const Node& input, const std::optional<double>& nominal) {
+double valid_centre(const Node& input, const std::optional<double>& nominal) {
   const auto limit = [&](const char* key) {
     const Node* node = input.find(key);
     return node ? written_number(*node) : std::nullopt;
@@ -184,22 +320,24 @@ double centre_that_passes(const Node& input, const std::optional<double>& nomina
 }
 
 void InputsReader::add(Input input, const Place& place) {
-  if (stated_.inputs.size() == most_inputs)
-    faults_.add(place, fmt::format("at most {} inputs", most_inputs), "more");
-  if (stated_.inputs.size() >= most_inputs) return;
+  if (stated_.inputs.size() == max_inputs)
+    input_errors_.add(place, fmt::format("at most {} inputs", max_inputs), "more");
+  if (stated_.inputs.size() >= max_inputs) return;
   if (!index_.emplace(input.name, int(stated_.inputs.size())).second)
-    faults_.add(place, "a name for every input that no other has", "\"" + input.name + "\" again");
+    input_errors_.add(place, "a name for every input that no other has",
+                      "\"" + input.name + "\" again");
   std::vector<std::string> sets{input.element + input.number};  // one of them, or none
   for (const Setting& one : input.settings) sets.push_back(one.path);
   for (const std::string& one : sets)
     if (!one.empty() && !taken_.insert(one).second)
-      faults_.add(place, "an input of its own for " + one, "\"" + input.name + "\" sets it again");
+      input_errors_.add(place, "an input of its own for " + one,
+                        "\"" + input.name + "\" sets it again");
   stated_.places.push_back(place);
   stated_.inputs.push_back(std::move(input));
 }
 
 void InputsReader::read_one(const Node& node) {
-  TableReader reader(node, "input", faults_);
+  TableReader reader(node, "input", input_errors_);
   OneInput one = one_input_fields().read(reader);
   Input& input = one.input;
   const std::vector<std::string>& paths = one.paths;
@@ -218,12 +356,12 @@ void InputsReader::read_one(const Node& node) {
   const auto nominal =
       lost && one.factor == 1.0 ? nominal_at(paths.front()) : std::optional<double>();
   own.centre = stated && one.factor != 0.0 ? *stated / one.factor
-               : lost                      ? centre_that_passes(node, nominal)
+               : lost                      ? valid_centre(node, nominal)
                : input.element.empty()     ? 0.0
                                            : 1.0;
   input.distribution = distribution_fields().read(reader, own);
   if (lost)
-    stated_.without_centre.push_back(
+    stated_.missing_centres.push_back(
         {int(stated_.inputs.size()), paths.front(),
          one.factor == 1.0 ? nominal_at(paths.front()) : std::nullopt});
   reader.close();
@@ -240,7 +378,7 @@ std::optional<double> InputsReader::nominal_at(const std::string& path) const {
 }
 
 std::optional<double> InputsReader::stated_at(const std::string& path) const {
-  return scenes_.empty() ? std::nullopt : stated_number(scenes_.front(), path);
+  return scenes_.empty() ? std::nullopt : scene_number(scenes_.front(), path);
 }
 
 /// Priors of numbers that a belief does not hold: `{ EY0A_um = 20 }`, or "typical".
@@ -266,12 +404,12 @@ Priors read_priors(TableReader& reader) {
       const bool has_unit = unit != std::string::npos &&
                             entry.key.substr(unit) == (name.is_angle() ? "_urad" : "_um");
       if (!has_unit || !spread || !(*spread >= 0.0 && *spread <= 1e6))
-        reader.faults().add(entry.place, expected + ", of 0 to 1e6",
-                            entry.key + " = " + shown(entry.node));
+        reader.input_errors().add(entry.place, expected + ", of 0 to 1e6",
+                                  entry.key + " = " + shown(entry.node));
       else
         priors.spread[errors::to_string(name)] = *spread;
     } catch (const std::invalid_argument&) {
-      reader.faults().add(entry.place, expected, entry.key);
+      reader.input_errors().add(entry.place, expected, entry.key);
     }
   }
   return priors;
@@ -282,15 +420,15 @@ Priors read_priors(TableReader& reader) {
 void InputsReader::add_covariance(const Node& node, double cost, const Priors& priors) {
   if (scenes_.empty()) return;
   if (scenes_.front().geometric.covariance.of.empty()) {
-    faults_.add(node.place, "errors with a covariance, as `abbe identify` writes them",
-                "errors that are taken as they stand");
+    input_errors_.add(node.place, "errors with a covariance, as `abbe identify` writes them",
+                      "errors that are taken as they stand");
     return;
   }
   BeliefInputs belief;
   try {
     belief = belief_inputs(scenes_.front(), priors);
   } catch (const std::invalid_argument& fault) {
-    faults_.add(node.place, "priors of what was not identified", fault.what());
+    input_errors_.add(node.place, "priors of what was not identified", fault.what());
     return;
   }
   const int before = int(stated_.inputs.size());
@@ -312,7 +450,7 @@ void InputsReader::add_covariance(const Node& node, double cost, const Priors& p
 }
 
 void InputsReader::read_many(const Node& node) {
-  TableReader reader(node, "inputs", faults_);
+  TableReader reader(node, "inputs", input_errors_);
   ManyInputs many = many_inputs_fields().read(reader);
   if (many.every == Every::Covariance) {
     const Priors priors = read_priors(reader);
@@ -328,7 +466,7 @@ void InputsReader::read_many(const Node& node) {
     known.insert(errors::to_string(element.name));
   for (const std::string& name : many.of)
     if (!known.count(name))
-      reader.refuse("of", "elements that the scene has", with_meant(name, known));
+      reader.refuse("of", "elements that the scene has", with_suggestion(name, known));
   if (many.every == Every::Element)
     add_elements(many, node.place);
   else
@@ -338,7 +476,7 @@ void InputsReader::read_many(const Node& node) {
 void InputsReader::add_elements(const ManyInputs& many, const Place& place) {
   for (const errors::Element& element : scenes_.front().geometric.elements) {
     const std::string name = errors::to_string(element.name);
-    if (is_of(many, name))
+    if (matches_element(many, name))
       add({name, "", {}, name, "", many.like.distribution, many.like.cost}, place);
   }
 }
@@ -351,35 +489,36 @@ void InputsReader::add_numbers(const ManyInputs& many, const Place& place) {
     const errors::Element& element = elements[std::size_t(one.element)];
     const bool angle = element.name.is_angle();
     const double base = values[at++] / (angle ? units::urad : units::um);
-    if (!is_of(many, errors::to_string(element.name)) || base == 0.0)
+    if (!matches_element(many, errors::to_string(element.name)) || base == 0.0)
       continue;  // zero: by convention, mostly
     const std::string name = errors::name_of(one, elements);
     const Distribution own = scaled(many.like.distribution, base);
-    if (const char* fault = fault_of(own))
-      faults_.add(place, fmt::format("{}, {} {} being its unit", fault, name, base),
-                  fmt::format("centre {}, spread {}, from {} to {}", own.centre, own.spread,
-                              own.low, own.high));
+    if (const char* fault = distribution_error(own))
+      input_errors_.add(place, fmt::format("{}, {} {} being its unit", fault, name, base),
+                        fmt::format("centre {}, spread {}, from {} to {}", own.centre, own.spread,
+                                    own.low, own.high));
     add({name, angle ? "urad" : "um", {}, "", name, own, many.like.cost}, place);
   }
 }
 
 void InputsReader::read_correlations() {
   for (const Node* node : reader_.tables("correlation")) {
-    TableReader reader(*node, "correlation", faults_);
+    TableReader reader(*node, "correlation", input_errors_);
     const int a = input_named(reader, "first", stated_.inputs);
     const int b = input_named(reader, "second", stated_.inputs);
     const double rho = correlation_fields().read(reader);
     reader.close();
-    if (!faults_.empty()) continue;
+    if (!input_errors_.empty()) continue;
     const auto name = [&](int i) { return stated_.inputs[std::size_t(i)].name; };
     if (a == b) reader.refuse("second", "another input than the first", name(b));
     if (!correlated_.insert(std::minmax(a, b)).second)
-      faults_.add(node->place, "every pair of inputs once", name(a) + " and " + name(b) + " again");
+      input_errors_.add(node->place, "every pair of inputs once",
+                        name(a) + " and " + name(b) + " again");
     stated_.correlations.push_back({a, b, rho});
   }
 }
 
-StatedInputs InputsReader::read() {
+DeclaredInputs InputsReader::read() {
   for (const Node* node : reader_.tables("input")) read_one(*node);
   for (const Node* node : reader_.tables("inputs")) read_many(*node);
   read_correlations();
@@ -388,7 +527,7 @@ StatedInputs InputsReader::read() {
 
 }  // namespace
 
-std::optional<double> stated_number(const Scene& scene, const std::string& path) {
+std::optional<double> scene_number(const Scene& scene, const std::string& path) {
   const Node* node = scene.tree.get();
   for (std::size_t from = 0; node && from <= path.size();) {
     const std::size_t dot = std::min(path.find('.', from), path.size());
@@ -404,7 +543,7 @@ std::optional<double> stated_number(const Scene& scene, const std::string& path)
   return node ? written_number(*node) : std::nullopt;
 }
 
-StatedInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes) {
+DeclaredInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes) {
   return InputsReader(reader, scenes).read();
 }
 
@@ -416,20 +555,21 @@ std::vector<Key> one_input_keys() {
 
 std::vector<Key> many_inputs_keys() {
   std::vector<Key> keys = many_inputs_fields().keys(), alike = many_alike_fields().keys();
-  Key priors = key_of("unidentified", Key::Kind::Any,
-                      "standard deviations of elements that the belief does not hold, "
-                      "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
-                      "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
-                      "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
-                      "none is left out of every figure, which a warning says");
+  Key priors =
+      make_field_key("unidentified", Key::Kind::Any,
+                     "standard deviations of elements that the belief does not hold, "
+                     "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
+                     "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
+                     "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
+                     "none is left out of every figure, which a warning says");
   for (Word& word : keys.front().words)
     word.keys = word.word == "covariance" ? std::vector<Key>{priors} : alike;
   return keys;
 }
 
 std::vector<Key> correlation_keys() {
-  return {key_of(must("first"), Key::Kind::Text, "name of an input"),
-          key_of(must("second"), Key::Kind::Text, "of another; every pair once"),
+  return {make_field_key(must("first"), Key::Kind::Text, "name of an input"),
+          make_field_key(must("second"), Key::Kind::Text, "of another; every pair once"),
           correlation_fields().keys().front()};
 }
 

@@ -7,12 +7,443 @@
 #include <utility>
 #include <vector>
 
-#include "kinematics/numbers.h"
-#include "sim/study/promising_corners.h"
-#include "sim/study/sequence.h"
-#include "sim/study/worst_bound.h"
+#include <tbb/parallel_for.h>
+
+#include "kinematics/units.h"
+#include "sim/study/influence.h"
+#include "sim/study/sampling.h"
 
 namespace abbe::sim::study {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+struct HeightRange {
+  double low = 0.0;
+  double high = 0.0;
+};
+
+/// The passes of influence maps over a box of inputs, a slope that is common to all taken away.
+struct Passes {
+  const InfluenceMap& influence;
+  Eigen::VectorXd half;           ///< (p) half widths of the box
+  Eigen::VectorXd middle;         ///< (m) mm, linear part at its middle, less the error-free map
+  Eigen::VectorXd magnitude;      ///< (m) mm, most by which the linear part differs from that
+  std::vector<HeightRange> lift;  ///< (m) mm, of the curvature
+  std::vector<Eigen::Index> cut;  ///< vertices that have a pass
+
+  Eigen::Index begin(Eigen::Index v) const { return influence.first[std::size_t(v)]; }
+  Eigen::Index end(Eigen::Index v) const { return influence.first[std::size_t(v) + 1]; }
+};
+/// @param common  (p) taken away
+Passes passes_in_box(const InfluenceMap& influence, const Box& box, const Eigen::VectorXd& common);
+
+/// (p) zeros, and the middle of the slopes of each input: a shift of all vertices alike does not
+/// matter to PV.
+Eigen::VectorXd zero_slope(const InfluenceMap& influence);
+Eigen::VectorXd common_slope(const InfluenceMap& influence);
+
+/// Where each vertex can be in the box, mm; zero where it is not cut. (n)
+std::vector<HeightRange> heights(const Passes& passes);
+
+/// Most by which a vertex can stand above another, mm: below any pass of the first, and above the
+/// least of the other's.
+double length_mismatch_text(const Passes& passes, Eigen::Index upper, Eigen::Index lower);
+
+/// Heights as the pass of the base run has them, and what other passes and curvature may add.
+struct LinearHeights {
+  Eigen::VectorXd weight;  ///< (c) share of the area of each cut vertex
+  Eigen::VectorXd base;    ///< (c) mm, at the middle of the box
+  Eigen::MatrixXd slope;   ///< (p x c)
+  Eigen::VectorXd added;   ///< (c) mm, most of it
+  Eigen::VectorXd slack;   ///< (c) mm, its largest magnitude
+};
+/// @param passes  nothing taken away
+LinearHeights linear_heights(const Passes& passes);
+/// Less their mean by area.
+LinearHeights about_mean(LinearHeights heights);
+
+/// Cut vertices by a key, greatest first, of equal ones the first.
+template <typename Key>
+std::vector<Eigen::Index> ordered(const Passes& passes, const Key& key) {
+  std::vector<Eigen::Index> vertices = passes.cut;
+  std::stable_sort(vertices.begin(), vertices.end(),
+                   [&](Eigen::Index a, Eigen::Index b) { return key(a) > key(b); });
+  return vertices;
+}
+
+/// Corners from which a search for the worst may begin: at which some pair of vertices is farthest
+/// apart, some vertex highest or lowest; for rms and std the best of many that cannot be improved
+/// in one input, by the linear map alone. (p x count)
+Eigen::MatrixXd start_points(const InfluenceMap& influence, const Box& box, Response response);
+
+Box box_of(const Study& study, double coverage) {
+  const Index p = Index(study.inputs.size());
+  Box box{VectorXd(p), VectorXd(p)};
+  for (Index i = 0; i < p; ++i) {
+    const Distribution& d = study.inputs[std::size_t(i)].distribution;
+    const bool open_below = d.kind == Distribution::Kind::LogNormal && d.low <= 0.0;
+    const double low = quantile(d, 0.0), high = quantile(d, 1.0);
+    box.low[i] = std::isfinite(low) && !open_below ? low : value_at_score(d, -coverage);
+    box.high[i] = std::isfinite(high) ? high : value_at_score(d, coverage);
+  }
+  return box;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+double weighted_magnitude(const auto& slope, const VectorXd& half) {
+  double sum = 0.0;
+  for (Index i = 0; i < half.size(); ++i) sum += std::abs(slope[i]) * half[i];
+  return sum;
+}
+
+HeightRange curvature_lift(double half_curvature, double middle, double magnitude) {
+  const double most = std::abs(middle) + magnitude;
+  const double least = std::max(0.0, std::abs(middle) - magnitude);
+  const double a = half_curvature * least * least, b = half_curvature * most * most;
+  return {std::min(a, b), std::max(a, b)};
+}
+
+/// Where a vertex can be in the box.
+HeightRange height(const Passes& passes, Index v) {
+  HeightRange range{infinity, infinity};
+  for (Index r = passes.begin(v); r < passes.end(v); ++r) {
+    const HeightRange lift = passes.lift[std::size_t(r)];
+    range.low = std::min(range.low, passes.middle[r] - passes.magnitude[r] + lift.low);
+    range.high = std::min(range.high, passes.middle[r] + passes.magnitude[r] + lift.high);
+  }
+  return range;
+}
+
+}  // namespace
+
+Passes passes_in_box(const InfluenceMap& influence, const Box& box, const VectorXd& common) {
+  const Index m = influence.distance.size();
+  Passes passes{influence,
+                0.5 * (box.high - box.low),
+                VectorXd(m),
+                VectorXd(m),
+                std::vector<HeightRange>(std::size_t(m)),
+                {}};
+  const VectorXd middle = 0.5 * (box.high + box.low) - influence.centre;
+  tbb::parallel_for(Index(0), m, [&](Index r) {
+    const VectorXd slope = influence.slope.col(r) - common;
+    double along = 0.0, across = 0.0;
+    for (Index i = 0; i < middle.size(); ++i) {
+      along += slope[i] * middle[i];
+      across += influence.shift(i, r) * middle[i];
+    }
+    passes.middle[r] = influence.distance[r] + along;
+    passes.magnitude[r] = weighted_magnitude(slope, passes.half);
+    passes.lift[std::size_t(r)] =
+        curvature_lift(influence.half_curvature[r], across,
+                       weighted_magnitude(influence.shift.col(r), passes.half));
+  });
+  for (std::size_t v = 0; v + 1 < influence.first.size(); ++v) {
+    if (influence.first[v] < influence.first[v + 1]) passes.cut.push_back(Index(v));
+    for (Index r = influence.first[v]; r < influence.first[v + 1]; ++r)
+      passes.middle[r] -= influence.error_free[Index(v)];
+  }
+  return passes;
+}
+
+VectorXd zero_slope(const InfluenceMap& influence) {
+  return VectorXd::Zero(influence.slope.rows());
+}
+
+VectorXd common_slope(const InfluenceMap& influence) {
+  if (influence.slope.cols() == 0) return zero_slope(influence);
+  return 0.5 * (influence.slope.rowwise().minCoeff() + influence.slope.rowwise().maxCoeff());
+}
+
+std::vector<HeightRange> heights(const Passes& passes) {
+  std::vector<HeightRange> all(passes.influence.first.size() - 1);
+  for (const Index v : passes.cut) all[std::size_t(v)] = height(passes, v);
+  return all;
+}
+
+double length_mismatch_text(const Passes& passes, Index upper, Index lower) {
+  const InfluenceMap& map = passes.influence;
+  double least = infinity;
+  for (Index r = passes.begin(upper); r < passes.end(upper); ++r) {
+    double most = -infinity;
+    for (Index s = passes.begin(lower); s < passes.end(lower) && most < least; ++s) {
+      double sum = 0.0;
+      for (Index i = 0; i < passes.half.size(); ++i)
+        sum += std::abs(map.slope(i, r) - map.slope(i, s)) * passes.half[i];
+      most = std::max(most, passes.middle[r] - passes.middle[s] + sum +
+                                passes.lift[std::size_t(r)].high - passes.lift[std::size_t(s)].low);
+    }
+    least = std::min(least, most);
+  }
+  return least;
+}
+
+LinearHeights linear_heights(const Passes& passes) {
+  const InfluenceMap& map = passes.influence;
+  const Index count = Index(passes.cut.size());
+  LinearHeights all{VectorXd(count), VectorXd(count), Eigen::MatrixXd(map.slope.rows(), count),
+                    VectorXd(count), VectorXd(count)};
+  double area = 0.0;
+  for (Index k = 0; k < count; ++k) {
+    const Index v = passes.cut[std::size_t(k)], r = passes.begin(v);
+    double least = passes.lift[std::size_t(r)].low;
+    for (Index s = r + 1; s < passes.end(v); ++s)
+      least =
+          std::min(least, passes.middle[s] - passes.middle[r] + passes.lift[std::size_t(s)].low -
+                              weighted_magnitude(map.slope.col(s) - map.slope.col(r), passes.half));
+    all.base[k] = passes.middle[r];
+    all.slope.col(k) = map.slope.col(r);
+    all.added[k] = passes.lift[std::size_t(r)].high;
+    all.slack[k] = std::max(std::abs(least), std::abs(all.added[k]));
+    all.weight[k] = map.design.area[v];
+    area += all.weight[k];
+  }
+  all.weight /= area;
+  return all;
+}
+
+LinearHeights about_mean(LinearHeights heights) {
+  heights.base.array() -= heights.weight.dot(heights.base);
+  const VectorXd mean = heights.slope * heights.weight;
+  heights.slope.colwise() -= mean;
+  return heights;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr int starts = 24;                  // vertices from which pairs are improved
+constexpr int max_exchanges = 8;            // of one of a pair for a farther one
+constexpr Index random_start_count = 1024;  // random corners that are improved by the linear map
+constexpr std::size_t max_start_signs = 16;
+constexpr std::uint64_t sign_seed = 0x13198a2e03707344ULL;
+
+/// The vertex that is farthest from another one.
+/// @param above  whether it is above that one
+Index farthest(const Passes& passes, Index from, bool above) {
+  std::vector<double> distance(passes.cut.size());
+  tbb::parallel_for(std::size_t(0), distance.size(), [&](std::size_t i) {
+    distance[i] = above ? length_mismatch_text(passes, passes.cut[i], from)
+                        : length_mismatch_text(passes, from, passes.cut[i]);
+  });
+  const auto most = std::max_element(distance.begin(), distance.end());
+  return passes.cut[std::size_t(most - distance.begin())];
+}
+
+/// Slopes of the distance between the vertices of pairs that are farther apart than all pairs with
+/// one of them.
+std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& box) {
+  const Passes passes = passes_in_box(influence, box, common_slope(influence));
+  const std::vector<HeightRange> range = heights(passes);
+  const auto high = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
+  std::vector<VectorXd> slopes;
+  std::vector<std::pair<Index, Index>> known;
+  for (int start = 0; start < starts && !high.empty(); ++start) {
+    // The highest few, and others spread over all heights.
+    const auto place =
+        start < 8 ? std::size_t(start) : (high.size() - 1) * std::size_t(start - 8) / (starts - 9);
+    std::pair pair{high[std::min(place, high.size() - 1)], Index(-1)};
+    for (int i = 0; i < max_exchanges; ++i) {
+      const Index before = std::exchange(pair.second, farthest(passes, pair.first, false));
+      if (pair.second == before) break;
+      pair.first = farthest(passes, pair.second, true);
+    }
+    if (std::find(known.begin(), known.end(), pair) != known.end()) continue;
+    known.push_back(pair);
+    slopes.push_back(influence.slope.col(passes.begin(pair.first)) -
+                     influence.slope.col(passes.begin(pair.second)));
+  }
+  return slopes;
+}
+
+/// Slopes of the highest vertices, and of the lowest downwards.
+std::vector<VectorXd> slopes_of_farthest(const InfluenceMap& influence, const Box& box) {
+  const Passes passes = passes_in_box(influence, box, zero_slope(influence));
+  const std::vector<HeightRange> range = heights(passes);
+  const auto high = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
+  const auto low = ordered(passes, [&](Index v) { return -range[std::size_t(v)].low; });
+  std::vector<VectorXd> slopes;
+  for (std::size_t i = 0; i < std::min<std::size_t>(high.size(), starts / 2); ++i) {
+    slopes.push_back(influence.slope.col(passes.begin(high[i])));
+    slopes.push_back(-influence.slope.col(passes.begin(low[i])));
+  }
+  return slopes;
+}
+
+/// The square of a norm of linear heights at the corners of a box: s^T Q s + 2 b^T s, s of +-1.
+struct Square {
+  Eigen::MatrixXd Q;
+  VectorXd b;
+};
+
+Square square_of(const LinearHeights& all, const VectorXd& half) {
+  const Eigen::MatrixXd weighted = all.slope * all.weight.asDiagonal();
+  return {half.asDiagonal() * (weighted * all.slope.transpose()) * half.asDiagonal(),
+          half.cwiseProduct(weighted * all.base)};
+}
+
+/// Signs changed one by one, each time the one that gains most. First the square, then the signs.
+std::pair<double, VectorXd> improved(const Square& square, VectorXd s) {
+  VectorXd pull = square.Q * s + square.b;
+  const auto gains = [&] {
+    return (4.0 * (square.Q.diagonal().array() - s.array() * pull.array())).eval();
+  };
+  Index i = 0;
+  for (Index step = 0; step < 50 * s.size(); ++step) {
+    // Rounding must not make it turn a sign to and fro.
+    if (!(gains().maxCoeff(&i) > 1e-12 * std::abs(square.Q(i, i)))) break;
+    pull -= 2.0 * s[i] * square.Q.col(i);
+    s[i] = -s[i];
+  }
+  return {s.dot(pull) + s.dot(square.b), s};
+}
+
+/// Signs of the largest squares that are found.
+std::vector<VectorXd> signs_of_norm(const Square& square) {
+  const Eigen::MatrixXd u =
+      points({Sampling::Random, int(square.b.size()), sign_seed}, 0, random_start_count);
+  std::vector<std::pair<double, VectorXd>> found(std::size_t(u.cols()));
+  tbb::parallel_for(Index(0), u.cols(), [&](Index k) {
+    found[std::size_t(k)] = improved(square, (2.0 * u.col(k).array().round() - 1.0).matrix());
+  });
+  std::stable_sort(found.begin(), found.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<VectorXd> signs;
+  for (const auto& [value, s] : found)
+    if (signs.size() < max_start_signs &&
+        std::none_of(signs.begin(), signs.end(), [&](const VectorXd& other) { return other == s; }))
+      signs.push_back(s);
+  return signs;
+}
+
+}  // namespace
+
+Eigen::MatrixXd start_points(const InfluenceMap& influence, const Box& box, Response response) {
+  std::vector<VectorXd> slopes = slopes_of_pairs(influence, box);
+  const auto add = [&](const std::vector<VectorXd>& more) {
+    slopes.insert(slopes.end(), more.begin(), more.end());
+  };
+  add(slopes_of_farthest(influence, box));
+  const Passes passes = passes_in_box(influence, box, zero_slope(influence));
+  if (!passes.cut.empty() && response == Response::Rms)
+    add(signs_of_norm(square_of(linear_heights(passes), passes.half)));
+  if (!passes.cut.empty() && response == Response::Std)
+    add(signs_of_norm(square_of(about_mean(linear_heights(passes)), passes.half)));
+  Eigen::MatrixXd corners(box.low.size(), Index(slopes.size()));
+  for (std::size_t k = 0; k < slopes.size(); ++k)
+    corners.col(Index(k)) = (slopes[k].array() < 0.0).select(box.low, box.high);
+  return corners;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double max_products = 1e9;  // of the pairs that are looked at
+constexpr Index vertex_lot = 64;      // vertices whose pairs are looked at together
+
+/// Pairs in the order of their upper vertices; each of those with ever higher lower ones, until
+/// their own heights say that no pair is farther apart than what is known.
+double max_separation(const Passes& passes, double known) {
+  const std::vector<HeightRange> range = heights(passes);
+  const auto upper = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
+  const auto lower = ordered(passes, [&](Index v) { return -range[std::size_t(v)].low; });
+  if (upper.empty()) return known;
+  const auto coarse = [&](Index v, Index w) {
+    return range[std::size_t(v)].high - range[std::size_t(w)].low;
+  };
+  const double competing_passes =
+      double(passes.influence.distance.size()) / double(passes.cut.size());
+  double pairs = max_products / (double(passes.half.size()) * competing_passes * competing_passes);
+  for (Index first = 0; first < Index(upper.size()); first += vertex_lot) {
+    if (coarse(upper[std::size_t(first)], lower.front()) <= known) return known;
+    if (pairs <= 0.0) return coarse(upper[std::size_t(first)], lower.front());
+    const Index count = std::min(vertex_lot, Index(upper.size()) - first);
+    std::vector<double> most(std::size_t(count), known), looked(std::size_t(count), 0.0);
+    const double each = pairs / double(count);
+    tbb::parallel_for(Index(0), count, [&](Index i) {
+      const Index v = upper[std::size_t(first + i)];
+      double& own = most[std::size_t(i)];
+      for (const Index w : lower) {
+        if (coarse(v, w) <= own) break;
+        if (looked[std::size_t(i)]++ >= each) {
+          own = coarse(v, w);  // none of the rest is farther
+          break;
+        }
+        if (v != w) own = std::max(own, length_mismatch_text(passes, v, w));
+      }
+    });
+    for (Index i = 0; i < count; ++i) {
+      known = std::max(known, most[std::size_t(i)]);
+      pairs -= looked[std::size_t(i)];
+    }
+  }
+  return known;
+}
+
+double mean_bound(const LinearHeights& all, const VectorXd& half) {
+  return all.weight.dot(all.base) + (all.slope * all.weight).cwiseAbs().dot(half) +
+         all.weight.dot(all.added);
+}
+
+double norm_bound(const LinearHeights& all, const VectorXd& half) {
+  const Eigen::MatrixXd weighted = all.slope * all.weight.asDiagonal();
+  const Eigen::MatrixXd products = weighted * all.slope.transpose();
+  const double square = all.weight.dot(all.base.cwiseAbs2()) +
+                        2.0 * (weighted * all.base).cwiseAbs().dot(half) +
+                        half.dot(products.cwiseAbs() * half);
+  return std::sqrt(square) + std::sqrt(all.weight.dot(all.slack.cwiseAbs2()));
+}
+
+double farthest_height(const Passes& passes) {
+  double most = 0.0;
+  for (const HeightRange& range : heights(passes)) most = std::max({most, range.high, -range.low});
+  return most;
+}
+
+double rms_of_farthest(const Passes& passes, const VectorXd& weight) {
+  const std::vector<HeightRange> all = heights(passes);
+  double square = 0.0;
+  for (Index k = 0; k < weight.size(); ++k) {
+    const HeightRange range = all[std::size_t(passes.cut[std::size_t(k)])];
+    square += weight[k] * std::pow(std::max(range.high, -range.low), 2);
+  }
+  return std::sqrt(square);
+}
+
+}  // namespace
+
+double response_bound(const InfluenceMap& influence, const Box& box, Response response,
+                      double found) {
+  if (response == Response::InTolerance) return 0.0;
+  // at a rim the filter's plane may lie beyond all that it is fitted to
+  if (is_filtered(response)) return infinity;
+  if (response == Response::Pv)
+    return max_separation(passes_in_box(influence, box, common_slope(influence)), found);
+  const Passes passes = passes_in_box(influence, box, zero_slope(influence));
+  if (passes.cut.empty()) return found;
+  if (response == Response::MaxAbs || response == Response::P95Abs)
+    return std::max(found, farthest_height(passes));
+  const LinearHeights all = linear_heights(passes);
+  switch (response) {
+    case Response::Mean:
+      return std::max(found, mean_bound(all, passes.half));
+    case Response::Std:
+      return std::max(found, norm_bound(about_mean(all), passes.half));
+    default:
+      return std::max(found,
+                      std::min(norm_bound(all, passes.half), rms_of_farthest(passes, all.weight)));
+  }
+}
+
 namespace {
 
 using Eigen::Index;
@@ -21,8 +452,8 @@ using Eigen::VectorXd;
 constexpr Index few = 12;  // inputs of which all corners are tried
 constexpr int random_starts = 64;
 constexpr Index finalists = 8;  // climbs that go on input by input
-constexpr int most_steps = 50;  // of a climb along gradients
-constexpr int most_flips = 20;  // of single inputs put to their other end
+constexpr int max_steps = 50;   // of a climb along gradients
+constexpr int max_flips = 20;   // of single inputs put to their other end
 constexpr std::uint64_t start_seed = 0x243f6a8885a308d3ULL;
 
 /// Corners and what they come to, the sign such that more is worse.
@@ -43,8 +474,8 @@ class Climb {
   Places along_gradients(Places places) const {
     std::vector<Index> rising(std::size_t(places.value.size()));
     std::iota(rising.begin(), rising.end(), Index(0));
-    for (int i = 0; i < most_steps && !rising.empty(); ++i) {
-      const Places next = at(ends_along(places.x(Eigen::all, rising)));
+    for (int i = 0; i < max_steps && !rising.empty(); ++i) {
+      const Places next = at(ends_by_gradient(places.x(Eigen::all, rising)));
       std::vector<Index> still;
       for (std::size_t k = 0; k < rising.size(); ++k) {
         const Index place = rising[k];
@@ -59,8 +490,8 @@ class Climb {
   }
 
   Places input_by_input(Places place) const {
-    for (int i = 0; i < most_flips; ++i) {
-      const Places next = best(at(one_flipped(place.x)), 1);
+    for (int i = 0; i < max_flips; ++i) {
+      const Places next = best(at(flip_each_input(place.x)), 1);
       if (!(next.value[0] > place.value[0])) break;
       place = along_gradients(next);
     }
@@ -78,7 +509,7 @@ class Climb {
   }
 
  private:
-  Eigen::MatrixXd ends_along(const Eigen::MatrixXd& x) const {
+  Eigen::MatrixXd ends_by_gradient(const Eigen::MatrixXd& x) const {
     const Eigen::MatrixXd gradient = sign_ * function_.gradients(x);
     Eigen::MatrixXd ends = x;
     for (Index k = 0; k < x.cols(); ++k)
@@ -88,7 +519,7 @@ class Climb {
   }
 
   /// All corners that differ from one in one input.
-  Eigen::MatrixXd one_flipped(const VectorXd& corner) const {
+  Eigen::MatrixXd flip_each_input(const VectorXd& corner) const {
     Eigen::MatrixXd x = corner.replicate(1, corner.size());
     x.diagonal() = (corner.array() == box_.low.array()).select(box_.high, box_.low);
     return x;
@@ -106,8 +537,8 @@ Eigen::MatrixXd all_corners(const Box& box) {
 }
 
 /// Promising corners, their opposites, and random ones.
-Eigen::MatrixXd starting_corners(const Box& box, const InfluenceMap& influence, Response response) {
-  const Eigen::MatrixXd promising = promising_corners(influence, box, response);
+Eigen::MatrixXd search_starts(const Box& box, const InfluenceMap& influence, Response response) {
+  const Eigen::MatrixXd promising = start_points(influence, box, response);
   const Index count = promising.cols();
   const auto of = [&](const Eigen::VectorXd& end, Index n) { return end.replicate(1, n).eval(); };
   const Eigen::MatrixXd u =
@@ -129,7 +560,7 @@ Corner climbed(const Box& box, const InfluenceMap& influence, Response response,
     return {worst.x, sign * worst.value[0], 0.0};
   }
   const Places first = Climb::best(
-      climb.along_gradients(climb.at(starting_corners(box, influence, response))), finalists);
+      climb.along_gradients(climb.at(search_starts(box, influence, response))), finalists);
   Places last = first;
   for (Index k = 0; k < first.value.size(); ++k) {
     const Places one = climb.input_by_input({first.x.col(k), first.value.segment(k, 1)});
@@ -145,12 +576,12 @@ Corner climbed(const Box& box, const InfluenceMap& influence, Response response,
 Corner worst_corner(const Box& box, const InfluenceMap& influence, Response response,
                     const ResponseFunction& function) {
   Corner corner = climbed(box, influence, response, function);
-  corner.bound = bound_over(influence, box, response, corner.response);
+  corner.bound = response_bound(influence, box, response, corner.response);
   return corner;
 }
 
-Corner worst_corner(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,
-                    Response response) {
+Corner worst_corner(const Study& study, const PreparedConfiguration& ready,
+                    const InfluenceMap& influence, Response response) {
   const Box box = box_of(study, study.worst_case.value_or(WorstCase{}).coverage);
   const ResponseFunction function = response_function(study, ready, influence, response);
   if (ready.job.scene.alignment == Alignment::None)

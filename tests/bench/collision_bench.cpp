@@ -77,8 +77,8 @@ Timed searched(const fs::path& folder, int triangles, double step_over) {
   write_mesh(folder / "vice.ply", triangles);
   std::ofstream(folder / "scene.toml") << scene_text(folder / "vice.ply", step_over);
   const sim::Job job = sim::prepare(sim::read_scene(folder / "scene.toml"));
-  return {sim::collisions(job, sim::as_programmed(job), "uncompensated"), job.path.blocks.size(),
-          job.samples.states.size()};
+  return {sim::collisions(job, sim::uncompensated_commands(job), "uncompensated"),
+          job.path.blocks.size(), job.samples.states.size()};
 }
 
 void report(const char* what, const Timed& timed) {
@@ -92,9 +92,9 @@ void report(const char* what, const Timed& timed) {
 /// Seconds that every pair at every instant would take, from a few of them.
 void report_naive(const fs::path& folder, const Timed& all) {
   const sim::Job job = sim::prepare(sim::read_scene(folder / "scene.toml"));
-  const std::vector<sim::SolidBody> solids = sim::bodies_of(job);
+  const std::vector<sim::SolidBody> solids = sim::job_bodies(job);
   std::vector<cutting::Body> bodies;
-  for (const sim::SolidBody& one : solids) bodies.push_back(cutting::body_of(one.mesh));
+  for (const sim::SolidBody& one : solids) bodies.push_back(cutting::make_body(one.mesh));
   const std::vector<cutting::BodyPair> pairs = sim::pairs_of(job.truth.actual, solids, {});
   const std::size_t looks = 20;
   const auto start = std::chrono::steady_clock::now();

@@ -52,7 +52,7 @@ struct Task {
 };
 
 /// Commands all over the workspace, or with the tool held at one tilt.
-Task task(const Chain& gantry, double least_A, double most_A) {
+Task task(const Chain& gantry, double min_A, double max_A) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   Task task;
@@ -61,7 +61,7 @@ Task task(const Chain& gantry, double least_A, double most_A) {
     state.q.resize(6);
     const double a = unit(random);
     state.q << pi * unit(random), 250 * unit(random), 250 * unit(random), 250 * unit(random),
-        std::copysign(least_A + (most_A - least_A) * std::abs(a), a), 0.0;
+        std::copysign(min_A + (max_A - min_A) * std::abs(a), a), 0.0;
     task.commands.push_back(state);
     task.T_wt.push_back(gantry.tool_in_workpiece(state.q));
   }

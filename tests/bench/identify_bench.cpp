@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
 #include "errors/metrology/instrument.h"
 #include "tests/metrology/machines.h"
@@ -56,7 +57,7 @@ int run(int repetitions) {
     std::vector<Readings> readings;
     const double measuring = best_s(repetitions, [&] { readings = campaign(gantry, targets); });
     std::size_t count = 0;
-    for (const Readings& one : readings) count += one.plan.looks.size();
+    for (const Readings& one : readings) count += one.plan.measurements.size();
     for (const int order : {4, 8}) {
       ModelOptions options;
       options.order = order;

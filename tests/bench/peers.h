@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "cutting/mesh.h"
-#include "cutting/sweep.h"
-#include "cutting/tool.h"
+#include "cutting/part/mesh.h"
+#include "cutting/surface/surface.h"
+#include "cutting/surface/tool.h"
 
 /// What the surface engine and its peers are given, so that their answers compare.
 namespace abbe::bench {

@@ -27,8 +27,8 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/stock.h"
-#include "cutting/surface.h"
+#include "cutting/stock/stock.h"
+#include "cutting/surface/surface.h"
 #include "tests/bench/peers.h"
 #include "tests/bench/wave.h"
 #include "tests/oracles/brute_surface.h"

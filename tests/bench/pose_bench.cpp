@@ -50,7 +50,7 @@ int main() {
     for (int i = 0; i < count; ++i)
       sum += sim::tip_pose(idle, poses.state(std::size_t(i))).deviation().x();
   });
-  const auto lines = [&](const char* what, const sim::PoseWishes& wishes, int share) {
+  const auto lines = [&](const char* what, const sim::PoseRequest& wishes, int share) {
     sim::PoseList some = poses;
     some.numbers.resize(some.numbers.size() / std::size_t(share));
     const sim::PoseTable table(idle, wishes);

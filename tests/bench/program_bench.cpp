@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 
 #include "sim/cut/part.h"
-#include "sim/cut/program_alone.h"
+#include "sim/cut/program_inspection.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
@@ -63,7 +63,7 @@ void report(const char* what, const std::string& text, const std::string& name) 
   std::ofstream(file) << text;
   const double alone_start = seconds(), alone_before = bytes_in_use();
   const auto alone =
-      sim::program_alone(file, {.machine = "library:gantry_cxyza", .tool_length = 100.0});
+      sim::inspect_program(file, {.machine = "library:gantry_cxyza", .tool_length = 100.0});
   fmt::print("{:<24}{:8.2f} s by abbe program, {:6.1f} bytes a move kept\n", what,
              seconds() - alone_start,
              (bytes_in_use() - alone_before) / double(alone.figures.blocks));

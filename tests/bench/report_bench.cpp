@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "sim/commands/compare.h"
-#include "sim/report/html_report.h"
-#include "sim/report/pictures.h"
+#include "sim/commands/scene_runs.h"
+#include "sim/report/case_page.h"
+#include "sim/report/picture_files.h"
 
 namespace abbe::sim {
 namespace {
@@ -20,15 +20,15 @@ double since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-CasesCut dome(const std::string& vertices) {
+CaseResults dome(const std::string& vertices) {
   RunOptions options;
   options.overrides = {{"part.vertices", vertices}};
   options.progress = [](const std::string&, double) {};
-  return cases_cut(ABBE_SOURCE_DIR "/scenes/gantry_dome.toml", options);
+  return cut_scene_cases(ABBE_SOURCE_DIR "/scenes/gantry_dome.toml", options);
 }
 
 void print_cost(const std::string& vertices) {
-  const CasesCut made = dome(vertices);
+  const CaseResults made = dome(vertices);
   Clock::time_point start = Clock::now();
   const HtmlReport page = html_report(made.cases, made.comparison, {});
   const double all_s = since(start);

@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "cutting/engagement.h"
-#include "cutting/force.h"
-#include "cutting/stock.h"
+#include "cutting/stock/engagement.h"
+#include "cutting/stock/force.h"
+#include "cutting/stock/stock.h"
 
 namespace abbe::cutting {
 namespace {
@@ -51,7 +51,7 @@ void cut(const char* name, const Cutter& cutter, double spacing, bool three, int
   std::size_t lines = 0;
   const Stopwatch watch;
   for (int i = 0; i < moves; ++i) {
-    const Removed one = remove(
+    const RemovalResult one = remove(
         stock, cutter, {pose_at(i, moves, swing), pose_at(i + 1, moves, swing), i + 1, false});
     removed += one.volume;
     lines += one.lines;

@@ -12,7 +12,7 @@
 
 #include <sys/resource.h>
 
-#include "cutting/streamed_surface.h"
+#include "cutting/surface/machined_surface.h"
 #include "tests/bench/wave.h"
 
 namespace abbe::bench {

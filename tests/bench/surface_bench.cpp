@@ -11,7 +11,7 @@
 
 #include <tbb/global_control.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/units.h"
 #include "tests/bench/wave.h"
 
@@ -138,7 +138,7 @@ int main(int argc, char** argv) {
     }
     report("flank of a cone", {5, 1, 30}, around_cone({5, 1, 30}, 40400), cone(n), repetitions);
     report("tapered ball", form_cutter(apt_outline(tapered_ball)), false, n, 201, repetitions);
-    report("barrel", form_cutter(outline_through(barrel)), false, n, 201, repetitions);
+    report("barrel", form_cutter(outline_from_points(barrel)), false, n, 201, repetitions);
     report("ball, three axes", ball, true, n / 4, 201, repetitions);
     report("ball, few vertices", ball, false, 141, 224, repetitions);
     report("ball, many moves", ball, true, n / 2, 1001, repetitions);

@@ -11,8 +11,8 @@
 
 #include <fmt/format.h>
 
-#include "errors/thermal.h"
 #include "errors/thermal_elements.h"
+#include "errors/thermal_run.h"
 
 namespace abbe::errors {
 namespace {

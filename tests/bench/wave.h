@@ -6,9 +6,9 @@
 
 #include <Eigen/Geometry>
 
-#include "cutting/mesh.h"
-#include "cutting/sweep.h"
-#include "cutting/tool.h"
+#include "cutting/part/mesh.h"
+#include "cutting/surface/surface.h"
+#include "cutting/surface/tool.h"
 #include "kinematics/units.h"
 
 /// The part and the programs on which surfaces are timed: z = 2 sin(x/10) cos(y/10), mm, over a
@@ -52,7 +52,7 @@ struct WaveRaster {
 
 /// Where a cutter reaches farthest in a direction that goes by `across` across its axis and by
 /// `rise` along it: from the axis, and above the tip.
-inline Eigen::Vector2d foremost(const cutting::Cutter& cutter, double across, double rise) {
+inline Eigen::Vector2d extreme_point(const cutting::Cutter& cutter, double across, double rise) {
   const double r = cutter.corner_radius;
   if (cutter.outline) return cutting::support_point(*cutter.outline, rise, across);
   return {cutter.radius - r + r * across, r + r * rise};
@@ -78,7 +78,7 @@ inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const Wa
         raster.upright ? Eigen::Vector3d::UnitZ().eval()
                        : Eigen::Vector3d(std::cos(lead) * normal + std::sin(lead) * along);
     const Eigen::Vector3d across = normal - normal.dot(axis) * axis;
-    const Eigen::Vector2d touch = foremost(cutter, across.norm(), -normal.dot(axis));
+    const Eigen::Vector2d touch = extreme_point(cutter, across.norm(), -normal.dot(axis));
     const Eigen::Vector3d tip =
         wave_point(x, y) - touch.y() * axis +
         (across.norm() > 1e-12 ? touch.x() : 0.0) * across.stableNormalized();

@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
+#include "kinematics/units.h"
 #include "tests/compensation/courses.h"
 #include "tests/kinematics/nan.h"
 
@@ -37,7 +37,7 @@ std::vector<Joint> joints(std::initializer_list<Motion> motions) {
   return result;
 }
 
-Course through_slide(const Course& wanted, const OriginShift& origin) {
+TimeSeries through_slide(const TimeSeries& wanted, const OriginShift& origin) {
   const std::vector<Joint> slide = joints({Motion::Linear});
   return through(wanted, origin, slide);
 }
@@ -46,7 +46,7 @@ Pulses one_axis(double count, std::uint64_t seed = 1) {
   return {VectorXd::Constant(1, count), 1e-3, 2e-6, seed};
 }
 
-double missed(const Course& wanted, const Course& arrived, double from_s, double to_s) {
+double missed(const TimeSeries& wanted, const TimeSeries& arrived, double from_s, double to_s) {
   return rms([&](double t) { return value_at(arrived, t)[0] - value_at(wanted, t)[0]; }, from_s,
              to_s, 200000);
 }
@@ -63,14 +63,14 @@ TEST(Pulses, QuantumIsUniformOverACountOnEveryAxisTogether) {
   for (int trial = 0; trial < 20; ++trial) {
     const Vector3d n = Vector3d(normal(random), normal(random), normal(random)).normalized();
     // 25 counts a axis over 10 s on another bend each; the axes pass 200 periods a second.
-    Course wanted{VectorXd::LinSpaced(101, 0.0, 10.0), Eigen::MatrixXd(101, 3)};
-    Course motion{Eigen::Vector2d(0.0, 10.0), Eigen::MatrixXd::Zero(2, 3)};
+    TimeSeries wanted{VectorXd::LinSpaced(101, 0.0, 10.0), Eigen::MatrixXd(101, 3)};
+    TimeSeries motion{Eigen::Vector2d(0.0, 10.0), Eigen::MatrixXd::Zero(2, 3)};
     for (int j = 0; j < 3; ++j) {
       wanted.value.col(j) =
           25.0 * q[j] * (wanted.time_s.array() / 10.0).pow(1.0 + 0.3 * j).matrix();
       motion.value(1, j) = 2000.0 * q[j];
     }
-    const Course arrived = through(wanted, {q, 1e-3, 2e-6, std::uint64_t(trial)}, motion);
+    const TimeSeries arrived = through(wanted, {q, 1e-3, 2e-6, std::uint64_t(trial)}, motion);
     const double root =
         rms([&](double t) { return n.dot(value_at(arrived, t) - value_at(wanted, t)); }, 0.0, 10.0,
             20000);
@@ -87,10 +87,10 @@ TEST(Pulses, QuantumIsUniformOverACountOnEveryAxisTogether) {
 
 TEST(Pulses, ArriveWithinHalfACountPlusWhatIsWantedDuringACycle) {
   const double q = 1e-3;
-  const Course wanted = course({{0.0, 0.0}, {1.0, 40.0 * q}, {2.0, -10.0 * q}});
-  const Course motion = course({{0.0, 0.0}, {2.0, 10.0}});  // 5 periods a cycle
+  const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 40.0 * q}, {2.0, -10.0 * q}});
+  const TimeSeries motion = course({{0.0, 0.0}, {2.0, 10.0}});  // 5 periods a cycle
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    const Course arrived = through(wanted, one_axis(q, seed), motion);
+    const TimeSeries arrived = through(wanted, one_axis(q, seed), motion);
     double worst = 0.0;
     for (double t = 0.0; t < 2.0; t += 1e-4)
       worst = std::max(worst, std::abs(value_at(arrived, t)[0] - value_at(wanted, t)[0]));
@@ -104,8 +104,8 @@ TEST(Pulses, AtRestGoInWhereBothTrainsAreLowAndNowhereElse) {
   const double q = 1e-3;
   int low = 0;
   for (std::uint64_t seed = 0; seed < 400; ++seed) {
-    const Course wanted = course({{0.0, 0.0}, {0.0, 5.0 * q}, {1.0, 5.0 * q}});
-    const Course arrived = through(wanted, one_axis(q, seed), course({{0.0, 0.37}}));
+    const TimeSeries wanted = course({{0.0, 0.0}, {0.0, 5.0 * q}, {1.0, 5.0 * q}});
+    const TimeSeries arrived = through(wanted, one_axis(q, seed), course({{0.0, 0.37}}));
     const double x = 0.37 / q - zero_phase(seed, 0);
     const bool is_low = x - std::floor(x) < 0.25;
     low += is_low;
@@ -122,10 +122,10 @@ TEST(Pulses, AtRestGoInWhereBothTrainsAreLowAndNowhereElse) {
 
 TEST(Pulses, DoNotGoInWhereTheAxisIsTooQuick) {
   const double q = 1e-3, limit = q / (4.0 * 2e-6);  // mm/s: 125
-  const Course wanted = course({{0.0, 0.0}, {1.0, 20.0 * q}});
+  const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 20.0 * q}});
   const auto arrived = [&](double speed) {
-    const Course motion = course({{0.0, 0.0}, {1.0, speed}});
-    const Course c = through(wanted, one_axis(q), motion);
+    const TimeSeries motion = course({{0.0, 0.0}, {1.0, speed}});
+    const TimeSeries c = through(wanted, one_axis(q), motion);
     return (c.value(c.value.rows() - 1, 0) - c.value(0, 0)) / q;
   };
   EXPECT_NEAR(arrived(0.999 * limit), 20.0, 1.0);
@@ -135,7 +135,7 @@ TEST(Pulses, DoNotGoInWhereTheAxisIsTooQuick) {
 TEST(Pulses, StartWhereTheFirstValueWantsThem) {
   const double q = 1e-3;
   for (std::uint64_t seed = 0; seed < 50; ++seed) {
-    const Course arrived =
+    const TimeSeries arrived =
         through(course({{0.0, 7.3 * q}}), one_axis(q, seed), course({{0.0, 0.0}}));
     ASSERT_EQ(arrived.time_s.size(), 1);
     const double whole = arrived.value(0, 0) / q - zero_phase(seed, 0);
@@ -145,9 +145,9 @@ TEST(Pulses, StartWhereTheFirstValueWantsThem) {
 }
 
 TEST(Pulses, LeaveJointsThatAreNotFittedAtZero) {
-  Course wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 2, 0.5)};
-  const Course motion{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Zero(2, 2)};
-  const Course arrived = through(wanted, {Eigen::Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
+  TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 2, 0.5)};
+  const TimeSeries motion{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Zero(2, 2)};
+  const TimeSeries arrived = through(wanted, {Eigen::Vector2d(0.0, 1e-3), 1e-3, 2e-6, 3}, motion);
   EXPECT_TRUE((arrived.value.col(0).array() == 0.0).all());
   EXPECT_NEAR(arrived.value(0, 1), 0.5, 0.5e-3);
 }
@@ -176,9 +176,9 @@ TEST(Pulses, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
   for (int i = 0; i <= 36000; ++i)
     bends.push_back({0.1 * i, 0.05 * (1.0 - std::exp(-0.1 * i / 900.0)) +
                                   0.02 * std::sin(2.0 * pi * 0.1 * i / 4.0)});
-  const Course motion = course(run), wanted = course(bends);
+  const TimeSeries motion = course(run), wanted = course(bends);
   const std::clock_t start = std::clock();
-  const Course arrived = through(wanted, one_axis(q), motion);
+  const TimeSeries arrived = through(wanted, one_axis(q), motion);
   const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
   const double root = missed(wanted, arrived, 0.0, hour);
   std::cout << "  " << seconds << " s for " << arrived.time_s.size() / 2 - 1 << " pairs; off by "
@@ -188,13 +188,13 @@ TEST(Pulses, OfAnHourAtOneMillisecondTakeWellUnderASecondAnAxis) {
 }
 
 TEST(Pulses, OfAnEnormousSpeedCostNoMore) {
-  const Course wanted = course({{0.0, 0.0}, {1.0, 0.01}});
-  const Course motion = course({{0.0, -1e9}, {0.5, 1e9}, {0.5, 0.0}, {1.0, 0.0}});
+  const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 0.01}});
+  const TimeSeries motion = course({{0.0, -1e9}, {0.5, 1e9}, {0.5, 0.0}, {1.0, 0.0}});
   EXPECT_TRUE(through(wanted, one_axis(1e-3), motion).value.allFinite());
 }
 
 TEST(Pulses, RefuseWhatTheyCannotBe) {
-  const Course rest = course({{0.0, 0.0}}), ramp = course({{0.0, 0.0}, {1.0, 1.0}});
+  const TimeSeries rest = course({{0.0, 0.0}}), ramp = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity}) {
     Pulses pulses = one_axis(1e-3);
     pulses.cycle_s = bad;
@@ -207,8 +207,8 @@ TEST(Pulses, RefuseWhatTheyCannotBe) {
     EXPECT_THROW(through(ramp, one_axis(bad), rest), std::invalid_argument);
   EXPECT_THROW(through(course({{0.0, nan}}), one_axis(1e-3), rest), std::invalid_argument);
   EXPECT_THROW(through(ramp, one_axis(1e-3), course({{0.0, nan}})), std::invalid_argument);
-  EXPECT_THROW(through(ramp, one_axis(1e-3), Course{}), std::invalid_argument);
-  EXPECT_THROW(through(Course{}, one_axis(1e-3), rest), std::invalid_argument);
+  EXPECT_THROW(through(ramp, one_axis(1e-3), TimeSeries{}), std::invalid_argument);
+  EXPECT_THROW(through(TimeSeries{}, one_axis(1e-3), rest), std::invalid_argument);
   EXPECT_THROW(through(ramp, one_axis(1e-17), rest), std::invalid_argument) << "too many counts";
   EXPECT_THROW(through(rest, one_axis(1e-17), ramp), std::invalid_argument);
   EXPECT_THROW(through(course({{0.0, 0.0}, {1e9, 1.0}}), one_axis(1e-3), rest),
@@ -221,8 +221,8 @@ TEST(Pulses, RefuseWhatTheyCannotBe) {
 // ---- open control
 
 TEST(OpenControl, HoldsWhatWasReadFromADelayAfterItsCycleOn) {
-  const Course wanted = course({{0.0, 0.0}, {0.1, 1.0}});
-  const Course arrived = through(wanted, OpenControl{0.01, 0.003});
+  const TimeSeries wanted = course({{0.0, 0.0}, {0.1, 1.0}});
+  const TimeSeries arrived = through(wanted, OpenControl{0.01, 0.003});
   for (int k = 0; k <= 10; ++k) {
     const double act = 0.01 * k + 0.003;
     EXPECT_NEAR(value_at(arrived, act + 1e-9)[0], 0.1 * k, 1e-12);
@@ -233,7 +233,7 @@ TEST(OpenControl, HoldsWhatWasReadFromADelayAfterItsCycleOn) {
 
 TEST(OpenControl, MissesARampByWhatItsCycleAndDelaySay) {
   const double slope = 0.02;
-  const Course ramp = course({{0.0, 0.0}, {20.0, 20.0 * slope}});
+  const TimeSeries ramp = course({{0.0, 0.0}, {20.0, 20.0 * slope}});
   for (const auto& [T, D] : {std::pair{1e-3, 0.0}, {1e-3, 4e-3}, {0.02, 0.01}}) {
     const double expected = slope * std::sqrt(T * T / 3.0 + T * D + D * D);
     const double root = missed(ramp, through(ramp, OpenControl{T, D}), 1.0, 19.0);
@@ -244,31 +244,31 @@ TEST(OpenControl, MissesARampByWhatItsCycleAndDelaySay) {
 }
 
 TEST(OpenControl, WithAHugeDelayActsLateNotWrong) {
-  const Course arrived = through(course({{0.0, 1.0}, {1.0, 2.0}}), OpenControl{0.5, 1e6});
+  const TimeSeries arrived = through(course({{0.0, 1.0}, {1.0, 2.0}}), OpenControl{0.5, 1e6});
   EXPECT_EQ(value_at(arrived, 1e6 - 1.0)[0], 1.0);
   EXPECT_EQ(value_at(arrived, 1e6 + 0.5)[0], 1.5);
   EXPECT_EQ(value_at(arrived, 1e6 + 1.0)[0], 2.0);
 }
 
 TEST(OpenControl, OfAConstantOrOneInstantIsThat) {
-  for (const Course& c : {course({{3.0, 4.0}}), course({{3.0, 4.0}, {9.0, 4.0}})}) {
-    const Course arrived = through(c, OpenControl{});
+  for (const TimeSeries& c : {course({{3.0, 4.0}}), course({{3.0, 4.0}, {9.0, 4.0}})}) {
+    const TimeSeries arrived = through(c, OpenControl{});
     EXPECT_EQ(arrived.time_s.size(), 1);
     EXPECT_EQ(value_at(arrived, 5.0)[0], 4.0);
   }
-  const Course jump = through(course({{3.0, 4.0}, {3.0, 6.0}}), OpenControl{});
+  const TimeSeries jump = through(course({{3.0, 4.0}, {3.0, 6.0}}), OpenControl{});
   EXPECT_EQ(value_at(jump, 2.9)[0], 4.0);
   EXPECT_EQ(value_at(jump, 3.0)[0], 6.0);
 }
 
 TEST(OpenControl, RefusesWhatItCannotBe) {
-  const Course ramp = course({{0.0, 0.0}, {1.0, 1.0}});
+  const TimeSeries ramp = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity})
     EXPECT_THROW(through(ramp, OpenControl{bad, 0.0}), std::invalid_argument);
   for (const double bad : {-1.0, nan, infinity})
     EXPECT_THROW(through(ramp, OpenControl{1e-3, bad}), std::invalid_argument);
   EXPECT_THROW(through(ramp, OpenControl{1e-12, 0.0}), std::invalid_argument) << "too many cycles";
-  EXPECT_THROW(through(Course{}, OpenControl{}), std::invalid_argument);
+  EXPECT_THROW(through(TimeSeries{}, OpenControl{}), std::invalid_argument);
 }
 
 // ---- origin shift
@@ -276,7 +276,7 @@ TEST(OpenControl, RefusesWhatItCannotBe) {
 TEST(OriginShift, MissesARampByWhatItsCycleAndDelaySay) {
   for (const double slope : {0.02, -0.3})
     for (const auto& [T, D] : {std::pair{0.01, 0.0}, {0.01, 0.05}, {0.1, 0.03}}) {
-      const Course ramp = course({{0.0, 0.0}, {20.0, 20.0 * slope}});
+      const TimeSeries ramp = course({{0.0, 0.0}, {20.0, 20.0 * slope}});
       const double expected = std::abs(slope) * std::sqrt(T * T / 3.0 + T * D + D * D);
       const double root = missed(ramp, through_slide(ramp, {T, D, 0.0, 0.0}), 1.0, 19.0);
       EXPECT_NEAR(root, expected, 0.01 * expected);
@@ -286,7 +286,7 @@ TEST(OriginShift, MissesARampByWhatItsCycleAndDelaySay) {
 TEST(OriginShift, AddsTheSquareOfItsIncrementOverTwelve) {
   // An irrational number of increments a cycle, so that rounding meets every remainder.
   const double T = 0.01, D = 0.02, q = 1e-3, slope = 0.1 * q / T * std::numbers::phi;
-  const Course ramp = course({{0.0, 0.0}, {40.0, 40.0 * slope}});
+  const TimeSeries ramp = course({{0.0, 0.0}, {40.0, 40.0 * slope}});
   const double expected = std::sqrt(slope * slope * (T * T / 3.0 + T * D + D * D) + q * q / 12.0);
   const double root = missed(ramp, through_slide(ramp, {T, D, q, 0.0}), 1.0, 39.0);
   std::cout << "  " << root / expected << " of the formula\n";
@@ -294,8 +294,8 @@ TEST(OriginShift, AddsTheSquareOfItsIncrementOverTwelve) {
 }
 
 TEST(OriginShift, MovesInWholeIncrementsRoundedToNearest) {
-  const Course wanted = course({{0.0, 0.0}, {1.0, 0.0101}, {2.0, -0.0037}});
-  const Course arrived = through_slide(wanted, {0.01, 0.0, 1e-3, 0.0});
+  const TimeSeries wanted = course({{0.0, 0.0}, {1.0, 0.0101}, {2.0, -0.0037}});
+  const TimeSeries arrived = through_slide(wanted, {0.01, 0.0, 1e-3, 0.0});
   for (Index i = 0; i < arrived.time_s.size(); ++i) {
     const double whole = arrived.value(i, 0) / 1e-3;
     EXPECT_NEAR(whole, std::round(whole), 1e-9);
@@ -305,18 +305,18 @@ TEST(OriginShift, MovesInWholeIncrementsRoundedToNearest) {
 }
 
 TEST(OriginShift, MovesSlidesOnly) {
-  const Course wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 3, 0.5)};
+  const TimeSeries wanted{Eigen::Vector2d(0.0, 1.0), Eigen::MatrixXd::Constant(2, 3, 0.5)};
   const std::vector<Joint> three = joints({Motion::Rotary, Motion::Linear, Motion::Spindle});
-  const Course arrived = through(wanted, OriginShift{}, three);
+  const TimeSeries arrived = through(wanted, OriginShift{}, three);
   EXPECT_EQ(value_at(arrived, 0.5), Vector3d(0.0, 0.5, 0.0));
 }
 
 TEST(OriginShift, GoesToEachNewOffsetAtItsRateAndNoFaster) {
   const double rate = 2.0;
   const std::vector<Joint> two = joints({Motion::Linear, Motion::Linear});
-  Course wanted{Eigen::Vector4d(0.0, 0.0, 1.0, 1.0), Eigen::MatrixXd(4, 2)};
+  TimeSeries wanted{Eigen::Vector4d(0.0, 0.0, 1.0, 1.0), Eigen::MatrixXd(4, 2)};
   wanted.value << 0.0, 0.0, 1.0, -0.2, 1.0, -0.2, -3.0, 0.0;
-  const Course arrived = through(wanted, {0.1, 0.05, 0.0, rate}, two);
+  const TimeSeries arrived = through(wanted, {0.1, 0.05, 0.0, rate}, two);
   const auto at = [&](double t) { return value_at(arrived, t); };
   EXPECT_EQ(at(0.05), Eigen::Vector2d(0.0, 0.0));
   EXPECT_TRUE(at(0.10).isApprox(Eigen::Vector2d(0.1, -0.1), 1e-12));
@@ -333,14 +333,14 @@ TEST(OriginShift, GoesToEachNewOffsetAtItsRateAndNoFaster) {
 }
 
 TEST(OriginShift, TooSlowForARampFollowsAtItsRate) {
-  const Course ramp = course({{0.0, 0.0}, {10.0, 10.0}});
-  const Course arrived = through_slide(ramp, {0.01, 0.0, 1e-3, 0.25});
+  const TimeSeries ramp = course({{0.0, 0.0}, {10.0, 10.0}});
+  const TimeSeries arrived = through_slide(ramp, {0.01, 0.0, 1e-3, 0.25});
   EXPECT_NEAR(value_at(arrived, 10.0)[0], 2.5, 0.01);
   EXPECT_NEAR(value_at(arrived, 100.0)[0], 10.0, 1e-12);
 }
 
 TEST(OriginShift, RefusesWhatItCannotBe) {
-  const Course ramp = course({{0.0, 0.0}, {1.0, 1.0}});
+  const TimeSeries ramp = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity})
     EXPECT_THROW(through_slide(ramp, {bad, 0.0, 1e-3, 0.0}), std::invalid_argument);
   for (const double bad : {-1.0, nan, infinity}) {
@@ -349,14 +349,14 @@ TEST(OriginShift, RefusesWhatItCannotBe) {
     EXPECT_THROW(through_slide(ramp, {0.01, 0.0, 1e-3, bad}), std::invalid_argument);
   }
   EXPECT_THROW(through(ramp, OriginShift{}, joints({})), std::invalid_argument);
-  EXPECT_THROW(through_slide(Course{}, OriginShift{}), std::invalid_argument);
+  EXPECT_THROW(through_slide(TimeSeries{}, OriginShift{}), std::invalid_argument);
   EXPECT_THROW(through_slide(course({{0.0, infinity}}), OriginShift{}), std::invalid_argument);
 }
 
 // ---- piezo
 
-Course displacement(const std::vector<double>& times, const std::vector<Vector3d>& values) {
-  Course result{VectorXd(Index(times.size())), Eigen::MatrixXd(Index(times.size()), 3)};
+TimeSeries displacement(const std::vector<double>& times, const std::vector<Vector3d>& values) {
+  TimeSeries result{VectorXd(Index(times.size())), Eigen::MatrixXd(Index(times.size()), 3)};
   for (std::size_t i = 0; i < times.size(); ++i) {
     result.time_s[Index(i)] = times[i];
     result.value.row(Index(i)) = values[i].transpose();
@@ -367,16 +367,16 @@ Course displacement(const std::vector<double>& times, const std::vector<Vector3d
 TEST(Piezo, CarriesThePartAlongItsDirection) {
   Piezo piezo;
   piezo.direction_t = Vector3d(0.6, 0.0, 0.8);
-  const Course wanted = displacement({0.0, 0.0}, {Vector3d::Zero(), Vector3d(0.01, 5.0, 0.02)});
+  const TimeSeries wanted = displacement({0.0, 0.0}, {Vector3d::Zero(), Vector3d(0.01, 5.0, 0.02)});
   EXPECT_NEAR(value_at(through(wanted, piezo), 10.0)[0], 0.022, 1e-8);
 }
 
 TEST(Piezo, StaysWithinHalfItsRangeEitherWay) {
   Piezo piezo;
   piezo.loop = {};
-  const Course wanted =
+  const TimeSeries wanted =
       displacement({0.0, 1.0, 2.0}, {Vector3d(0, 0, -1), Vector3d(0, 0, 1), Vector3d(0, 0, 0.01)});
-  const Course stroke = through(wanted, piezo);
+  const TimeSeries stroke = through(wanted, piezo);
   EXPECT_EQ(stroke.value.minCoeff(), -0.05);
   EXPECT_EQ(stroke.value.maxCoeff(), 0.05);
   EXPECT_NEAR(value_at(stroke, 2.0)[0], 0.01, 1e-12);
@@ -386,8 +386,8 @@ TEST(Piezo, MovesInStepsOfItsResolutionToItsVeryEnds) {
   Piezo piezo;
   piezo.loop = {};
   piezo.resolution = 0.03;
-  const Course wanted = displacement({0.0, 1.0}, {Vector3d::Zero(), Vector3d(0, 0, 0.2)});
-  const Course stroke = through(wanted, piezo);
+  const TimeSeries wanted = displacement({0.0, 1.0}, {Vector3d::Zero(), Vector3d(0, 0, 0.2)});
+  const TimeSeries stroke = through(wanted, piezo);
   EXPECT_NEAR(value_at(stroke, 0.10)[0], 0.03, 1e-15);
   EXPECT_NEAR(value_at(stroke, 0.05)[0], 0.0, 1e-15);
   EXPECT_EQ(value_at(stroke, 1.0)[0], 0.05);
@@ -404,7 +404,7 @@ TEST(Piezo, FollowsASineAsItsBandwidthSays) {
     times.push_back(1e-4 * i);
     values.push_back({0, 0, amplitude * std::sin(2 * pi * f * times.back())});
   }
-  const Course stroke = through(displacement(times, values), piezo);
+  const TimeSeries stroke = through(displacement(times, values), piezo);
   double cosine = 0.0, sine = 0.0;
   const int n = 20000;
   for (int i = 0; i < n; ++i) {  // whole periods, settled
@@ -422,16 +422,16 @@ TEST(Piezo, FollowsASineAsItsBandwidthSays) {
 TEST(Piezo, YieldsTheWayItIsPushed) {
   Piezo piezo;
   piezo.stiffness = 20e3;
-  EXPECT_DOUBLE_EQ(yielding(piezo, 100.0), 5e-3);
-  EXPECT_DOUBLE_EQ(yielding(piezo, -100.0), -5e-3);
+  EXPECT_DOUBLE_EQ(piezo_deflection(piezo, 100.0), 5e-3);
+  EXPECT_DOUBLE_EQ(piezo_deflection(piezo, -100.0), -5e-3);
   for (const double bad : {0.0, -1.0, nan, infinity}) {
     piezo.stiffness = bad;
-    EXPECT_THROW(yielding(piezo, 1.0), std::invalid_argument);
+    EXPECT_THROW(piezo_deflection(piezo, 1.0), std::invalid_argument);
   }
 }
 
 TEST(Piezo, RefusesWhatItCannotBe) {
-  const Course wanted = displacement({0.0}, {Vector3d::Zero()});
+  const TimeSeries wanted = displacement({0.0}, {Vector3d::Zero()});
   const auto refuses = [&](const auto& change) {
     Piezo piezo;
     change(piezo);

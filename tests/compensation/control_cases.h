@@ -47,7 +47,7 @@ struct Shape {
   bool cross = true;
   bool both_ways = true;
   bool even = true;  ///< equidistant
-  int most_points = 60;
+  int max_points = 60;
 };
 
 /// Tables of at most one a pair of axes, 20 um and 100 urad large.
@@ -59,7 +59,7 @@ ParameterTables any_tables(const Chain& chain, Random& random, const Shape& shap
     for (const int moves : {X, Y, Z, A}) {
       if ((of != moves && !shape.cross) || unit(random) < -0.4) continue;
       const Joint& joint = chain.joints()[std::size_t(of)];
-      const auto n = std::uniform_int_distribution<Eigen::Index>(2, shape.most_points)(random);
+      const auto n = std::uniform_int_distribution<Eigen::Index>(2, shape.max_points)(random);
       AxisTable table{of, moves, Eigen::VectorXd::LinSpaced(n, joint.min, joint.max), {}, {}};
       const double spacing = (joint.max - joint.min) / double(n - 1);
       if (!shape.even)

@@ -55,7 +55,7 @@ TEST_P(ControlFilesFuzz, InjuredFilesAreReadOrRefused) {
   const Outcome out =
       outcome(to_control(tables, chain, GetParam()).files, random,
               [&](const std::vector<ControlFile>& files) {
-                const ParameterTables back = tables_of_control(files, chain, GetParam());
+                const ParameterTables back = read_control_tables(files, chain, GetParam());
                 validate(back, chain);
                 to_control(back, chain, GetParam());  // whatever was accepted can be written again
               });
@@ -80,7 +80,7 @@ TEST(ControlFiles, InjuredVolumetricFilesAreReadOrRefused) {
       {"X.csv", "// mm\nX EXX EYX EZX EAX EBX ECX\n0 1e-3 0 0 1e-6 0 0\n10 0 1e-3 0 0 0 2e-6\n"},
       {"all.csv", "A\tEAA\tEYA\n-30\t1e-6\t2e-3\n90\t0\t0\n#\nC0Y\tA0Z\tX0C\n1e-5\t0\t2e-3\n"}};
   const Outcome out = outcome(files, random, [&](const std::vector<ControlFile>& hurt) {
-    errors::bind(deviations_of_volumetric(hurt, chain), chain);  // accepted is sound
+    errors::bind(read_volumetric_deviations(hurt, chain), chain);  // accepted is sound
   });
   std::cout << "isg: " << out.read << " read, " << out.refused << " refused\n";
   EXPECT_GT(out.read, 100);
@@ -89,19 +89,19 @@ TEST(ControlFiles, InjuredVolumetricFilesAreReadOrRefused) {
 
 TEST(ControlFiles, TooMuchIsRefusedBeforeItIsHeld) {
   const std::vector<ControlFile> many(65, ControlFile{"X.comp", ""});
-  EXPECT_THROW(tables_of_control(many, gantry(), ControlFormat::LinuxCnc), BadInput);
-  EXPECT_THROW(deviations_of_volumetric(many, gantry()), BadInput);
+  EXPECT_THROW(read_control_tables(many, gantry(), ControlFormat::LinuxCnc), BadInput);
+  EXPECT_THROW(read_volumetric_deviations(many, gantry()), BadInput);
   const std::vector<ControlFile> large{{"X.comp", std::string((std::size_t(1) << 24) + 1, ' ')}};
   for (const ControlFormat format :
        {ControlFormat::LinuxCnc, ControlFormat::Siemens, ControlFormat::Heidenhain})
-    EXPECT_THROW(tables_of_control(large, gantry(), format), BadInput);
+    EXPECT_THROW(read_control_tables(large, gantry(), format), BadInput);
 }
 
 TEST(ControlFiles, NoTablesAreNoFiles) {
   for (const ControlFormat format :
        {ControlFormat::LinuxCnc, ControlFormat::Siemens, ControlFormat::Heidenhain}) {
     EXPECT_TRUE(to_control(none(), gantry(), format).files.empty());
-    EXPECT_TRUE(tables_of_control({}, gantry(), format).tables.empty());
+    EXPECT_TRUE(read_control_tables({}, gantry(), format).tables.empty());
   }
 }
 
@@ -115,7 +115,7 @@ TEST(ControlFiles, PointsCloserThanTheDigitsAreReadOffAndSaid) {
        {ControlFormat::LinuxCnc, ControlFormat::Siemens, ControlFormat::Heidenhain}) {
     const Export made = to_control(tables, gantry(), format);
     EXPECT_TRUE(says(made.left_out, "misses them by")) << to_string(format);
-    const ParameterTables back = tables_of_control(made.files, gantry(), format);
+    const ParameterTables back = read_control_tables(made.files, gantry(), format);
     AxisState state;
     state.q = AxisVector::Zero(6);
     EXPECT_NEAR(correction(back, state)[Y], 2e-3, 1e-9);

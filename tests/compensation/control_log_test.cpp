@@ -1,11 +1,11 @@
-#include "sim/compensation/control_log.h"
+#include "sim/compensation/time_series.h"
 
 #include <limits>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
+#include "kinematics/units.h"
 
 namespace abbe::sim::compensation {
 namespace {

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "kinematics/singular_values.h"
+#include "kinematics/decompositions.h"
 #include "tests/compensation/believed.h"
 
 // What a perfect belief leaves is what its joints cannot do. Here that is found a second time
@@ -73,8 +73,8 @@ struct LeastLeft {
 };
 
 /// Turns for the direction, slides for the point: Gauss and Newton on the believed machine itself.
-LeastLeft least_left(const Chain& chain, const Belief& belief, const AxisState& command,
-                     const CorrectOptions& options) {
+LeastLeft min_left(const Chain& chain, const Belief& belief, const AxisState& command,
+                   const CorrectOptions& options) {
   const double height = options.functional_height;
   const PointAndAxis target = point_and_axis(chain.tool_in_workpiece(command.q), height);
   const auto error = [&](const AxisVector& q) -> PointAndAxis {
@@ -129,7 +129,7 @@ TEST(CorrectProjection, WhatIteratedLeavesIsWhatALeastSquaresSolutionLeaves) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
   for (const ProjectionCase& one : projection_cases()) {
-    double worst_point = 0.0, worst_direction = 0.0, most_point = 0.0, most_direction = 0.0;
+    double worst_point = 0.0, worst_direction = 0.0, max_point = 0.0, max_direction = 0.0;
     for (int i = 0; i < 100; ++i) {
       const Belief belief = believed(
           one.chain, errors::bind(typical_errors(one.chain, seed + std::uint64_t(i)), one.chain));
@@ -141,22 +141,21 @@ TEST(CorrectProjection, WhatIteratedLeavesIsWhatALeastSquaresSolutionLeaves) {
       const Correction correction =
           correct(one.chain, belief, one.chain.tool_in_workpiece(command.q), command, one.options);
       ASSERT_TRUE(correction.converged) << one.name;
-      const LeastLeft left = least_left(one.chain, belief, command, one.options);
-      most_point = std::max(most_point, left.point);
-      most_direction = std::max(most_direction, left.direction);
+      const LeastLeft left = min_left(one.chain, belief, command, one.options);
+      max_point = std::max(max_point, left.point);
+      max_direction = std::max(max_direction, left.direction);
       worst_point = std::max(worst_point, std::abs(correction.point_left - left.point));
       worst_direction =
           std::max(worst_direction, std::abs(correction.direction_left - left.direction));
     }
-    std::cout << one.name << ": up to " << most_point / units::um << " um and "
-              << most_direction / units::urad << " urad left; the strategy differs by "
+    std::cout << one.name << ": up to " << max_point / units::um << " um and "
+              << max_direction / units::urad << " urad left; the strategy differs by "
               << worst_point << " mm and " << worst_direction << " rad\n";
     // The strategy projects with the nominal columns, the least squares with the believed ones, off
     // by some 1e-4. That is of second order in what is left, but of first in the turns that a lean
     // asks for; and the strategy stops at 1e-8 mm, 1e-12 rad.
-    EXPECT_LT(worst_point, 1e-8 + 1e-7 * most_point + 1e-4 * most_direction * one.lever)
-        << one.name;
-    EXPECT_LT(worst_direction, 2e-12 + 1e-6 * most_direction) << one.name;
+    EXPECT_LT(worst_point, 1e-8 + 1e-7 * max_point + 1e-4 * max_direction * one.lever) << one.name;
+    EXPECT_LT(worst_direction, 2e-12 + 1e-6 * max_direction) << one.name;
   }
 }
 

@@ -80,12 +80,12 @@ TEST(Correct, HalvingTheErrorsQuartersWhatOneStepLeaves) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   for (const FiveAxes& machine : five_axes()) {
     for (const Strategy strategy : {Strategy::Position, Strategy::Decoupled}) {
-      const MeanLeft four = left_by(strategy, machine, 4.0, seed);
+      const MeanLeft vector4 = left_by(strategy, machine, 4.0, seed);
       const MeanLeft two = left_by(strategy, machine, 2.0, seed);
       const MeanLeft one = left_by(strategy, machine, 1.0, seed);
-      const double first = std::log2(four.tip / two.tip), second = std::log2(two.tip / one.tip);
+      const double first = std::log2(vector4.tip / two.tip), second = std::log2(two.tip / one.tip);
       std::cout << machine.name << (strategy == Strategy::Position ? ", position" : ", decoupled")
-                << ": tip left, errors x 4, 2, 1: " << four.tip / units::um << " "
+                << ": tip left, errors x 4, 2, 1: " << vector4.tip / units::um << " "
                 << two.tip / units::um << " " << one.tip / units::um << " um; exponents " << first
                 << " " << second << "\n";
       EXPECT_NEAR(first, 2.0, 0.1) << machine.name;
@@ -252,10 +252,10 @@ TEST(Correct, TooFewStepsAreReportedWithWhatTheyLeave) {
   const Pose wanted = gantry.tool_in_workpiece(command.q);
   CorrectOptions options, one_step;
   one_step.strategy = Strategy::Decoupled;
-  options.most_iterations = 0;
+  options.max_iterations = 0;
   EXPECT_EQ(correct(gantry, belief, wanted, command, options).q, command.q);
   EXPECT_FALSE(correct(gantry, belief, wanted, command, options).converged);
-  options.most_iterations = 1;
+  options.max_iterations = 1;
   const Correction one = correct(gantry, belief, wanted, command, options);
   EXPECT_FALSE(one.converged);
   EXPECT_EQ(one.q, correct(gantry, belief, wanted, command, one_step).q);

@@ -1,4 +1,4 @@
-#include "sim/compensation/course.h"
+#include "sim/compensation/time_series.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
+#include "kinematics/units.h"
 #include "tests/compensation/courses.h"
 #include "tests/kinematics/nan.h"
 
@@ -22,9 +22,9 @@ using testing_courses::before;
 using testing_courses::course;
 
 /// Steps, rests, jumps and ramps of all sizes; times repeat.
-Course any_course(std::mt19937& random, int knots, int columns) {
+TimeSeries any_course(std::mt19937& random, int knots, int columns) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  Course result{VectorXd(knots), Eigen::MatrixXd(knots, columns)};
+  TimeSeries result{VectorXd(knots), Eigen::MatrixXd(knots, columns)};
   double time_s = unit(random);
   VectorXd value = VectorXd::Zero(columns);
   for (int i = 0; i < knots; ++i) {
@@ -40,7 +40,7 @@ Course any_course(std::mt19937& random, int knots, int columns) {
 
 /// Largest difference at any instant, by both sides of every knot: between knots of the finer
 /// course both are linear.
-VectorXd largest_difference(const Course& fine, const Course& coarse) {
+VectorXd largest_difference(const TimeSeries& fine, const TimeSeries& coarse) {
   VectorXd most = VectorXd::Zero(fine.value.cols());
   for (Index i = 0; i < fine.time_s.size(); ++i) {
     const double t = fine.time_s[i];
@@ -51,8 +51,8 @@ VectorXd largest_difference(const Course& fine, const Course& coarse) {
   return most;
 }
 
-TEST(Course, IsLinearBetweenKnotsAndHeldOutside) {
-  const Course c = course({{1.0, 2.0}, {3.0, 6.0}});
+TEST(TimeSeries, IsLinearBetweenKnotsAndHeldOutside) {
+  const TimeSeries c = course({{1.0, 2.0}, {3.0, 6.0}});
   EXPECT_EQ(value_at(c, -infinity)[0], 2.0);
   EXPECT_EQ(value_at(c, 1.0)[0], 2.0);
   EXPECT_EQ(value_at(c, 1.5)[0], 3.0);
@@ -60,45 +60,45 @@ TEST(Course, IsLinearBetweenKnotsAndHeldOutside) {
   EXPECT_EQ(value_at(c, infinity)[0], 6.0);
 }
 
-TEST(Course, AtAJumpIsWhatComesAfterIt) {
-  const Course c = course({{0.0, 1.0}, {0.0, 5.0}, {1.0, 5.0}, {1.0, 7.0}, {1.0, -3.0}});
+TEST(TimeSeries, AtAJumpIsWhatComesAfterIt) {
+  const TimeSeries c = course({{0.0, 1.0}, {0.0, 5.0}, {1.0, 5.0}, {1.0, 7.0}, {1.0, -3.0}});
   EXPECT_EQ(value_at(c, -1e-12)[0], 1.0);
   EXPECT_EQ(value_at(c, 0.0)[0], 5.0);
   EXPECT_EQ(value_at(c, 1.0 - 1e-12)[0], 5.0);
   EXPECT_EQ(value_at(c, 1.0)[0], -3.0);
 }
 
-TEST(Course, OfOneKnotIsConstant) {
-  const Course c = course({{4.0, 9.0}});
+TEST(TimeSeries, OfOneKnotIsConstant) {
+  const TimeSeries c = course({{4.0, 9.0}});
   for (const double t : {-1e300, 4.0, 1e300}) EXPECT_EQ(value_at(c, t)[0], 9.0);
 }
 
-TEST(Course, ThatIsNotValidIsRefused) {
-  EXPECT_THROW(validate(Course{}, "test"), std::invalid_argument);
-  EXPECT_THROW(value_at(Course{}, 0.0), std::invalid_argument);
+TEST(TimeSeries, ThatIsNotValidIsRefused) {
+  EXPECT_THROW(validate(TimeSeries{}, "test"), std::invalid_argument);
+  EXPECT_THROW(value_at(TimeSeries{}, 0.0), std::invalid_argument);
   EXPECT_THROW(value_at(course({{0.0, 1.0}}), nan), std::invalid_argument);
   EXPECT_THROW(validate(course({{1.0, 0.0}, {0.0, 0.0}}), "test"), std::invalid_argument);
   EXPECT_THROW(validate(course({{nan, 0.0}}), "test"), std::invalid_argument);
   EXPECT_THROW(validate(course({{0.0, nan}}), "test"), std::invalid_argument);
   EXPECT_THROW(validate(course({{0.0, infinity}}), "test"), std::invalid_argument);
-  Course short_of_a_row = course({{0.0, 1.0}, {1.0, 1.0}});
+  TimeSeries short_of_a_row = course({{0.0, 1.0}, {1.0, 1.0}});
   short_of_a_row.value.conservativeResize(1, 1);
   EXPECT_THROW(validate(short_of_a_row, "test"), std::invalid_argument);
   EXPECT_THROW(value_at(short_of_a_row, 1.0), std::invalid_argument);
   EXPECT_NO_THROW(validate(course({{0.0, 1.0}, {0.0, 2.0}}), "test"));
 }
 
-TEST(CourseWalk, SaysTheSameBitsAsValueAt) {
+TEST(TimeSeriesReader, SaysTheSameBitsAsValueAt) {
   const unsigned seed = 20250301;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   for (int trial = 0; trial < 50; ++trial) {
-    const Course c = any_course(random, 1 + trial, 2);
+    const TimeSeries c = any_course(random, 1 + trial, 2);
     std::vector<double> times(c.time_s.begin(), c.time_s.end());
     std::uniform_real_distribution<double> any(times.front() - 1.0, times.back() + 1.0);
     for (int i = 0; i < 100; ++i) times.push_back(any(random));
     std::sort(times.begin(), times.end());
-    CourseWalk rows(c), numbers(c);
+    TimeSeriesReader rows(c), numbers(c);
     for (const double t : times) {
       ASSERT_EQ(rows.at(t), value_at(c, t));
       ASSERT_EQ(numbers.at(t, 1), value_at(c, t)[1]);
@@ -106,7 +106,7 @@ TEST(CourseWalk, SaysTheSameBitsAsValueAt) {
   }
 }
 
-TEST(Thinned, StaysWithinItsToleranceAtEveryInstant) {
+TEST(DecimatedMesh, StaysWithinItsToleranceAtEveryInstant) {
   const unsigned seed = 20250302;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -114,11 +114,11 @@ TEST(Thinned, StaysWithinItsToleranceAtEveryInstant) {
   long knots = 0, kept = 0;
   for (int trial = 0; trial < 2000; ++trial) {
     const int columns = 1 + trial % 3;
-    const Course fine = any_course(random, 1 + trial % 60, columns);
+    const TimeSeries fine = any_course(random, 1 + trial % 60, columns);
     VectorXd tolerance(columns);
     for (int j = 0; j < columns; ++j)
       tolerance[j] = std::pow(10.0, std::uniform_real_distribution<double>(-4.0, 1.0)(random));
-    const Course coarse = thinned(fine, tolerance);
+    const TimeSeries coarse = thinned(fine, tolerance);
     const VectorXd share = largest_difference(fine, coarse).cwiseQuotient(tolerance);
     worst = std::max(worst, share.maxCoeff());
     ASSERT_LE(share.maxCoeff(), 1.0 + 1e-9) << "trial " << trial;
@@ -135,32 +135,32 @@ TEST(Thinned, StaysWithinItsToleranceAtEveryInstant) {
             << " knots kept\n";
 }
 
-TEST(Thinned, KeepsBothSidesOfEveryJumpLargerThanTheTolerance) {
-  const Course fine = course({{0.0, 0.0},
-                              {1.0, 0.0},
-                              {1.0, 1.0},
-                              {2.0, 1.0},
-                              {2.0, 1.05},
-                              {3.0, 1.05},
-                              {3.0, 9.0},
-                              {3.0, 2.0},
-                              {4.0, 2.0}});
-  const Course coarse = thinned(fine, VectorXd::Constant(1, 0.1));
-  const Course expected =
+TEST(DecimatedMesh, KeepsBothSidesOfEveryJumpLargerThanTheTolerance) {
+  const TimeSeries fine = course({{0.0, 0.0},
+                                  {1.0, 0.0},
+                                  {1.0, 1.0},
+                                  {2.0, 1.0},
+                                  {2.0, 1.05},
+                                  {3.0, 1.05},
+                                  {3.0, 9.0},
+                                  {3.0, 2.0},
+                                  {4.0, 2.0}});
+  const TimeSeries coarse = thinned(fine, VectorXd::Constant(1, 0.1));
+  const TimeSeries expected =
       course({{0.0, 0.0}, {1.0, 0.0}, {1.0, 1.0}, {3.0, 1.05}, {3.0, 2.0}, {4.0, 2.0}});
   EXPECT_EQ(coarse.time_s, expected.time_s);
   EXPECT_EQ(coarse.value, expected.value);
 }
 
-TEST(Thinned, LeavesTwoKnotsOfALine) {
-  Course fine{VectorXd::LinSpaced(1000, 0.0, 1.0), {}};
+TEST(DecimatedMesh, LeavesTwoKnotsOfALine) {
+  TimeSeries fine{VectorXd::LinSpaced(1000, 0.0, 1.0), {}};
   fine.value = 3.0 * fine.time_s;
   EXPECT_EQ(thinned(fine, VectorXd::Constant(1, 1e-12)).time_s.size(), 2);
 }
 
-TEST(Thinned, KeepsOfASineAboutAsManyKnotsAsItsChordsNeed) {
+TEST(DecimatedMesh, KeepsOfASineAboutAsManyKnotsAsItsChordsNeed) {
   const double tolerance = 1e-4;
-  Course fine{VectorXd::LinSpaced(100000, 0.0, 20.0), {}};
+  TimeSeries fine{VectorXd::LinSpaced(100000, 0.0, 20.0), {}};
   fine.value = fine.time_s.array().sin().matrix();
   const Index kept = thinned(fine, VectorXd::Constant(1, tolerance)).time_s.size();
   // A chord with its ends on the curve is off by h^2 |curvature| / 8.
@@ -172,20 +172,20 @@ TEST(Thinned, KeepsOfASineAboutAsManyKnotsAsItsChordsNeed) {
   EXPECT_LT(double(kept), 1.1 * chords + 10.0);
 }
 
-TEST(Thinned, TakesTimeLinearInTheKnots) {
-  Course fine{VectorXd::LinSpaced(1000000, 0.0, 3600.0), Eigen::MatrixXd(1000000, 5)};
+TEST(DecimatedMesh, TakesTimeLinearInTheKnots) {
+  TimeSeries fine{VectorXd::LinSpaced(1000000, 0.0, 3600.0), Eigen::MatrixXd(1000000, 5)};
   for (int j = 0; j < 5; ++j)
     fine.value.col(j) = ((j + 1.0) * fine.time_s.array()).sin().matrix() * 1e-2;
   const std::clock_t start = std::clock();
-  const Course coarse = thinned(fine, VectorXd::Constant(5, 1e-6));
+  const TimeSeries coarse = thinned(fine, VectorXd::Constant(5, 1e-6));
   const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;
   std::cout << "  a million knots of five axes: " << seconds << " s, " << coarse.time_s.size()
             << " left\n";
   EXPECT_LT(seconds, 5.0);
 }
 
-TEST(Thinned, RefusesAToleranceThatIsNotAboveZero) {
-  const Course c = course({{0.0, 0.0}, {1.0, 1.0}});
+TEST(DecimatedMesh, RefusesAToleranceThatIsNotAboveZero) {
+  const TimeSeries c = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan})
     EXPECT_THROW(thinned(c, VectorXd::Constant(1, bad)), std::invalid_argument);
   EXPECT_THROW(thinned(c, VectorXd::Constant(2, 1.0)), std::invalid_argument);

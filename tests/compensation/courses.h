@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/compensation/course.h"
+#include "sim/compensation/time_series.h"
 
 /// Courses that several tests of channels need.
 namespace abbe::sim::compensation::testing_courses {
@@ -14,9 +14,9 @@ struct Knot {
 };
 
 /// One column through these knots.
-inline Course course(const std::vector<Knot>& knots) {
-  Course result{Eigen::VectorXd(Eigen::Index(knots.size())),
-                Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
+inline TimeSeries course(const std::vector<Knot>& knots) {
+  TimeSeries result{Eigen::VectorXd(Eigen::Index(knots.size())),
+                    Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
   for (std::size_t i = 0; i < knots.size(); ++i) {
     result.time_s[Eigen::Index(i)] = knots[i].time_s;
     result.value(Eigen::Index(i), 0) = knots[i].value;
@@ -25,7 +25,7 @@ inline Course course(const std::vector<Knot>& knots) {
 }
 
 /// Value just before an instant, by looking at every knot: what a jump starts from.
-inline double before(const Course& course, double time_s, Eigen::Index column) {
+inline double before(const TimeSeries& course, double time_s, Eigen::Index column) {
   const Eigen::Index n = course.time_s.size();
   if (time_s <= course.time_s[0]) return course.value(0, column);
   Eigen::Index next = 0;

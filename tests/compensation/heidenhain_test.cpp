@@ -12,7 +12,7 @@ namespace {
 using namespace cases;
 
 ParameterTables heidenhain_tables(const std::vector<ControlFile>& files) {
-  return tables_of_control(files, gantry(), ControlFormat::Heidenhain);
+  return read_control_tables(files, gantry(), ControlFormat::Heidenhain);
 }
 
 const std::string com =

@@ -18,7 +18,7 @@ using errors::Element;
 using errors::GeometricErrors;
 
 GeometricErrors volumetric_errors(const std::string& text) {
-  return deviations_of_volumetric(std::vector<ControlFile>{{"X.csv", text}}, gantry());
+  return read_volumetric_deviations(std::vector<ControlFile>{{"X.csv", text}}, gantry());
 }
 
 // laid out as the examples of the manual
@@ -92,7 +92,7 @@ TEST(Isg, WhatIsBelievedComesBackAtItsPoints) {
   EXPECT_TRUE(file(made, "A.csv")
                   .text.starts_with("// mm and rad over deg\nA\tEXA\tEYA\tEZA\tEAA\tEBA\tECA\n-"));
   const errors::GeometricModel back =
-      errors::bind(deviations_of_volumetric(made.files, chain), chain);
+      errors::bind(read_volumetric_deviations(made.files, chain), chain);
   double at_points = 0.0, between = 0.0;
   for (int k = 0; k <= 600; ++k) {
     AxisState state;
@@ -130,7 +130,7 @@ TEST(Isg, SaysWhatItCannotHold) {
 
 TEST(Isg, HoldsDeviationsAndNoCorrections) {
   EXPECT_THROW(to_control(none(), gantry(), ControlFormat::Isg), std::invalid_argument);
-  EXPECT_THROW(tables_of_control({}, gantry(), ControlFormat::Isg), std::invalid_argument);
+  EXPECT_THROW(read_control_tables({}, gantry(), ControlFormat::Isg), std::invalid_argument);
 }
 
 TEST(Isg, RefusesByLineAndColumn) {

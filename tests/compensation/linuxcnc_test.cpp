@@ -20,7 +20,7 @@ namespace {
 using namespace cases;
 
 ParameterTables linuxcnc_tables(const std::vector<ControlFile>& files) {
-  return tables_of_control(files, gantry(), ControlFormat::LinuxCnc);
+  return read_control_tables(files, gantry(), ControlFormat::LinuxCnc);
 }
 
 AxisTable two_points() {

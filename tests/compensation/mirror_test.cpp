@@ -1,4 +1,4 @@
-#include "sim/compensation/mirror.h"
+#include "sim/compensation/machine_belief.h"
 
 #include <cmath>
 #include <iostream>
@@ -24,7 +24,7 @@ TEST(Mirror, ReadingsThatAreLinearOverThePartAreMetEverywhere) {
   const auto linear = [](const auto& p) { return 4e-3 + 1e-4 * p[0] - 2e-4 * p[1]; };
   VectorXd deviation(300);
   for (Index i = 0; i < 300; ++i) deviation[i] = linear(read_at.row(i));
-  const VectorXd between = between_readings(read_at, deviation, points, 50.0);
+  const VectorXd between = interpolate_readings(read_at, deviation, points, 50.0);
   double worst = 0.0;
   for (Index i = 0; i < 500; ++i)
     worst = std::max(worst, std::abs(between[i] - linear(points.row(i))));
@@ -36,17 +36,18 @@ TEST(Mirror, ReadingsOwnPlaceHasItsOwnValueAndFarPlacesHaveNone) {
   MatrixX3d read_at(2, 3), points(3, 3);
   read_at << 0, 0, 0, 10, 0, 0;
   points << 0, 0, 0, 10, 0, 0, 200, 0, 0;
-  const VectorXd between = between_readings(read_at, Eigen::Vector2d(0.5, -0.25), points, 20.0);
+  const VectorXd between = interpolate_readings(read_at, Eigen::Vector2d(0.5, -0.25), points, 20.0);
   EXPECT_EQ(between[0], 0.5);
   EXPECT_EQ(between[1], -0.25);
   EXPECT_EQ(between[2], 0.0);
-  EXPECT_THROW(between_readings(MatrixX3d(0, 3), VectorXd(0), points, 1.0), std::invalid_argument);
+  EXPECT_THROW(interpolate_readings(MatrixX3d(0, 3), VectorXd(0), points, 1.0),
+               std::invalid_argument);
 }
 
 /// A part whose points are cut one after another by a tool that is displaced by `move(t)`.
 template <typename Move, typename Normal>
-KnownPart cut_by(Index n, const Move& move, const Normal& normal) {
-  KnownPart part{MatrixX3d(n, 3), VectorXd(n), VectorXd(n)};
+PartDeviations cut_by(Index n, const Move& move, const Normal& normal) {
+  PartDeviations part{MatrixX3d(n, 3), VectorXd(n), VectorXd(n)};
   for (Index i = 0; i < n; ++i) {
     const double t = 0.01 * double(i);
     const Vector3d n_w = normal(i);
@@ -65,7 +66,7 @@ TEST(Mirror, DisplacementOfTheToolIsFoundWhereNormalsSeeIt) {
   };
   MirrorOptions exact;
   exact.damping = 0.0;
-  const PartCourse course = explained(cut_by(1000, move, normal), exact);
+  const DisplacementSeries course = explain_deviation(cut_by(1000, move, normal), exact);
   double worst = 0.0;
   for (double t = 0.1; t < 9.9; t += 0.01)
     worst = std::max(worst, (move_at(course, t) - move(t)).norm());
@@ -77,8 +78,8 @@ TEST(Mirror, WhatIsLinearAlongAPassIsMetToItsEndsAndPassesAreKeptApart) {
   // passes that follow one another without a pause, each with a line of its own
   const double slope[] = {3e-3, -5e-3, 0.0, 8e-3}, level[] = {1e-3, -4e-3, 2e-3, 0.0};
   for (const Index in_a_pass : {3, 8, 41, 100}) {
-    KnownPart part{MatrixX3d(4 * in_a_pass, 3), VectorXd(4 * in_a_pass), VectorXd(4 * in_a_pass),
-                   Eigen::VectorXi(4 * in_a_pass)};
+    PartDeviations part{MatrixX3d(4 * in_a_pass, 3), VectorXd(4 * in_a_pass),
+                        VectorXd(4 * in_a_pass), Eigen::VectorXi(4 * in_a_pass)};
     for (Index i = 0; i < 4 * in_a_pass; ++i) {
       const Index pass = i / in_a_pass;
       part.normals.row(i) << 0, -0.6, 0.8;
@@ -88,7 +89,7 @@ TEST(Mirror, WhatIsLinearAlongAPassIsMetToItsEndsAndPassesAreKeptApart) {
     }
     MirrorOptions exact;
     exact.damping = 1e-6;
-    const PartCourse course = explained(part, exact);
+    const DisplacementSeries course = explain_deviation(part, exact);
     double worst = 0.0;
     for (Index i = 0; i < part.time_s.size(); ++i)
       worst = std::max(worst, std::abs(part.normals.row(i).dot(move_at(course, part.time_s[i])) -
@@ -103,7 +104,7 @@ TEST(Mirror, WhatIsLinearAlongAPassIsMetToItsEndsAndPassesAreKeptApart) {
 }
 
 TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
-  KnownPart part{MatrixX3d(40, 3), VectorXd(40), VectorXd(40)};
+  PartDeviations part{MatrixX3d(40, 3), VectorXd(40), VectorXd(40)};
   for (Index i = 0; i < 40; ++i) {
     part.normals.row(i) << 1, 0, 0;
     part.deviation[i] = i % 2 == 0 ? 1e-3 : 3e-3;
@@ -111,7 +112,7 @@ TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
   }
   MirrorOptions nearly;
   nearly.damping = 1e-6;
-  const PartCourse course = explained(part, nearly);
+  const DisplacementSeries course = explain_deviation(part, nearly);
   ASSERT_EQ(course.time_s.size(), 2);
   EXPECT_NEAR(move_at(course, 1.0).x(), 2e-3, 1e-12);
   EXPECT_NEAR(move_at(course, 2.0).x(), 2e-3, 1e-12);
@@ -120,7 +121,7 @@ TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
 TEST(Mirror, DirectionThatNoNormalSeesStaysUnmoved) {
   const auto move = [](double) { return Vector3d(1.0, 1.0, 1e-3); };
   const auto up = [](Index) { return Vector3d(0, 0, 1); };
-  const PartCourse course = explained(cut_by(100, move, up));
+  const DisplacementSeries course = explain_deviation(cut_by(100, move, up));
   const Vector3d found = move_at(course, 0.5);
   EXPECT_EQ(found.x(), 0.0);
   EXPECT_EQ(found.y(), 0.0);
@@ -128,7 +129,7 @@ TEST(Mirror, DirectionThatNoNormalSeesStaysUnmoved) {
 }
 
 TEST(Mirror, GapInTimePartsNeighbours) {
-  KnownPart part{MatrixX3d(20, 3), VectorXd(20), VectorXd(20)};
+  PartDeviations part{MatrixX3d(20, 3), VectorXd(20), VectorXd(20)};
   for (Index i = 0; i < 20; ++i) {
     part.normals.row(i) << 0, 0, 1;
     part.deviation[i] = i < 12 ? 1e-3 : -1e-3;
@@ -136,7 +137,7 @@ TEST(Mirror, GapInTimePartsNeighbours) {
   }
   MirrorOptions exact;
   exact.damping = 0.0;
-  const PartCourse course = explained(part, exact);
+  const DisplacementSeries course = explain_deviation(part, exact);
   EXPECT_NEAR(move_at(course, 0.1).z(), 1e-3, 1e-15);
   EXPECT_NEAR(move_at(course, 100.15).z(), -1e-3, 1e-15);
   EXPECT_EQ(move_at({}, 1.0), Vector3d::Zero());

@@ -57,7 +57,7 @@ TEST(ParameterTables, ATableLeavesNoMoreThanTheSquareOfItsSpacingTimesTheBendOve
     TableOptions options;
     options.spacing = c.spacing;
     options.spacing_rad = c.spacing_rad;
-    const ParameterTables tables = tabulated(at, chain, AxisVector::Zero(6), options);
+    const ParameterTables tables = tabulate(at, chain, AxisVector::Zero(6), options);
     ASSERT_EQ(tables.tables.size(), 1u) << c.name;
     const double h = tables.tables[0].position[1] - tables.tables[0].position[0];
     const double bound = h * h / 8.0 * c.amplitude * w * w;
@@ -74,7 +74,7 @@ TEST(ParameterTables, AParabolaIsMissedByExactlyThat) {
   const auto at = along(X, X, [&](double q) { return 0.5 * bend * q * q; });
   TableOptions options;
   options.spacing = 20.0;
-  const ParameterTables tables = tabulated(at, chain, AxisVector::Zero(6), options);
+  const ParameterTables tables = tabulate(at, chain, AxisVector::Zero(6), options);
   const double left = missed(tables, at, chain, X, X);
   std::cout << left << " mm left, h^2/8 bend " << 400.0 / 8.0 * bend << " mm\n";
   EXPECT_NEAR(left, 400.0 / 8.0 * bend, 1e-12);
@@ -88,7 +88,7 @@ TEST(ParameterTables, SpacingWidensWhereTooManyPointsWouldBeNeeded) {
   EXPECT_EQ(table_positions(chain, X, options).size(), 256);
   options.spacing = 1e-300;
   EXPECT_EQ(table_positions(chain, X, options).size(), 256);
-  options.most_points = 2;
+  options.max_points = 2;
   EXPECT_EQ(table_positions(chain, X, options), Eigen::Vector2d(-300, 300));
   options.spacing = std::numeric_limits<double>::infinity();
   EXPECT_EQ(table_positions(chain, X, options).size(), 2);
@@ -99,7 +99,7 @@ TEST(ParameterTables, TheNoseAndAnAxisWithoutEndAreNotTabulated) {
   const CorrectionAt everywhere = [](const AxisState& state) -> AxisVector {
     return AxisVector::Constant(state.q.size(), 1e-3 * (1.0 + state.q.sum()));
   };
-  const ParameterTables tables = tabulated(everywhere, chain, AxisVector::Zero(6));
+  const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6));
   EXPECT_EQ(tables.tables.size(), 16u);
   for (const AxisTable& table : tables.tables)
     for (const int joint : {table.of, table.moves}) EXPECT_TRUE(joint != C && joint != s);
@@ -117,7 +117,7 @@ TEST(ParameterTables, ARangeStandsForTheTravel) {
   const CorrectionAt everywhere = [](const AxisState& state) -> AxisVector {
     return AxisVector::Constant(state.q.size(), 1e-3 * state.q.sum());
   };
-  const ParameterTables tables = tabulated(everywhere, chain, AxisVector::Zero(6), options);
+  const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6), options);
   EXPECT_EQ(tables.tables.size(), 10u) << "C and X are looked up, C X Y Z A corrected";
   for (const AxisTable& table : tables.tables) {
     EXPECT_TRUE(table.of == C || table.of == X);
@@ -137,7 +137,7 @@ TEST(ParameterTables, BacklashHasAColumnEachWay) {
     return c;
   };
   TableOptions options;
-  const ParameterTables tables = tabulated(backlash, chain, AxisVector::Zero(6), options);
+  const ParameterTables tables = tabulate(backlash, chain, AxisVector::Zero(6), options);
   ASSERT_EQ(tables.tables.size(), 2u);
   AxisState state;
   state.q = AxisVector::Zero(6);
@@ -148,7 +148,7 @@ TEST(ParameterTables, BacklashHasAColumnEachWay) {
     EXPECT_NEAR(correction(tables, state)[Y], 1e-3 * direction, 1e-15);
   }
   options.both_ways = false;
-  const ParameterTables mean = tabulated(backlash, chain, AxisVector::Zero(6), options);
+  const ParameterTables mean = tabulate(backlash, chain, AxisVector::Zero(6), options);
   ASSERT_EQ(mean.tables.size(), 1u) << "that of Y over X holds zeros only";
   state.direction[X] = 1;
   EXPECT_NEAR(correction(mean, state)[X], 1.234e-3, 1e-15);
@@ -164,7 +164,7 @@ TEST(ParameterTables, WhatDependsOnTwoAxesAtOnceIsLeft) {
   AxisVector reference = AxisVector::Zero(6);
   reference[X] = 50.0;
   reference[Y] = -30.0;
-  const ParameterTables tables = tabulated(twisted, chain, reference);
+  const ParameterTables tables = tabulate(twisted, chain, reference);
   AxisState state;
   state.q = reference;
   EXPECT_NEAR(tables.offset[Z], twisted(state)[Z], 0.0);
@@ -175,7 +175,7 @@ TEST(ParameterTables, WhatDependsOnTwoAxesAtOnceIsLeft) {
   TableOptions own;
   own.cross = false;
   own.constant = false;
-  const ParameterTables nothing = tabulated(twisted, chain, reference, own);
+  const ParameterTables nothing = tabulate(twisted, chain, reference, own);
   EXPECT_TRUE(nothing.tables.empty());
   EXPECT_EQ(nothing.offset, AxisVector::Zero(6));
 }
@@ -199,15 +199,15 @@ TEST(ParameterTables, WhatCannotBeTabulatedIsRefused) {
   const auto refused = [&](const auto& change) {
     TableOptions options;
     change(options);
-    EXPECT_THROW(tabulated(zero, chain, AxisVector::Zero(6), options), std::invalid_argument);
+    EXPECT_THROW(tabulate(zero, chain, AxisVector::Zero(6), options), std::invalid_argument);
   };
-  refused([](TableOptions& o) { o.most_points = 1; });
+  refused([](TableOptions& o) { o.max_points = 1; });
   refused([](TableOptions& o) { o.spacing = 0.0; });
   refused([&](TableOptions& o) { o.spacing_rad = nan; });
   refused([](TableOptions& o) { o.range.emplace().setConstant(1.0), (*o.range)(1, X) = 0.0; });
   refused([&](TableOptions& o) { o.range.emplace().setConstant(nan); });
-  EXPECT_THROW(tabulated(zero, chain, AxisVector::Zero(3)), std::invalid_argument);
-  EXPECT_TRUE(tabulated(zero, chain, AxisVector::Zero(6)).tables.empty());
+  EXPECT_THROW(tabulate(zero, chain, AxisVector::Zero(3)), std::invalid_argument);
+  EXPECT_TRUE(tabulate(zero, chain, AxisVector::Zero(6)).tables.empty());
 }
 
 TEST(ParameterTables, TablesThatAreNoneAreRefused) {

@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/compensation/child_process.h"
-#include "sim/compensation/json_lines.h"
+#include "sim/compensation/plug_in_protocol.h"
 #include "tests/compensation/plug_ins.h"
 
 namespace abbe::sim::compensation {
@@ -53,9 +53,9 @@ while (ask := hear())["kind"] == "ask":
 print(sizes, task["samples"], file=sys.stderr)
 )");
   const Asked asked(2501);
-  const PlugInAnswer answer = asked.answer(file);
+  const PlugInResponse answer = asked.answer(file);
   EXPECT_EQ(answer.name, "mine");
-  EXPECT_EQ(answer.answers, Answers::Correction);
+  EXPECT_EQ(answer.answers, PlugInOutput::Correction);
   EXPECT_EQ(answer.said, "[(1, 1000), (2, 1000), (3, 501)] 2501");
   ASSERT_EQ(answer.rows.rows(), 2501);
   ASSERT_EQ(answer.rows.cols(), 6);
@@ -83,7 +83,7 @@ while (ask := hear())["kind"] == "ask":
   asked.commands[1].time_s = std::numeric_limits<double>::denorm_min();
   asked.commands[2].time_s = -std::numeric_limits<double>::min();
   asked.commands[3].time_s = 0.1;
-  const PlugInAnswer answer = asked.answer(file);
+  const PlugInResponse answer = asked.answer(file);
   for (std::size_t i = 0; i < asked.commands.size(); ++i)
     ASSERT_EQ(answer.rows(Eigen::Index(i), 1), asked.commands[i].time_s);
 }
@@ -101,8 +101,8 @@ while (ask := hear())["kind"] == "ask":
   asked.task.log.time_s = Eigen::Vector3d(-60, 0.05, 0.15);
   asked.task.log.values.resize(3, 2);
   asked.task.log.values << 20.5, 1, 21, std::nan(""), 22, 3;
-  const PlugInAnswer answer = asked.answer(file);
-  EXPECT_EQ(answer.answers, Answers::Deviation);
+  const PlugInResponse answer = asked.answer(file);
+  EXPECT_EQ(answer.answers, PlugInOutput::Deviation);
   ASSERT_EQ(answer.rows.cols(), 6);
   EXPECT_EQ(answer.rows(2, 5), 0.3);
 
@@ -198,7 +198,7 @@ ask = hear()
 row = [0] * 6
 )";
 
-const Fault faults[] = {
+const Fault input_errors[] = {
     {"ExitsBeforeItIsReady", "print('no licence', file=sys.stderr); sys.exit(3)",
      "handshake: expected a line, seen its end, exit code 3\nits last words on stderr:\n"
      "  no licence"},
@@ -271,7 +271,7 @@ TEST_P(PlugInFaults, AreNamed) {
   std::cout << text.substr(folder.string().size() + 1) << "\n";
 }
 
-INSTANTIATE_TEST_SUITE_P(Each, PlugInFaults, testing::ValuesIn(faults),
+INSTANTIATE_TEST_SUITE_P(Each, PlugInFaults, testing::ValuesIn(input_errors),
                          [](const auto& test) { return std::string(test.param.name); });
 
 TEST_F(PlugIns, WhatHangsIsKilledAtItsDeadline) {
@@ -293,26 +293,26 @@ TEST_F(PlugIns, WhatHangsIsKilledAtItsDeadline) {
        "handshake: expected a line within 0.5 s, seen nothing (is the output "
        "flushed after each line?)");
   options.start_s = 10;
-  options.answer_s = 0.5;
+  options.response_s = 0.5;
   hang("ready(); time.sleep(60)", "batch 1 (samples 1 to 3): expected a line within 0.5 s");
   hang("ready(); sys.stdout.write('{'); time.sleep(60)",
        "seen the beginning of a line, '{', then nothing");
   hang("signal.signal(signal.SIGTERM, signal.SIG_IGN); ready(); time.sleep(60)", "within 0.5 s");
-  options.answer_s = 2;
+  options.response_s = 2;
   hang("ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)}); time.sleep(60)",
        "end: expected its end within 2 s after the last answer, seen none");
   hang(
       "ready(); ask = hear(); say({'id': 1, 'correction': rows(ask)}); os.close(1); "
       "time.sleep(60)",
       "end: expected its end within 2 s");
-  options.answer_s = 0.5;
+  options.response_s = 0.5;
   hang("ready(); os.close(0); time.sleep(60)", "expected a line within 0.5 s");
   hang("ready()\nwhile True: print('x' * 1000, file=sys.stderr)", "expected a line within 0.5 s");
 }
 
 TEST_F(PlugIns, AQuestionThatNobodyReadsDoesNotBlock) {
   PlugInOptions options;
-  options.answer_s = 0.5;
+  options.response_s = 0.5;
   options.batch = 20000;  // more than a pipe holds
   EXPECT_SAYS(failure(python("ready(); time.sleep(60)"), options, 20000),
               "expected a line within 0.5 s, seen nothing, and the question not read");
@@ -397,11 +397,11 @@ sys.exit(1)
 TEST(PlugInLines, NoMutilatedLineIsMoreThanAFault) {
   const Asked asked(2);
   const PlugInOptions options;
-  const Expected expected{7, Answers::Correction, 2, asked.task, options};
+  const Expected expected{7, PlugInOutput::Correction, 2, asked.task, options};
   const std::string answer = R"({"id":7,"correction":[[0.1,-2e-3,3,0.1,0,0],[1e-5,2,0,0,0,0]]})";
   const std::string ready = R"({"abbe":1,"kind":"ready","name":"n","answers":"deviation"})";
-  EXPECT_EQ(read_answer(answer, expected)(0, 1), -2e-3);
-  EXPECT_EQ(read_ready(ready).answers, Answers::Deviation);
+  EXPECT_EQ(read_response(answer, expected)(0, 1), -2e-3);
+  EXPECT_EQ(read_handshake(ready).answers, PlugInOutput::Deviation);
   constexpr std::uint64_t seed = 815;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
@@ -420,13 +420,13 @@ TEST(PlugInLines, NoMutilatedLineIsMoreThanAFault) {
     }
     try {
       if (i % 2 == 0) {
-        const Eigen::MatrixXd rows = read_answer(line, expected);
+        const Eigen::MatrixXd rows = read_response(line, expected);
         ASSERT_TRUE(rows.rows() == 2 && rows.cols() == 6) << line;
         ASSERT_LE(rows.leftCols(4).cwiseAbs().maxCoeff(), 10.0) << line;
       } else {
-        read_ready(line);
+        read_handshake(line);
       }
-    } catch (const ChildFault&) {
+    } catch (const ChildProcessError&) {
       ++refused;
     }
   }
@@ -453,8 +453,6 @@ const abbe_compensator_v1 abbe_compensator = {
 TEST_F(PlugIns, ASharedLibraryIsToldWhatAProgramIs) {
   const fs::path file = library(R"(
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 static const abbe_task* kept;
 static int32_t open_it(void** self, const abbe_task* task, char* error) {
   (void)error;
@@ -486,10 +484,10 @@ const abbe_compensator_v1 abbe_compensator = {
   asked.task.log.values = (Eigen::Matrix2d() << 20.5, 1, 21, std::nan("")).finished();
   PlugInOptions options;
   options.batch = 3;
-  options.most_mm = 1000;
-  const PlugInAnswer answer = asked.answer(file, options);
+  options.max_mm = 1000;
+  const PlugInResponse answer = asked.answer(file, options);
   EXPECT_EQ(answer.name, "mine");
-  EXPECT_EQ(answer.answers, Answers::Deviation);
+  EXPECT_EQ(answer.answers, PlugInOutput::Deviation);
   EXPECT_EQ(answer.said, "w C' b X Y Z A s t 6 C 1 -7 ball R5 90 7 current_A 21 1\nclosed");
   for (int i = 0; i < 7; ++i) {
     const kinematics::AxisState& command = asked.commands[std::size_t(i)];
@@ -505,7 +503,7 @@ const abbe_compensator_v1 abbe_compensator = {
 TEST_F(PlugIns, FaultsOfASharedLibraryAreNamed) {
   const auto fault = [&](const std::string& body, const std::string& says) {
     PlugInOptions options;
-    if (has(body, "for (;;)")) options.answer_s = 0.5;
+    if (has(body, "for (;;)")) options.response_s = 0.5;
     const std::string text = failure(library(whole_library + body + library_end), options);
     EXPECT_SAYS(text, says);
     std::cout << text.substr(folder.string().size() + 1) << "\n";
@@ -581,8 +579,8 @@ TEST_F(PlugIns, TheMirrorBelievesWhatTheChainSaysOfSuchASpindle) {
   nose.motion << 0.003, -0.002, 0.005, 12e-6, -15e-6, 0;
   std::vector<kinematics::JointDeviation> deviations(5);
   deviations.push_back(nose);
-  const PlugInAnswer answer = asked.answer(source / "scenes/compensators/mirror.py");
-  ASSERT_EQ(answer.answers, Answers::Deviation);
+  const PlugInResponse answer = asked.answer(source / "scenes/compensators/mirror.py");
+  ASSERT_EQ(answer.answers, PlugInOutput::Deviation);
   double largest = 0.0;
   for (std::size_t i = 0; i < asked.commands.size(); ++i) {
     const kinematics::Pose E = kinematics::error_transform(
@@ -611,8 +609,8 @@ TEST_F(PlugIns, TheTableIsTheSameAsProgramAndAsLibrary) {
   Asked asked(1500);
   const double awkward[] = {-300, 300, -1e9, 1e9, 0, 1e-12, -1e-12, 100, -50, 350, 50};
   for (std::size_t i = 0; i < std::size(awkward); ++i) asked.commands[i].q.setConstant(awkward[i]);
-  const PlugInAnswer program = asked.answer(source / "scenes/compensators/table.py");
-  const PlugInAnswer as_library = asked.answer(folder / "table.so");
+  const PlugInResponse program = asked.answer(source / "scenes/compensators/table.py");
+  const PlugInResponse as_library = asked.answer(folder / "table.so");
   EXPECT_EQ(program.name, "laser table");
   EXPECT_EQ(as_library.name, "laser table");
   EXPECT_EQ(program.rows, as_library.rows) << "bit for bit";

@@ -12,7 +12,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "kinematics/topology.h"
+#include "kinematics/axes.h"
 #include "sim/compensation/plug_in.h"
 #include "tests/kinematics/machines.h"
 
@@ -43,7 +43,7 @@ struct Asked {
       commands.push_back(state);
     }
   }
-  PlugInAnswer answer(const fs::path& plug_in, const PlugInOptions& options = {}) const {
+  PlugInResponse answer(const fs::path& plug_in, const PlugInOptions& options = {}) const {
     return ask(plug_in, task, {commands, T_wt}, options);
   }
 

@@ -1,4 +1,4 @@
-#include "sim/compensation/position_loop.h"
+#include "sim/compensation/channels.h"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
+#include "kinematics/units.h"
 #include "tests/compensation/courses.h"
 #include "tests/kinematics/nan.h"
 
@@ -39,8 +39,8 @@ double step_response(double w, double d, double t) {
 }
 
 /// The same loop by Runge and Kutta's fourth-order rule in small steps, at the knots of an answer.
-double largest_difference_from_rk4(const Course& wanted, const PositionLoop& loop,
-                                   const Course& answer) {
+double largest_difference_from_rk4(const TimeSeries& wanted, const PositionLoop& loop,
+                                   const TimeSeries& answer) {
   const double w = w_of(loop), d = loop.damping;
   const bool is_second = loop.order == Order::Second;
   double x = wanted.value(0, 0), v = 0.0, worst = std::abs(answer.value(0, 0) - x);
@@ -71,11 +71,11 @@ double largest_difference_from_rk4(const Course& wanted, const PositionLoop& loo
 }
 
 TEST(PositionLoop, AnswersAStepByTheClosedForms) {
-  const Course step = course({{1.0, 0.0}, {1.0, 1.0}, {1.3, 1.0}});
+  const TimeSeries step = course({{1.0, 0.0}, {1.0, 1.0}, {1.3, 1.0}});
   double worst = 0.0;
   for (const double d : {0.001, 0.05, 0.3, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 1.5, 20.0, 100.0}) {
     const PositionLoop loop = second(d);
-    const Course answer = followed_by(step, loop);
+    const TimeSeries answer = loop_response(step, loop);
     ASSERT_GT(answer.time_s.size(), 50);
     for (Index i = 0; i < answer.time_s.size(); ++i) {
       const double closed = std::abs(d - 1.0) < 1e-6 ? 1.0 : d;
@@ -85,7 +85,7 @@ TEST(PositionLoop, AnswersAStepByTheClosedForms) {
     }
   }
   const PositionLoop first{Order::First, 20.0, 0.7};
-  const Course answer = followed_by(step, first);
+  const TimeSeries answer = loop_response(step, first);
   for (Index i = 0; i < answer.time_s.size(); ++i)
     ASSERT_NEAR(answer.value(i, 0), 1.0 - std::exp(-w_of(first) * (answer.time_s[i] - 1.0)), 1e-13);
   std::cout << "  largest difference from the closed forms " << worst << " of the step\n";
@@ -93,14 +93,14 @@ TEST(PositionLoop, AnswersAStepByTheClosedForms) {
 
 TEST(PositionLoop, FollowsARampAsLateAsItsLagSays) {
   const double slope = 0.3;
-  const Course ramp = course({{0.0, 0.0}, {50.0, 50.0 * slope}, {100.0, 100.0 * slope}});
+  const TimeSeries ramp = course({{0.0, 0.0}, {50.0, 50.0 * slope}, {100.0, 100.0 * slope}});
   for (const double d : {0.2, 0.7, 1.0, 3.0}) {
     const PositionLoop loop = second(d);
-    const double late = 50.0 * slope - value_at(followed_by(ramp, loop), 50.0)[0];
+    const double late = 50.0 * slope - value_at(loop_response(ramp, loop), 50.0)[0];
     EXPECT_NEAR(late, slope * 2.0 * d / w_of(loop), 1e-11) << "damping " << d;
   }
   const PositionLoop first{Order::First, 20.0, 0.7};
-  EXPECT_NEAR(50.0 * slope - value_at(followed_by(ramp, first), 50.0)[0], slope / w_of(first),
+  EXPECT_NEAR(50.0 * slope - value_at(loop_response(ramp, first), 50.0)[0], slope / w_of(first),
               1e-11);
 }
 
@@ -122,8 +122,9 @@ TEST(PositionLoop, AgreesWithRungeAndKuttaOnAnyCourse) {
     PositionLoop loop{trial % 5 == 0 ? Order::First : Order::Second, 5.0 + 10.0 * (trial % 7),
                       std::pow(10.0, unit(random))};
     if (trial % 11 == 0) loop.damping = 1.0;
-    const Course wanted = course(knots);
-    const double difference = largest_difference_from_rk4(wanted, loop, followed_by(wanted, loop));
+    const TimeSeries wanted = course(knots);
+    const double difference =
+        largest_difference_from_rk4(wanted, loop, loop_response(wanted, loop));
     worst = std::max(worst, difference);
     ASSERT_LT(difference, 1e-8) << "trial " << trial << ", damping " << loop.damping;
   }
@@ -131,9 +132,10 @@ TEST(PositionLoop, AgreesWithRungeAndKuttaOnAnyCourse) {
 }
 
 TEST(PositionLoop, HasAKnotAtEveryInstantOfItsCourseAndEndsSettled) {
-  const Course wanted = course({{0.0, 0.0}, {1e-9, 1e-3}, {0.5, 1e-3}, {0.5, 2e-3}, {2.0, -1e-3}});
+  const TimeSeries wanted =
+      course({{0.0, 0.0}, {1e-9, 1e-3}, {0.5, 1e-3}, {0.5, 2e-3}, {2.0, -1e-3}});
   for (const double d : {0.1, 1.0, 30.0}) {
-    const Course answer = followed_by(wanted, second(d));
+    const TimeSeries answer = loop_response(wanted, second(d));
     for (const double t : wanted.time_s)
       EXPECT_NE(std::find(answer.time_s.begin(), answer.time_s.end(), t), answer.time_s.end());
     EXPECT_NEAR(answer.value(answer.value.rows() - 1, 0), -1e-3, 1e-8) << "damping " << d;
@@ -142,12 +144,12 @@ TEST(PositionLoop, HasAKnotAtEveryInstantOfItsCourseAndEndsSettled) {
 
 TEST(PositionLoop, IsOffBetweenItsKnotsByNoMoreThanItSays) {
   const double step = 1e-2;
-  const Course wanted = course({{0.0, 0.0}, {0.0, step}});
+  const TimeSeries wanted = course({{0.0, 0.0}, {0.0, step}});
   for (const int per_constant : {4, 8, 32}) {
     double worst = 0.0;
     for (const double d : {0.1, 0.4, 0.7, 1.0}) {
       const PositionLoop loop = second(d);
-      const Course answer = followed_by(wanted, loop, {per_constant, 1e-8});
+      const TimeSeries answer = loop_response(wanted, loop, {per_constant, 1e-8});
       for (double t = 0.0; t < 0.3; t += 1e-5)
         worst = std::max(worst,
                          std::abs(value_at(answer, t)[0] - step * step_response(w_of(loop), d, t)));
@@ -159,42 +161,44 @@ TEST(PositionLoop, IsOffBetweenItsKnotsByNoMoreThanItSays) {
 }
 
 TEST(PositionLoop, CreepsOverdampedWithoutAHostOfKnots) {
-  const Course answer = followed_by(course({{0.0, 0.0}, {0.0, 1.0}}), second(100.0));
+  const TimeSeries answer = loop_response(course({{0.0, 0.0}, {0.0, 1.0}}), second(100.0));
   EXPECT_LT(answer.time_s.size(), 500);
   EXPECT_NEAR(answer.value(answer.value.rows() - 1, 0), 1.0, 1e-8);
 }
 
 TEST(PositionLoop, WithoutOrderFollowsAtOnce) {
-  const Course wanted = course({{0.0, 0.0}, {0.0, 1.0}, {1.0, 3.0}});
-  const Course answer = followed_by(wanted, {});
+  const TimeSeries wanted = course({{0.0, 0.0}, {0.0, 1.0}, {1.0, 3.0}});
+  const TimeSeries answer = loop_response(wanted, {});
   EXPECT_EQ(answer.time_s, wanted.time_s);
   EXPECT_EQ(answer.value, wanted.value);
 }
 
 TEST(PositionLoop, StaysPutOnAConstantCourse) {
-  for (const Course& wanted : {course({{5.0, 0.25}}), course({{5.0, 0.25}, {5.0, 0.25}})}) {
-    const Course answer = followed_by(wanted, second(0.7));
+  for (const TimeSeries& wanted : {course({{5.0, 0.25}}), course({{5.0, 0.25}, {5.0, 0.25}})}) {
+    const TimeSeries answer = loop_response(wanted, second(0.7));
     EXPECT_EQ(answer.time_s.size(), 1);
     EXPECT_EQ(value_at(answer, 9.0)[0], 0.25);
   }
 }
 
 TEST(PositionLoop, RefusesWhatItCannotBe) {
-  const Course step = course({{0.0, 0.0}, {0.0, 1.0}});
+  const TimeSeries step = course({{0.0, 0.0}, {0.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity})
-    EXPECT_THROW(followed_by(step, {Order::First, bad, 0.7}), std::invalid_argument);
+    EXPECT_THROW(loop_response(step, {Order::First, bad, 0.7}), std::invalid_argument);
   for (const double bad : {0.0, -1.0, 0.999e-3, 100.1, nan, infinity})
-    EXPECT_THROW(followed_by(step, second(bad)), std::invalid_argument);
-  EXPECT_THROW(followed_by(step, second(0.7), {0, 1e-8}), std::invalid_argument);
-  EXPECT_THROW(followed_by(step, second(0.7), {8, 0.0}), std::invalid_argument);
-  EXPECT_THROW(followed_by(course({{0.0, nan}}), second(0.7)), std::invalid_argument);
+    EXPECT_THROW(loop_response(step, second(bad)), std::invalid_argument);
+  EXPECT_THROW(loop_response(step, second(0.7), {0, 1e-8}), std::invalid_argument);
+  EXPECT_THROW(loop_response(step, second(0.7), {8, 0.0}), std::invalid_argument);
+  EXPECT_THROW(loop_response(course({{0.0, nan}}), second(0.7)), std::invalid_argument);
 }
 
 TEST(PositionLoop, TakesTimesAtTheEdgeOfWhatNumbersTellApart) {
-  const Course answer = followed_by(course({{1e9, 0.0}, {1e9, 1.0}}), {Order::First, 1e9, 0.7});
+  const TimeSeries answer =
+      loop_response(course({{1e9, 0.0}, {1e9, 1.0}}), {Order::First, 1e9, 0.7});
   EXPECT_NEAR(answer.value(answer.value.rows() - 1, 0), 1.0, 1e-8);
   EXPECT_LT(answer.time_s.size(), 1000);
-  const Course steep = followed_by(course({{0.0, 0.0}, {5e-324, 1.0}, {1.0, 1.0}}), second(0.7));
+  const TimeSeries steep =
+      loop_response(course({{0.0, 0.0}, {5e-324, 1.0}, {1.0, 1.0}}), second(0.7));
   EXPECT_TRUE(steep.value.allFinite());
   EXPECT_NEAR(value_at(steep, 1.0)[0], 1.0, 1e-8);
 }

@@ -1,4 +1,4 @@
-#include "sim/compensation/pulse_train.h"
+#include "sim/compensation/pulse_insertion.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,7 +32,7 @@ long periods(double position, double phase) {
 }
 
 /// Rests, crawls, runs and reversals, with many knots or few.
-Course any_motion(std::mt19937& random, double duration_s, int knots) {
+TimeSeries any_motion(std::mt19937& random, double duration_s, int knots) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   std::vector<Knot> result = {{0.0, unit(random)}};
   for (int i = 1; i < knots; ++i) {
@@ -48,8 +48,8 @@ constexpr double hair_s = 1e-12;  // far above rounding, far below a pair
 
 /// The axis with each pair carried out by the loop: a hair after the pair has ended it starts off,
 /// and has moved by one period when `travel_s` has passed.
-Course carried(const Course& motion, const std::vector<Insertion>& pairs, double pulse_s,
-               double travel_s) {
+TimeSeries carried(const TimeSeries& motion, const std::vector<Insertion>& pairs, double pulse_s,
+                   double travel_s) {
   std::vector<double> times(motion.time_s.begin(), motion.time_s.end());
   for (const Insertion& pair : pairs) {
     times.push_back(pair.time_s + pulse_s + hair_s);
@@ -76,7 +76,7 @@ Course carried(const Course& motion, const std::vector<Insertion>& pairs, double
 
 /// What happens at the machine, signal by signal.
 struct SignalLevel {
-  Course axis;  ///< where it really goes
+  TimeSeries axis;  ///< where it really goes
   std::vector<Insertion> pairs;
   std::vector<Count> control;  ///< what the control counts
   std::vector<Count> encoder;  ///< what the encoder alone would have reported
@@ -84,7 +84,7 @@ struct SignalLevel {
 
 /// Encoder, box, computer and loop in a ring. What goes in at one instant depends only on what went
 /// in before it, so the ring is closed pair by pair.
-SignalLevel ring(const Course& wanted, const Course& motion, const Pulses& pulses,
+SignalLevel ring(const TimeSeries& wanted, const TimeSeries& motion, const Pulses& pulses,
                  double travel_s) {
   const double phase = zero_phase(pulses.phase_seed, 0), start = wanted.time_s[0];
   const auto whole = [&](double correction) {
@@ -159,7 +159,7 @@ TEST(EncoderFeedback, StandsAtEveryInstantAsThePositionSays) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   for (int trial = 0; trial < 200; ++trial) {
-    const Course motion = any_motion(random, 1.0, 2 + trial % 20);
+    const TimeSeries motion = any_motion(random, 1.0, 2 + trial % 20);
     const double phase = unit(random) - 0.5;
     const Feedback f = feedback(motion, signal_period, phase);
     const std::vector<Count> x1 = counts(f), x4 = counts(f, Evaluation::X4);
@@ -182,12 +182,13 @@ TEST(EncoderFeedback, StandsAtEveryInstantAsThePositionSays) {
 }
 
 TEST(EncoderFeedback, OfAnAxisAtRestHasNoEdges) {
-  for (const Course& rest : {course({{0.0, 0.3}}), course({{0.0, 0.3}, {0.0, 0.3}, {9.0, 0.3}})})
+  for (const TimeSeries& rest :
+       {course({{0.0, 0.3}}), course({{0.0, 0.3}, {0.0, 0.3}, {9.0, 0.3}})})
     EXPECT_TRUE(feedback(rest, signal_period, 0.1).edges.empty());
 }
 
 TEST(EncoderFeedback, RefusesWhatHasNoSignals) {
-  const Course motion = course({{0.0, 0.0}, {1.0, 1.0}});
+  const TimeSeries motion = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan})
     EXPECT_THROW(feedback(motion, bad, 0.0), std::invalid_argument);
   EXPECT_THROW(feedback(motion, signal_period, nan), std::invalid_argument);
@@ -256,7 +257,7 @@ TEST(InsertionBox, InsertsOnePairInEachSignalPeriodThatTheAxisPasses) {
 TEST(InsertionBox, LetsNoPairThroughWhereTheAxisIsTooQuick) {
   const double p = 2e-6;
   const auto pairs_at = [&](double speed) {  // periods a second
-    const Course run =
+    const TimeSeries run =
         course({{0.0, 0.5 * signal_period}, {1e-3, (0.5 + speed * 1e-3) * signal_period}});
     return insertions(feedback(run, signal_period, 0.0), {{0.0, 1000}}, {false, p}).size();
   };
@@ -266,7 +267,7 @@ TEST(InsertionBox, LetsNoPairThroughWhereTheAxisIsTooQuick) {
 }
 
 TEST(InsertionBox, DropsWhatIsNoLongerWanted) {
-  const Course run = course({{0.0, 0.5 * signal_period}, {1.0, 1.4 * signal_period}});
+  const TimeSeries run = course({{0.0, 0.5 * signal_period}, {1.0, 1.4 * signal_period}});
   const Feedback f = feedback(run, signal_period, 0.0);  // low-low from 0.5556 s to 0.8333 s
   EXPECT_TRUE(insertions(f, {{0.1, 1}, {0.4, 0}}).empty());
   EXPECT_EQ(insertions(f, {{0.1, 1}, {0.6, 0}}).size(), 1u);
@@ -295,15 +296,15 @@ TEST(SignalLevel, CounterLessTrueMotionIsWhatTheFastModelInsertsInstantByInstant
   double latest = 0.0;
   for (int trial = 0; trial < 60; ++trial) {
     const double duration = 0.3;
-    const Course motion = any_motion(random, duration, 3 + trial % 25);
+    const TimeSeries motion = any_motion(random, duration, 3 + trial % 25);
     std::vector<Knot> bends;
     for (int i = 0; i <= 6; ++i)
       bends.push_back({duration * i / 6.0, 8.0 * unit(random) * signal_period});
-    const Course wanted = course(bends);
+    const TimeSeries wanted = course(bends);
     Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6, std::uint64_t(trial)};
     const double phase = zero_phase(pulses.phase_seed, 0);
 
-    const Course fast = through(wanted, pulses, motion);
+    const TimeSeries fast = through(wanted, pulses, motion);
     const SignalLevel level = ring(wanted, motion, pulses, 0.0);
     pairs += level.pairs.size();
     for (int i = 0; i < 400; ++i) {
@@ -355,13 +356,13 @@ TEST(SignalLevel, ALoopThatTakesItsTimeMakesTheAxisTravelAsFar) {
     std::vector<Knot> run;
     for (int i = 0; i <= 8; ++i)
       run.push_back({0.05 * i, (i % 2 == 0 ? 0.0 : 20.0 + 5.0 * unit(random)) * signal_period});
-    const Course motion = course(run);
+    const TimeSeries motion = course(run);
     const double last = 9.0 * unit(random) * signal_period;
-    const Course wanted =
+    const TimeSeries wanted =
         course({{0.0, 0.0}, {0.1, 4.0 * unit(random) * signal_period}, {0.25, last}});
     const Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6,
                         std::uint64_t(100 + trial)};
-    const Course fast = through(wanted, pulses, motion);
+    const TimeSeries fast = through(wanted, pulses, motion);
     const SignalLevel level = ring(wanted, motion, pulses, 0.7e-3);
     long sum = 0;
     for (const Insertion& pair : level.pairs) sum += pair.direction;

@@ -12,8 +12,8 @@ namespace {
 using namespace cases;
 
 ParameterTables siemens_tables(const std::string& text) {
-  return tables_of_control(std::vector<ControlFile>{{"A.INI", text}}, gantry(),
-                           ControlFormat::Siemens);
+  return read_control_tables(std::vector<ControlFile>{{"A.INI", text}}, gantry(),
+                             ControlFormat::Siemens);
 }
 
 // laid out as the example of the function manual
@@ -102,7 +102,7 @@ TEST(Siemens, PointsThatAreNotEquidistantAreReadOff) {
                    "X: 3 points that are not equidistant; equidistant ones miss them "
                    "by 2 um"));
   EXPECT_TRUE(says(made.left_out, "offset of X, 1 um"));
-  const ParameterTables back = tables_of_control(made.files, gantry(), ControlFormat::Siemens);
+  const ParameterTables back = read_control_tables(made.files, gantry(), ControlFormat::Siemens);
   EXPECT_EQ(back.tables.at(0).position, Eigen::Vector3d(0, 20, 40));
 }
 
@@ -116,7 +116,7 @@ TEST(Siemens, RandomTablesComeBack) {
     const ParameterTables tables = any_tables(chain, random, {true, run % 2 == 0, true, 400});
     const Export made = to_control(tables, chain, ControlFormat::Siemens);
     EXPECT_TRUE(made.left_out.empty());
-    const ParameterTables back = tables_of_control(made.files, chain, ControlFormat::Siemens);
+    const ParameterTables back = read_control_tables(made.files, chain, ControlFormat::Siemens);
     EXPECT_EQ(back.tables.size(), tables.tables.size()) << "each pair of directions is one again";
     const Difference d = difference(tables, back, chain, random);
     largest.mm = std::max(largest.mm, d.mm);
@@ -131,8 +131,8 @@ TEST(Siemens, RandomTablesComeBack) {
 TEST(Siemens, ASecondProgramMayNotWriteTheSameTable) {
   const auto both = [](const std::string& one, const std::string& two) {
     return refusal([&] {
-      tables_of_control(std::vector<ControlFile>{{"A.INI", one}, {"B.INI", two}}, gantry(),
-                        ControlFormat::Siemens);
+      read_control_tables(std::vector<ControlFile>{{"A.INI", one}, {"B.INI", two}}, gantry(),
+                          ControlFormat::Siemens);
     });
   };
   EXPECT_EQ(both(encoder_ini, cross_ini), Place{});

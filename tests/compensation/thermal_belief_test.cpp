@@ -1,4 +1,4 @@
-#include "sim/compensation/thermal_belief.h"
+#include "sim/compensation/machine_belief.h"
 
 #include <cmath>
 #include <iostream>
@@ -50,7 +50,7 @@ ControlLog log_of(const std::vector<std::string>& names, const std::vector<doubl
 
 std::string refusal_of(const std::string& text) {
   try {
-    thermal_belief_of_text(text, "day.txt");
+    parse_thermal_belief(text, "day.txt");
     return "";
   } catch (const BadInput& fault) {
     return fault.what();
@@ -80,7 +80,7 @@ TEST(ThermalBelief, ComesBackFromItsTextBitForBit) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     const ThermalBelief belief = drawn(seed);
     const std::string text = to_text(belief, {"made of\nnothing", ""});
-    const ThermalBelief back = thermal_belief_of_text(text, "day.txt");
+    const ThermalBelief back = parse_thermal_belief(text, "day.txt");
     EXPECT_EQ(to_text(back, {"made of nothing", ""}), text);
     EXPECT_EQ(back.since_start, belief.since_start);
     ASSERT_EQ(back.terms.size(), belief.terms.size());
@@ -102,11 +102,11 @@ TEST(ThermalBelief, TextWithWindowsLineEndsReadsTheSame) {
   const std::string text = to_text(drawn(3), {"a head"});
   std::string windows = "\xEF\xBB\xBF";
   for (const char c : text) windows += c == '\n' ? "\r\n" : std::string(1, c);
-  EXPECT_EQ(to_text(thermal_belief_of_text(windows, "day.txt"), {"a head"}), text);
+  EXPECT_EQ(to_text(parse_thermal_belief(windows, "day.txt"), {"a head"}), text);
 }
 
 TEST(ThermalBelief, TextWithoutTermsBelievesInNothing) {
-  EXPECT_TRUE(thermal_belief_of_text(to_text({}), "day.txt").terms.empty());
+  EXPECT_TRUE(parse_thermal_belief(to_text({}), "day.txt").terms.empty());
 }
 
 TEST(ThermalBelief, RefusesWithTheLineWhatItWouldNotWrite) {
@@ -157,29 +157,29 @@ TEST(ThermalBelief, AnyCutOrChangedByteIsReadOrRefusedButNeverWorse) {
 
 // ---------------------------------------------------------------- over a day
 
-TEST(ThermalCourse, CountsFromTheFirstRowOrAsRead) {
+TEST(ThermalSeries, CountsFromTheFirstRowOrAsRead) {
   const auto chain = machines::gantry();
   Eigen::MatrixXd T(3, 2);
   T << 21.0, 5.0, 23.0, 6.0, 29.0, 4.0;
   const ControlLog log = log_of({"nut_C", "other"}, {-100.0, 0.0, 50.0}, T);
   ThermalBelief belief{{term("EZZ", false, law(1.0_um, {{"nut", 2.0_um}}))}, true};
-  const ThermalCourse since = course_of(belief, log, chain);
+  const ThermalSeries since = thermal_series(belief, log, chain);
   EXPECT_EQ(since.value.col(0), Eigen::Vector3d(1.0_um, 1.0_um + 2 * 2.0_um, 1.0_um + 8 * 2.0_um));
   EXPECT_EQ(since.held, 0);
   belief.since_start = false;
   belief.terms[0].model.highest[0] = 30.0;
-  const ThermalCourse as_read = course_of(belief, log, chain);
+  const ThermalSeries as_read = thermal_series(belief, log, chain);
   EXPECT_NEAR(as_read.value(2, 0), 1.0_um + 29 * 2.0_um, 1e-15);
 }
 
-TEST(ThermalCourse, HoldsWhatWasNeverTrainedAtTheEndOfItsRange) {
+TEST(ThermalSeries, HoldsWhatWasNeverTrainedAtTheEndOfItsRange) {
   const auto chain = machines::gantry();
   Eigen::MatrixXd T(4, 1);
   T << 20.0, 41.9, 60.0, 17.0;  // trained to 20 K above, 10 % more either way are let through
   const ThermalBelief belief{{term("EZZ", false, law(0.0, {{"nut", 1.0_um}})),
                               term("EYY", true, law(0.0, {{"nut", 1e-6}}))},
                              true};
-  const ThermalCourse course = course_of(belief, log_of({"nut_C"}, {0, 1, 2, 3}, T), chain);
+  const ThermalSeries course = thermal_series(belief, log_of({"nut_C"}, {0, 1, 2, 3}, T), chain);
   EXPECT_EQ(course.held, 2);
   EXPECT_NEAR(course.value(1, 0), 21.9_um, 1e-15);
   EXPECT_NEAR(course.value(2, 0), 22.0_um, 1e-15);
@@ -187,11 +187,11 @@ TEST(ThermalCourse, HoldsWhatWasNeverTrainedAtTheEndOfItsRange) {
   EXPECT_NEAR(course.value(3, 1), -2.0e-6, 1e-18);
 }
 
-TEST(ThermalCourse, NamesWhatIsMissing) {
+TEST(ThermalSeries, NamesWhatIsMissing) {
   const auto chain = machines::gantry();
-  const auto fault_of = [&](const ThermalBelief& belief, const ControlLog& log) {
+  const auto distribution_error = [&](const ThermalBelief& belief, const ControlLog& log) {
     try {
-      course_of(belief, log, chain);
+      thermal_series(belief, log, chain);
       return std::string();
     } catch (const std::invalid_argument& fault) {
       return std::string(fault.what());
@@ -199,16 +199,19 @@ TEST(ThermalCourse, NamesWhatIsMissing) {
   };
   const ControlLog log = log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, 20.0));
   const ThermalModel model = law(0.0, {{"nut", 1.0}});
-  EXPECT_EQ(fault_of({{term("EZZ", false, model)}, true}, log), "");
-  EXPECT_NE(fault_of({{term("EZZ", false, law(0.0, {{"screw", 1.0}}))}, true}, log).find("screw"),
+  EXPECT_EQ(distribution_error({{term("EZZ", false, model)}, true}, log), "");
+  EXPECT_NE(distribution_error({{term("EZZ", false, law(0.0, {{"screw", 1.0}}))}, true}, log)
+                .find("screw"),
             std::string::npos);
-  EXPECT_NE(fault_of({{term("EBB", false, model)}, true}, log).find("EBB"), std::string::npos);
-  EXPECT_NE(fault_of({{term("EZS", true, model)}, true}, log).find("EZS"), std::string::npos);
+  EXPECT_NE(distribution_error({{term("EBB", false, model)}, true}, log).find("EBB"),
+            std::string::npos);
+  EXPECT_NE(distribution_error({{term("EZS", true, model)}, true}, log).find("EZS"),
+            std::string::npos);
   const ControlLog empty = log_of({"nut_C"}, {}, Eigen::MatrixXd(0, 1));
-  EXPECT_NE(fault_of({{term("EZZ", false, model)}, true}, empty), "");
+  EXPECT_NE(distribution_error({{term("EZZ", false, model)}, true}, empty), "");
   const double none = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_NE(fault_of({{term("EZZ", false, model)}, true},
-                     log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, none))),
+  EXPECT_NE(distribution_error({{term("EZZ", false, model)}, true},
+                               log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, none))),
             "");
 }
 
@@ -232,8 +235,9 @@ TEST(ThermalDeviations, StandAsReadUntilTheNextReading) {
   const auto chain = machines::gantry();
   Eigen::MatrixXd T(2, 1);
   T << 20.0, 22.0;
-  const ThermalCourse course = course_of({{term("EZZ", false, law(0.0, {{"nut", 1.0_um}}))}, true},
-                                         log_of({"nut_C"}, {0.0, 60.0}, T), chain);
+  const ThermalSeries course =
+      thermal_series({{term("EZZ", false, law(0.0, {{"nut", 1.0_um}}))}, true},
+                     log_of({"nut_C"}, {0.0, 60.0}, T), chain);
   const int z = *chain.find('Z');
   const kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   for (const auto& [time_s, value] :
@@ -247,9 +251,9 @@ TEST(ThermalDeviations, SlopeCountsTheTravelOfThePrimedCarriageItself) {
   const auto chain = machines::moving_table();
   const int x = *chain.find('X');
   ASSERT_EQ(chain.joints()[std::size_t(x)].side, kinematics::Side::Workpiece);
-  const ThermalCourse course =
-      course_of({{term("EXX", true, law(0.0, {{"screw", 10e-6}}))}, true},
-                log_of({"screw_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
+  const ThermalSeries course =
+      thermal_series({{term("EXX", true, law(0.0, {{"screw", 10e-6}}))}, true},
+                     log_of({"screw_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   q[x] = 100.0;
   const auto joints = deviations(course, state_at(q, 1.0));
@@ -262,9 +266,9 @@ TEST(ThermalDeviations, SlopeCountsTheTravelOfThePrimedCarriageItself) {
 // the tip along the tool: (0, sin A, -cos A) times 10 um.
 TEST(ThermalDeviations, SpindleGrowthGoesAlongTheTurnedTool) {
   const auto chain = machines::gantry();
-  const ThermalCourse course =
-      course_of({{term("EZS", false, law(0.0, {{"box", -2.0_um}}))}, true},
-                log_of({"box_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
+  const ThermalSeries course =
+      thermal_series({{term("EZS", false, law(0.0, {{"box", -2.0_um}}))}, true},
+                     log_of({"box_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   q[*chain.find('A')] = 30.0_deg;
   const Vector3d moved = moved_b(chain, q, deviations(course, state_at(q, 1.0)));
@@ -273,12 +277,12 @@ TEST(ThermalDeviations, SpindleGrowthGoesAlongTheTurnedTool) {
 
 TEST(ThermalDeviations, TermsOfOneElementAddUp) {
   const auto chain = machines::gantry();
-  const ThermalCourse course =
-      course_of({{term("EYY", false, law(3.0_um, {{"screw", 0.0}})),
-                  term("EYY", true, law(0.0, {{"screw", 10e-6}})),
-                  term("EX0C", false, law(0.0, {{"screw", 1.0_um}}))},
-                 true},
-                log_of({"screw_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 22.0)), chain);
+  const ThermalSeries course =
+      thermal_series({{term("EYY", false, law(3.0_um, {{"screw", 0.0}})),
+                       term("EYY", true, law(0.0, {{"screw", 10e-6}})),
+                       term("EX0C", false, law(0.0, {{"screw", 1.0_um}}))},
+                      true},
+                     log_of({"screw_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 22.0)), chain);
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   const int y = *chain.find('Y'), c = *chain.find('C');
   q[y] = -50.0;

@@ -2,7 +2,7 @@
 // It believes one number, the mean error of the tip as a first part shows it along Z.
 #include <cstdio>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "sim/cut/cut.h"
 #include "sim/scene/read_scene.h"
 
@@ -10,7 +10,7 @@ int main(int, char** arguments) {
   using namespace abbe;
   const sim::Scene scene = sim::read_scene(arguments[1], {{"part.vertices", "2000"}});
   const sim::Job job = sim::prepare(scene);
-  sim::Commands commands = sim::as_programmed(job);
+  sim::Commands commands = sim::uncompensated_commands(job);
   const auto residual = [&] {
     return cutting::statistics(sim::cut(job, commands).surface, job.design_w);
   };

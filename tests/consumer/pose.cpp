@@ -14,9 +14,10 @@ int main() {
     joint.direction_b = direction;
     return joint;
   };
-  const kinematics::Chain chain({slide('X', Eigen::Vector3d::UnitX()), slide('Y', Eigen::Vector3d::UnitY()),
-                                 slide('Z', Eigen::Vector3d::UnitZ())},
-                                kinematics::Pose::Identity(), kinematics::Pose::Identity());
+  const kinematics::Chain chain(
+      {slide('X', Eigen::Vector3d::UnitX()), slide('Y', Eigen::Vector3d::UnitY()),
+       slide('Z', Eigen::Vector3d::UnitZ())},
+      kinematics::Pose::Identity(), kinematics::Pose::Identity());
   errors::GeometricErrors wrong;
   wrong.elements = {{errors::parse_element_name("EC0Y"), {{errors::Constant{100e-6}}}}};
   const errors::GeometricModel model = errors::bind(wrong, chain);

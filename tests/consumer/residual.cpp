@@ -1,9 +1,9 @@
 // The residual of a part under the errors of its scene: residual SCENE
 #include <cstdio>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "sim/cut/cut.h"
-#include "sim/cut/sampling.h"
+#include "sim/cut/judged_surface.h"
 #include "sim/scene/read_scene.h"
 
 int main(int, char** arguments) {

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/alignment.h"
-#include "cutting/primitive.h"
+#include "cutting/map/form.h"
+#include "cutting/part/primitive.h"
 
 namespace abbe::cutting {
 namespace {
@@ -42,7 +42,7 @@ Deviation some(double shift, double turn) {
 TEST(Alignment, NoneLeavesTheMapAlone) {
   const Design d = tessellate(SphereCap{50, 30}, {1000});
   const Surface s = displaced(d, some(0.01, 1e-4), Vector3d::Zero());
-  const Aligned a = aligned(s, d, {Alignment::None});
+  const AlignmentResult a = aligned(s, d, {Alignment::None});
   EXPECT_EQ(a.surface.residual, s.residual);
   EXPECT_EQ(a.displacement, Deviation::Zero());
 }
@@ -51,7 +51,7 @@ TEST(Alignment, OffsetTakesOutATranslationOfADome) {
   const Design d = tessellate(SphereCap{50, 30}, {3000});
   Deviation D = Deviation::Zero();
   D.head<3>() << 0.01, -0.02, 0.03;
-  const Aligned a = aligned(displaced(d, D, Vector3d::Zero()), d, {Alignment::Offset});
+  const AlignmentResult a = aligned(displaced(d, D, Vector3d::Zero()), d, {Alignment::Offset});
   std::cout << "left " << a.surface.residual.cwiseAbs().maxCoeff() << " mm\n";
   EXPECT_LT((a.displacement - D).norm(), 1e-15);
   EXPECT_LT(a.surface.residual.cwiseAbs().maxCoeff(), 1e-16);
@@ -64,7 +64,7 @@ TEST(Alignment, OffsetOfAFlatIsItsMeanAndXAndYAreNamed) {
   Surface s = blank(d);
   for (Eigen::Index i = 0; i < d.vertices.rows(); ++i)
     s.residual[i] = 0.005 + 1e-3 * d.vertices(i, 0);
-  const Aligned a = aligned(s, d, {Alignment::Offset});
+  const AlignmentResult a = aligned(s, d, {Alignment::Offset});
   EXPECT_EQ(a.undetermined, (std::vector<std::string>{"EX", "EY"}));
   EXPECT_NEAR(a.displacement[2], 0.005 + 1e-3 * a.point.x(), 1e-16);
   EXPECT_EQ(a.displacement[0], 0.0);
@@ -106,7 +106,7 @@ TEST(Alignment, RigidTakesOutAnyDisplacementOfAnySurface) {
     T.translation() = 100 * Vector3d(normal(random), normal(random), normal(random));
     d = transformed(d, T);
     const Surface s = displaced(d, some(0.02, 2e-4), Vector3d(10, 20, 30));
-    const Aligned a = aligned(s, d, {Alignment::Rigid});
+    const AlignmentResult a = aligned(s, d, {Alignment::Rigid});
     // what is dropped moves the surface a thousand times less than what is kept, here not at all
     const double left = a.surface.residual.cwiseAbs().maxCoeff();
     std::cout << "surface " << k << ": rank " << a.rank << ", left " << left << " mm of "
@@ -122,7 +122,7 @@ TEST(Alignment, WhatIsLeftIsOrthogonalToEveryDisplacement) {
     s.residual[i] = 1e-3 * std::sin(3.0 * i) + 0.01;
   s.status[5] = VertexStatus::Uncut;
   s.residual[5] = std::nan("");
-  const Aligned a = aligned(s, d, {Alignment::Rigid});
+  const AlignmentResult a = aligned(s, d, {Alignment::Rigid});
   EXPECT_TRUE(std::isnan(a.surface.residual[5]));
   for (int c = 0; c < 6; ++c) {
     Deviation D = Deviation::Zero();

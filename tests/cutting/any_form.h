@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "cutting/tool.h"
+#include "cutting/surface/tool.h"
 #include "tests/cutting/random.h"
 
 namespace abbe::cutting {
@@ -11,15 +11,15 @@ namespace abbe::cutting {
 inline Cutter any_form(Random& random, double R) {
   switch (random.below(4)) {
     case 0:
-      return form_cutter(outline_through({{{R * random.in(0, 0.5), 0}},
-                                          {{R, R * random.in(0, 0.4)}},
-                                          {{R, R * random.in(1, 3)}}}));
+      return form_cutter(outline_from_points({{{R * random.in(0, 0.5), 0}},
+                                              {{R, R * random.in(0, 0.4)}},
+                                              {{R, R * random.in(1, 3)}}}));
     case 1: {
       const double height = R * random.in(0.5, 2);
       return form_cutter(
-          outline_through({{{0.3 * R, 0}},
-                           {{0.8 * R, 0.2 * R}, R},
-                           {{0.8 * R, 0.2 * R + height}, height * random.decades(-0.15, 3)}}));
+          outline_from_points({{{0.3 * R, 0}},
+                               {{0.8 * R, 0.2 * R}, R},
+                               {{0.8 * R, 0.2 * R + height}, height * random.decades(-0.15, 3)}}));
     }
     case 2: {
       const double corner = R * random.in(0.1, 0.9), lean = random.in(0, 0.5);

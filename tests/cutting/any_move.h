@@ -1,6 +1,6 @@
 #pragma once
 
-#include "cutting/cutter_entry.h"
+#include "cutting/surface/cutter_entry.h"
 #include "tests/cutting/random.h"
 
 namespace abbe::cutting {

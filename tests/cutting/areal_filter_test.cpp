@@ -1,4 +1,4 @@
-#include "cutting/areal_filter.h"
+#include "cutting/map/areal_filter.h"
 
 #include <cmath>
 #include <iostream>
@@ -7,9 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/primitive.h"
-#include "cutting/residual.h"
-#include "cutting/smooth_patches.h"
+#include "cutting/map/residual.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/remeshing.h"
 #include "tests/cutting/map_over.h"
 #include "tests/oracles/areal_oracle.h"
 
@@ -118,11 +118,11 @@ TEST(GaussianForm, AWaveFinerThanTheVerticesLeavesNoWaveOfItsOwn) {
   };
   Surface surface = surface_of(plane, wave);
   const double at_vertices = spread(gaussian_form(plane, surface, 2.5));
-  surface.looked_within = Surface::Within::Random;
+  surface.sampled_within = Surface::Within::Random;
   surface.within.resize(plane.triangles.rows());
   for (Index t = 0; t < plane.triangles.rows(); ++t)
     surface.within[t] =
-        wave(at_place_within(surface.looked_within, plane.vertices, plane.triangles, t));
+        wave(value_at_place_within(surface.sampled_within, plane.vertices, plane.triangles, t));
   const double at_random = spread(gaussian_form(plane, surface, 2.5));
   std::cout << "wave of RMS 0.707 and " << 0.97 * spacing << " mm at vertices every " << spacing
             << " mm: form " << at_vertices << " RMS, with places at random " << at_random << "\n";
@@ -160,7 +160,7 @@ TEST(GaussianForm, FacesOfASharpEdgeDoNotMix) {
 Surface random_heights(const Design& part, std::mt19937& random) {
   std::uniform_real_distribution<double> height(0.0, 1.0);
   Surface surface = surface_of(part, [&](const Vector3d&) { return height(random); });
-  surface.looked_within = Surface::Within::Random;
+  surface.sampled_within = Surface::Within::Random;
   surface.within.resize(part.triangles.rows());
   for (Index t = 0; t < part.triangles.rows(); ++t) surface.within[t] = height(random);
   return surface;
@@ -178,8 +178,8 @@ test::ArealValues values_of(const Design& part, const Surface& surface) {
   for (Index i = 0; i < part.vertices.rows(); ++i)
     add(part.vertices.row(i), surface.residual[i], weights.vertex[i]);
   for (Index t = 0; t < surface.within.size(); ++t)
-    add(at_place_within(surface.looked_within, part.vertices, part.triangles, t), surface.within[t],
-        weights.within[t]);
+    add(value_at_place_within(surface.sampled_within, part.vertices, part.triangles, t),
+        surface.within[t], weights.within[t]);
   return values;
 }
 
@@ -226,7 +226,7 @@ TEST(GaussianForm, IsAPlaneOfManyValuesAndTheMeanOfFew) {
     for (Index t = 0; t < surface.within.size(); ++t)
       surface.within[t] =
           0.02 * surface.within[t] +
-          slope(at_place_within(surface.looked_within, part.vertices, part.triangles, t));
+          slope(value_at_place_within(surface.sampled_within, part.vertices, part.triangles, t));
     const Eigen::VectorXd form = gaussian_form(part, surface, cutoff);
     const test::ArealValues values = values_of(part, surface);
     for (Index i = 0; i < form.size(); i += 1 + form.size() / 200) {

@@ -1,4 +1,4 @@
-#include "cutting/ball_bounds.h"
+#include "cutting/surface/ball_entry.h"
 #include "tests/cutting/any_move.h"
 
 #include <algorithm>
@@ -27,7 +27,7 @@ TEST(BallBounds, AreNoMoreThanTheEntry) {
     const Vector3d normal = random.near(Vector3d::UnitZ(), 0.4);
     const double lean = random.decades(-9, -1);
     const BallChord chord(cutter, move, Vector3d::Zero());
-    RayEight eight;
+    Ray8 eight;
     std::array<Ray, 8> rays;
     double far = 0.0, around = 0.0, tilt = 0.0;
     for (std::size_t i = 0; i < 8; ++i) {
@@ -45,7 +45,7 @@ TEST(BallBounds, AreNoMoreThanTheEntry) {
     if (!(chord.distance + far < 4.9 * R) ||
         !stays_below_centre(cutter, move, Vector3d::Zero(), around, normal, tilt))
       continue;
-    std::array<EntryEight, 1> bounds;
+    std::array<Entry8, 1> bounds;
     ball_bounds({&chord, 1}, eight, bounds);
     for (std::size_t i = 0; i < 8; ++i) {
       ++rays_tried;

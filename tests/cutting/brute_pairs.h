@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/cutter_entry.h"
-#include "cutting/surface.h"
+#include "cutting/surface/cutter_entry.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/random.h"
 #include "tests/oracles/brute_surface.h"
 

@@ -1,4 +1,4 @@
-#include "cutting/collision.h"
+#include "cutting/stock/collision.h"
 
 #include <algorithm>
 #include <array>
@@ -31,7 +31,7 @@ Pose place(const Vector3d& at, const Vector3d& turn = Vector3d::Zero()) {
   return T;
 }
 
-Body box(double x, double y, double z) { return body_of(box_mesh({x, y, z})); }
+Body box(double x, double y, double z) { return make_body(box_mesh({x, y, z})); }
 
 ClosedMesh cylinder_mesh(double radius, double length) {
   Eigen::MatrixX2d profile(2, 2);
@@ -88,7 +88,7 @@ TEST(Collision, AThinPlateIsMetAtAnySpeed) {
 }
 
 TEST(Collision, BallsMeetBoxesAtTheirRadius) {
-  const Body ball = body_of(sphere_mesh(5.0, sag)), block = box(40, 40, 40);
+  const Body ball = make_body(sphere_mesh(5.0, sag)), block = box(40, 40, 40);
   for (const Vector3d& from : {Vector3d(0, 0, 60), Vector3d(60, 0, 0), Vector3d(60, 60, 60)}) {
     const Vector3d corner = from.cwiseMin(20.0), way = -from;
     // the nearest place of the block lies at the corner, and stays there
@@ -113,7 +113,7 @@ TEST(Collision, ABarThatTurnsMeetsAWall) {
 
 TEST(Collision, ACylinderThatTipsMeetsTheFloor) {
   const double radius = 20.0, length = 120.0, height = 62.0;
-  const Body floor = box(500, 500, 1), post = body_of(cylinder_mesh(radius, length));
+  const Body floor = box(500, 500, 1), post = make_body(cylinder_mesh(radius, length));
   const auto lowest = [&](double angle) {
     return height - 0.5 * length * std::cos(angle) - radius * std::sin(angle);
   };
@@ -129,7 +129,7 @@ TEST(Collision, ACylinderThatTipsMeetsTheFloor) {
 }
 
 TEST(Collision, ABallOnAHelixMeetsAThinCeiling) {
-  const Body ceiling = box(300, 300, 1e-3), ball = body_of(sphere_mesh(4.0, sag));
+  const Body ceiling = box(300, 300, 1e-3), ball = make_body(sphere_mesh(4.0, sag));
   const double pitch = 50.0, below = 30.0;
   const Pose start = place({80, 0, -below});
   expect_contact(ceiling, ball, helix(start, Vector3d::UnitZ(), 3.0, pitch),
@@ -139,7 +139,7 @@ TEST(Collision, ABallOnAHelixMeetsAThinCeiling) {
 TEST(Collision, TheLeastDistanceOfAPassIsFound) {
   // a ball past an edge, at a distance that is known
   constexpr double facets = 1e-2;
-  const Body block = box(20, 20, 20), ball = body_of(sphere_mesh(3.0, facets));
+  const Body block = box(20, 20, 20), ball = make_body(sphere_mesh(3.0, facets));
   for (const double gap : {0.02, 1.0, 50.0}) {
     const Screw motion{place({-100, 0, 13.0 + gap}), Vector3d::Zero(), {200, 0, 0}};
     const ApproachOptions options;
@@ -181,7 +181,7 @@ TEST(Collision, ComesWithinADistanceNotAfterItDoes) {
   EXPECT_GT(within, 10);
   EXPECT_LT(within, 50);
   // on the way past an edge, and where nothing moves
-  const Body block = box(20, 20, 20), ball = body_of(sphere_mesh(3.0, 1e-3));
+  const Body block = box(20, 20, 20), ball = make_body(sphere_mesh(3.0, 1e-3));
   const Screw past{place({-100, 0, 13.5}), Vector3d::Zero(), {200, 0, 0}};
   EXPECT_FALSE(comes_within(block, ball, past, 0.49, tolerance));
   // a ball 3.5 mm over a face and its edge: 1 mm from the edge at x = -10 - sqrt(4^2 - 3.5^2)
@@ -205,7 +205,7 @@ TEST(Collision, RandomBoxesMeetWhenNoAxisPartsThem) {
   for (int n = 0; n < scenes; ++n) {
     const Vector3d size_a(length(random), length(random), length(random)),
         size_b(length(random), length(random), length(random));
-    const Body a = body_of(box_mesh(size_a)), b = body_of(box_mesh(size_b));
+    const Body a = make_body(box_mesh(size_a)), b = make_body(box_mesh(size_b));
     const Screw motion{place(45 * vector(), vector()), 2 * vector(), 60 * vector()};
     const Approach found = approach(a, b, motion, options);
     queries += found.queries;
@@ -232,7 +232,7 @@ TEST(Collision, RandomBoxesMeetWhenNoAxisPartsThem) {
 }
 
 TEST(Collision, WhatLiesInsideIsNotSeenByTheGap) {
-  const Body room = box(100, 100, 100), ball = body_of(sphere_mesh(5.0, sag));
+  const Body room = box(100, 100, 100), ball = make_body(sphere_mesh(5.0, sag));
   EXPECT_TRUE(is_inside(room, Pose::Identity(), ball, place({10, 20, 30})));
   EXPECT_TRUE(is_inside(ball, place({10, 20, 30}), room, Pose::Identity()));
   EXPECT_FALSE(is_inside(room, Pose::Identity(), ball, place({48, 0, 0})));  // across the wall
@@ -307,10 +307,10 @@ TEST(Bodies, ThatCannotBeAreRefused) {
   Eigen::MatrixX2d clockwise(3, 2);
   clockwise << 0, 0, 0, 1, 1, 0;
   EXPECT_THROW(extruded_mesh(clockwise, 1.0), std::invalid_argument);
-  EXPECT_THROW(body_of(ClosedMesh{}), std::invalid_argument);
+  EXPECT_THROW(make_body(ClosedMesh{}), std::invalid_argument);
   ClosedMesh wrong = box_mesh({1, 1, 1});
   wrong.triangles(0, 0) = 8;
-  EXPECT_THROW(body_of(wrong), std::invalid_argument);
+  EXPECT_THROW(make_body(wrong), std::invalid_argument);
   EXPECT_THROW(approach(box(1, 1, 1), box(1, 1, 1), {}, {.resolution = 0.0}),
                std::invalid_argument);
 }
@@ -325,11 +325,11 @@ TEST(Collision, PointsOfAGapAreSoFarApartAndOnTheirBodies) {
   ball.radius = ball.corner_radius = 4.9;
   bull.radius = 7.0;
   bull.corner_radius = 1.3;
-  const std::array<Body, 2> cutters{body_of(cutter_pieces(ball, sag)),
-                                    body_of(cutter_pieces(bull, sag))};
+  const std::array<Body, 2> cutters{make_body(cutter_pieces(ball, sag)),
+                                    make_body(cutter_pieces(bull, sag))};
   const Body clamp = box(30.0, 24.0, 110.0);
-  const Body round = body_of(sphere_mesh(30.0, 1e-2));  // of enough triangles to be sorted
-  int apart = 0;
+  const Body round = make_body(sphere_mesh(30.0, 1e-2));  // of enough triangles to be sorted
+  int length_mismatch_text = 0;
   for (int k = 0; k < 4000; ++k) {
     const Body& other = k % 2 == 0 ? clamp : round;
     const Body& cutter = cutters[std::size_t(k / 2 % 2)];
@@ -340,16 +340,16 @@ TEST(Collision, PointsOfAGapAreSoFarApartAndOnTheirBodies) {
     const Gap found = gap(cutter, T_a, other, T_b), back = gap(other, T_b, cutter, T_a);
     EXPECT_NEAR(back.distance, found.distance, 1e-9);
     if (!(found.distance > 0.0)) continue;
-    ++apart;
+    ++length_mismatch_text;
     EXPECT_NEAR((found.on_a - found.on_b).norm(), found.distance, 1e-9);
-    const Body dot = body_of(ClosedMesh{Points::Zero(1, 3), Triangles::Zero(1, 3), 0.0});
+    const Body dot = make_body(ClosedMesh{Points::Zero(1, 3), Triangles::Zero(1, 3), 0.0});
     EXPECT_LT(gap(dot, place(found.on_b), other, T_b).distance, 1e-9);
     EXPECT_LT(gap(dot, place(found.on_a), cutter, T_a).distance, 1e-9);
     // a limit just above it changes nothing
     const Gap limited = gap(cutter, T_a, other, T_b, {0.0, found.distance * (1.0 + 1e-12)});
     EXPECT_NEAR((limited.on_a - limited.on_b).norm(), found.distance, 1e-9);
   }
-  EXPECT_GT(apart, 1000);
+  EXPECT_GT(length_mismatch_text, 1000);
 }
 
 TEST(Bodies, InPatchesAreTheSameBody) {
@@ -358,10 +358,10 @@ TEST(Bodies, InPatchesAreTheSameBody) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   ClosedMesh mesh = sphere_mesh(20.0, 1e-2);
-  Body patches = body_of_patches(mesh, 7.0);
+  Body patches = make_patched_body(mesh, 7.0);
   const Body other = box(6.0, 9.0, 3.0);
   for (int state = 0; state < 4; ++state) {
-    const Body whole = body_of(mesh);
+    const Body whole = make_body(mesh);
     EXPECT_NEAR(patches.radius, whole.radius, 1e-12);
     EXPECT_NEAR(extent(patches, Vector3d::UnitX()), extent(whole, Vector3d::UnitX()), 1e-12);
     int inside = 0;
@@ -379,10 +379,10 @@ TEST(Bodies, InPatchesAreTheSameBody) {
     // a dent in one place: the other patches are kept
     for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i)
       if (mesh.vertices(i, state % 3) > 15.0) mesh.vertices(i, state % 3) -= 2.0;
-    patches = body_of_patches(mesh, 7.0, patches);
+    patches = make_patched_body(mesh, 7.0, patches);
   }
-  EXPECT_THROW(body_of_patches(mesh, 0.0), std::invalid_argument);
-  EXPECT_THROW(body_of_patches({}, 1.0), std::invalid_argument);
+  EXPECT_THROW(make_patched_body(mesh, 0.0), std::invalid_argument);
+  EXPECT_THROW(make_patched_body({}, 1.0), std::invalid_argument);
 }
 
 TEST(Collision, AGapThatMayBeRoughOrLimitedIsSoMuchOff) {
@@ -391,7 +391,7 @@ TEST(Collision, AGapThatMayBeRoughOrLimitedIsSoMuchOff) {
   const auto vector = [&] { return Vector3d(any(random), any(random), any(random)); };
   Eigen::MatrixX2d profile(4, 2);
   profile << 5, 0, 20, 10, 8, 30, 12, 60;
-  const Body a = body_of(revolved_mesh(profile, 5e-3)), b = body_of(sphere_mesh(15.0, 5e-3));
+  const Body a = make_body(revolved_mesh(profile, 5e-3)), b = make_body(sphere_mesh(15.0, 5e-3));
   double worst = 0.0;
   for (int n = 0; n < 300; ++n) {
     const Pose T_a = place(100.0 * vector(), 3.0 * vector());
@@ -429,12 +429,12 @@ TEST(Collision, CuttersThatLeanStandAtTheirLowestPoint) {
                    place(Vector3d::Zero(), {0, 0, 6.0 * any(random)}) *
                    place(Vector3d::Zero(), {lean, 0, 0});
     const double found =
-        gap(floor, Pose::Identity(), body_of(cutter_pieces(cutter, sag)), T).distance;
+        gap(floor, Pose::Identity(), make_body(cutter_pieces(cutter, sag)), T).distance;
     EXPECT_LE(found, height + 1e-9);
     worst = std::max(worst, height - found);
     // the mesh for pictures lies around it, too
     const double drawn =
-        gap(floor, Pose::Identity(), body_of(cutter_mesh(cutter, 0.02)), T).distance;
+        gap(floor, Pose::Identity(), make_body(cutter_mesh(cutter, 0.02)), T).distance;
     EXPECT_LE(drawn, height + 1e-9);
     EXPECT_GE(drawn, height - 0.0202);
   }

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/sweep_tree.h"
+#include "cutting/surface/sweep_tree.h"
 #include "tests/cutting/any_form.h"
 
 // The tree against every move tried on its own, bit for bit: neither the rays nor the cutters nor
@@ -129,7 +129,7 @@ Ray any_ray(Random& random, const Cutter& cutter, const CutterMotion& motion) {
 }
 
 struct Count {
-  std::atomic<long> rays = 0, cut = 0, buried = 0, rivals = 0, different = 0;
+  std::atomic<long> rays = 0, cut = 0, buried = 0, competing_passes = 0, different = 0;
 };
 
 bool same(const Removal& a, const Removal& b) {
@@ -175,16 +175,17 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
     }
     if (i % 4 == 0 && expected && expected->s > -ray.band) {
       const double reach = random.decades(-6, 0.5);
-      const auto rivals = every_move_within(cutter, motion, ray, reach);
+      const auto competing_passes = every_move_within(cutter, motion, ray, reach);
       const auto found = tree.removals_within(ray, reach, carried);
-      count.rivals += long(rivals.size());
-      const bool all = std::equal(rivals.begin(), rivals.end(), found.begin(), found.end(),
-                                  [](const Removal& a, const Removal& b) { return same(a, b); });
+      count.competing_passes += long(competing_passes.size());
+      const bool all =
+          std::equal(competing_passes.begin(), competing_passes.end(), found.begin(), found.end(),
+                     [](const Removal& a, const Removal& b) { return same(a, b); });
       good = good && all;
       if (!all && count.different < 20)
         ADD_FAILURE() << "seed " << seed << ", " << moves << " moves, ray " << i << ", reach "
                       << reach << ": " << found.size() << " rivals, of every move "
-                      << rivals.size();
+                      << competing_passes.size();
     }
     count.different += !good;
   }
@@ -200,7 +201,7 @@ void run(const char* name, std::uint64_t seed, int cases, int most_moves, int ra
   });
   std::cout << "  " << name << ", seeds " << seed << " and on: " << cases << " motions, "
             << count.rays << " rays, " << count.cut << " cut, " << count.buried << " buried, "
-            << count.rivals << " rivals, " << count.different << " different\n";
+            << count.competing_passes << " rivals, " << count.different << " different\n";
   EXPECT_EQ(count.different, 0);
   EXPECT_GT(count.cut, count.rays / 4);
 }

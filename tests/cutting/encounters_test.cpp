@@ -1,4 +1,4 @@
-#include "cutting/encounters.h"
+#include "cutting/stock/encounters.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/way_out.h"
+#include "cutting/stock/separation.h"
 
 namespace abbe::cutting::encounters_tests {
 namespace {
@@ -23,12 +23,12 @@ Pose at(const Vector3d& place, const Vector3d& turn = Vector3d::Zero()) {
   return T;
 }
 
-Body box(const Vector3d& size) { return body_of(box_mesh(size)); }
+Body box(const Vector3d& size) { return make_body(box_mesh(size)); }
 
 /// A carriage that turns about z of the first, which stands still: by `turn` rad, and along x by
 /// `way` mm at even steps.
-CarriedMotion turning_slide(std::size_t instants, double turn, double way, const Vector3d& start) {
-  CarriedMotion motion;
+CarrierMotion turning_slide(std::size_t instants, double turn, double way, const Vector3d& start) {
+  CarrierMotion motion;
   motion.carriers = 2;
   motion.instants = instants;
   motion.place = [=](std::size_t i, double u, std::span<Pose> T) {
@@ -48,8 +48,8 @@ double instant(const Moment& moment) { return double(moment.instant) + moment.u;
 
 TEST(Encounters, ABoxMeetsAWallWhereItIs) {
   // 0.4 mm a step towards a wall that stands 40 mm away
-  const std::vector<CarriedBody> bodies{{box({100, 400, 400}), 0}, {box({20, 20, 20}), 1}};
-  const CarriedMotion motion = turning_slide(201, 0.0, -80.0, {100.0, 0.0, 0.0});
+  const std::vector<CarrierBody> bodies{{box({100, 400, 400}), 0}, {box({20, 20, 20}), 1}};
+  const CarrierMotion motion = turning_slide(201, 0.0, -80.0, {100.0, 0.0, 0.0});
   const Encounters found = encounters(bodies, {{0, 1}}, motion);
   ASSERT_EQ(found.list.size(), 1u);
   const double met = 40.0 / 0.4;  // steps
@@ -57,8 +57,8 @@ TEST(Encounters, ABoxMeetsAWallWhereItIs) {
   EXPECT_LE(instant(found.list[0].moment), met + 1e-9);
   EXPECT_LE((met - instant(found.list[0].moment)) * 0.4, 1.01 * EncounterOptions().resolution);
   EXPECT_NEAR(found.list[0].place.x(), 50.0, 0.01);
-  EXPECT_EQ(found.list[0].first_stretch, 10u);
-  EXPECT_EQ(found.list[0].last_stretch, 20u);
+  EXPECT_EQ(found.list[0].first_segment, 10u);
+  EXPECT_EQ(found.list[0].last_segment, 20u);
   EXPECT_EQ(found.pairs[0].distance, 0.0);
   const WayOut out = way_out(bodies[0].body, Pose::Identity(), bodies[1].body, at({20, 0, 0}));
   EXPECT_NEAR(out.depth, 40.0, 2e-3);
@@ -68,7 +68,7 @@ TEST(Encounters, ABoxMeetsAWallWhereItIs) {
 TEST(Encounters, TheDepthOfABallInABoxIsItsWayOut) {
   std::mt19937 random(217);
   std::uniform_real_distribution<double> any(-1, 1);
-  const Body plate = box({200, 150, 60}), ball = body_of(sphere_mesh(10.0, 2e-3));
+  const Body plate = box({200, 150, 60}), ball = make_body(sphere_mesh(10.0, 2e-3));
   double worst = 0.0;
   for (int n = 0; n < 12; ++n) {
     const Pose all = at(500.0 * Vector3d(any(random), any(random), any(random)),
@@ -83,21 +83,21 @@ TEST(Encounters, TheDepthOfABallInABoxIsItsWayOut) {
 }
 
 TEST(Encounters, WhatOverlapsAtTheStartIsSaidAndLeftOut) {
-  const std::vector<CarriedBody> bodies{
+  const std::vector<CarrierBody> bodies{
       {box({100, 100, 100}), 0}, {box({20, 20, 20}), 1}, {box({1, 1, 1}), 1}};
-  const CarriedMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
+  const CarrierMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
   const Encounters found = encounters(bodies, {{0, 1}, {0, 2}}, motion);
   EXPECT_TRUE(found.pairs[0].overlaps_at_start);
   EXPECT_TRUE(found.pairs[1].overlaps_at_start);
-  const CarriedMotion inside = turning_slide(11, 0.1, 5.0, {0.0, 0.0, 0.0});
+  const CarrierMotion inside = turning_slide(11, 0.1, 5.0, {0.0, 0.0, 0.0});
   EXPECT_TRUE(encounters(bodies, {{0, 2}}, inside).pairs[0].overlaps_at_start);
 }
 
 /// Bodies and motions at random: boxes and cones on two carriages that pass each other.
 struct RandomScene {
-  std::vector<CarriedBody> bodies;
+  std::vector<CarrierBody> bodies;
   std::vector<BodyPair> pairs;
-  CarriedMotion motion;
+  CarrierMotion motion;
 };
 
 RandomScene random_scene(std::mt19937& random) {
@@ -112,7 +112,7 @@ RandomScene random_scene(std::mt19937& random) {
       mesh = revolved_mesh(profile, 0.05);
     }
     scene.bodies.push_back(
-        {body_of(moved(mesh, at(50.0 * vector(), 3.0 * vector()))), k < 3 ? 0 : 1});
+        {make_body(moved(mesh, at(50.0 * vector(), 3.0 * vector()))), k < 3 ? 0 : 1});
   }
   for (int a = 0; a < 3; ++a)
     for (int b = 3; b < 6; ++b) scene.pairs.push_back({a, b});
@@ -139,8 +139,8 @@ TEST(Encounters, AreThoseOfEveryPairLookedAtEverywhere) {
       const Encounter &one = quick.list[k], &other = slow.list[k];
       EXPECT_EQ(one.pair, other.pair);
       EXPECT_EQ(one.contact, other.contact);
-      EXPECT_EQ(one.first_stretch, other.first_stretch);
-      EXPECT_EQ(one.last_stretch, other.last_stretch);
+      EXPECT_EQ(one.first_segment, other.first_segment);
+      EXPECT_EQ(one.last_segment, other.last_segment);
       if (one.contact) {
         EXPECT_NEAR(instant(one.moment), instant(other.moment), 0.02);
       }
@@ -185,8 +185,8 @@ ClosedMesh waves(int across) {
 }
 
 /// A cutter that leans and follows the waves at some height above them, dips included.
-CarriedMotion along_waves(double height, double radius, double lean, double phase) {
-  CarriedMotion motion;
+CarrierMotion along_waves(double height, double radius, double lean, double phase) {
+  CarrierMotion motion;
   constexpr std::size_t instants = 600;
   motion.carriers = 2;
   motion.instants = instants;
@@ -212,14 +212,14 @@ TEST(Encounters, ACutterThatFollowsASurfaceMeetsWhatItMeetsLookedAtEverywhere) {
   constexpr unsigned seed = 2631;
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
-  const Body surface = body_of(waves(60));
+  const Body surface = make_body(waves(60));
   std::size_t contacts = 0, clear = 0, asked = 0, all_asked = 0;
   for (int n = 0; n < 24; ++n) {
     const double radius = 3.0 + any(random), corner = n % 3 == 0 ? 0.5 * radius : radius;
     const double height = n % 2 == 0 ? 0.3 * any(random) : 1.2 + 0.8 * any(random);
-    const Body cutter = body_of(cutter_pieces(Cutter{radius, corner, 25}, 0.01));
-    const std::vector<CarriedBody> bodies{{surface, 0}, {cutter, 1}};
-    const CarriedMotion motion =
+    const Body cutter = make_body(cutter_pieces(Cutter{radius, corner, 25}, 0.01));
+    const std::vector<CarrierBody> bodies{{surface, 0}, {cutter, 1}};
+    const CarrierMotion motion =
         along_waves(height, radius, 0.6 * std::abs(any(random)), 3.0 * any(random));
     EncounterOptions options;
     options.chunk = n % 2 == 0 ? 8192 : 90;
@@ -237,8 +237,8 @@ TEST(Encounters, ACutterThatFollowsASurfaceMeetsWhatItMeetsLookedAtEverywhere) {
     ASSERT_EQ(one.size(), other.size()) << "cutter " << n << " of seed " << seed;
     EXPECT_EQ(quick.pairs[0].overlaps_at_start, slow.pairs[0].overlaps_at_start);
     for (std::size_t k = 0; k < one.size(); ++k) {
-      EXPECT_EQ(one[k].first_stretch, other[k].first_stretch);
-      EXPECT_EQ(one[k].last_stretch, other[k].last_stretch);
+      EXPECT_EQ(one[k].first_segment, other[k].first_segment);
+      EXPECT_EQ(one[k].last_segment, other[k].last_segment);
       EXPECT_NEAR(instant(one[k].moment), instant(other[k].moment), 0.05);
     }
     (one.empty() ? clear : contacts) += 1;
@@ -272,13 +272,13 @@ TEST(Encounters, AreTheSameForAnyNumberOfThreads) {
 }
 
 TEST(Encounters, NumbersThatDoNotFitAreRefused) {
-  const std::vector<CarriedBody> bodies{{box({1, 1, 1}), 0}, {box({1, 1, 1}), 1}};
-  const CarriedMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
+  const std::vector<CarrierBody> bodies{{box({1, 1, 1}), 0}, {box({1, 1, 1}), 1}};
+  const CarrierMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
   EXPECT_THROW(encounters(bodies, {{0, 2}}, motion), std::invalid_argument);
   EXPECT_THROW(encounters(bodies, {{0, 0}}, motion), std::invalid_argument);
   EXPECT_THROW(encounters({{bodies[0].body, 2}, bodies[1]}, {{0, 1}}, motion),
                std::invalid_argument);
-  CarriedMotion other = motion;
+  CarrierMotion other = motion;
   other.stretches = {0, 5, 5};
   EXPECT_THROW(encounters(bodies, {{0, 1}}, other), std::invalid_argument);
   other = motion;

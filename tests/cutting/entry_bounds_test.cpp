@@ -1,4 +1,4 @@
-#include "cutting/entry_bounds.h"
+#include "cutting/surface/entry_bounds.h"
 #include "tests/cutting/any_form.h"
 #include "tests/cutting/any_move.h"
 
@@ -39,7 +39,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
   for (int n = 0; n < 40000 * longer(20); ++n) {
     const Cutter cutter = entry_bounds_cases::any_cutter(random);
     const double R = cutter.radius;
-    MoveEight eight;
+    Move8 eight;
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
@@ -50,7 +50,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     EntryBounds bounds;
     entry_bounds(cutter, eight, {&ray, 1}, {&bounds, 1});
     // the same pairs in another order, behind eights of others
-    std::array<PairEight, 10> pairs;
+    std::array<Pair8, 10> pairs;
     std::array<EntryBounds, 10> of_pairs;
     for (std::size_t g = 0; g < pairs.size(); ++g)
       for (int i = 0; i < 8; ++i) pairs[g].put(i, eight, g < 9 ? int(g + 3) % 8 : 7 - i, ray);
@@ -91,7 +91,7 @@ TEST(MovePlanes, LeaveOpenWhatARayBesideEnters) {
   for (int n = 0; n < 40000 * longer(20); ++n) {
     const Cutter cutter = entry_bounds_cases::any_cutter(random);
     const double R = cutter.radius, band = R * random.decades(-3, 0.3);
-    MoveEight eight;
+    Move8 eight;
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });

@@ -1,6 +1,6 @@
 // What mesh files say of their faces: groups and colours, how they are read and what keeps them.
 
-#include "cutting/face_marks.h"
+#include "cutting/part/mesh.h"
 
 #include <array>
 #include <bit>
@@ -21,13 +21,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "cutting/areal_filter.h"
-#include "cutting/primitive.h"
-#include "cutting/read_mesh.h"
-#include "cutting/read_obj.h"
-#include "cutting/refine.h"
-#include "cutting/smooth_patches.h"
-#include "cutting/subdivide.h"
+#include "cutting/map/areal_filter.h"
+#include "cutting/map/refinement.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/read_mesh.h"
+#include "cutting/part/remeshing.h"
+#include "cutting/part/text_mesh_formats.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/random.h"
 
@@ -55,7 +54,7 @@ class MarkFolder {
   fs::path path_;
 };
 
-constexpr WantedMarks all_marks{true, true};
+constexpr MarkSelection all_marks{true, true};
 
 /// A block of 2 x 3 x 5, so that the three pairs of its faces have areas of their own.
 constexpr std::array<double, 3> block_size = {2.0, 3.0, 5.0};
@@ -102,7 +101,7 @@ double area_that_may_be(const MarkedMesh& mesh, const Rgb& colour) {
   double area = 0.0;
   for (Index t = 0; t < mesh.design.triangles.rows(); ++t) {
     const auto& own = mesh.marks.marks[std::size_t(mesh.marks.of_face[std::size_t(t)])].colour;
-    if (own && may_be(*own, colour)) area += area_of(mesh.design, t);
+    if (own && can_denote(*own, colour)) area += area_of(mesh.design, t);
   }
   return area;
 }
@@ -120,7 +119,7 @@ void expect_block_colours(const MarkedMesh& mesh) {
   EXPECT_EQ(area_that_may_be(mesh, {77, 77, 77}), 0.0);
 }
 
-std::string refusal_of_marks(const fs::path& file, const WantedMarks& wanted = all_marks) {
+std::string refusal_of_marks(const fs::path& file, const MarkSelection& wanted = all_marks) {
   try {
     read_marked_mesh(file, {}, wanted);
   } catch (const BadInput& bad) {
@@ -135,7 +134,7 @@ TEST(FaceColours, EveryEightBitColourIsFoundHoweverItWasCutOrRounded) {
   int ambiguous = 0;
   for (int v = 0; v < 256; ++v) {
     const auto is = [&](int written, FaceColour::Digits digits) {
-      return may_be({{written, written, written}, digits}, {v, v, v});
+      return can_denote({{written, written, written}, digits}, {v, v, v});
     };
     const int cut = v >> 3, rounded = int(std::lround(v * 31 / 255.0));
     int found = 0;
@@ -172,8 +171,8 @@ TEST(FaceColours, TextIsSixDigitsAndNothingElse) {
 TEST(FaceColours, FiveBitsAreSpreadOverEight) {
   EXPECT_EQ(spread({{0, 16, 31}, FaceColour::Digits::FiveBits}), (Rgb{0, 132, 255}));
   for (int c = 0; c < 32; ++c)
-    EXPECT_TRUE(may_be({{c, c, c}, FaceColour::Digits::FiveBits},
-                       spread({{c, c, c}, FaceColour::Digits::FiveBits})))
+    EXPECT_TRUE(can_denote({{c, c, c}, FaceColour::Digits::FiveBits},
+                           spread({{c, c, c}, FaceColour::Digits::FiveBits})))
         << "what is listed is what may be asked for";
 }
 
@@ -761,7 +760,7 @@ TEST(SplitAtGroups, OneGroupSplitsNothingAndAFanEachHasItsVertex) {
       for (int k = 0; k < 2; ++k) chess[std::size_t(2 * (4 * i + j) + k)] = (i + j) % 2;
   const Design board = split_at_groups(sheet, chess);
   EXPECT_EQ(board.vertices.rows(), 16 * 4);
-  EXPECT_NO_THROW(subdivided(board, on_facet, {0.1, 100000})) << "one fan at a vertex";
+  EXPECT_NO_THROW(subdivided(board, facet_point, {0.1, 100000})) << "one fan at a vertex";
 }
 
 TEST(SplitAtGroups, ABorderIsNoRimOfTheTop) {
@@ -811,7 +810,7 @@ TEST(SplitAtGroups, SubdivisionKeepsTheAreaOfEveryGroup) {
     const std::vector<int> group = any_groups(random, sheet, 2 + random.below(3));
     const std::map<int, double> before = areas_of(sheet, group);
     const Design fine =
-        subdivided(split_at_groups(sheet, group), on_facet, {random.in(0.05, 0.3), 20000});
+        subdivided(split_at_groups(sheet, group), facet_point, {random.in(0.05, 0.3), 20000});
     ASSERT_GT(fine.vertices.rows(), 2 * sheet.vertices.rows());
     for (const auto& after : {areas_by_group(fine), vertex_areas_by_group(fine)}) {
       expect_same_areas(before, after);
@@ -836,20 +835,21 @@ CutterMotion passes_over_the_sheet() {
 TEST(SplitAtGroups, RefinementKeepsTheAreaOfEveryGroup) {
   const CutterMotion motion = passes_over_the_sheet();
   const std::function<Surface(const Design&)> search = milled_search(ball_mill, motion);
-  const Sound sound = [&](const Design& design) {
+  const SurfaceProber sound = [&](const Design& design) {
     Surface surface = search(design);
-    Contacts contacts = milled_contacts(design, surface, ball_mill, motion);
-    return Sounding{std::move(surface), std::move(contacts)};
+    PassGradients contacts = milled_gradients(design, surface, ball_mill, motion);
+    return SurfaceProbe{std::move(surface), std::move(contacts)};
   };
   Random random(9);
   double worst = 0.0;
-  for (const bool may_flip : {false, true})
+  for (const bool can_flip_edges : {false, true})
     for (int i = 0; i < 3; ++i) {
       const Design sheet = bumpy_sheet(random, 4 + 2 * i, 0.0);
       const std::vector<int> group = any_groups(random, sheet, 3);
       const std::map<int, double> before = areas_of(sheet, group);
-      const Refined fine = refined(split_at_groups(sheet, group), on_facet, sound,
-                                   {.resolution = 3e-4, .points = 50000, .may_flip = may_flip});
+      const RefinementResult fine =
+          refined(split_at_groups(sheet, group), facet_point, sound,
+                  {.resolution = 3e-4, .points = 50000, .can_flip_edges = can_flip_edges});
       ASSERT_GT(fine.design.vertices.rows(), 4 * sheet.vertices.rows());
       ASSERT_EQ(fine.design.group.size(), std::size_t(fine.design.vertices.rows()));
       for (const auto& after : {areas_by_group(fine.design), vertex_areas_by_group(fine.design)}) {

@@ -9,8 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/recognise.h"
-#include "cutting/smooth_patches.h"
+#include "cutting/part/recognition.h"
+#include "cutting/part/remeshing.h"
 #include "kinematics/units.h"
 #include "tests/cutting/filleted_bodies.h"
 
@@ -158,7 +158,7 @@ TEST(FalseFaces, FacetsOfAFewTolerancesMakeNoPlanes) {
   }
 }
 
-double larger_curvature(const RecognisedPatch& face) {
+double larger_curvature(const AnalyticPatch& face) {
   if (face.form == Form::Plane) return 0.0;
   if (face.form == Form::Torus)
     return std::max(1.0 / face.shape[1], 1.0 / std::abs(face.shape[0] - face.shape[1]));
@@ -179,7 +179,7 @@ TEST(FalseFaces, EveryFacetOfAFaceLiesOnIt) {
       for (Index t = 0; t < mesh.triangles.rows() && !found.patches.empty(); ++t) {
         const int number = found.design.face[std::size_t(found.design.triangles(t, 0))];
         if (number < 0) continue;
-        const RecognisedPatch& face = found.patches[std::size_t(number)];
+        const AnalyticPatch& face = found.patches[std::size_t(number)];
         Vector3d middle = Vector3d::Zero();
         double longest = 0.0;
         for (int k = 0; k < 3; ++k) {

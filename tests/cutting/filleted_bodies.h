@@ -11,7 +11,7 @@
 
 #include <Eigen/Geometry>
 
-#include "cutting/mesh.h"
+#include "cutting/part/mesh.h"
 
 /// Bodies with fillets as a CAD system writes them to an STL: vertices on the borders of faces only
 /// where these are flat, or curved in one direction; facets of equal angles; numbers in float32.

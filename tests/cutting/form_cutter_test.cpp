@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/units.h"
 #include "tests/cutting/brute_pairs.h"
 #include "tests/cutting/random.h"
@@ -30,7 +30,7 @@ struct Form {
 Form form(const char* name, double bottom, const std::vector<oracles::BruteForm::Point>& points) {
   std::vector<OutlinePoint> outline{{{bottom, 0.0}}};
   for (const auto& p : points) outline.push_back({{p.x, p.z}, p.radius});
-  return {name, form_cutter(outline_through(outline)), {bottom, points}};
+  return {name, form_cutter(outline_from_points(outline)), {bottom, points}};
 }
 
 Form apt(const char* name, const AptCutter& cutter) {
@@ -113,7 +113,7 @@ TEST(FormCutter, OfACommonOutlineCutsTheSame) {
 TEST(FormCutter, OutlinesThatAreNoneAreRefused) {
   using Points = std::vector<OutlinePoint>;
   const auto refused = [](const Points& points) {
-    EXPECT_THROW(outline_through(points), std::invalid_argument);
+    EXPECT_THROW(outline_from_points(points), std::invalid_argument);
   };
   refused({});
   refused({{{0, 1}}, {{3, 2}}});                        // begins above the tip

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/form.h"
+#include "cutting/map/form.h"
 #include "tests/cutting/map_over.h"
 
 namespace abbe::cutting {

@@ -8,12 +8,11 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/body.h"
-#include "cutting/contacts.h"
-#include "cutting/engagement.h"
-#include "cutting/run_out.h"
-#include "cutting/shank.h"
-#include "cutting/surface.h"
+#include "cutting/stock/body.h"
+#include "cutting/stock/engagement.h"
+#include "cutting/surface/removal.h"
+#include "cutting/surface/surface.h"
+#include "cutting/surface/tool.h"
 #include "kinematics/units.h"
 #include "tests/cutting/any_form.h"
 #include "tests/cutting/stock_parts.h"
@@ -90,7 +89,7 @@ Deepest held_against_sweep(const Stock& after, const Cutter& form, const Vector3
         place[field.along] = at;
         const Vector3d point = after.T_wk * Vector3d(after.origin_k + place);
         const double d = sweep_outside_by(form, tip, axis, step, point);
-        if (field.lines[l].inside_by(at) > 0.0)
+        if (field.lines[l].signed_depth(at) > 0.0)
           worst.kept = std::max(worst.kept, -d);
         else
           worst.taken = std::max(worst.taken, d);
@@ -152,7 +151,7 @@ TEST(FormStock, OfACommonOutlineTakesTheSame) {
       const Vector3d tip(random.in(-9, 9), random.in(-8, 8), random.in(-3, 9));
       const Vector3d step = random.in(0.1, 6) * random.any();
       const StockMove move{pose(tip, axis), pose(tip + step, target), k + 1, random.once_in(4)};
-      const Removed a = remove(one, cutter, move), b = remove(other, form, move);
+      const RemovalResult a = remove(one, cutter, move), b = remove(other, form, move);
       // two parts, of the flank and of the shank, may each be off by what a turning axis may
       const double may = axis == target ? 1e-6 : 0.03;
       EXPECT_NEAR(a.volume, b.volume, may) << "seed " << 1811 + i;
@@ -174,24 +173,26 @@ TEST(FormStock, OfACommonOutlineTakesTheSame) {
 
 TEST(FormStock, AShankNarrowerThanTheCutterFollowsItThroughTheSlot) {
   // a disc 2 mm high on a shank of R 2: below the surface it undercuts, and the shank's slot stays
-  const Cutter disc = form_cutter(outline_through({{{6, 0}}, {{6, 2}}, {{2, 2}}}));
+  const Cutter disc = form_cutter(outline_from_points({{{6, 0}}, {{6, 2}}, {{2, 2}}}));
   Stock stock = box({-20, -10, -10}, {20, 10, 0}, 0.5);
-  const Removed first = remove(stock, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 1, false});
+  const RemovalResult first =
+      remove(stock, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 1, false});
   EXPECT_TRUE(first.crashed);  // the shank meets what is above the disc
   EXPECT_NEAR(first.volume, 40 * (12 * 2 + 4 * 4), 60.0);
   Stock slotted = box({-20, -10, -10}, {20, 10, 0}, 0.5);
   const Cutter flat{2.5, 0.0, 20.0};
   remove(slotted, flat, {pose({-30, 0, -6}), pose({30, 0, -6}), 1, false});
-  const Removed second = remove(slotted, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 2, false});
+  const RemovalResult second =
+      remove(slotted, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 2, false});
   EXPECT_FALSE(second.crashed);
   EXPECT_NEAR(second.volume, 40 * 7 * 2, 20.0);
 }
 
 TEST(FormEngagement, SlicesMakeUpTheOutline) {
   const double lean = 0.1;
-  const Cutter cone = form_cutter(outline_through({{{2, 0}}, {{2 + 12 * std::tan(lean), 12}}}));
+  const Cutter cone = form_cutter(outline_from_points({{{2, 0}}, {{2 + 12 * std::tan(lean), 12}}}));
   const Cutter barrel =
-      form_cutter(outline_through({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}}));
+      form_cutter(outline_from_points({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}}));
   double cone_area = 0.0, turned = 0.0;
   for (const EdgeSlice& slice : slices(cone)) {
     cone_area += 2 * pi * slice.radius * slice.length;
@@ -214,7 +215,7 @@ TEST(FormEngagement, WhatTheArcsSweepIsWhatTheMoveRemoves) {
   const Cutter cutters[] = {
       form_tools::as_form({5.0, 1.5, 20.0}),
       form_cutter(apt_outline({.diameter = 8, .flank = 10 * units::deg, .height = 15})),
-      form_cutter(outline_through({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}})),
+      form_cutter(outline_from_points({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}})),
       form_cutter(apt_outline({.diameter = 8, .bottom = 31 * units::deg, .height = 15}))};
   for (const Cutter& cutter : cutters) {
     Stock stock = box({-30, -20, -20}, {30, 1.3, 0.0}, 0.25);
@@ -266,7 +267,7 @@ TEST(FormContacts, ForetellTheResidualNearBy) {
     const Surface surface = milled_surface(design, form, motion, options);
     if (surface.status[0] != VertexStatus::Cut || surface.status[1] != VertexStatus::Cut) continue;
     const Vector3d gradient =
-        milled_contacts(design, surface, form, motion).gradient.row(0).transpose();
+        milled_gradients(design, surface, form, motion).gradient.row(0).transpose();
     if (!gradient.allFinite() || gradient.norm() > 3.0) continue;
     EXPECT_NEAR(gradient.dot(normal), 1.0, 1e-9);
     const double foretold = surface.residual[0] - gradient.dot(d);
@@ -302,7 +303,7 @@ TEST(FormRunOut, IsTheOutlineMovedToEverySide) {
   const Cutter common{5, 1, 20};
   const Cutter one = with_run_out(common, 0.01, 0.003);
   const Cutter other = with_run_out(form_tools::as_form(common), 0.01, 0.003);
-  EXPECT_LT(farthest_apart(*form_tools::as_form(one).outline, *other.outline), 1e-9);
+  EXPECT_LT(max_separation(*form_tools::as_form(one).outline, *other.outline), 1e-9);
 }
 
 TEST(FormCore, LiesInsideByTheMargin) {
@@ -311,7 +312,7 @@ TEST(FormCore, LiesInsideByTheMargin) {
     const Cutter form = any_form(random, random.in(0.5, 8));
     const double margin =
         0.25 * std::min(form.radius, form.flank_length) * random.decades(-4, -0.1);
-    InnerOutline inner;
+    InsetOutline inner;
     try {
       inner = inside(*form.outline, margin);
     } catch (const std::invalid_argument&) {

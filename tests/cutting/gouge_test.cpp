@@ -4,9 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/rivals.h"
-#include "cutting/shank.h"
-#include "cutting/thickness.h"
+#include "cutting/part/design_points.h"
+#include "cutting/stock/body.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 
 namespace abbe::cutting {
@@ -161,11 +161,12 @@ TEST(Gouge, OfAThinPartTheOtherSideIsNone) {
   EXPECT_EQ(count(surface, VertexStatus::Gouged), 0);
   EXPECT_EQ(count(surface, VertexStatus::Cut), 2 * 441);
   EXPECT_LE(surface.residual.cwiseAbs().maxCoeff(), 1e-7);
-  const std::vector<Rival> rivals = milled_rivals(design, {5, 0, 20}, motion_of(both));
+  const std::vector<CompetingPass> competing_passes =
+      milled_competing_passes(design, {5, 0, 20}, motion_of(both));
   std::vector<int> of_vertex(std::size_t(surface.residual.size()), 0);
-  for (const Rival& rival : rivals)
-    if (of_vertex[std::size_t(rival.vertex)]++ == 0) {
-      EXPECT_NEAR(rival.distance, surface.residual[rival.vertex], 1e-7);
+  for (const CompetingPass& competing_pass : competing_passes)
+    if (of_vertex[std::size_t(competing_pass.vertex)]++ == 0) {
+      EXPECT_NEAR(competing_pass.distance, surface.residual[competing_pass.vertex], 1e-7);
     }
   EXPECT_EQ(std::count(of_vertex.begin(), of_vertex.end(), 0), 0);
 }
@@ -255,23 +256,26 @@ TEST(Holder, ThatGoesIntoThePartIsFoundWithItsDepth) {
   cone << 1, 5, 12, 16, 12, 40;
   step << 6, 5, 6, 20, 12, 20, 12, 40;
   for (const Eigen::MatrixX2d& profile : {cylinder, cone, step}) {
-    const auto contact = idle_contact(design, idle_pieces(profile), facing(-6.5), 2.0);
+    const auto contact =
+        non_cutting_contact(design, non_cutting_pieces(profile), facing(-6.5), 2.0);
     ASSERT_TRUE(contact);
     EXPECT_NEAR(contact->deepest, 1.5, 1e-7);
     EXPECT_EQ(contact->vertices, 441);
     EXPECT_FALSE(contact->deeper);
-    EXPECT_FALSE(idle_contact(design, idle_pieces(profile), facing(-5.05), 2.0));
+    EXPECT_FALSE(non_cutting_contact(design, non_cutting_pieces(profile), facing(-5.05), 2.0));
   }
-  EXPECT_EQ(idle_pieces(step).size(), 2u);
+  EXPECT_EQ(non_cutting_pieces(step).size(), 2u);
   // the cone above its disc, beside a wall: it leans by 45 deg
   const Design wall = box({0, -20, 0}, {12, 20, 20});
-  const auto beside = idle_contact(wall, idle_pieces(cone), along_the_wall(11.0), 2.0);
+  const auto beside =
+      non_cutting_contact(wall, non_cutting_pieces(cone), along_the_wall(11.0), 2.0);
   ASSERT_TRUE(beside);
   EXPECT_NEAR(beside->deepest, 1.0, 1e-6);
-  EXPECT_FALSE(idle_contact(wall, idle_pieces(cone), along_the_wall(12.05), 2.0));
+  EXPECT_FALSE(non_cutting_contact(wall, non_cutting_pieces(cone), along_the_wall(12.05), 2.0));
   // as a shank of that radius
   const auto as_shank = shank_contact(design, {12, 0, 5}, facing(-6.5), {.length = 40, .band = 2});
-  const auto as_holder = idle_contact(design, idle_pieces(cylinder), facing(-6.5), 2.0);
+  const auto as_holder =
+      non_cutting_contact(design, non_cutting_pieces(cylinder), facing(-6.5), 2.0);
   EXPECT_NEAR(as_shank->deepest, as_holder->deepest, 1e-9);
   EXPECT_EQ(as_shank->first_line, as_holder->first_line);
 }

@@ -1,4 +1,4 @@
-#include "cutting/grown_faces.h"
+#include "cutting/part/face_growth.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,13 +11,11 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/facet_miss.h"
-#include "cutting/mesh_contact.h"
-#include "cutting/primitive.h"
-#include "cutting/recognise.h"
-#include "cutting/round_borders.h"
-#include "cutting/smooth_patches.h"
-#include "cutting/subdivide.h"
+#include "cutting/part/design_points.h"
+#include "cutting/part/mesh.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/recognition.h"
+#include "cutting/part/remeshing.h"
 #include "kinematics/units.h"
 #include "tests/cutting/filleted_bodies.h"
 
@@ -34,7 +32,7 @@ constexpr double tolerance = 0.1 * units::um;
 std::map<std::string, int> forms_in(const Recognised& found) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   std::map<std::string, int> forms;
-  for (const RecognisedPatch& one : found.patches) ++forms[names[std::size_t(one.form)]];
+  for (const AnalyticPatch& one : found.patches) ++forms[names[std::size_t(one.form)]];
   return forms;
 }
 
@@ -66,7 +64,7 @@ std::vector<Body> bodies(double degrees) {
           filleted::boss(8.0, 12.0, 1.5, 20.0, degrees)};
 }
 
-TEST(GrownFaces, FilletsAndWhatTheyJoinFromAnStl) {
+TEST(FaceRegions, FilletsAndWhatTheyJoinFromAnStl) {
   unsigned seed = 41;
   for (const double degrees : {5.0, 15.0, 22.5})
     for (const Body& body : bodies(degrees)) {
@@ -77,13 +75,14 @@ TEST(GrownFaces, FilletsAndWhatTheyJoinFromAnStl) {
       const Recognised found = recognised(faces, tolerance);
       EXPECT_EQ(forms_in(found), body.faces);
       double area = 0.0;
-      for (const RecognisedPatch& one : found.patches) area += one.area;
+      for (const AnalyticPatch& one : found.patches) area += one.area;
       EXPECT_NEAR(area, found.area, 1e-9 * found.area);
-      const Off before = off_truth(subdivided(faces, on_smooth_facet, {0.4}), body, T),
+      const Off before = off_truth(subdivided(faces, smooth_facet_point, {0.4}), body, T),
                 at = off_truth(found.design, body, T),
                 between = off_truth(
-                    subdivided(with_round_borders(found.design, found.patches, 0.1 * tolerance),
-                               on_recognised(found.patches, Eigen::Isometry3d::Identity()), {0.4}),
+                    subdivided(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
+                               patch_interpolator(found.patches, Eigen::Isometry3d::Identity()),
+                               {0.4}),
                     body, T);
       std::cout << body.name << ", " << degrees << " deg: residual " << before.residual / units::um
                 << " um, normals " << before.normal << " rad as facets; recognised, at vertices "
@@ -95,13 +94,13 @@ TEST(GrownFaces, FilletsAndWhatTheyJoinFromAnStl) {
     }
 }
 
-TEST(GrownFaces, TangentBordersAreNoEdges) {
+TEST(FaceRegions, TangentBordersAreNoEdges) {
   const Body body = filleted::boss(8.0, 12.0, 1.5, 20.0, 15.0);
   const Design faces =
       split_at_edges(filleted::as_stl(body, Eigen::Isometry3d::Identity()), pi / 6);
   const Recognised found = recognised(faces, tolerance);
   ASSERT_EQ(found.patches.size(), 5u);
-  const Design round = with_round_borders(found.design, found.patches, 0.1 * tolerance);
+  const Design round = refine_round_borders(found.design, found.patches, 0.1 * tolerance);
   const std::vector<int> patch = patches(round);
   EXPECT_EQ(*std::max_element(patch.begin(), patch.end()), 0) << "one smooth patch";
   for (const auto& [kept, added] : round.seams) {
@@ -111,7 +110,7 @@ TEST(GrownFaces, TangentBordersAreNoEdges) {
   EXPECT_TRUE(sharp_edges(faces).empty());
   // the margin at the rim of the top, 8 mm in z and less than 60 degrees steep
   const double least = 0.5;
-  const Design judged = judge_top(round, {least, 0.3, rim_of_top(faces, least)});
+  const Design judged = judge_top(round, {least, 0.3, top_rim(faces, least)});
   const Design at_borders = judge_off_edges(round, sharp_edges(faces), 0.5);
   EXPECT_TRUE(at_borders.judged.empty()) << "nothing is left out at a tangent line";
   int tops = 0;
@@ -120,13 +119,13 @@ TEST(GrownFaces, TangentBordersAreNoEdges) {
   EXPECT_GT(tops, 24) << "the border of the top plane is within the top";
 }
 
-TEST(GrownFaces, AProgramFollowsTheSurfaceAndNotTheFacets) {
+TEST(FaceRegions, AProgramFollowsTheSurfaceAndNotTheFacets) {
   for (const double degrees : {5.0, 15.0, 22.5}) {
     const Body body = filleted::boss(8.0, 5.0, 2.0, 20.0, degrees);
     const Eigen::Isometry3d T(Eigen::Translation3d(300.0, -120.0, 40.0));
     const Recognised found =
         recognised(split_at_edges(filleted::as_stl(body, T), pi / 6), tolerance);
-    const MeshContact mesh(with_round_borders(found.design, found.patches, 0.1 * tolerance),
+    const MeshContact mesh(refine_round_borders(found.design, found.patches, 0.1 * tolerance),
                            found.patches);
     double off = 0.0, lean = 0.0;
     int places = 0;
@@ -134,7 +133,7 @@ TEST(GrownFaces, AProgramFollowsTheSurfaceAndNotTheFacets) {
       for (double y = -13.0; y <= 13.0; y += 0.0817) {
         const double rho = std::hypot(x, y);
         if (std::abs(rho - 8.0) < 0.2) continue;  // upright
-        const auto at = contact_above(mesh, 300.0 + x, -120.0 + y);
+        const auto at = surface_point_above(mesh, 300.0 + x, -120.0 + y);
         ASSERT_TRUE(at) << "a gap at " << x << ", " << y;
         const filleted::True there = body.truth(T.inverse() * at->point);
         off = std::max(off, std::abs(there.distance));
@@ -165,7 +164,7 @@ std::string forms_text(const Design& mesh) {
   return text;
 }
 
-TEST(GrownFaces, FewLinesShowACylinderOnlyWherePlanesRunIntoIt) {
+TEST(FaceRegions, FewLinesShowACylinderOnlyWherePlanesRunIntoIt) {
   // a plane, an arc of r 3 in n steps of 15 degrees, a plane; and the arc alone
   for (const int steps : {1, 2, 3, 4, 6}) {
     std::vector<Eigen::Vector2d> arc, both = {{-10.0, 0.0}};
@@ -184,7 +183,7 @@ TEST(GrownFaces, FewLinesShowACylinderOnlyWherePlanesRunIntoIt) {
   }
 }
 
-TEST(GrownFaces, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
+TEST(FaceRegions, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
   // a plane with corners enough to show it, then a quarter of an ellipse
   filleted::Builder made;
   const std::vector<Vector3d> outline = {{0, 0, 0},    {0, 20, 0},  {-9, 20, 0}, {-12, 17, 0},
@@ -209,7 +208,7 @@ TEST(GrownFaces, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
   EXPECT_EQ(borders, 2);
 }
 
-TEST(GrownFaces, NoFacesOfStripsOfWhatIsNone) {
+TEST(FaceRegions, NoFacesOfStripsOfWhatIsNone) {
   std::vector<Eigen::Vector2d> wave, turns;
   for (int i = 0; i <= 40; ++i) wave.emplace_back(i, 4.0 * std::sin(0.2 * i));
   EXPECT_EQ(forms_text(extruded(wave)), "");
@@ -265,11 +264,11 @@ Body ellipsoid(int n) {
 TEST(FacetMiss, IsAboutWhatTheFacetsMiss) {
   const auto compare = [](const Body& body, const std::string& name) {
     const Design mesh = filleted::as_stl(body, Eigen::Isometry3d::Identity());
-    const Design between = subdivided(mesh, on_smooth_facet, {0.3});
+    const Design between = subdivided(mesh, smooth_facet_point, {0.3});
     double off = 0.0;
     for (Index i = 0; i < between.vertices.rows(); ++i)
       off = std::max(off, std::abs(body.truth(between.vertices.row(i)).distance));
-    const double said = facet_miss(mesh).maxCoeff();
+    const double said = facet_uncertainty(mesh).maxCoeff();
     std::cout << name << ": " << said / units::um << " um predicted, " << off / units::um
               << " um found\n";
     EXPECT_GT(said, off / 2.0) << name;
@@ -327,7 +326,7 @@ void expect_in_proportion(const std::string& name, const Design& small, const De
   EXPECT_LT(many, 8.0 * few + 0.5) << name;
 }
 
-TEST(GrownFaces, AFreeFormHasNoneAndTakesTimeInProportion) {
+TEST(FaceRegions, AFreeFormHasNoneAndTakesTimeInProportion) {
   for (const double waves : {0.5, 2.0, 4.0, 12.0})
     expect_in_proportion("waves of " + std::to_string(waves) + " mm", free_form(112, waves),
                          free_form(224, waves));
@@ -337,15 +336,16 @@ TEST(GrownFaces, AFreeFormHasNoneAndTakesTimeInProportion) {
                          nearly_a_cylinder(224, waves * units::um));
 }
 
-TEST(GrownFaces, WhatWasNotLookedForIsCounted) {
-  const auto untried = [](const Design& design) {
+TEST(FaceRegions, WhatWasNotLookedForIsCounted) {
+  const auto unexamined_triangles = [](const Design& design) {
     const Recognised found = recognised(split_at_edges(design, pi / 6), 0.1 * units::um);
-    std::cout << found.untried << " of " << design.triangles.rows() << " triangles\n";
-    return found.untried;
+    std::cout << found.unexamined_triangles << " of " << design.triangles.rows() << " triangles\n";
+    return found.unexamined_triangles;
   };
-  EXPECT_EQ(untried(nearly_a_cylinder(112, 0.2 * units::um)), 0);
-  EXPECT_GT(untried(nearly_a_cylinder(112, 2.0 * units::um)), 20000);
-  for (const double waves : {0.5, 2.0, 4.0, 12.0}) EXPECT_EQ(untried(free_form(112, waves)), 0);
+  EXPECT_EQ(unexamined_triangles(nearly_a_cylinder(112, 0.2 * units::um)), 0);
+  EXPECT_GT(unexamined_triangles(nearly_a_cylinder(112, 2.0 * units::um)), 20000);
+  for (const double waves : {0.5, 2.0, 4.0, 12.0})
+    EXPECT_EQ(unexamined_triangles(free_form(112, waves)), 0);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "cutting/part_findings.h"
+#include "cutting/stock/part_findings.h"
 #include "kinematics/units.h"
 
 /// Designs, stocks milled to them, and what the one says of the other.

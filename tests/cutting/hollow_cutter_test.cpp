@@ -12,17 +12,14 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/body.h"
-#include "cutting/contacts.h"
-#include "cutting/engagement.h"
-#include "cutting/first_cuts.h"
-#include "cutting/hollow_outline.h"
-#include "cutting/outline_fault.h"
-#include "cutting/removal.h"
-#include "cutting/rivals.h"
-#include "cutting/run_out.h"
-#include "cutting/streamed_surface.h"
-#include "cutting/surface.h"
+#include "cutting/stock/body.h"
+#include "cutting/stock/engagement.h"
+#include "cutting/surface/machined_surface.h"
+#include "cutting/surface/outline.h"
+#include "cutting/surface/removal.h"
+#include "cutting/surface/surface.h"
+#include "cutting/surface/surface_search.h"
+#include "cutting/surface/tool.h"
 #include "kinematics/units.h"
 #include "tests/cutting/brute_pairs.h"
 #include "tests/cutting/random.h"
@@ -77,7 +74,7 @@ std::vector<Tool> degenerate_tools() {
 /// The chords that stand for the arcs which bulge inwards, and all else.
 Points chords_of(const Points& points) {
   Points all;
-  const ToolOutline outline = profile_through(points);
+  const ToolOutline outline = profile_from_points(points);
   for (const OutlinePiece& piece : outline.pieces)
     if (piece.to.x() > 0.0 && (all.empty() || (piece.to - all.back().at).norm() > 1e-9))
       all.push_back({piece.to});
@@ -92,7 +89,7 @@ std::vector<Tool> tools_of_chords() {
           {"half-round groove", chords_of(half_round_groove)}};
 }
 
-Cutter cutter_of(const Tool& tool) { return form_cutter(profile_through(tool.points)); }
+Cutter cutter_of(const Tool& tool) { return form_cutter(profile_from_points(tool.points)); }
 
 /// The profile in slices from point to point, whatever the engine makes of it.
 std::vector<oracles::BruteLayer> layers_of(const Points& points) {
@@ -155,16 +152,16 @@ TEST(HollowCutter, PartsMakeUpTheProfile) {
   using namespace hollow_tools;
   Random random(2203);
   for (const Tool& tool : tools()) {
-    const ToolOutline outline = profile_through(tool.points);
+    const ToolOutline outline = profile_from_points(tool.points);
     const bool has_arcs = std::ranges::any_of(tool.points, [](auto& p) { return p.radius > 0; });
     ASSERT_TRUE(is_hollow(outline)) << tool.name;
     EXPECT_DOUBLE_EQ(outline.height, tool.points.back().at.y());
     for (const ToolOutline& part : outline.parts) EXPECT_FALSE(is_hollow(part));
     for (int i = 0; i < 20000 && !has_arcs; ++i) {
       const Vector2d place(random.in(0, 1.2) * outline.radius, random.in(0, 1) * outline.height);
-      const double inside_by = radius_at(tool.points, place.y()) - place.x();
-      if (std::abs(inside_by) < 1e-9) continue;
-      EXPECT_EQ(distance(outline, place).value<0.0, inside_by> 0.0)
+      const double signed_depth = radius_at(tool.points, place.y()) - place.x();
+      if (std::abs(signed_depth) < 1e-9) continue;
+      EXPECT_EQ(distance(outline, place).value<0.0, signed_depth> 0.0)
           << tool.name << " " << place.transpose();
     }
     for (std::size_t i = 0; i + 1 < tool.points.size(); ++i) {
@@ -184,7 +181,7 @@ TEST(HollowCutter, OfAConvexProfileIsTheFormCutter) {
   for (const Points& points :
        {Points{{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}},
         Points{{{0, 0}}, {{4, 2}}, {{4, 9}}, {{2, 9}}}, Points{{{8, 0}}, {{5, 6}}}})
-    EXPECT_EQ(profile_through(points), outline_through(points));
+    EXPECT_EQ(profile_from_points(points), outline_from_points(points));
 }
 
 /// What the search through the moves of each part finds is what trying every move finds, to the
@@ -265,7 +262,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
           << tool.name << " at " << design.vertices(i, 2);
     }
   }
-  const Cutter cutter = form_cutter(profile_through(t_slot));
+  const Cutter cutter = form_cutter(profile_from_points(t_slot));
   CutterMotion motion{
       Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;
@@ -276,7 +273,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
   const Surface surface = milled_surface(overhang, cutter, motion);
   ASSERT_EQ(surface.status[0], VertexStatus::Cut);
   EXPECT_NEAR(surface.residual[0], 0.25, 1e-9);
-  const Contacts contacts = milled_contacts(overhang, surface, cutter, motion);
+  const PassGradients contacts = milled_gradients(overhang, surface, cutter, motion);
   EXPECT_NEAR(contacts.gradient(0, 2), -1.0, 1e-9);
 }
 
@@ -284,7 +281,7 @@ TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
 TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
   using namespace hollow_tools;
   Random random(2205);
-  const Cutter cutter = form_cutter(profile_through(t_slot));
+  const Cutter cutter = form_cutter(profile_from_points(t_slot));
   const int n = 200;
   CutterMotion motion{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3),
                       Eigen::VectorXd::LinSpaced(n, 0, n - 1), std::vector<int>(n, 1)};
@@ -331,17 +328,17 @@ TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
 void expect_chords_inside(const std::vector<OutlinePoint>& points, const Vector2d& middle,
                           double begin, double turn) {
   const double R = 3.0;
-  const ToolOutline outline = profile_through(points);
+  const ToolOutline outline = profile_from_points(points);
   const double sag = chord_sag(points);
-  EXPECT_GT(sag, 0.5 * most_chord_sag);
-  EXPECT_LE(sag, most_chord_sag);
+  EXPECT_GT(sag, 0.5 * max_chord_sag);
+  EXPECT_LE(sag, max_chord_sag);
   double most = 0.0;
   for (int i = 0; i <= 5000; ++i) {
     const double angle = begin + turn * i / 5000;
     const Vector2d place = middle + R * Vector2d(-std::cos(angle), std::sin(angle));
-    const double inside_by = -distance(outline, place).value;
-    EXPECT_GT(inside_by, -1e-9) << angle;
-    most = std::max(most, inside_by);
+    const double signed_depth = -distance(outline, place).value;
+    EXPECT_GT(signed_depth, -1e-9) << angle;
+    most = std::max(most, signed_depth);
   }
   std::cout << outline.parts.size() << " parts, " << 1e3 * most << " um larger, said " << 1e3 * sag
             << " um\n";
@@ -356,8 +353,8 @@ TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
   expect_chords_inside(half_round_groove, {5, 7}, -0.5 * pi, pi);
   for (const double radius : {3.0000001, 3.001, 30.0}) {
     const Points groove{{{5, 0}}, {{5, 4}}, {{5, 10}, -radius}, {{5, 20}}};
-    EXPECT_LE(chord_sag(groove), most_chord_sag) << radius;
-    EXPECT_GT(chord_sag(groove), 0.1 * most_chord_sag) << radius;
+    EXPECT_LE(chord_sag(groove), max_chord_sag) << radius;
+    EXPECT_GT(chord_sag(groove), 0.1 * max_chord_sag) << radius;
   }
   EXPECT_EQ(chord_sag({{{2, 0}}, {{5, 3}}, {{5, 8}}}), 0.0);
 }
@@ -387,9 +384,9 @@ TEST(HollowCutter, ItsCoreLiesBetweenOnceAndTwiceTheMarginDeep) {
   std::vector<Tool> all = tools();
   for (const Tool& tool : tools_of_chords()) all.push_back(tool);
   for (const Tool& tool : all) {
-    const ToolOutline outline = profile_through(tool.points);
+    const ToolOutline outline = profile_from_points(tool.points);
     for (const double margin : {0.01, 0.1, 0.5}) {
-      const InnerOutline inner = inside_hollow(outline, margin);
+      const InsetOutline inner = inset_hollow(outline, margin);
       double least = std::numeric_limits<double>::infinity(), most = 0.0;
       for (const OutlinePiece& piece : inner.outline.pieces)
         for (int i = 0; i <= 20; ++i) {
@@ -412,14 +409,14 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   using Points = std::vector<OutlinePoint>;
   const auto refused = [](const Points& points, const char* text, const Vector2d& at) {
     try {
-      profile_through(points);
+      profile_from_points(points);
       ADD_FAILURE() << "taken: " << text;
-    } catch (const OutlineFault& fault) {
+    } catch (const OutlineError& fault) {
       EXPECT_NE(std::string(fault.what()).find(text), std::string::npos) << fault.what();
       EXPECT_LT((fault.at - at).norm(), 1e-9) << fault.what();
     }
   };
-  EXPECT_THROW(profile_through({}), std::invalid_argument);
+  EXPECT_THROW(profile_from_points({}), std::invalid_argument);
   refused({{{3, 0}}, {{3, 4}}, {{5, 3}}, {{5, 9}}}, "expected a height of 4 mm at least", {5, 3});
   refused({{{3, 1}}, {{3, 4}}}, "begin at height 0", {3, 1});
   refused({{{3, 0}}, {{0, 4}}, {{5, 9}}}, "a radius above 0", {0, 4});
@@ -436,19 +433,20 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   refused({{{2, 0}}, {{2, 4}, -2}, {{2, 9}}}, "off the axis", {2, 4});
   refused({{{1, 0}}, {{1, 4}, -2}, {{2, 9}}}, "off the axis", {1, 4});
   refused({{{3, 1}, -8}, {{3, 4}}}, "begin at height 0", {3, 1});
-  EXPECT_EQ(profile_through({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
-            profile_through({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
-  EXPECT_THROW(profile_through({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineFault);
+  EXPECT_EQ(profile_from_points({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
+            profile_from_points({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
+  EXPECT_THROW(profile_from_points({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineError);
   refused({{{3, 0}}, {{2000, 3000}, -4000}, {{2000, 4000}}}, "at most 200 chords", {2000, 3000});
 }
 
 /// A T-slot cutter takes its slot out of a block, and no more; its shank, in the neck's slot, meets
 /// nothing.
 TEST(HollowStock, ATSlotIsItsSection) {
-  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
   Stock stock = box({-20, -15, -12}, {20, 15, 0}, 0.25);
   const double before = volume(stock);
-  const Removed taken = remove(stock, cutter, {pose({-40, 0, -10}), pose({40, 0, -10}), 1, false});
+  const RemovalResult taken =
+      remove(stock, cutter, {pose({-40, 0, -10}), pose({40, 0, -10}), 1, false});
   EXPECT_FALSE(taken.crashed);
   EXPECT_NEAR(taken.volume, 40 * (20 * 5 + 8 * 5), 40.0);
   EXPECT_NEAR(before - volume(stock), taken.volume, 1e-6);
@@ -484,7 +482,7 @@ TEST(HollowStock, TakesWhatLiesInTheToolOnItsWay) {
 }
 
 TEST(HollowEngagement, SlicesMakeUpTheProfile) {
-  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
   double area = 0.0;
   for (const EdgeSlice& slice : slices(cutter)) area += 2 * pi * slice.radius * slice.length;
   EXPECT_NEAR(area, pi * 100 + 2 * pi * 10 * 5 + pi * (100 - 16) + 2 * pi * 4 * 15, 1e-6);
@@ -534,15 +532,15 @@ TEST(HollowRunOut, HoldsTheProfileMovedAboutAndNoMore) {
         if (height >= 0 && height <= cutter.flank_length)
           most = std::max(most, radius_at(tool.points, height));
       }
-      const double inside_by = most + radial - place.x();
-      if (std::abs(inside_by) > 2e-3) {
-        EXPECT_EQ(distance(*both.outline, place).value<0.0, inside_by> 0.0)
+      const double signed_depth = most + radial - place.x();
+      if (std::abs(signed_depth) > 2e-3) {
+        EXPECT_EQ(distance(*both.outline, place).value<0.0, signed_depth> 0.0)
             << tool.name << " " << place.transpose();
       }
     }
   }
   const Cutter groove =
-      form_cutter(profile_through({{{5, 0}}, {{5, 3}}, {{4.9, 3.1}}, {{5, 3.2}}, {{5, 8}}}));
+      form_cutter(profile_from_points({{{5, 0}}, {{5, 3}}, {{4.9, 3.1}}, {{5, 3.2}}, {{5, 8}}}));
   EXPECT_THROW(with_run_out(groove, 0.1, 0.3), std::invalid_argument);
 }
 
@@ -565,7 +563,7 @@ TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
     }
     EXPECT_EQ(cutter_pieces(cutter, sag).size(), cutter.outline->parts.size());
     for (const double margin : {1e-3, 0.1, 5.0}) {
-      const ShrunkCutter inner = shrunk(cutter, margin);
+      const InsetCutter inner = shrunk(cutter, margin);
       for (const OutlinePiece& piece : inner.cutter.outline->pieces)
         EXPECT_LT(distance(*cutter.outline, piece.to + Vector2d(0, inner.raised)).value, 0.0);
     }
@@ -573,7 +571,7 @@ TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
 }
 
 TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
-  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  const Cutter cutter = form_cutter(profile_from_points(hollow_tools::t_slot));
   CutterMotion motion{
       Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
   motion.tip << -30, 0, 0, 30, 0, 0;
@@ -581,7 +579,7 @@ TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
   Design design;
   design.vertices = Eigen::RowVector3d(0, 7, 5.25);
   design.normals = Eigen::RowVector3d(0, 0, -1);
-  EXPECT_THROW(milled_rivals(design, cutter, motion, {}), std::invalid_argument);
+  EXPECT_THROW(milled_competing_passes(design, cutter, motion, {}), std::invalid_argument);
   EXPECT_THROW(first_of_every_move(cutter, motion, {{0, 0, 0}, {0, 0, 1}}), std::invalid_argument);
   EXPECT_THROW(SweepTree(cutter, motion), std::invalid_argument);
   EXPECT_THROW(inside(*cutter.outline, 0.1), std::invalid_argument);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 
 namespace abbe::cutting {
 

@@ -1,4 +1,4 @@
-#include "cutting/leftover.h"
+#include "cutting/surface/machined_surface.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 
 namespace abbe::cutting {
@@ -71,7 +71,7 @@ std::vector<std::uint8_t> none_of(const Design& design) {
 
 /// The least of a convex function over [0, 1], by thirds.
 template <typename Function>
-double least_of(const Function& of) {
+double min_of(const Function& of) {
   double low = 0.0, high = 1.0;
   for (int i = 0; i < 60; ++i) {
     const double a = low + (high - low) / 3.0, b = high - (high - low) / 3.0;
@@ -82,9 +82,9 @@ double least_of(const Function& of) {
 
 /// To the nearest place of a triangle, as a convex function of two weights.
 double searched_distance(const std::array<Vector3d, 3>& t, const Vector3d& p) {
-  return least_of([&](double u) {
+  return min_of([&](double u) {
     const Vector3d from = t[0] + u * (t[1] - t[0]), to = t[0] + u * (t[2] - t[0]);
-    return least_of([&](double v) { return (from + v * (to - from) - p).norm(); });
+    return min_of([&](double v) { return (from + v * (to - from) - p).norm(); });
   });
 }
 
@@ -120,9 +120,9 @@ TEST(Leftover, TheRunOutOfASinglePassIsAllButItsBottom) {
   for (const double step : {0.1, 0.25, 1.0}) {
     const Design design = floor_of(step);
     const Surface cut = milled_surface(design, ball_mill, passes_at({0.0}));
-    const auto found = run_out_beside(design, cut, ball_mill.radius, none_of(design));
+    const auto found = lead_out_leftover(design, cut, ball_mill.radius, none_of(design));
     int kept = 0;
-    double most_kept = 0.0;
+    double max_kept = 0.0;
     for (Index i = 0; i < design.vertices.rows(); ++i) {
       if (cut.status[std::size_t(i)] != VertexStatus::Cut) continue;
       const double y = std::abs(design.vertices(i, 1));
@@ -132,12 +132,12 @@ TEST(Leftover, TheRunOutOfASinglePassIsAllButItsBottom) {
       }
       if (found[std::size_t(i)]) continue;
       ++kept;
-      most_kept = std::max(most_kept, cut.residual[i]);
+      max_kept = std::max(max_kept, cut.residual[i]);
     }
-    std::cout << "vertices every " << step << " mm: " << kept << " kept, up to " << 1e3 * most_kept
+    std::cout << "vertices every " << step << " mm: " << kept << " kept, up to " << 1e3 * max_kept
               << " um\n";
     EXPECT_GT(kept, 0);
-    EXPECT_LE(most_kept, 1e-3);
+    EXPECT_LE(max_kept, 1e-3);
   }
 }
 
@@ -148,7 +148,7 @@ TEST(Leftover, CuspsBetweenPassesAreNoRunOut) {
     for (double y = -6.0; y < 6.0; y += step_over) ys.push_back(y);
     const Design design = floor_of(spacing);
     const Surface cut = milled_surface(design, ball_mill, passes_at(ys));
-    const auto found = run_out_beside(design, cut, ball_mill.radius, none_of(design));
+    const auto found = lead_out_leftover(design, cut, ball_mill.radius, none_of(design));
     const double cusp = 5.0 - std::sqrt(25.0 - 0.25 * step_over * step_over);
     double most = 0.0;
     int between = 0, lost = 0;
@@ -184,7 +184,7 @@ TEST(Leftover, TheFootOfAWallIsOutOfTheCorner) {
   }
   const Surface cut = milled_surface(design, ball_mill, motion_of(stops));
   const Thickness part(design);
-  const auto found = out_of_corner(design, cut, part, ball_mill.radius);
+  const auto found = corner_leftover(design, cut, part, ball_mill.radius);
   double kept = 0.0;
   int wrong = 0;
   for (Index i = 0; i < design.vertices.rows(); ++i) {
@@ -198,7 +198,7 @@ TEST(Leftover, TheFootOfAWallIsOutOfTheCorner) {
   EXPECT_EQ(wrong, 0);
   EXPECT_LE(kept, 1.01e-3);
   for (const double radius : {0.0, 1e-9}) {  // a flat end fits everywhere
-    const auto sharp = out_of_corner(design, cut, part, radius);
+    const auto sharp = corner_leftover(design, cut, part, radius);
     EXPECT_EQ(std::count(sharp.begin(), sharp.end(), 1), 0);
   }
 }
@@ -219,7 +219,7 @@ TEST(Leftover, AGrooveNarrowerThanTheBallIsOutOfItsReach) {
     Surface left;
     left.status.assign(std::size_t(design.vertices.rows()), VertexStatus::Cut);
     left.residual = Eigen::VectorXd::Constant(design.vertices.rows(), 0.3);  // an allowance
-    const auto found = out_of_corner(design, left, Thickness(design), 5.0);
+    const auto found = corner_leftover(design, left, Thickness(design), 5.0);
     const double share =
         double(std::count(found.begin(), found.end(), 1)) / double(design.vertices.rows());
     std::cout << "groove R " << groove << ": " << 100.0 * share << " % out of reach\n";

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 
 // What the search of a surface must not lose: moves whose cutter stands in a singular place of the

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "cutting/mesh.h"
-#include "cutting/surface.h"
+#include "cutting/part/mesh.h"
+#include "cutting/surface/surface.h"
 
 namespace abbe::cutting {
 

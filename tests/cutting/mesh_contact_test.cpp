@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/mesh_contact.h"
-#include "cutting/read_mesh.h"
+#include "cutting/part/design_points.h"
+#include "cutting/part/read_mesh.h"
 
 namespace abbe::cutting {
 namespace {
@@ -32,8 +32,8 @@ Deviations against(const MeshContact& mesh, const Truth& truth, double reach) {
   for (int i = 0; i < 20000; ++i) {
     const double x = in(random), y = in(random);
     const Contact expected = truth(x, y);
-    const auto smooth = contact_above(mesh, x, y);
-    const auto facet = contact_above(flat, x, y);
+    const auto smooth = surface_point_above(mesh, x, y);
+    const auto facet = surface_point_above(flat, x, y);
     EXPECT_TRUE(smooth && facet);
     if (!smooth || !facet) return d;
     EXPECT_EQ(smooth->point.x(), x);
@@ -68,7 +68,7 @@ TEST(MeshContact, AQuadraticSurfaceWithExactNormalsIsReproduced) {
 TEST(MeshContact, ADomeIsMetBetterThanItsFacets) {
   const SphereCap cap{50.0, 30.0};
   const MeshContact mesh(tessellate(cap, {20000}));
-  const auto truth = [&](double x, double y) { return *contact_above(cap, x, y); };
+  const auto truth = [&](double x, double y) { return *surface_point_above(cap, x, y); };
   const Deviations d = against(mesh, truth, 20.0);
   std::cout << "dome: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
             << d.tilt * 1e6 << " urad\n";
@@ -90,9 +90,9 @@ TEST(MeshContact, TheFreeFormBlockIsMetBetterThanItsFacets) {
   std::cout << "free form: " << d.height * 1e6 << " nm (flat " << d.flat * 1e6 << " nm), "
             << d.tilt * 1e6 << " urad\n";
   EXPECT_LT(d.height, 0.2 * d.flat);
-  EXPECT_FALSE(contact_above(mesh, 30.5, 0.0));
-  EXPECT_FALSE(contact_above(mesh, 0.0, NAN));
-  EXPECT_TRUE(contact_above(mesh, 30.0 - 1e-5, 30.0 - 1e-5));
+  EXPECT_FALSE(surface_point_above(mesh, 30.5, 0.0));
+  EXPECT_FALSE(surface_point_above(mesh, 0.0, NAN));
+  EXPECT_TRUE(surface_point_above(mesh, 30.0 - 1e-5, 30.0 - 1e-5));
 }
 
 TEST(MeshContact, TheHighestOfSeveralSheetsIsTaken) {
@@ -106,15 +106,15 @@ TEST(MeshContact, TheHighestOfSeveralSheetsIsTaken) {
   both.normals << low.normals, low.normals;
   both.triangles << low.triangles, (low.triangles.array() + static_cast<int>(n)).matrix();
   const MeshContact mesh(both);
-  EXPECT_EQ(contact_above(mesh, -4.0, 1.0)->point.z(), 0.0);
-  EXPECT_EQ(contact_above(mesh, 1.0, 1.0)->point.z(), 2.0);
-  EXPECT_EQ(contact_above(mesh, 7.0, 1.0)->point.z(), 2.0);
-  EXPECT_FALSE(contact_above(mesh, 8.1, 1.0));
+  EXPECT_EQ(surface_point_above(mesh, -4.0, 1.0)->point.z(), 0.0);
+  EXPECT_EQ(surface_point_above(mesh, 1.0, 1.0)->point.z(), 2.0);
+  EXPECT_EQ(surface_point_above(mesh, 7.0, 1.0)->point.z(), 2.0);
+  EXPECT_FALSE(surface_point_above(mesh, 8.1, 1.0));
 }
 
 TEST(MeshContact, NothingIsAboveAWallOrAnEmptyMesh) {
-  EXPECT_FALSE(contact_above(MeshContact(Design{}), 0, 0));
-  EXPECT_FALSE(contact_above(MeshContact(tessellate(Cylinder{10, 5}, {200})), 10, 0));
+  EXPECT_FALSE(surface_point_above(MeshContact(Design{}), 0, 0));
+  EXPECT_FALSE(surface_point_above(MeshContact(tessellate(Cylinder{10, 5}, {200})), 10, 0));
 }
 
 }  // namespace

@@ -18,9 +18,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "cutting/mesh.h"
-#include "cutting/primitive.h"
-#include "cutting/read_mesh.h"
+#include "cutting/part/mesh.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/read_mesh.h"
 
 namespace abbe::cutting {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <Eigen/Geometry>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 
 /// Small designs and motions by hand for the tests of the milled surface.
 namespace abbe::cutting {

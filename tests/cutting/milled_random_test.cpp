@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 
 namespace abbe::cutting {

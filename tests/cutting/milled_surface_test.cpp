@@ -1,4 +1,4 @@
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 
 #include <cmath>
 #include <iostream>

@@ -1,6 +1,6 @@
 // The skin of a cut part and its deviation: distances against brute force.
 
-#include "cutting/part_deviation.h"
+#include "cutting/stock/part_deviation.h"
 
 #include <gtest/gtest.h>
 

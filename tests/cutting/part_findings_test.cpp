@@ -1,6 +1,6 @@
 // Findings on the cut part against closed forms.
 
-#include "cutting/part_findings.h"
+#include "cutting/stock/part_findings.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 
 #include <tbb/global_control.h>
 
-#include "cutting/turned_mesh.h"
+#include "cutting/stock/stock_mesh.h"
 #include "tests/cutting/held_parts.h"
 #include "tests/cutting/stock_parts.h"
 

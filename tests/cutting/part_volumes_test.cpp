@@ -1,6 +1,6 @@
 // Volumes of rest material and gouges against closed forms: inner corners, edges, whole pockets.
 
-#include "cutting/part_volumes.h"
+#include "cutting/stock/part_volumes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "cutting/parting_plane.h"
+#include "cutting/stock/separation.h"
 
 #include <cmath>
 #include <iostream>
@@ -27,10 +27,11 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
   double worst = 1.0;
   int parted = 0;
   for (int n = 0; n < 300; ++n) {
-    const Body a = n % 2 == 0 ? body_of(box_mesh({length(random), length(random), length(random)}))
-                              : body_of(sphere_mesh(length(random), 0.2));
-    const Body b = body_of(cutter_pieces(Cutter{5, n % 3 == 0 ? 5.0 : 1.0, 40}, 0.01));
-    const std::vector<Ball> hull = hull_of(b);
+    const Body a = n % 2 == 0
+                       ? make_body(box_mesh({length(random), length(random), length(random)}))
+                       : make_body(sphere_mesh(length(random), 0.2));
+    const Body b = make_body(cutter_pieces(Cutter{5, n % 3 == 0 ? 5.0 : 1.0, 40}, 0.01));
+    const std::vector<Ball> hull = hull_balls(b);
     const Pose T = pose();
     const Gap here = gap(a, Pose::Identity(), b, T);
     if (here.distance < 1e-3 || is_inside(a, Pose::Identity(), b, T)) continue;
@@ -51,12 +52,12 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
 }
 
 TEST(PartingPlane, WithoutAHullThereIsNone) {
-  const Body a = body_of(box_mesh({1, 1, 1}));
-  EXPECT_TRUE(hull_of(a, 7).empty());
+  const Body a = make_body(box_mesh({1, 1, 1}));
+  EXPECT_TRUE(hull_balls(a, 7).empty());
   Pose T = Pose::Identity();
   T.translation() = Vector3d(5, 0, 0);
   EXPECT_EQ(beyond(parting_plane(a, {}, T, Vector3d::UnitX()), {}, T), 0.0);
-  const std::vector<Ball> hull = hull_of(a);
+  const std::vector<Ball> hull = hull_balls(a);
   EXPECT_NEAR(beyond(parting_plane(a, hull, T, Vector3d(4, 0.4, 0)), hull, T), 4.0, 0.02);
 }
 

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "cutting/polygon.h"
+#include "cutting/part/mesh_file.h"
 
 namespace abbe::cutting {
 namespace {

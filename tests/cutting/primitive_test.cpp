@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/primitive.h"
+#include "cutting/part/primitive.h"
 #include "tests/kinematics/nan.h"
 
 namespace abbe::cutting {
@@ -142,7 +142,7 @@ TEST(Tessellate, TrianglesAreSoundAndLookOutward) {
     for (const int wanted : {100, 2000, 30000}) {
       SCOPED_TRACE(k.name + " " + std::to_string(wanted));
       const Design d = tessellate(k.primitive, {wanted});
-      double least_cosine = 1, least_shape = 1;
+      double min_cosine = 1, min_shape = 1;
       std::set<std::pair<int, int>> directed;
       std::vector<char> used(static_cast<std::size_t>(d.vertices.rows()), 0);
       for (Eigen::Index t = 0; t < d.triangles.rows(); ++t) {
@@ -151,21 +151,21 @@ TEST(Tessellate, TrianglesAreSoundAndLookOutward) {
         const Vector3d cross = (q - p).cross(r - p);
         const double longest =
             std::max({(q - p).squaredNorm(), (r - q).squaredNorm(), (p - r).squaredNorm()});
-        least_shape = std::min(least_shape, cross.norm() / longest);
+        min_shape = std::min(min_shape, cross.norm() / longest);
         for (int c = 0; c < 3; ++c) {
           const int v = d.triangles(t, c);
           used[static_cast<std::size_t>(v)] = 1;
-          least_cosine = std::min(least_cosine, cross.normalized().dot(d.normals.row(v)));
+          min_cosine = std::min(min_cosine, cross.normalized().dot(d.normals.row(v)));
           EXPECT_TRUE(directed.insert({v, d.triangles(t, (c + 1) % 3)}).second) << "an edge twice";
         }
       }
       EXPECT_EQ(std::count(used.begin(), used.end(), 0), 0) << "a vertex without triangles";
       // the closing flat of an apex and coarse rings lean away, never over
-      EXPECT_GT(least_cosine, 0.2);
-      EXPECT_GT(least_shape, wanted == 30000 ? 0.05 : 0.01);
+      EXPECT_GT(min_cosine, 0.2);
+      EXPECT_GT(min_shape, wanted == 30000 ? 0.05 : 0.01);
       if (wanted == 30000)
-        std::cout << k.name << ": cosine above " << least_cosine << ", height over edge "
-                  << least_shape << "\n";
+        std::cout << k.name << ": cosine above " << min_cosine << ", height over edge " << min_shape
+                  << "\n";
     }
 }
 
@@ -213,14 +213,14 @@ TEST(Tessellate, AKinkHasTwoRingsAndASmoothJoinOne) {
 }
 
 TEST(Tessellate, TheAxisCarriesAVertexOnlyWhereTheSurfaceIsSmooth) {
-  const auto least_r = [](const Primitive& p) {
+  const auto min_r = [](const Primitive& p) {
     return tessellate(p, {5000}).vertices.leftCols<2>().rowwise().norm().minCoeff();
   };
-  EXPECT_EQ(least_r(Disc{10, 0}), 0.0);
-  EXPECT_EQ(least_r(SphereCap{20, 10}), 0.0);
-  EXPECT_GT(least_r(Cone{10, 0.4, std::atan(10.0 / 0.4)}), 0.01);
-  EXPECT_LT(least_r(Cone{10, 0.4, std::atan(10.0 / 0.4)}), 0.2);
-  EXPECT_NEAR(least_r(Disc{10, 3}), 3.0, 1e-15);
+  EXPECT_EQ(min_r(Disc{10, 0}), 0.0);
+  EXPECT_EQ(min_r(SphereCap{20, 10}), 0.0);
+  EXPECT_GT(min_r(Cone{10, 0.4, std::atan(10.0 / 0.4)}), 0.01);
+  EXPECT_LT(min_r(Cone{10, 0.4, std::atan(10.0 / 0.4)}), 0.2);
+  EXPECT_NEAR(min_r(Disc{10, 3}), 3.0, 1e-15);
 }
 
 TEST(ContactAbove, IsOnTheSurfaceRightAboveThePoint) {
@@ -237,7 +237,7 @@ TEST(ContactAbove, IsOnTheSurfaceRightAboveThePoint) {
     int met = 0;
     for (int i = 0; i < 5000; ++i) {
       const double x = reach * in(random), y = reach * in(random);
-      const auto c = contact_above(k.primitive, x, y);
+      const auto c = surface_point_above(k.primitive, x, y);
       if (!c) continue;
       ++met;
       EXPECT_EQ(c->point.x(), x);
@@ -255,22 +255,22 @@ TEST(ContactAbove, IsOnTheSurfaceRightAboveThePoint) {
 }
 
 TEST(ContactAbove, EndsAtTheRimAndKnowsTheAxis) {
-  EXPECT_TRUE(contact_above(RectanglePlane{10, 4}, 5, 2));
-  EXPECT_FALSE(contact_above(RectanglePlane{10, 4}, 5.000001, 0));
-  EXPECT_FALSE(contact_above(RectanglePlane{10, 4}, 0, -2.000001));
-  EXPECT_TRUE(contact_above(SphereCap{20, 20}, 0, 20));  // the equator itself
-  EXPECT_FALSE(contact_above(SphereCap{20, 20}, 0, 20.000001));
-  EXPECT_FALSE(contact_above(Disc{10, 3}, 2.999999, 0));
-  EXPECT_FALSE(contact_above(Cylinder{10, 5}, 10, 0));
-  EXPECT_FALSE(contact_above(Torus{30, 5}, 24.999, 0));
-  EXPECT_EQ(contact_above(Torus{30, 5}, 0, 30)->point.z(), 5.0);
-  EXPECT_EQ(contact_above(Cone{10, 10, pi / 4}, 0, 0)->normal, Vector3d::UnitZ());
-  EXPECT_NEAR(contact_above(Cone{10, 10, pi / 4}, 0, 0)->point.z(), 10.0, 1e-14);
-  EXPECT_EQ(contact_above(SphereCap{20, 10}, 1e-12, 0)->normal.z(), 1.0);
-  EXPECT_FALSE(contact_above(Disc{10, 0}, NAN, 0));
+  EXPECT_TRUE(surface_point_above(RectanglePlane{10, 4}, 5, 2));
+  EXPECT_FALSE(surface_point_above(RectanglePlane{10, 4}, 5.000001, 0));
+  EXPECT_FALSE(surface_point_above(RectanglePlane{10, 4}, 0, -2.000001));
+  EXPECT_TRUE(surface_point_above(SphereCap{20, 20}, 0, 20));  // the equator itself
+  EXPECT_FALSE(surface_point_above(SphereCap{20, 20}, 0, 20.000001));
+  EXPECT_FALSE(surface_point_above(Disc{10, 3}, 2.999999, 0));
+  EXPECT_FALSE(surface_point_above(Cylinder{10, 5}, 10, 0));
+  EXPECT_FALSE(surface_point_above(Torus{30, 5}, 24.999, 0));
+  EXPECT_EQ(surface_point_above(Torus{30, 5}, 0, 30)->point.z(), 5.0);
+  EXPECT_EQ(surface_point_above(Cone{10, 10, pi / 4}, 0, 0)->normal, Vector3d::UnitZ());
+  EXPECT_NEAR(surface_point_above(Cone{10, 10, pi / 4}, 0, 0)->point.z(), 10.0, 1e-14);
+  EXPECT_EQ(surface_point_above(SphereCap{20, 10}, 1e-12, 0)->normal.z(), 1.0);
+  EXPECT_FALSE(surface_point_above(Disc{10, 0}, NAN, 0));
   // a step: above the kink the higher sheet counts
   const RevolvedProfile step{{{{0, 0}, {5, 0}}, {{5, 0}, {5, 2}}, {{5, 2}, {9, 2}}}};
-  EXPECT_EQ(contact_above(step, 5, 0)->point.z(), 2.0);
+  EXPECT_EQ(surface_point_above(step, 5, 0)->point.z(), 2.0);
 }
 
 TEST(Enlarged, ContinuesTheSameSurface) {

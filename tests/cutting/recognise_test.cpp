@@ -1,4 +1,4 @@
-#include "cutting/recognise.h"
+#include "cutting/part/recognition.h"
 
 #include <cmath>
 #include <iostream>
@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/primitive.h"
-#include "cutting/smooth_patches.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/remeshing.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -93,7 +93,7 @@ Design of_lines(const std::vector<Eigen::Vector2d>& lines) {
 std::string forms_of(const Design& mesh) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   std::string all;
-  for (const RecognisedPatch& one : recognised(mesh, 0.1 * units::um).patches)
+  for (const AnalyticPatch& one : recognised(mesh, 0.1 * units::um).patches)
     all += names[std::size_t(one.form)];
   return all;
 }
@@ -171,7 +171,7 @@ TEST(Recognised, BetweenTheVerticesItIsTheSurface) {
     ASSERT_EQ(found.patches.size(), 1u) << one.name;
     const Eigen::Isometry3d T(Eigen::Translation3d(-7.0, 800.0, 3.0) *
                               Eigen::AngleAxisd(0.3, Vector3d::UnitX()));
-    const OnSurface on = on_recognised(found.patches, T);
+    const SurfaceInterpolator on = patch_interpolator(found.patches, T);
     const Design placed = transformed(found.design, T);
     const Eigen::Isometry3d back = (T * away()).inverse();
     double off = 0.0;

@@ -1,4 +1,4 @@
-#include "cutting/refine.h"
+#include "cutting/map/refinement.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,10 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/interpolation.h"
-#include "cutting/primitive.h"
-#include "cutting/subdivide.h"
-#include "cutting/surface.h"
+#include "cutting/map/interpolation.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/remeshing.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/hash.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
@@ -44,15 +44,15 @@ struct Milled {
   CutterMotion motion;
   Cutter cutter = ball_mill;
   std::function<Surface(const Design&)> search = milled_search(cutter, motion);
-  Sounding operator()(const Design& design) const {
+  SurfaceProbe operator()(const Design& design) const {
     Surface surface = search(design);
-    Contacts contacts = milled_contacts(design, surface, cutter, motion);
+    PassGradients contacts = milled_gradients(design, surface, cutter, motion);
     return {std::move(surface), std::move(contacts)};
   }
 };
 
-OnSurface on(const Primitive& primitive) {
-  return on_declared(primitive, Eigen::Isometry3d::Identity());
+SurfaceInterpolator on(const Primitive& primitive) {
+  return primitive_interpolator(primitive, Eigen::Isometry3d::Identity());
 }
 
 TEST(Refine, APlaneOfCuspsIsResolvedToTheBoundHoweverItsVerticesStand) {
@@ -60,8 +60,8 @@ TEST(Refine, APlaneOfCuspsIsResolvedToTheBoundHoweverItsVerticesStand) {
     for (const int vertices : {150, 900, 4000}) {
       const Primitive plane = RectanglePlane{10.0, 10.0};
       const Milled mill{passes(0.5, 10.0, angle)};
-      const RefineOptions options{.resolution = 0.15 * micron, .may_flip = true};
-      const Refined fine =
+      const RefineOptions options{.resolution = 0.15 * micron, .can_flip_edges = true};
+      const RefinementResult fine =
           refined(tessellate(plane, {vertices}), on(plane), std::cref(mill), options);
       const Surface surface = mill.search(fine.design);
       const InterpolationError error =
@@ -93,8 +93,8 @@ TEST(Refine, ADomeOfCusps) {
     stops.push_back({{9.0, y, 8.0}});
   }
   const Milled mill{motion_of(stops)};
-  const Refined fine = refined(tessellate(dome, {2000}), on(dome), std::cref(mill),
-                               {.resolution = 0.1 * micron, .may_flip = true});
+  const RefinementResult fine = refined(tessellate(dome, {2000}), on(dome), std::cref(mill),
+                                        {.resolution = 0.1 * micron, .can_flip_edges = true});
   const Surface surface = mill.search(fine.design);
   const InterpolationError error = interpolation_error(
       fine.design, surface, on(dome), mill.search, {.places = 10000, .resolution = 0.1 * micron});
@@ -110,7 +110,7 @@ TEST(Refine, ADomeOfCusps) {
 TEST(Refine, TrianglesThatAreNotLookedIntoMissNoMore) {
   constexpr std::uint64_t seed = 20261124;
   const auto chance = [&](std::uint64_t k) { return split_mix::unit(split_mix::stream(seed, k)); };
-  double most = 0.0, most_all = 0.0;
+  double most = 0.0, max_all = 0.0;
   for (std::uint64_t i = 0; i < 6; ++i) {
     const double pitch = 0.2 + 0.8 * chance(4 * i), angle = std::numbers::pi * chance(4 * i + 1);
     const double share = 0.03 + 0.17 * chance(4 * i + 2);
@@ -120,8 +120,9 @@ TEST(Refine, TrianglesThatAreNotLookedIntoMissNoMore) {
     const int vertices = 100 + int(2000.0 * chance(4 * i + 3));
     const auto refined_with = [&](bool all) {
       const RefineOptions options{
-          .resolution = share * cusp, .may_flip = true, .look_into_all = all};
-      Refined fine = refined(tessellate(plane, {vertices}), on(plane), std::cref(mill), options);
+          .resolution = share * cusp, .can_flip_edges = true, .probe_all_triangles = all};
+      RefinementResult fine =
+          refined(tessellate(plane, {vertices}), on(plane), std::cref(mill), options);
       const InterpolationError error =
           interpolation_error(fine.design, mill.search(fine.design), on(plane), mill.search,
                               {.places = 40000, .seed = i, .resolution = share * cusp});
@@ -136,10 +137,10 @@ TEST(Refine, TrianglesThatAreNotLookedIntoMissNoMore) {
     EXPECT_LT(places, places_all);
     EXPECT_LE(error.unresolved, error_all.unresolved + 5e-4) << "seed " << seed << ", case " << i;
     most = std::max(most, error.worst / error.resolution);
-    most_all = std::max(most_all, error_all.worst / error_all.resolution);
+    max_all = std::max(max_all, error_all.worst / error_all.resolution);
   }
-  std::cout << "worst " << most << " of the bound, " << most_all << " when all are looked into\n";
-  EXPECT_LT(most, std::max(1.5, 1.25 * most_all));
+  std::cout << "worst " << most << " of the bound, " << max_all << " when all are looked into\n";
+  EXPECT_LT(most, std::max(1.5, 1.25 * max_all));
 }
 
 TEST(Refine, NothingIsAddedWhereTheResidualIsLinear) {
@@ -149,15 +150,16 @@ TEST(Refine, NothingIsAddedWhereTheResidualIsLinear) {
     for (const double x : {-20.0, 20.0}) stops.push_back({{x, y, 1e-3}});
   Milled mill{motion_of(stops), {8.0, 0.0, 20.0}};
   const Design design = tessellate(plane, {400});
-  const Refined fine = refined(design, on(plane), std::cref(mill), {.resolution = 5e-5});
+  const RefinementResult fine = refined(design, on(plane), std::cref(mill), {.resolution = 5e-5});
   EXPECT_EQ(fine.design.vertices.rows(), design.vertices.rows());
 }
 
 TEST(Refine, StopsAtItsBudgetEvenlyAndSaysSo) {
   const Primitive plane = RectanglePlane{10.0, 10.0};
   const Milled mill{passes(0.5, 10.0, 0.1)};
-  const Refined fine = refined(tessellate(plane, {200}), on(plane), std::cref(mill),
-                               {.resolution = 1e-5, .points = 3000, .may_flip = true});
+  const RefinementResult fine =
+      refined(tessellate(plane, {200}), on(plane), std::cref(mill),
+              {.resolution = 1e-5, .points = 3000, .can_flip_edges = true});
   EXPECT_EQ(fine.design.vertices.rows(), 3000);
   EXPECT_GT(fine.left, 100);
   EXPECT_GT(fine.reached, 1e-4);
@@ -175,7 +177,7 @@ TEST(Refine, IsTheSameForAnyNumberOfThreads) {
   const auto made = [&](int threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     return refined(tessellate(plane, {200}), on(plane), std::cref(mill),
-                   {.resolution = 2e-4, .may_flip = true})
+                   {.resolution = 2e-4, .can_flip_edges = true})
         .design;
   };
   const Design one = made(1), two = made(2);
@@ -188,7 +190,8 @@ TEST(Refine, CoversTheSameAreaAndKeepsWhatWasGiven) {
   const Milled mill{passes(0.5, 6.0, 0.2)};
   const Design design = tessellate(plane, {200});
   const Design fine =
-      refined(design, on(plane), std::cref(mill), {.resolution = 2e-4, .may_flip = true}).design;
+      refined(design, on(plane), std::cref(mill), {.resolution = 2e-4, .can_flip_edges = true})
+          .design;
   EXPECT_NEAR(fine.area.sum(), 36.0, 1e-9);
   EXPECT_EQ(fine.vertices.topRows(design.vertices.rows()), design.vertices);
   for (const auto& t : fine.triangles.rowwise()) {
@@ -198,7 +201,7 @@ TEST(Refine, CoversTheSameAreaAndKeepsWhatWasGiven) {
   }
 }
 
-TEST(Contacts, GradientsAreTheDifferencesOfTheResidual) {
+TEST(PassGradients, GradientsAreTheDifferencesOfTheResidual) {
   const Milled mills[] = {{passes(0.5, 10.0, 0.3), ball_mill},
                           {passes(0.5, 10.0, 0.3), {5.0, 1.0, 20.0}}};
   for (const Milled& mill : mills) {
@@ -210,7 +213,7 @@ TEST(Contacts, GradientsAreTheDifferencesOfTheResidual) {
       for (const Vector3d& d : {Vector3d(step, 0, 0), Vector3d(0, step, 0)})
         moved.push_back({sites.back().point + d, sites.back().normal});
     }
-    const Sounding here = mill(design_of(sites)), there = mill(design_of(moved));
+    const SurfaceProbe here = mill(design_of(sites)), there = mill(design_of(moved));
     int compared = 0;
     for (Index i = 0; i < 200; ++i)
       for (Index k = 0; k < 2; ++k) {

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/primitive.h"
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
+#include "cutting/part/primitive.h"
 #include "tests/kinematics/nan.h"
 
 namespace abbe::cutting {
@@ -46,7 +46,7 @@ TEST(Statistics, WithMiddlesAreThoseOfAQuadraticResidualWhateverItsVertices) {
     s.residual[i] = bowl(plane.vertices.row(i));
   const double exact = 3.0 + 2.0 * 64.0 / 12.0;
   const double straight = *statistics(s, plane).mean;
-  s.looked_within = Surface::Within::Middle;
+  s.sampled_within = Surface::Within::Middle;
   s.within.resize(plane.triangles.rows());
   for (Eigen::Index t = 0; t < plane.triangles.rows(); ++t) {
     const auto c = plane.triangles.row(t);
@@ -209,7 +209,7 @@ TEST(Statistics, KnowABandForEachVertex) {
 TEST(Statistics, OfAPlaceOutOfToleranceBetweenGoodVerticesFail) {
   const Design plane = tessellate(RectanglePlane{8.0, 6.0}, {700});
   Surface s = map_of(Eigen::VectorXd::Zero(plane.vertices.rows()));
-  s.looked_within = Surface::Within::Middle;
+  s.sampled_within = Surface::Within::Middle;
   s.within = Eigen::VectorXd::Zero(plane.triangles.rows());
   s.within[20] = 3.0;
   s.within[30] = -5.0;

@@ -11,8 +11,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/rivals.h"
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
 #include "tests/kinematics/nan.h"
@@ -29,9 +28,10 @@ constexpr double um = 1e-3;
 /// mm, of a circle of radius R over its lowest point, `aside` from it.
 double lift(double R, double aside) { return R - std::sqrt(R * R - aside * aside); }
 
-double predicted(const Rival& rival, const Vector3d& d) {
-  const double t = rival.across.dot(d);
-  return rival.distance + rival.gradient.dot(d) + 0.5 * rival.curvature * t * t;
+double predicted(const CompetingPass& competing_pass, const Vector3d& d) {
+  const double t = competing_pass.across.dot(d);
+  return competing_pass.distance + competing_pass.gradient.dot(d) +
+         0.5 * competing_pass.curvature * t * t;
 }
 
 CutterMotion displaced(CutterMotion motion, const Vector3d& d) {
@@ -45,20 +45,22 @@ NoseMotion displaced(NoseMotion motion, const Vector3d& d) {
 }
 
 /// The displacement that a rival's tool has in the workpiece, of one that stands in the machine.
-Vector3d at_rival(const CutterMotion&, const Rival&, const Vector3d& d) { return d; }
+Vector3d at_rival(const CutterMotion&, const CompetingPass&, const Vector3d& d) { return d; }
 
-Vector3d at_rival(const NoseMotion& motion, const Rival& rival, const Vector3d& d) {
-  const double from = motion.spindle[rival.move];
-  const double angle = from + rival.t * (motion.spindle[rival.move + 1] - from);
+Vector3d at_rival(const NoseMotion& motion, const CompetingPass& competing_pass,
+                  const Vector3d& d) {
+  const double from = motion.spindle[competing_pass.move];
+  const double angle = from + competing_pass.t * (motion.spindle[competing_pass.move + 1] - from);
   return Eigen::AngleAxisd(angle, motion.spindle_direction) * d;
 }
 
 template <class Motion>
-Eigen::VectorXd predicted(const std::vector<Rival>& rivals, const Motion& motion, const Vector3d& d,
-                          Eigen::Index vertices) {
+Eigen::VectorXd predicted(const std::vector<CompetingPass>& competing_passes, const Motion& motion,
+                          const Vector3d& d, Eigen::Index vertices) {
   Eigen::VectorXd s = Eigen::VectorXd::Constant(vertices, std::numeric_limits<double>::infinity());
-  for (const Rival& rival : rivals)
-    s[rival.vertex] = std::min(s[rival.vertex], predicted(rival, at_rival(motion, rival, d)));
+  for (const CompetingPass& competing_pass : competing_passes)
+    s[competing_pass.vertex] = std::min(
+        s[competing_pass.vertex], predicted(competing_pass, at_rival(motion, competing_pass, d)));
   return s;
 }
 
@@ -68,12 +70,13 @@ Surface surface_of(const Design& design, const Cutter& cutter, const CutterMotio
 Surface surface_of(const Design& design, const Nose& nose, const NoseMotion& motion) {
   return turned_surface(design, nose, motion);
 }
-std::vector<Rival> rivals_of(const Design& design, const Cutter& cutter,
-                             const CutterMotion& motion) {
-  return milled_rivals(design, cutter, motion);
+std::vector<CompetingPass> competing_passes_along(const Design& design, const Cutter& cutter,
+                                                  const CutterMotion& motion) {
+  return milled_competing_passes(design, cutter, motion);
 }
-std::vector<Rival> rivals_of(const Design& design, const Nose& nose, const NoseMotion& motion) {
-  return turned_rivals(design, nose, motion);
+std::vector<CompetingPass> competing_passes_along(const Design& design, const Nose& nose,
+                                                  const NoseMotion& motion) {
+  return turned_competing_passes(design, nose, motion);
 }
 
 struct Study {
@@ -87,7 +90,7 @@ struct Study {
 template <class Tool, class Motion>
 double largest_miss(const Design& design, const Tool& tool, const Motion& motion,
                     const Study& study) {
-  const std::vector<Rival> rivals = rivals_of(design, tool, motion);
+  const std::vector<CompetingPass> competing_passes = competing_passes_along(design, tool, motion);
   std::mt19937_64 random{std::uint64_t(study.seed)};
   std::normal_distribution<double> normal;
   double largest = 0.0;
@@ -96,7 +99,7 @@ double largest_miss(const Design& design, const Tool& tool, const Motion& motion
         Vector3d(normal(random), normal(random), normal(random)).normalized();
     const Vector3d d = study.size * direction;
     const Surface cut = surface_of(design, tool, displaced(motion, d));
-    const Eigen::VectorXd s = predicted(rivals, motion, d, design.vertices.rows());
+    const Eigen::VectorXd s = predicted(competing_passes, motion, d, design.vertices.rows());
     for (Eigen::Index v = 0; v < s.size(); ++v) {
       EXPECT_EQ(cut.status[std::size_t(v)], VertexStatus::Cut) << "vertex " << v;
       largest = std::max(largest, std::abs(s[v] - cut.residual[v]));
@@ -138,8 +141,8 @@ void expect_predicted(const Design& design, const Tool& tool, const Motion& moti
   }
 }
 
-bool same_bits(const std::vector<Rival>& a, const std::vector<Rival>& b) {
-  const auto same = [](const Rival& p, const Rival& q) {
+bool same_bits(const std::vector<CompetingPass>& a, const std::vector<CompetingPass>& b) {
+  const auto same = [](const CompetingPass& p, const CompetingPass& q) {
     return p.vertex == q.vertex && p.distance == q.distance && p.move == q.move && p.t == q.t &&
            p.contact == q.contact && p.gradient == q.gradient && p.across == q.across &&
            p.curvature == q.curvature;
@@ -152,21 +155,24 @@ bool same_bits(const std::vector<Rival>& a, const std::vector<Rival>& b) {
 template <class Tool, class Motion>
 double check_first(const Design& design, const Tool& tool, const Motion& motion) {
   const Surface surface = surface_of(design, tool, motion);
-  const std::vector<Rival> rivals = rivals_of(design, tool, motion);
+  const std::vector<CompetingPass> competing_passes = competing_passes_along(design, tool, motion);
   std::vector<int> count(surface.status.size(), 0);
   double largest = 0.0;
-  for (std::size_t k = 0; k < rivals.size(); ++k) {
-    const Rival& rival = rivals[k];
-    const int earlier = count[std::size_t(rival.vertex)]++;
+  for (std::size_t k = 0; k < competing_passes.size(); ++k) {
+    const CompetingPass& competing_pass = competing_passes[k];
+    const int earlier = count[std::size_t(competing_pass.vertex)]++;
     if (earlier == 0)
-      largest = std::max(largest, std::abs(rival.distance - surface.residual[rival.vertex]));
+      largest = std::max(
+          largest, std::abs(competing_pass.distance - surface.residual[competing_pass.vertex]));
     else
-      EXPECT_GE(rival.distance, rivals[k - 1].distance);
-    EXPECT_LE(rival.distance, surface.residual[rival.vertex] + 0.05 + 1e-7);
-    EXPECT_NEAR(rival.gradient.dot(design.normals.row(rival.vertex).transpose()), 1, 1e-12);
-    EXPECT_NEAR(rival.across.norm(), 1, 1e-12);
-    EXPECT_NEAR(rival.across.dot(design.normals.row(rival.vertex).transpose()), 0, 1e-9);
-    EXPECT_GE(rival.vertex, k > 0 ? rivals[k - 1].vertex : 0);
+      EXPECT_GE(competing_pass.distance, competing_passes[k - 1].distance);
+    EXPECT_LE(competing_pass.distance, surface.residual[competing_pass.vertex] + 0.05 + 1e-7);
+    EXPECT_NEAR(competing_pass.gradient.dot(design.normals.row(competing_pass.vertex).transpose()),
+                1, 1e-12);
+    EXPECT_NEAR(competing_pass.across.norm(), 1, 1e-12);
+    EXPECT_NEAR(competing_pass.across.dot(design.normals.row(competing_pass.vertex).transpose()), 0,
+                1e-9);
+    EXPECT_GE(competing_pass.vertex, k > 0 ? competing_passes[k - 1].vertex : 0);
   }
   for (std::size_t v = 0; v < count.size(); ++v)
     EXPECT_EQ(count[v] > 0, surface.status[v] == VertexStatus::Cut) << "vertex " << v;
@@ -247,8 +253,8 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
   const std::vector<double> aside{0.0, 0.04, 0.11, 0.149999, -0.15 + 1e-9};
   std::vector<Site> sites;
   for (const double a : aside) sites.push_back({{0.2, 5 * pitch + a, 0}});
-  const std::vector<Rival> rivals =
-      milled_rivals(design_of(sites), ball_mill, motion, {.reach = 0.03, .most = 20});
+  const std::vector<CompetingPass> competing_passes =
+      milled_competing_passes(design_of(sites), ball_mill, motion, {.reach = 0.03, .most = 20});
   double worst[3] = {0, 0, 0};
   std::size_t k = 0;
   for (int v = 0; v < int(sites.size()); ++v) {
@@ -262,20 +268,21 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
     });
     for (const auto& [s, y] : expected) {
       if (s > expected.front().first + 0.03) break;
-      ASSERT_LT(k, rivals.size());
-      const Rival& rival = rivals[k++];
+      ASSERT_LT(k, competing_passes.size());
+      const CompetingPass& competing_pass = competing_passes[k++];
       const double depth = std::sqrt(25 - y * y);
-      EXPECT_EQ(rival.vertex, v);
+      EXPECT_EQ(competing_pass.vertex, v);
       const Vector3d gradient(0, -y / depth, 1);
-      worst[0] = std::max(worst[0], std::abs(rival.distance - s));
-      worst[1] = std::max(worst[1], (rival.gradient - gradient).norm());
-      worst[2] = std::max(worst[2], std::abs(rival.curvature - 25 / std::pow(depth, 3)));
-      EXPECT_LT((rival.contact - Vector3d(0.2, sites[std::size_t(v)].point.y(), s)).norm(), 1e-9);
-      EXPECT_NEAR(std::abs(rival.across.y()), 1, 1e-9);
+      worst[0] = std::max(worst[0], std::abs(competing_pass.distance - s));
+      worst[1] = std::max(worst[1], (competing_pass.gradient - gradient).norm());
+      worst[2] = std::max(worst[2], std::abs(competing_pass.curvature - 25 / std::pow(depth, 3)));
+      EXPECT_LT((competing_pass.contact - Vector3d(0.2, sites[std::size_t(v)].point.y(), s)).norm(),
+                1e-9);
+      EXPECT_NEAR(std::abs(competing_pass.across.y()), 1, 1e-9);
     }
   }
-  EXPECT_EQ(k, rivals.size());
-  std::cout << "ball raster: " << rivals.size() << " rivals, distance " << worst[0]
+  EXPECT_EQ(k, competing_passes.size());
+  std::cout << "ball raster: " << competing_passes.size() << " rivals, distance " << worst[0]
             << " mm, gradient " << worst[1] << ", curvature " << worst[2] << " 1/mm\n";
   EXPECT_LT(worst[0], 1e-9);
   EXPECT_LT(worst[1], 1e-6);
@@ -319,9 +326,9 @@ TEST(MilledRivals, OfAnUprightFlatEndFollowTheNormalAlone) {
   const Cutter flat{5.0, 0.0, 20.0};
   const Design design = sites_on(part, 3.0, 300, 6);
   const CutterMotion motion = raster(part, flat, {.step_over = 2.0});
-  for (const Rival& rival : milled_rivals(design, flat, motion)) {
-    EXPECT_LT((rival.gradient - Vector3d::UnitZ()).norm(), 1e-9);
-    EXPECT_LT(std::abs(rival.curvature), 1e-6);
+  for (const CompetingPass& competing_pass : milled_competing_passes(design, flat, motion)) {
+    EXPECT_LT((competing_pass.gradient - Vector3d::UnitZ()).norm(), 1e-9);
+    EXPECT_LT(std::abs(competing_pass.curvature), 1e-6);
   }
   expect_predicted(design, flat, motion, {});
 }
@@ -333,11 +340,13 @@ TEST(MilledRivals, OfPassesJoinedByTheirTurnAreThePassesAndTheTurn) {
   for (int i = 1; i <= 5; ++i) stops.push_back({{0, 0.1 * i, 0}});
   for (int i = 1; i <= 40; ++i) stops.push_back({{-0.1 * i, 0.5, 0}});
   const Design design = design_of({Site{{-0.3, 0.2, 0}}, Site{{-2, 0.2, 0}}});
-  const std::vector<Rival> rivals = milled_rivals(design, ball_mill, motion_of(stops));
-  ASSERT_EQ(rivals.size(), 5u);
+  const std::vector<CompetingPass> competing_passes =
+      milled_competing_passes(design, ball_mill, motion_of(stops));
+  ASSERT_EQ(competing_passes.size(), 5u);
   const std::vector<Vector3d> aside{
       {0, 0.2, 0}, {-0.3, 0, 0}, {0, -0.3, 0}, {0, 0.2, 0}, {0, -0.3, 0}};
-  std::vector<Rival> sorted = rivals;  // the turn and the way back are equally far
+  std::vector<CompetingPass> sorted =
+      competing_passes;  // the turn and the way back are equally far
   if (sorted[1].move > sorted[2].move) std::swap(sorted[1], sorted[2]);
   for (std::size_t i = 0; i < 5; ++i) {
     const double a = aside[i].norm();
@@ -350,15 +359,17 @@ TEST(MilledRivals, OfPassesJoinedByTheirTurnAreThePassesAndTheTurn) {
 
 TEST(MilledRivals, OfAPoseThatStandsHaveTheCurvatureOfTheTool) {
   const Design design = design_of({Site{{0.3, 0.1, 0}}, Site{{-0.2, 0.6, 0}}});
-  const std::vector<Rival> rivals = milled_rivals(design, ball_mill, motion_of({Stop{{0, 0, 0}}}));
-  ASSERT_EQ(rivals.size(), 2u);
+  const std::vector<CompetingPass> competing_passes =
+      milled_competing_passes(design, ball_mill, motion_of({Stop{{0, 0, 0}}}));
+  ASSERT_EQ(competing_passes.size(), 2u);
   for (int v = 0; v < 2; ++v) {
-    const Rival& rival = rivals[std::size_t(v)];
+    const CompetingPass& competing_pass = competing_passes[std::size_t(v)];
     const Vector3d aside = design.vertices.row(v);
     const double depth = std::sqrt(25 - aside.squaredNorm());
-    EXPECT_LT((rival.gradient - Vector3d(0, 0, 1) + aside / depth).norm(), 1e-6);
-    EXPECT_NEAR(rival.curvature, 25 / std::pow(depth, 3), 1e-5);  // the larger one, outwards
-    EXPECT_NEAR(std::abs(rival.across.dot(aside.normalized())), 1, 1e-3);
+    EXPECT_LT((competing_pass.gradient - Vector3d(0, 0, 1) + aside / depth).norm(), 1e-6);
+    EXPECT_NEAR(competing_pass.curvature, 25 / std::pow(depth, 3),
+                1e-5);  // the larger one, outwards
+    EXPECT_NEAR(std::abs(competing_pass.across.dot(aside.normalized())), 1, 1e-3);
   }
 }
 
@@ -366,11 +377,11 @@ TEST(MilledRivals, BesideTheEdgeOfACutTakeTheFlatterSide) {
   const Cutter flat{5.0, 0.0, 20.0};
   const CutterMotion motion = motion_of({Stop{{-9, 0, 0}}, Stop{{9, 0, 0}}});
   for (const double from_edge : {1e-6, 0.005, 0.0099}) {
-    const std::vector<Rival> rivals =
-        milled_rivals(design_of({Site{{0, 5 - from_edge, 0}}}), flat, motion);
-    ASSERT_EQ(rivals.size(), 1u);
-    EXPECT_LT((rivals[0].gradient - Vector3d::UnitZ()).norm(), 1e-9);
-    EXPECT_EQ(rivals[0].curvature, 0.0);
+    const std::vector<CompetingPass> competing_passes =
+        milled_competing_passes(design_of({Site{{0, 5 - from_edge, 0}}}), flat, motion);
+    ASSERT_EQ(competing_passes.size(), 1u);
+    EXPECT_LT((competing_passes[0].gradient - Vector3d::UnitZ()).norm(), 1e-9);
+    EXPECT_EQ(competing_passes[0].curvature, 0.0);
   }
 }
 
@@ -395,9 +406,9 @@ TEST(MilledRivals, DoNotDependOnTheNumberOfThreads) {
   const CutterMotion motion = raster(part, bull, {.lead = 0.1745});
   const auto with_threads = [&](std::size_t threads) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-    return milled_rivals(design, bull, motion);
+    return milled_competing_passes(design, bull, motion);
   };
-  const std::vector<Rival> one = with_threads(1);
+  const std::vector<CompetingPass> one = with_threads(1);
   EXPECT_GT(one.size(), 1000u);
   EXPECT_TRUE(same_bits(one, with_threads(2)));
   EXPECT_TRUE(same_bits(one, with_threads(7)));
@@ -406,16 +417,18 @@ TEST(MilledRivals, DoNotDependOnTheNumberOfThreads) {
 TEST(MilledRivals, RefuseOptionsThatMeanNothing) {
   const Design design = design_of({Site{{0, 0, 0}}});
   const CutterMotion motion = motion_of({Stop{{0, 0, 0}}});
-  const auto refused = [&](const RivalOptions& options) {
-    EXPECT_THROW(milled_rivals(design, ball_mill, motion, options), std::invalid_argument);
+  const auto refused = [&](const CompetingPassOptions& options) {
+    EXPECT_THROW(milled_competing_passes(design, ball_mill, motion, options),
+                 std::invalid_argument);
   };
   for (const double bad : {-1e-9, nan}) refused({.reach = bad});
   for (const int bad : {0, -1}) refused({.most = bad});
   for (const double bad : {0.0, -0.01, nan}) refused({.stencil = bad});
   for (const double bad : {0.0, nan}) refused({.band = bad});
-  EXPECT_TRUE(milled_rivals(design_of(std::vector<Site>{}), ball_mill, motion).empty());
-  EXPECT_TRUE(milled_rivals(design, ball_mill, motion_of(std::vector<Stop>{})).empty());
-  EXPECT_EQ(milled_rivals(design, ball_mill, motion, {.reach = 0.0, .most = 1}).size(), 1u);
+  EXPECT_TRUE(milled_competing_passes(design_of(std::vector<Site>{}), ball_mill, motion).empty());
+  EXPECT_TRUE(milled_competing_passes(design, ball_mill, motion_of(std::vector<Stop>{})).empty());
+  EXPECT_EQ(milled_competing_passes(design, ball_mill, motion, {.reach = 0.0, .most = 1}).size(),
+            1u);
 }
 
 // ---- turning ------------------------------------------------------------------------------------
@@ -464,8 +477,8 @@ TEST(TurnedRivals, OfAFaceAreTheRevolutionsAside) {
   const Eigen::Matrix3d R_wl = lathe_in_workpiece().linear();
   for (const int samples : {1, 24}) {
     const NoseMotion motion = motion_of(path_of({.feed = feed, .samples = samples}));
-    const std::vector<Rival> rivals =
-        turned_rivals(design, {nose_radius, {}}, motion, {.reach = 0.01, .most = 50});
+    const std::vector<CompetingPass> competing_passes =
+        turned_competing_passes(design, {nose_radius, {}}, motion, {.reach = 0.01, .most = 50});
     double worst[3] = {0, 0, 0};
     std::size_t k = 0;
     for (int v = 0; v < 4; ++v) {
@@ -481,21 +494,22 @@ TEST(TurnedRivals, OfAFaceAreTheRevolutionsAside) {
       const Vector3d e_c(0, -std::cos(vertex.angle), -std::sin(vertex.angle));
       for (const auto& [s, aside] : expected) {
         if (s > expected.front().first + 0.01) break;
-        ASSERT_LT(k, rivals.size());
-        const Rival& rival = rivals[k++];
-        EXPECT_EQ(rival.vertex, v);
+        ASSERT_LT(k, competing_passes.size());
+        const CompetingPass& competing_pass = competing_passes[k++];
+        EXPECT_EQ(competing_pass.vertex, v);
         const double depth = std::sqrt(nose_radius * nose_radius - aside * aside);
         const double slope = aside / depth;
         const Vector3d gradient_l =
             Vector3d::UnitX() - slope * e_r - slope * feed / (two_pi * vertex.r) * e_c;
         const double bend = nose_radius * nose_radius / std::pow(depth, 3);
-        worst[0] = std::max(worst[0], std::abs(rival.distance - s));
-        worst[1] = std::max(worst[1], (R_wl.transpose() * rival.gradient - gradient_l).norm());
-        worst[2] = std::max(worst[2], std::abs(rival.curvature / bend - 1));
-        EXPECT_NEAR(std::abs(rival.across.dot(R_wl * e_r)), 1, 1e-9);
+        worst[0] = std::max(worst[0], std::abs(competing_pass.distance - s));
+        worst[1] =
+            std::max(worst[1], (R_wl.transpose() * competing_pass.gradient - gradient_l).norm());
+        worst[2] = std::max(worst[2], std::abs(competing_pass.curvature / bend - 1));
+        EXPECT_NEAR(std::abs(competing_pass.across.dot(R_wl * e_r)), 1, 1e-9);
       }
     }
-    EXPECT_EQ(k, rivals.size());
+    EXPECT_EQ(k, competing_passes.size());
     std::cout << samples << " samples a turn: " << k << " rivals, distance " << worst[0]
               << " mm, gradient " << worst[1] << ", curvature " << 100 * worst[2] << " %\n";
     EXPECT_LT(worst[0], 1e-9);
@@ -509,8 +523,8 @@ TEST(TurnedRivals, ForetellADisplacedNose) {
   for (const double half_angle : {0.0, 0.3, 1.2, two_pi / 4})
     for (const int samples : {1, 24}) {
       const Turning turning{.samples = samples, .half_angle = half_angle};
-      const double least_r = 6 - 4.5 * std::cos(half_angle);
-      const double along = least_r / std::min(1.0, std::sin(half_angle) + 0.25);
+      const double min_r = 6 - 4.5 * std::cos(half_angle);
+      const double along = min_r / std::min(1.0, std::sin(half_angle) + 0.25);
       std::cout << "cone of " << half_angle << " rad, " << samples << " samples a turn\n";
       expect_predicted(turned_sites(turning, 500, 9), nose, motion_of(path_of(turning)),
                        {.cross_section = nose_radius, .pitch = turning.feed, .along = along});
@@ -537,9 +551,10 @@ TEST(TurnedRivals, OnTheSpindleLineAreFinite) {
   const Design design = design_of(vertices);
   const double off = check_first(design, Nose{nose_radius, {}}, motion_of(path));
   EXPECT_LT(off, 1e-7);
-  for (const Rival& rival : turned_rivals(design, {nose_radius, {}}, motion_of(path))) {
-    EXPECT_TRUE(rival.gradient.allFinite() && rival.across.allFinite());
-    EXPECT_TRUE(std::isfinite(rival.curvature));
+  for (const CompetingPass& competing_pass :
+       turned_competing_passes(design, {nose_radius, {}}, motion_of(path))) {
+    EXPECT_TRUE(competing_pass.gradient.allFinite() && competing_pass.across.allFinite());
+    EXPECT_TRUE(std::isfinite(competing_pass.curvature));
   }
 }
 
@@ -549,9 +564,9 @@ TEST(TurnedRivals, DoNotDependOnTheNumberOfThreads) {
   const NoseMotion motion = motion_of(path_of(turning));
   const auto with_threads = [&](std::size_t threads) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-    return turned_rivals(design, {nose_radius, {}}, motion);
+    return turned_competing_passes(design, {nose_radius, {}}, motion);
   };
-  const std::vector<Rival> one = with_threads(1);
+  const std::vector<CompetingPass> one = with_threads(1);
   EXPECT_GT(one.size(), 500u);
   EXPECT_TRUE(same_bits(one, with_threads(2)));
   EXPECT_TRUE(same_bits(one, with_threads(7)));

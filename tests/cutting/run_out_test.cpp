@@ -1,7 +1,7 @@
 // The union of a cutter's places by brute force: a point is in it if some place of the axis on a
 // fine grid of angles and heights has the point inside the cutter.
 
-#include "cutting/run_out.h"
+#include "cutting/surface/tool.h"
 
 #include <algorithm>
 #include <cmath>

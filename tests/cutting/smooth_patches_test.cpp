@@ -1,4 +1,4 @@
-#include "cutting/smooth_patches.h"
+#include "cutting/part/remeshing.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/nearest.h"
-#include "cutting/primitive.h"
+#include "cutting/part/design_points.h"
+#include "cutting/part/primitive.h"
 
 namespace abbe::cutting {
 namespace {
@@ -70,9 +70,9 @@ TEST(SmoothPatches, TheAngleDecides) {
 TEST(SmoothPatches, EdgesAtTheAngleAreCounted) {
   constexpr double right = std::numbers::pi / 2.0;
   const Design body = cube();
-  EXPECT_EQ(edges_about(body, right, 1e-3), 12);
-  EXPECT_EQ(edges_about(body, right + 2e-3, 1e-3), 0);
-  EXPECT_EQ(edges_about(body, 0.0, 1e-3), 6);  // across the squares
+  EXPECT_EQ(count_edges_near_angle(body, right, 1e-3), 12);
+  EXPECT_EQ(count_edges_near_angle(body, right + 2e-3, 1e-3), 0);
+  EXPECT_EQ(count_edges_near_angle(body, 0.0, 1e-3), 6);  // across the squares
 }
 
 TEST(SmoothPatches, AnEdgeThatEndsWithinAFaceSplitsItsVerticesUpToItsEnd) {
@@ -150,8 +150,8 @@ TEST(Nearest, ASmoothFacetOfASphereLiesOnIt) {
     }
     for (const std::array<double, 3>& weights :
          {std::array{1.0 / 3, 1.0 / 3, 1.0 / 3}, {0.5, 0.5, 0.0}, {0.2, 0.7, 0.1}}) {
-      const double flat = R - on_facet(corners, weights).point.norm();
-      const double smooth = R - on_smooth_facet(corners, weights).point.norm();
+      const double flat = R - facet_point(corners, weights).point.norm();
+      const double smooth = R - smooth_facet_point(corners, weights).point.norm();
       EXPECT_GT(flat, 3e-4);
       EXPECT_LT(std::abs(smooth), std::pow(L, 4) / (20.0 * R * R * R));
     }

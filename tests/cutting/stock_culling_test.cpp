@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/engagement.h"
+#include "cutting/stock/engagement.h"
 #include "tests/cutting/any_form.h"
 #include "tests/cutting/stock_parts.h"
 
@@ -77,8 +77,8 @@ TEST(StockCulling, LosesNothing) {
       const Vector3d step = random.once_in(8) ? Vector3d::Zero().eval()
                                               : Vector3d(random.decades(-9, 1.3) * random.any());
       const StockMove way{pose(tip, axis), pose(tip + step, target), move + 1, random.once_in(5)};
-      const Removed a = remove(culled, cutter, way);
-      const Removed b = remove(tried, cutter, way, Dexels::All);
+      const RemovalResult a = remove(culled, cutter, way);
+      const RemovalResult b = remove(tried, cutter, way, DexelSelection::All);
       cut += b.volume > 0;
       crashed += b.crashed;
       near += long(a.lines);
@@ -177,7 +177,7 @@ double counted(const Stock& stock, const Cutter& cutter, const Isometry3d& T_wt,
       const Vector3d e(std::cos(around), std::sin(around), 0);
       const Vector3d outward =
           std::sin(slice.kappa) * e - std::cos(slice.kappa) * Vector3d::UnitZ();
-      if (outward.dot(feed) <= least_facing) continue;
+      if (outward.dot(feed) <= min_facing) continue;
       for (int k = 0; k < places; ++k) {
         const Edge edge = edge_at(cutter, from + slice.length * (k + 0.5) / places);
         const Vector3d place = edge.radius * e + edge.height * Vector3d::UnitZ();

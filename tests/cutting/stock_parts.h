@@ -1,7 +1,7 @@
 #pragma once
 
-#include "cutting/stock.h"
-#include "kinematics/turn_between.h"
+#include "cutting/stock/stock.h"
+#include "kinematics/pose.h"
 
 /// Poses and blocks for the tests of a stock.
 namespace abbe::cutting {
@@ -10,7 +10,7 @@ inline Eigen::Isometry3d pose(const Eigen::Vector3d& tip,
                               const Eigen::Vector3d& axis = Eigen::Vector3d::UnitZ()) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation() = tip;
-  T.linear() = kinematics::turn_between(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
+  T.linear() = kinematics::rotation_between(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
   return T;
 }
 

@@ -1,4 +1,4 @@
-#include "cutting/stock.h"
+#include "cutting/stock/stock.h"
 
 #include <algorithm>
 #include <array>
@@ -96,7 +96,7 @@ WorstPlaces worst_of(const Stock& before, const Stock& after, const Cutter& cutt
         place_k[field.along] = at;
         const Vector3d point = after.T_wk * Vector3d(after.origin_k + place_k);
         const double d = oracles::sweep_distance(brute, from, to, point, 80);
-        const bool left = field.lines[index].inside_by(at) > 0.0;
+        const bool left = field.lines[index].signed_depth(at) > 0.0;
         if (left)
           worst.kept = std::max(worst.kept, -d);
         else
@@ -133,7 +133,7 @@ WorstPlaces worst_of_moves(double turn, int moves, unsigned seed) {
     if (i % 13 == 0) step.setZero();
     const Vector3d target = (axis + turn * any().cross(axis)).normalized();
     const StockMove move{pose(tip, axis), pose(tip + step, target), 1, false};
-    const Removed removed = remove(stock, cutter, move);
+    const RemovalResult removed = remove(stock, cutter, move);
     EXPECT_NEAR(removed.volume, volume(before) - volume(stock), 1e-6);
     const WorstPlaces one = worst_of(before, stock, cutter, move, random);
     worst.kept = std::max(worst.kept, one.kept);
@@ -207,7 +207,7 @@ Convergence convergence(const std::string& name, const Cutter& cutter, double de
       T_wk.linear() = R;
       Stock stock = make_stock(meshed_box(half, R.transpose()), T_wk, {h, true});
       const double y = h * unit(random);
-      const Removed removed =
+      const RemovalResult removed =
           remove(stock, cutter, straight({-40, y, half.z() - depth}, {40, y, half.z() - depth}));
       const double error = removed.volume - exact * 2 * half.x();
       sum += error * error;
@@ -245,7 +245,7 @@ TEST(Stock, APlaneAcrossTheLinesIsExact) {
   Stock stock = box({0, 0, 0}, {20, 10, 8}, 0.5, false);
   EXPECT_NEAR(volume(stock), 1600.0, 1e-9);
   const Cutter flat{30.0, 0.0, 50.0};
-  const Removed removed = remove(stock, flat, straight({-40, 5, 6.123}, {60, 5, 6.123}));
+  const RemovalResult removed = remove(stock, flat, straight({-40, 5, 6.123}, {60, 5, 6.123}));
   EXPECT_NEAR(removed.volume, 200 * (8 - 6.123), 1e-9);
   EXPECT_NEAR(volume(stock), 200 * 6.123, 1e-9);
 }
@@ -256,7 +256,7 @@ TEST(Stock, TheFaceOfACylinderIsMilledOff) {
     const double before = volume(stock);
     const double exact = pi * 144.0 * 10.0;
     const Cutter flat{30.0, 0.0, 50.0};
-    const Removed removed = remove(stock, flat, straight({-50, 0, 8.0}, {50, 0, 8.0}));
+    const RemovalResult removed = remove(stock, flat, straight({-50, 0, 8.0}, {50, 0, 8.0}));
     std::cout << "spacing " << h << ": cylinder " << before - exact << " mm^3 of " << exact
               << ", face " << removed.volume - 0.2 * exact << " of " << 0.2 * exact << "\n";
     EXPECT_NEAR(before, exact, 40 * std::pow(h, 1.5));
@@ -318,7 +318,7 @@ TEST(Stock, TheShankThatTurnsIntoAWallIsACrash) {
   Stock stock = box({0, 0, 0}, {30, 30, 20}, 0.5);
   for (double z = 18; z > 9; z -= 2) remove(stock, ball, straight({-5, 15, z}, {35, 15, z}));
   const Vector3d tip(15, 15, 10);
-  const Removed removed =
+  const RemovalResult removed =
       remove(stock, ball, {pose(tip), pose(tip, Vector3d(0, 0.4, 1).normalized()), 9, false});
   EXPECT_TRUE(removed.crashed);
   EXPECT_GT(removed.volume, 1.0);
@@ -346,7 +346,7 @@ TEST(Stock, AwkwardMovesDoWhatTheyShould) {
 TEST(Stock, PlungesGiveAHoleOfTheToolsShape) {
   Stock stock = box({-10, -10, 0}, {10, 10, 20}, 0.25);
   const Cutter ball{4.0, 4.0, 30.0};
-  const Removed removed = remove(stock, ball, straight({0, 0, 30}, {0, 0, 5}));
+  const RemovalResult removed = remove(stock, ball, straight({0, 0, 30}, {0, 0, 5}));
   const double exact = pi * 16 * (20 - 9) + 2.0 / 3.0 * pi * 64;
   std::cout << "plunge " << removed.volume << " of " << exact << " mm^3\n";
   EXPECT_NEAR(removed.volume, exact, 0.01 * exact);
@@ -541,7 +541,8 @@ TEST(Blank, BoxMeshAndCylinderHoldTheirVolume) {
   const Stock mesh = make_stock(meshed_box({5, 2.5, 1.5}), Isometry3d::Identity(), {0.5, true});
   EXPECT_NEAR(volume(mesh), 150.0, 1e-9);
   const Eigen::Matrix3d R = Eigen::Quaterniond(1, 0.2, -0.3, 0.4).normalized().toRotationMatrix();
-  const Stock turned = make_stock(meshed_box({5, 2.5, 1.5}, R), Isometry3d::Identity(), {0.1, true});
+  const Stock turned =
+      make_stock(meshed_box({5, 2.5, 1.5}, R), Isometry3d::Identity(), {0.1, true});
   EXPECT_NEAR(volume(turned), 150.0, 0.15);
 }
 

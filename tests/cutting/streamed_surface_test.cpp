@@ -1,4 +1,4 @@
-#include "cutting/streamed_surface.h"
+#include "cutting/surface/machined_surface.h"
 
 #include <algorithm>
 #include <cmath>

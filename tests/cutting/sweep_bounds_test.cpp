@@ -1,4 +1,4 @@
-#include "cutting/sweep_bounds.h"
+#include "cutting/surface/sweep_bounds.h"
 #include "tests/cutting/any_form.h"
 
 #include <array>
@@ -72,9 +72,9 @@ Situation situation(const Genes& g) {
   const double turn = g[13] < 0.4 ? 0.0 : decades(-9, std::log10(0.05), g[14]);
   const Vector3d step = g[15] < 0.05 ? Vector3d::Zero().eval()
                                      : Vector3d(decades(-9, 2, g[16]) * direction(g[17], g[18]));
-  const Vector3d apart = decades(-3, 3, g[19]) * direction(g[20], g[21]);
+  const Vector3d length_mismatch_text = decades(-3, 3, g[19]) * direction(g[20], g[21]);
   s.moves = {move_between(origin, axis, step, turn, g[22]),
-             move_between(origin + apart, axis, step, turn, g[22])};
+             move_between(origin + length_mismatch_text, axis, step, turn, g[22])};
   const Move& aim = s.moves[g[23] < 0.5 ? 0 : 1];
   const Vector3d to_end = direction(g[24], g[25]);
   const Vector3d end = aim.tip + g[30] * aim.step + r * axis + decades(-2, 2.5, g[26]) * to_end;
@@ -289,7 +289,7 @@ TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
       const Ray ray{at + axes * offset, sense * middle, 1.0};
       return PatchEnd({cutter, ray, 0.0, Vector3d::Zero(), 12 * R}, axes, halves, std::tan(lean));
     };
-    const PatchStretch rays{end(place + after * normal, 1.0), end(place - before * normal, -1.0)};
+    const PatchSegment rays{end(place + after * normal, 1.0), end(place - before * normal, -1.0)};
     closed_moves += (open_moves(leaves.moves[0], leaves.places[0], rays).bits & 1u) == 0;
     closed_nodes += (open_children(node, rays).bits & 1u) == 0;
   }
@@ -317,7 +317,7 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     put(leaves, 0, ball, {&move, 1});
     SweepNode node;
     for (int child = 0; child < 8; ++child) put(node, child, bounds_of(leaves, 0), move.tip);
-    const RayStretch stretch(ball, ray, ray.band, move.tip, 5.0);
+    const RaySegment stretch(ball, ray, ray.band, move.tip, 5.0);
     closed += open_moves(leaves.moves[0], leaves.places[0], stretch).bits == 0 ||
               open_children(node, stretch).bits == 0;
   }

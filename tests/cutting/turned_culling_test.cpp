@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/swept_nose.h"
+#include "cutting/surface/nose_cut.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
 
@@ -47,7 +47,7 @@ TEST(TurnedCulling, LosesNothing) {
     const Nose nose{random.decades(-1.3, 0.7), {}};
     const double feed = nose.radius * random.decades(-1.5, -0.3);
     const NosePath path = any_path(random, feed);
-    const SweptNose swept(nose, motion_of(path));
+    const NoseCutSearch swept(nose, motion_of(path));
     for (int ray = 0; ray < 40; ++ray) {
       const std::size_t near = std::size_t(random.in(0, double(path.T_lt.size()) - 0.01));
       const Vector3d centre = path.T_lt[near].translation();

@@ -6,9 +6,8 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/surface.h"
-#include "cutting/swept_nose.h"
-#include "kinematics/numbers.h"
+#include "cutting/surface/nose_cut.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/units.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
@@ -72,7 +71,7 @@ TestEdge insert_edge(const Insert& insert) {
 }
 
 TestEdge free_edge(const std::vector<OutlinePoint>& points) {
-  TestEdge edge{nose_of(edge_profile_through(points)), {}};
+  TestEdge edge{nose_of(edge_profile_from_points(points)), {}};
   std::vector<Vector2d> corners;
   Vector2d last = points.back().at;
   for (const OutlinePoint& point : points) {
@@ -227,7 +226,7 @@ void expect_as_brute(const char* what, std::uint64_t seed, int pairs, const AnyE
     const TestEdge edge = any_edge(random);
     const TestCut cut = any_cut(edge, i % 3 == 0 ? 0.0 : i % 3 == 1 ? 0.1 : 1.0, 4.0, random);
     const NoseMotion motion = motion_of(cut.path);
-    const std::optional<NoseCut> found = SweptNose(edge.nose, motion).first(cut.ray);
+    const std::optional<NoseCut> found = NoseCutSearch(edge.nose, motion).first(cut.ray);
     const oracles::BruteHit hit = brute(cut.ray, edge, motion);
     cuts += hit.cut;
     if (!agrees(found, cut, edge, motion, hit)) {
@@ -275,12 +274,12 @@ TEST(InsertSurface, OfACircleOfArcsIsThatOfTheNose) {
       const double angle = turn + 0.25 * two_pi * (k + random.in(0, 0.5));
       points.push_back({r * Vector2d(std::cos(angle), std::sin(angle)), r});
     }
-    const TestEdge edge{nose_of(edge_profile_through(points)), {}};
+    const TestEdge edge{nose_of(edge_profile_from_points(points)), {}};
     EXPECT_NEAR(edge.nose.radius, r, 1e-12);
     const TestCut cut = any_cut(edge, i % 2 == 0 ? 0.0 : 0.5, 4.0, random);
     const NoseMotion motion = motion_of(cut.path);
-    const auto found = SweptNose(edge.nose, motion).first(cut.ray);
-    const auto round = SweptNose({r, {}}, motion).first(cut.ray);
+    const auto found = NoseCutSearch(edge.nose, motion).first(cut.ray);
+    const auto round = NoseCutSearch({r, {}}, motion).first(cut.ray);
     ASSERT_EQ(found.has_value(), round.has_value()) << "seed " << seed + std::uint64_t(i);
     if (!found) continue;
     ++cuts;
@@ -302,7 +301,7 @@ TEST(InsertSurface, TheTreeLosesNothing) {
     const TestEdge edge =
         i % 2 == 0 ? any_free_edge(random) : any_insert_edge(random, random.in(-1, 1));
     const TestCut one = any_cut(edge, i % 3 == 0 ? 0.0 : 1.0, random.in(1, 60), random);
-    const SweptNose swept(edge.nose, motion_of(one.path));
+    const NoseCutSearch swept(edge.nose, motion_of(one.path));
     const auto found = swept.first(one.ray);
     const auto tried = swept.near(one.ray, found.value_or(NoseCut{}), no_turn_is_farther);
     cut += found.has_value();

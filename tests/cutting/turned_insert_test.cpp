@@ -6,12 +6,11 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/contacts.h"
-#include "cutting/engagement.h"
-#include "cutting/force.h"
-#include "cutting/nose_edge.h"
-#include "cutting/rivals.h"
-#include "cutting/surface.h"
+#include "cutting/stock/engagement.h"
+#include "cutting/stock/force.h"
+#include "cutting/surface/nose_cut.h"
+#include "cutting/surface/removal.h"
+#include "cutting/surface/surface.h"
 #include "kinematics/units.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
@@ -141,7 +140,7 @@ TEST(InsertMarks, HaveTheSlopeOfTheEdge) {
   const Design design = design_of(vertices);
   const Surface here = turned_surface(design, nose, motion);
   const Surface there = turned_surface(design_of(beside), nose, motion);
-  const Contacts contacts = turned_contacts(design, here, nose, motion);
+  const PassGradients contacts = turned_gradients(design, here, nose, motion);
   const Vector3d along = d * lathe_in_workpiece().linear().col(0);
   double worst = 0.0;
   for (Eigen::Index i = 0; i < here.residual.size(); ++i) {
@@ -158,11 +157,11 @@ TEST(InsertMarks, AreWhatItsRivalsBeginWith) {
   const Nose nose = nose_of(insert_profile(insert));
   const NoseMotion motion = motion_of(along_shaft(insert, 0.3));
   const Surface surface = turned_surface(design, nose, motion);
-  const std::vector<Rival> rivals = turned_rivals(design, nose, motion);
+  const std::vector<CompetingPass> competing_passes = turned_competing_passes(design, nose, motion);
   std::vector<double> nearest(9, 1e9);
-  for (const Rival& rival : rivals)
-    nearest[std::size_t(rival.vertex)] =
-        std::min(nearest[std::size_t(rival.vertex)], rival.distance);
+  for (const CompetingPass& competing_pass : competing_passes)
+    nearest[std::size_t(competing_pass.vertex)] =
+        std::min(nearest[std::size_t(competing_pass.vertex)], competing_pass.distance);
   for (int v = 0; v < 9; ++v) EXPECT_NEAR(nearest[std::size_t(v)], surface.residual[v], 1e-12);
 }
 
@@ -304,7 +303,7 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
     for (const double s : {inside->begin, inside->end})
       worst = std::max(worst, std::abs(distance(profile.pieces, point + s * step).value));
     EXPECT_TRUE(edge.contains(point + 0.5 * (inside->begin + inside->end) * step));
-    EXPECT_LE(std::abs(edge.reach(step) - step.dot(foremost(profile, step))), 0.0);
+    EXPECT_LE(std::abs(edge.reach(step) - step.dot(extreme_point(profile, step))), 0.0);
   }
   std::cout << "  seeds " << seed << " and on: ends of chords " << worst << " mm off the edge\n";
   EXPECT_LE(worst, 1e-12);
@@ -341,7 +340,7 @@ TEST(InsertEdge, ThatCannotBeIsRefused) {
   expect_refused("holds the circle", with([](Insert& i) { i.minor_length = 0.2; }));
 
   const auto through = [](const std::vector<OutlinePoint>& points) {
-    return [points] { edge_profile_through(points); };
+    return [points] { edge_profile_from_points(points); };
   };
   expect_refused("nothing", through({{{1, -1}}, {{1, 1}}, {{-1, 1}}, {{-1, -1}}}));
   expect_refused("clockwise", through({{{1, -1}}, {{-1, -1}}, {{-1, 1}}, {{1, 1}}}));
@@ -354,7 +353,7 @@ TEST(InsertEdge, ThatCannotBeIsRefused) {
     std::vector<OutlinePoint> star;
     for (int i = 0; i < 5; ++i)
       star.push_back({Vector2d(std::cos(0.8 * i * pi), std::sin(0.8 * i * pi))});
-    edge_profile_through(star);
+    edge_profile_from_points(star);
   });
   expect_refused("waves", [] {
     Nose nose = nose_of(insert_profile(pointed(75, 15)));

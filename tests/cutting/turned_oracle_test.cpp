@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
 #include "tests/oracles/brute_surface.h"

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <vector>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 
 /// Turned parts for tests. Lathe frame l: the spindle along x, the nose at +z of it with its frame
 /// parallel to l, y the height. It stands obliquely in the workpiece, so that no axis is special.

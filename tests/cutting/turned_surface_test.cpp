@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/surface.h"
+#include "cutting/surface/surface.h"
 #include "tests/cutting/largest_difference.h"
 #include "tests/cutting/turned_parts.h"
 #include "tests/kinematics/nan.h"

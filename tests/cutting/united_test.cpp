@@ -1,4 +1,4 @@
-#include "cutting/united.h"
+#include "cutting/surface/machined_surface.h"
 
 #include <iostream>
 
@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 constexpr double search_band = 2.0;  // mm
 
-SurfaceOf surface_of(const Cutter& cutter, const CutterMotion& motion) {
+SurfaceFunction surface_of(const Cutter& cutter, const CutterMotion& motion) {
   return [cutter, motion](const Design& design, double within) {
     return milled_surface(design, cutter, motion, {.band = within, .progress = {}});
   };
@@ -47,7 +47,7 @@ TEST(United, ASweepInPiecesIsTheSweep) {
   const Design design = sites(random, 3000);
   for (const Cutter& cutter :
        {Cutter{3.0, 3.0, 8.0}, Cutter{4.0, 1.0, 6.0}, Cutter{2.0, 0.0, 5.0}}) {
-    std::vector<SurfaceOf> pieces;
+    std::vector<SurfaceFunction> pieces;
     for (const auto& [first, last] : {std::pair{0, 9}, {9, 10}, {10, 31}, {31, 39}}) {
       const Index n = last - first + 1;
       pieces.push_back(surface_of(
@@ -56,7 +56,7 @@ TEST(United, ASweepInPiecesIsTheSweep) {
                    std::vector<int>(whole.line.begin() + first, whole.line.begin() + last + 1)}));
     }
     const Surface expected = surface_of(cutter, whole)(design, search_band);
-    const Surface found = united(design, pieces, search_band);
+    const Surface found = combined_surface(design, pieces, search_band);
     EXPECT_EQ(found.status, expected.status);
     int cut = 0;
     for (std::size_t i = 0; i < found.status.size(); ++i) {
@@ -86,13 +86,13 @@ TEST(United, IsTheLeastOfWhatToolsRemoveByBruteForce) {
   Random random(7);
   const std::vector<Cutter> cutters = {{3.0, 3.0, 8.0}, {4.0, 1.0, 6.0}, {2.0, 0.0, 5.0}};
   std::vector<std::vector<Stop>> stops;
-  std::vector<SurfaceOf> tools;
+  std::vector<SurfaceFunction> tools;
   for (const Cutter& cutter : cutters) {
     stops.push_back(wandering(random, 8));
     tools.push_back(surface_of(cutter, motion_of(stops.back())));
   }
   const Design design = sites(random, 150);
-  const Surface found = united(design, tools, search_band);
+  const Surface found = combined_surface(design, tools, search_band);
   int cut = 0, gouged = 0, by[3] = {};
   double largest = 0.0;
   for (Index v = 0; v < design.vertices.rows(); ++v) {
@@ -138,9 +138,10 @@ TEST(United, OfEqualCutsTheEarliestIsNamed) {
   late.time_s.array() += 100.0;
   late.line = {0, 70};
   for (const bool swapped : {false, true}) {
-    std::vector<SurfaceOf> tools = {surface_of(ball_mill, late), surface_of(ball_mill, early)};
+    std::vector<SurfaceFunction> tools = {surface_of(ball_mill, late),
+                                          surface_of(ball_mill, early)};
     if (swapped) std::swap(tools[0], tools[1]);
-    const Surface found = united(design, tools, search_band);
+    const Surface found = combined_surface(design, tools, search_band);
     EXPECT_EQ(found.cut_line[0], 10);
     EXPECT_DOUBLE_EQ(found.cut_time_s[0], 0.5);
   }
@@ -150,21 +151,21 @@ TEST(United, WhatLiesDeeperIsAGougeOnlyWhereNoToolCutsTheSurface) {
   // a groove far below the surface, and a cut at its height
   const Design design = design_of({{Vector3d(0, 0, 0)}, {Vector3d(5, 0, 0)}});
   const Cutter small{1.0, 1.0, 2.0};
-  const SurfaceOf groove =
+  const SurfaceFunction groove =
       surface_of(small, motion_of({{Vector3d(-9, 0, -8)}, {Vector3d(9, 0, -8)}}));
-  const SurfaceOf above =
+  const SurfaceFunction above =
       surface_of(small, motion_of({{Vector3d(0, -9, 0.1)}, {Vector3d(0, 9, 0.1)}}));
-  const Surface found = united(design, {groove, above}, search_band);
+  const Surface found = combined_surface(design, {groove, above}, search_band);
   EXPECT_EQ(found.status[0], VertexStatus::Cut);
   EXPECT_NEAR(found.residual[0], 0.1, 1e-9);
   EXPECT_EQ(found.status[1], VertexStatus::Gouged);
   ASSERT_EQ(found.gouges.size(), 1u);
   EXPECT_NEAR(found.gouges[0].depth, 8.0, 1e-6);
   // one that reaches up to -band takes the surface away
-  const SurfaceOf wide =
+  const SurfaceFunction wide =
       surface_of({1.0, 1.0, 9.0}, motion_of({{Vector3d(-9, 0, -8)}, {Vector3d(9, 0, -8)}}));
-  EXPECT_EQ(united(design, {wide, above}, search_band).status[0], VertexStatus::Gouged);
-  EXPECT_EQ(united(design, {above, wide}, search_band).status[0], VertexStatus::Gouged);
+  EXPECT_EQ(combined_surface(design, {wide, above}, search_band).status[0], VertexStatus::Gouged);
+  EXPECT_EQ(combined_surface(design, {above, wide}, search_band).status[0], VertexStatus::Gouged);
 }
 
 }  // namespace

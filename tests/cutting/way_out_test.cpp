@@ -1,4 +1,4 @@
-#include "cutting/way_out.h"
+#include "cutting/stock/separation.h"
 
 #include <algorithm>
 #include <chrono>
@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/collision.h"
+#include "cutting/stock/collision.h"
 #include "tests/cutting/held_parts.h"
 
 namespace abbe::cutting::way_out_tests {
@@ -243,7 +243,7 @@ void expect_known(const Known& known, std::mt19937& random) {
   for (const int times : {0, 3}) {
     if (times > 0 && known.a.triangles.rows() > 4000) continue;  // it has many
     const ClosedMesh mesh = refined(known.a, times);
-    const Body a = body_of(mesh), b = body_of(known.b);
+    const Body a = make_body(mesh), b = make_body(known.b);
     double worst = 0.0, longest = 0.0;
     for (int n = 0; n < 3; ++n) {
       const Pose T_a = n == 0 ? Pose::Identity() : held_parts::any_pose(random);
@@ -281,7 +281,7 @@ TEST(WayOut, OfACutterInPiecesIsThatOfItsSurface) {
   Cutter ball{5.0, 5.0, 20.0}, bull{5.0, 1.0, 20.0};
   for (const Cutter& cutter : {ball, bull})
     for (const int times : {0, 3}) {
-      const Body a = body_of(refined(pocket(), times)), b = body_of(cutter_pieces(cutter, sag));
+      const Body a = make_body(refined(pocket(), times)), b = make_body(cutter_pieces(cutter, sag));
       const double d = 0.3;
       const Pose T_a = held_parts::any_pose(random);
       for (const auto& [tip, depth] :
@@ -307,7 +307,7 @@ TEST(WayOut, OfAPartWithSeamsLeavesIt) {
           whole.vertices.row(whole.triangles(t, k)) + 1e-14 * noise.transpose();
       seams.triangles(t, k) = int(3 * t + k);
     }
-  const Body a = body_of(seams), b = body_of(sphere_mesh(3.0, sag));
+  const Body a = make_body(seams), b = make_body(sphere_mesh(3.0, sag));
   const Pose I = Pose::Identity();
   EXPECT_TRUE(is_inside(a, I, b, at({14, 2, 5})));
   EXPECT_FALSE(is_inside(a, I, b, at({14, 2, 15})));
@@ -324,8 +324,8 @@ TEST(WayOut, OfAStockIsTheShortest) {
   Stock stock = held_parts::full_block(T_wk, spacing);
   held_parts::mill_pocket(stock, ground, ground, held_parts::pocket_x, held_parts::pocket_y);
   const StockMesh mesh = stock_mesh(stock);
-  const Body a = body_of_patches({mesh.vertices_w, mesh.triangles, 0.0}, 32 * spacing);
-  const Body b = body_of(cylinder(5.0, 60.0));
+  const Body a = make_patched_body({mesh.vertices_w, mesh.triangles, 0.0}, 32 * spacing);
+  const Body b = make_body(cylinder(5.0, 60.0));
   std::cout << "seed " << seed << ", " << mesh.triangles.rows() << " triangles\n";
   for (const auto& [tip, depth] :
        {std::pair(Vector3d(wall + 4.5, mid_y, 12), 0.5),
@@ -405,7 +405,7 @@ TEST(WayOut, IsThatOfManyDirectionsTried) {
   double most = 0.0, deepest_less = 0.0, took = 0.0;
   const int scenes = std::getenv("ABBE_LONG") != nullptr ? 150 : 12;
   for (int n = 0; n < scenes; ++n) {
-    const Body a = body_of(random_body(random)), b = body_of(random_body(random));
+    const Body a = make_body(random_body(random)), b = make_body(random_body(random));
     const Pose T_a = held_parts::any_pose(random);
     const Pose T_ab = at(6.0 * Vector3d(any(random), any(random), any(random)),
                          3.0 * Vector3d(any(random), any(random), any(random)));

@@ -94,7 +94,7 @@ TEST(Assumptions, BlockSkipHasLevels) {
   const std::string siemens = "G71 G90 G0 X0 Y0\n/X1\n/1 X2\n/3 X3\nM30\n";
   const auto ends = [](const std::string& text, Dialect dialect, const char* levels) {
     ReadOptions options = options_of(dialect);
-    options.control.block_skip = *program::block_skip_of(levels);
+    options.control.block_skip = *program::parse_block_skip(levels);
     std::string all;
     for (const program::Block& block : program_of(text, options).path.blocks)
       all += fmt::format("{:g},{:g} ", block.end[1], block.end[2]);
@@ -107,10 +107,10 @@ TEST(Assumptions, BlockSkipHasLevels) {
   EXPECT_EQ(ends(siemens, Dialect::Siemens, "off"), "1,0 2,0 3,0 ");
   EXPECT_EQ(ends(siemens, Dialect::Siemens, "0"), "2,0 3,0 ") << "/ alone is /0";
   EXPECT_EQ(ends(siemens, Dialect::Siemens, "1 3"), "1,0 ");
-  EXPECT_FALSE(program::block_skip_of("yes"));
-  EXPECT_FALSE(program::block_skip_of(""));
+  EXPECT_FALSE(program::parse_block_skip("yes"));
+  EXPECT_FALSE(program::parse_block_skip(""));
   for (const char* levels : {"on", "off", "0", "1 3"})
-    EXPECT_EQ(program::to_text(*program::block_skip_of(levels)), levels);
+    EXPECT_EQ(program::to_text(*program::parse_block_skip(levels)), levels);
 }
 
 /// A circle of radius 25 around which the tool goes, with the entry at (25, -60), and where a tool
@@ -208,8 +208,7 @@ TEST(Assumptions, ATableRollsOverAsTheMachineSays) {
             "line 5: C rolls over and goes the short way, by -30 deg; a control without roll-over "
             "turns it by 690 (machine.axis.C.rollover)\n");
   ReadOptions linuxcnc = options_of(Dialect::LinuxCnc, machines::trunnion());
-  const ReadProgram by_difference =
-      program_of("G21 G90\nG0 C-150\nC540\nC-620\nM2\n", linuxcnc);
+  const ReadProgram by_difference = program_of("G21 G90\nG0 C-150\nC540\nC-620\nM2\n", linuxcnc);
   EXPECT_EQ(turns_of(by_difference, 0), (std::vector<double>{-150, 690, -1160}));
   EXPECT_EQ(said(by_difference, "machine.axis.C.rollover"),
             "line 3: C turns by the difference of its positions, by 690 deg; a control with "

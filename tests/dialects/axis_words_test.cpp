@@ -44,25 +44,24 @@ const Frame frames[] = {
 /// Words that may stand behind one, of all kinds that codes own.
 const std::vector<std::string>& words_behind(const Frame& frame) {
   static const std::vector<std::string> lathe = {
-      "X7. Z9.", "X0. Z0.",     "U7. W9.",   "Z9.",   "X7. Z9. R1. P1",
-      "U7.",     "X7. I6. K4.", "P1 Q1 X7.", "W-5.",  "C30. X7."};
+      "X7. Z9.", "X0. Z0.",     "U7. W9.",   "Z9.",  "X7. Z9. R1. P1",
+      "U7.",     "X7. I6. K4.", "P1 Q1 X7.", "W-5.", "C30. X7."};
   static const std::vector<std::string> siemens_lathe = {
-      "X7 Z9",      "X0 Z0",    "Z9",         "X=7 Z=9",      "X=IC(7)",    "(X,Z) X7",
-      "=5 X7 Z9",   "(1) X7",   "(\"A\") X7", "[X]=5 X7 Z9",  "X7 I6 K4",   "X7 RP=40",
-      "X7 CR=30 Z9"};
+      "X7 Z9",  "X0 Z0",      "Z9",          "X=7 Z=9",  "X=IC(7)",  "(X,Z) X7",   "=5 X7 Z9",
+      "(1) X7", "(\"A\") X7", "[X]=5 X7 Z9", "X7 I6 K4", "X7 RP=40", "X7 CR=30 Z9"};
   if (frame.turning) return frame.dialect == Dialect::Siemens ? siemens_lathe : lathe;
   static const std::vector<std::string> iso = {
-      "X7. Y8. Z9.",        "X0. Y0.",          "Z9.",
-      "A4. C5.",            "X7. Y8. Z9. A4.",  "X7. Y8. I6. J5. K4.",
-      "X7. Y8. R3.",        "X7. Y8. P2",       "X7. Y8. Q2.",
-      "X7. Y8. Z9. R1 P1 Q1", "P1 X7. Y8.",     "Q1 X0. Y0. Z0."};
+      "X7. Y8. Z9.",         "X0. Y0.",       "Z9.",        "A4. C5.",     "X7. Y8. Z9. A4.",
+      "X7. Y8. I6. J5. K4.", "X7. Y8. R3.",   "X7. Y8. P2", "X7. Y8. Q2.", "X7. Y8. Z9. R1 P1 Q1",
+      "P1 X7. Y8.",          "Q1 X0. Y0. Z0."};
   static const std::vector<std::string> siemens = {
-      "X7 Y8 Z9",  "X0 Y0",      "Z9",          "A4 C5",           "X=7 Y=8 Z=9",
-      "X=AC(7)",   "(X,Y) X7",   "=5 X7 Y8 Z9", "[X]=5 X7 Y8 Z9",  "(1) X7 Y8",
+      "X7 Y8 Z9",   "X0 Y0",       "Z9",          "A4 C5",          "X=7 Y=8 Z=9",
+      "X=AC(7)",    "(X,Y) X7",    "=5 X7 Y8 Z9", "[X]=5 X7 Y8 Z9", "(1) X7 Y8",
       "(\"A\") X7", "X7 Y8 I6 J5", "AP=30 RP=40", "(X) Y8 Z9"};
-  static const std::vector<std::string> klartext = {"X+7 Y+8 Z+9", "X+0 Y+0", "Z+9", "A+4 C+5",
-                                                    "IX+7",        "X+7 Y+8 F30"};
-  static const std::vector<std::string> cl = {"/7,8,9", "/X,7,Y,8,Z,9", "/7,8,9,0,0,1", "/ON,7,8,9"};
+  static const std::vector<std::string> klartext = {"X+7 Y+8 Z+9", "X+0 Y+0", "Z+9",
+                                                    "A+4 C+5",     "IX+7",    "X+7 Y+8 F30"};
+  static const std::vector<std::string> cl = {"/7,8,9", "/X,7,Y,8,Z,9", "/7,8,9,0,0,1",
+                                              "/ON,7,8,9"};
   switch (frame.dialect) {
     case Dialect::Siemens:
       return siemens;
@@ -77,8 +76,7 @@ const std::vector<std::string>& words_behind(const Frame& frame) {
 
 ReadOptions axis_options(const Frame& frame) {
   ReadOptions options;
-  options.control =
-      machines::options_for(frame.turning ? test::lathe() : machines::gantry());
+  options.control = machines::options_for(frame.turning ? test::lathe() : machines::gantry());
   options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
   options.dialect = frame.dialect;
   options.turning.control = frame.turning ? ControlKind::Turning : ControlKind::Milling;
@@ -132,7 +130,8 @@ struct Count {
 /// The words of axes alone: of `P1 X7. Y8. Q2` X7. Y8., as the others are the tried word's own.
 std::string axis_words_of(const std::string& behind) {
   const bool glued = std::string_view("([=").find(behind[0]) != std::string_view::npos;
-  std::istringstream words(glued ? behind.substr(std::min(behind.find(' '), behind.size())) : behind);
+  std::istringstream words(glued ? behind.substr(std::min(behind.find(' '), behind.size()))
+                                 : behind);
   std::string axes;
   for (std::string word; words >> word;)
     if (std::string_view("XYZACUW").find(word[0]) != std::string_view::npos) axes += word + " ";
@@ -141,7 +140,7 @@ std::string axis_words_of(const std::string& behind) {
 
 /// One line of a word without effect: refused, or without a move, or with the move that the line
 /// makes without the word; and no later move is another.
-void try_without_effect(const Frame& frame, const WordUse& use, const std::string& word,
+void try_without_effect(const Frame& frame, const WordTableEntry& use, const std::string& word,
                         const std::string& behind, Count& count) {
   const bool glued = behind[0] == '/' || behind[0] == '(' || behind[0] == '=' || behind[0] == '[';
   const std::string line = word + (glued ? "" : " ") + behind + "\n";
@@ -214,7 +213,8 @@ void try_refused(const Frame& frame, const std::string& word, Count& count) {
   }
 }
 
-void try_word(const Frame& frame, const WordUse& use, const std::string& word, Count& count) {
+void try_word(const Frame& frame, const WordTableEntry& use, const std::string& word,
+              Count& count) {
   const bool without_effect = use.use == Use::WithoutEffect;
   ++count.words;
   if (use.use == Use::Refused) return try_refused(frame, word, count);
@@ -230,9 +230,9 @@ void try_word(const Frame& frame, const WordUse& use, const std::string& word, C
 
 /// Tries every word of a table: each is tried, or stands within other words only, or is read with
 /// the motion of its block.
-Count try_table(const Frame& frame, std::span<const WordUse> table) {
+Count try_table(const Frame& frame, std::span<const WordTableEntry> table) {
   Count count;
-  for (const WordUse& use : table)
+  for (const WordTableEntry& use : table)
     each_word(use.word, [&](std::string_view one) {
       ++count.listed;
       // a statement of cutter locations owns what stands behind it: no motion is in force
@@ -260,10 +260,9 @@ TEST(AxisWords, BesideWordsThatAreNoMotionMoveNothing) {
     ASSERT_TRUE(path_of(frame.before + "\n" + frame.after, frame)) << title;
     const Count count = try_table(frame, own_table ? front->turning_words() : front->words());
     std::cout << title << ": " << count.listed << " words, " << count.words << " tried, "
-              << count.with_motion << " read with a motion, " << count.within
-              << " within others; " << count.lines << " lines: " << count.refused << " refused, "
-              << count.still << " without a move, " << count.of_motion
-              << " with that of the motion in force\n";
+              << count.with_motion << " read with a motion, " << count.within << " within others; "
+              << count.lines << " lines: " << count.refused << " refused, " << count.still
+              << " without a move, " << count.of_motion << " with that of the motion in force\n";
     EXPECT_GT(count.words, 5) << title;
     EXPECT_GT(count.still, 5) << title;
     EXPECT_EQ(count.words + count.with_motion + count.within, count.listed) << title;

@@ -7,8 +7,8 @@
 #include <iostream>
 #include <random>
 
-#include "kinematics/inverse.h"
-#include "sim/dialects/bad_program.h"
+#include "kinematics/inverse_kinematics.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/sample.h"
 #include "tests/injured.h"
@@ -292,7 +292,7 @@ TEST(CutterLocations, ALongArcWhoseSenseIsInDoubtIsWarnedOfWithBothReadings) {
 
 TEST(CutterLocations, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions options = cl_options();
-  options.on_unknown = OnUnknown::Warn;
+  options.on_unknown = UnknownWordPolicy::Warn;
   const ReadProgram read = read_locations(
       "UNITS/MM\nFEDRAT/600,LOCK\nGOTO/1,2,3\nPOLISH/ON\nGOTO/2,2,3\nPOLISH/OFF\n", options);
   ASSERT_EQ(read.skipped.size(), 2u);
@@ -341,7 +341,7 @@ TEST(CutterLocations, NoiseAndDamageAreReadOrRefusedWithAPlace) {
       }
       ++read;
     } catch (const BadProgram& bad) {
-      for (const BadInput& fault : bad.faults) ASSERT_GE(fault.line, 1) << text;
+      for (const BadInput& fault : bad.input_errors) ASSERT_GE(fault.line, 1) << text;
       ++refused;
     }
   }

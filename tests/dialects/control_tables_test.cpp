@@ -1,7 +1,7 @@
 // Tool tables and work offsets of four controls: the same figures from each, refusals with a place,
 // and damaged files.
 
-#include "sim/dialects/control_tables.h"
+#include "sim/dialects/control_table_files.h"
 
 #include <chrono>
 #include <iostream>
@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_options.h"
 #include "tests/program/machines.h"
 
 namespace abbe::sim::dialects {
@@ -184,7 +184,7 @@ TEST(ControlTables, DamagedFilesAreReadOrRefusedWithAPlace) {
       ++read;
     } catch (const BadProgram& bad) {
       ++refused;
-      for (const BadInput& fault : bad.faults) {
+      for (const BadInput& fault : bad.input_errors) {
         ASSERT_EQ(fault.file, "f");
         ASSERT_GT(fault.line, 0) << bad.text << "\n" << text;
         ASSERT_GT(fault.column, 0) << bad.text << "\n" << text;

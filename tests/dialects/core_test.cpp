@@ -4,7 +4,6 @@
 
 #include "kinematics/bad_input.h"
 #include "sim/dialects/expression.h"
-#include "sim/dialects/variables.h"
 
 namespace abbe::sim::dialects {
 namespace {

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <random>
 
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
@@ -134,7 +134,7 @@ TEST(Fanuc, AllFaultsAreReportedTogether) {
             "measure), seen G31\n"
             "part.nc:5:2: expected a variable of #0 to #99999, seen #[-1]");
   ReadOptions with = fanuc_options();
-  with.on_unknown = OnUnknown::Warn;
+  with.on_unknown = UnknownWordPolicy::Warn;
   const ReadProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
   ASSERT_EQ(read.skipped.size(), 3u);  // G187 P1 M77
   EXPECT_EQ(read.skipped[0].count, 2u);
@@ -216,12 +216,12 @@ TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
       SCOPED_TRACE(motion + " " + once);
       ++pairs;
       const program::Path beside = fanuc_read(begin + motion + " " + once + "\n" + behind).path;
-      const program::Path apart =
+      const program::Path length_mismatch_text =
           fanuc_read(begin + once + "\n" + motion + " " + behind).path;
-      ASSERT_EQ(beside.blocks.size(), apart.blocks.size());
-      for (std::size_t i = 0; i < apart.blocks.size(); ++i) {
-        EXPECT_EQ(beside.blocks[i].end, apart.blocks[i].end);
-        EXPECT_EQ(beside.blocks[i].end_s, apart.blocks[i].end_s);
+      ASSERT_EQ(beside.blocks.size(), length_mismatch_text.blocks.size());
+      for (std::size_t i = 0; i < length_mismatch_text.blocks.size(); ++i) {
+        EXPECT_EQ(beside.blocks[i].end, length_mismatch_text.blocks[i].end);
+        EXPECT_EQ(beside.blocks[i].end_s, length_mismatch_text.blocks[i].end_s);
       }
     }
   EXPECT_EQ(pairs, 16);
@@ -246,16 +246,20 @@ TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
   with.control = machines::options_for(machines::three_axis());
   with.control.tool_radius = {{1, 5.0}};
   const std::string contour = "Y30.\nX60.\nY0.\nG40 X40.\nM30\n";
-  const program::Path fanuc = fanuc_read(
-      "G21 G90 G17\nT1 M6\nG0 X0. Y0. Z5.\nG1 Z-1. F100.\nG41 D1 X20. Y0.\n" + contour, with).path;
+  const program::Path fanuc =
+      fanuc_read("G21 G90 G17\nT1 M6\nG0 X0. Y0. Z5.\nG1 Z-1. F100.\nG41 D1 X20. Y0.\n" + contour,
+                 with)
+          .path;
   const auto entry = std::ranges::find(fanuc.blocks, 5, &program::Block::line);
   ASSERT_NE(entry, fanuc.blocks.end());
   EXPECT_NEAR(entry->end[0], 15.0, 1e-12);
   EXPECT_NEAR(entry->end[1], 0.0, 1e-12);
   with.dialect = Dialect::Siemens;
   const program::Path siemens =
-      read_program("G71 G90 G17 G94 NORM G450\nT1 D1 M6\nG0 X0 Y0 Z5\nG1 Z-1 F100\nG41 X20 Y0\n" +
-                       contour, "part.mpf", with).path;
+      read_program(
+          "G71 G90 G17 G94 NORM G450\nT1 D1 M6\nG0 X0 Y0 Z5\nG1 Z-1 F100\nG41 X20 Y0\n" + contour,
+          "part.mpf", with)
+          .path;
   ASSERT_EQ(siemens.blocks.size(), fanuc.blocks.size());
   for (std::size_t i = 0; i < fanuc.blocks.size(); ++i)
     EXPECT_LT((siemens.blocks[i].end - fanuc.blocks[i].end).head(2).norm(), 1e-12) << i;
@@ -263,10 +267,10 @@ TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
   EXPECT_NE(fanuc_refusal("G21 G90 F100.\nG41 D1 G2 X20. Y0. R10.\n", with)
                 .find("a line as the first move"),
             std::string::npos);
-  EXPECT_EQ(fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nG41 Y30.\nX60.\nG40 X70.\n", with)
-                .path.motion_blocks,
-            fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nY30.\nX60.\nG40 X70.\n", with)
-                .path.motion_blocks)
+  EXPECT_EQ(
+      fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nG41 Y30.\nX60.\nG40 X70.\n", with)
+          .path.motion_blocks,
+      fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nY30.\nX60.\nG40 X70.\n", with).path.motion_blocks)
       << "the same side again is no change";
 }
 
@@ -404,7 +408,7 @@ TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
       ++read;
     } catch (const BadProgram& bad) {
       ++refused;
-      for (const BadInput& fault : bad.faults) {
+      for (const BadInput& fault : bad.input_errors) {
         ASSERT_GT(fault.line, 0) << fault.what();
         ASSERT_EQ(fault.file, "part.nc");
       }

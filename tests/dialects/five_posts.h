@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
 
 /// One toolpath as cutter locations and as posts for every control, for tests that hold them

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <vector>
 
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 

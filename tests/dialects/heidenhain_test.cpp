@@ -9,9 +9,9 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
-#include "kinematics/inverse.h"
-#include "sim/dialects/bad_program.h"
-#include "sim/dialects/heidenhain_words.h"
+#include "kinematics/inverse_kinematics.h"
+#include "sim/dialects/heidenhain/block.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
@@ -304,8 +304,8 @@ TEST(Heidenhain, ToolsAreCalledByTheirNames) {
   };
   for (const auto& [by_name, by_number] : {std::pair("\"BALL 10\"", "1"), {"\"mill\"", "2"}}) {
     const program::Path named = reads(std::string("TOOL CALL ") + by_name);
-    const program::Path numbered = reads(std::string("TOOL CALL ") + by_number);
-    EXPECT_EQ(named.blocks.back().end, numbered.blocks.back().end);
+    const program::Path numbered_name = reads(std::string("TOOL CALL ") + by_number);
+    EXPECT_EQ(named.blocks.back().end, numbered_name.blocks.back().end);
     EXPECT_EQ(named.tool_calls.back().number, std::stoi(by_number));
   }
   EXPECT_NE(reads("TOOL CALL \"mill\"").blocks.back().end,
@@ -350,7 +350,7 @@ TEST(Heidenhain, FaultsAreNamedAtTheirPlace) {
 
 TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
   int m_words = 0;
-  for (const WordUse& line : heidenhain_words()) {
+  for (const WordTableEntry& line : heidenhain_words()) {
     std::istringstream all{std::string(line.word)};
     for (std::string word; all >> word;) {
       std::string text = word;
@@ -397,8 +397,8 @@ TEST(Heidenhain, AWordTwiceAndHalfOfACycleAreInputErrors) {
   EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\n" + move + "CYCL DEF 7.1 X+5\n")
                 .find("CYCL DEF 7.1 behind"),
             std::string::npos);
-  EXPECT_EQ(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5\n" +
-                             move),
+  EXPECT_EQ(klartext_refusal(
+                begin + "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5\n" + move),
             "accepted");
   EXPECT_NE(klartext_refusal("BEGIN PGM A MM\n" + begin + move + "BEGIN PGM B INCH\n" + move)
                 .find("END PGM before BEGIN PGM"),
@@ -499,7 +499,8 @@ TEST(Heidenhain, SurvivesWhatIsNoProgram) {
       ++read_well;
     } catch (const BadProgram& bad) {
       ++refused;
-      for (const BadInput& fault : bad.faults) ASSERT_GE(fault.line, 1) << fault.what() << text;
+      for (const BadInput& fault : bad.input_errors)
+        ASSERT_GE(fault.line, 1) << fault.what() << text;
     }
   }
   std::cout << read_well << " read, " << refused << " refused\n";

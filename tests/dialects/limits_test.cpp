@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "kinematics/nesting.h"
-#include "sim/dialects/bad_program.h"
+#include "kinematics/text.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
@@ -32,7 +32,7 @@ std::vector<BadInput> errors_of(const std::string& text, const ReadOptions& opti
   try {
     read_program(text, "part", options);
   } catch (const BadProgram& bad) {
-    return bad.faults;
+    return bad.input_errors;
   } catch (const BadInput& bad) {
     return {bad};
   }
@@ -254,7 +254,7 @@ TEST(ProgramLimits, MemoryOfMovesIsALimitOfItsOwn) {
   }
   // of what is given away as it is made nothing is kept
   std::size_t moves = 0;
-  options.each_piece = [&](program::Path piece) { moves += piece.blocks.size(); };
+  options.on_path_segment = [&](program::Path piece) { moves += piece.blocks.size(); };
   options.control.max_move_bytes = std::size_t(64) << 20;
   EXPECT_TRUE(
       errors_of("F100\no1 repeat [200000]\nG91 G1 X1\nX-1\no1 endrepeat\n", options).empty());
@@ -366,8 +366,9 @@ TEST(ProgramEncoding, ACrAloneIsOneInputError) {
       {Dialect::LinuxCnc, "G21 G90\n(a note)\nG0 X1\nY2\nM2\n"},
       {Dialect::Fanuc, "%\nO1\nG21 G90\nG0 X10.\nY20. (a note)\nM30\n%\n"},
       {Dialect::Siemens, "G71 G90 ;a note\nG0 X10\nY20\nM30\n"},
-      {Dialect::Heidenhain, "BEGIN PGM A MM\nTOOL CALL 1 Z S100 F100\nL X+10 R0 ;a note\nL Y+2\n"
-                            "END PGM A MM\n"},
+      {Dialect::Heidenhain,
+       "BEGIN PGM A MM\nTOOL CALL 1 Z S100 F100\nL X+10 R0 ;a note\nL Y+2\n"
+       "END PGM A MM\n"},
       {Dialect::Cl, "UNITS/MM\nFEDRAT/100,MMPM $$ a note\nGOTO/1,2,3\nGOTO/2,2,3\nFINI\n"}};
   for (const auto& [dialect, text] : programs)
     for (const Dialect read_as : {dialect, Dialect::Auto}) {

@@ -8,8 +8,8 @@
 #include <map>
 #include <thread>
 
-#include "sim/dialects/bad_program.h"
-#include "sim/dialects/linuxcnc_packages.h"
+#include "sim/dialects/linuxcnc/rs274.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/linuxcnc_interpreter.h"
 #include "tests/dialects/linuxcnc_moves.h"
@@ -27,7 +27,7 @@ using program::Interpolation;
 using program::Path;
 
 #define NEEDS_LINUXCNC \
-  if (!linuxcnc_packages()) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc"
+  if (!find_linuxcnc()) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc"
 
 constexpr double same_mm = 1e-9;  // up to 1 m, and 1e-12 of the position beyond; degrees likewise
 
@@ -49,7 +49,7 @@ ReadProgram by_linuxcnc(const std::string& text, ReadOptions options) {
   return read_program(text, "part.ngc", options);
 }
 
-std::string fault_of(const std::string& text, const ReadOptions& options) {
+std::string distribution_error(const std::string& text, const ReadOptions& options) {
   try {
     by_linuxcnc(text, options);
   } catch (const BadInput& fault) {
@@ -75,10 +75,10 @@ std::string text_of_block(const Path& path, const Block& block) {
 }
 
 double distance_of(const Path& a, const Block& p, const Path& b, const Block& q) {
-  constexpr double another = 1e9;
+  constexpr double alternative_folder_text = 1e9;
   if (p.interpolation != q.interpolation || p.end.size() != q.end.size() || p.inch != q.inch ||
       p.work_offset != q.work_offset || p.tool_length != q.tool_length)
-    return another;
+    return alternative_folder_text;
   const double size = std::max(1000.0, p.end.cwiseAbs().maxCoeff());
   double off = (p.end - q.end).cwiseAbs().maxCoeff() * 1000 / size;
   // seconds since the start of the block, whatever the ones before have cost; of G93 LinuxCNC makes
@@ -91,7 +91,7 @@ double distance_of(const Path& a, const Block& p, const Path& b, const Block& q)
   const program::Arc &arc = a.arcs[p.shape], &other = b.arcs[q.shape];
   if (arc.first != other.first || arc.second != other.second ||
       (arc.turned < 0) != (other.turned < 0))
-    return another;
+    return alternative_folder_text;
   // the centre of half a turn by its R is as good as the root of the last digit
   const double far = (arc.centre - other.centre).norm() * 1000 / size;
   const bool half = std::abs(std::abs(arc.sweep) - pi) < 1e-3;
@@ -230,7 +230,7 @@ TEST(LinuxCncByItself, RandomProgramsMeanTheSame) {
 // are held against the oracle, which reads the same commands with code of its own.
 TEST(LinuxCncByItself, CompensatedProgramsAreWhatItPutsOut) {
   NEEDS_LINUXCNC;
-  const test::Interpreter oracle(*linuxcnc_packages());
+  const test::Interpreter oracle(*find_linuxcnc());
   const unsigned first_seed = 41, programs = 60;
   int taken = 0;
   double off = 0.0;
@@ -276,10 +276,10 @@ TEST(LinuxCncByItself, ModesOfFeedAndSpindleToolsAndStopsAreTheSame) {
     EXPECT_EQ(ours.tool_calls[i].before, theirs.tool_calls[i].before) << i;
     EXPECT_EQ(ours.tool_calls[i].line, theirs.tool_calls[i].line) << i;
   }
-  ASSERT_EQ(ours.asides.size(), theirs.asides.size());
-  for (std::size_t i = 0; i < ours.asides.size(); ++i) {
-    EXPECT_EQ(ours.asides[i].text, theirs.asides[i].text) << i;
-    EXPECT_EQ(ours.asides[i].before, theirs.asides[i].before) << i;
+  ASSERT_EQ(ours.auxiliary_words.size(), theirs.auxiliary_words.size());
+  for (std::size_t i = 0; i < ours.auxiliary_words.size(); ++i) {
+    EXPECT_EQ(ours.auxiliary_words[i].text, theirs.auxiliary_words[i].text) << i;
+    EXPECT_EQ(ours.auxiliary_words[i].before, theirs.auxiliary_words[i].before) << i;
   }
   ASSERT_EQ(theirs.tool_comments.size(), 1u);
   EXPECT_EQ(theirs.tool_comments[0].words.diameter, 6.0);
@@ -304,10 +304,12 @@ TEST(LinuxCncByItself, OffsetsOfTheSceneAndThePlaceOfTheAxesAreItsOwn) {
   const Difference found = difference_of(ours, by_linuxcnc(text, options).path);
   EXPECT_EQ(found.text, "");
   std::cout << ours.blocks.size() << " blocks within " << found.off << "\n";
-  EXPECT_NE(fault_of("G10 L2 P1 X5\nG0 X1\nM2\n", options).find("part.ngc:1: expected neither"),
-            std::string::npos);
-  EXPECT_NE(fault_of("G0 X1\nG0 X#5221\nM2\n", options).find("part.ngc:2: expected neither"),
-            std::string::npos);
+  EXPECT_NE(
+      distribution_error("G10 L2 P1 X5\nG0 X1\nM2\n", options).find("part.ngc:1: expected neither"),
+      std::string::npos);
+  EXPECT_NE(
+      distribution_error("G0 X1\nG0 X#5221\nM2\n", options).find("part.ngc:2: expected neither"),
+      std::string::npos);
 }
 
 /// What is in a folder while its name lives; TMPDIR leads into it.
@@ -348,7 +350,7 @@ TEST(LinuxCncByItself, SubprogramsInFilesOfTheirOwnKeepTheirLines) {
   EXPECT_EQ(theirs.more_files[theirs.blocks[1].file - 1u], (folder.path() / "edge.ngc").string());
   EXPECT_EQ(theirs.blocks[1].line, 3);
   std::ofstream(folder.path() / "edge.ngc") << "o<edge> sub\n\nG1 Z-1 F100\nG12\no<edge> endsub\n";
-  const std::string fault = fault_of(text, options);
+  const std::string fault = distribution_error(text, options);
   EXPECT_NE(fault.find((folder.path() / "edge.ngc").string() + ":4: "), std::string::npos) << fault;
   EXPECT_NE(fault.find("Unknown g code"), std::string::npos) << fault;
 }
@@ -366,7 +368,7 @@ TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
       {"G0 X1\nM199\nM2\n", "Unknown m code used: M199"},
   };
   for (const auto& [text, expected] : programs) {
-    const std::string fault = fault_of(text, options);
+    const std::string fault = distribution_error(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
   }
 }
@@ -390,23 +392,23 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
       {"G0 X2000000\nM2\n", "part.ngc:1: expected a position within 1e6 mm"},
   };
   for (const auto& [text, expected] : programs) {
-    const std::string fault = fault_of(text, options);
+    const std::string fault = distribution_error(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
   }
-  EXPECT_EQ(fault_of("G21 G43 H1\nG20\nG0 Z1\nG21\nG53 G0 Z0\nM2\n", options), "none");
-  EXPECT_NE(fault_of("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options)
+  EXPECT_EQ(distribution_error("G21 G43 H1\nG20\nG0 Z1\nG21\nG53 G0 Z0\nM2\n", options), "none");
+  EXPECT_NE(distribution_error("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options)
                 .find("part.ngc:1: expected at most 252 characters"),
             std::string::npos);
   ReadOptions three;
   three.control = machines::options_for(machines::three_axis());
   three.dialect = Dialect::LinuxCnc;
-  const std::string fault = fault_of("G0 X1\nG0 A5\nG0 X2\nG1 X3\nM2\n", three);
+  const std::string fault = distribution_error("G0 X1\nG0 A5\nG0 X2\nG1 X3\nM2\n", three);
   EXPECT_NE(fault.find("part.ngc:2: expected an axis of this machine (X Y Z)"), std::string::npos);
   EXPECT_EQ(fault.find("part.ngc:3: "), std::string::npos) << fault;
   EXPECT_NE(fault.find("part.ngc:4: expected a block"), std::string::npos) << fault;
   ReadOptions any = six_axes();
   any.dialect = Dialect::Auto;
-  EXPECT_NE(fault_of("O1001\nG65 P9010 A1\nM30\n", any)
+  EXPECT_NE(distribution_error("O1001\nG65 P9010 A1\nM30\n", any)
                 .find("part.ngc:1: expected a program of LinuxCNC"),
             std::string::npos);
 }
@@ -430,14 +432,15 @@ TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {
                                             "N5 O < ../" + path + " > CALL",
                                             ";" + python + std::string(400, ' ')};
   for (const std::string& line : escapes) {
-    const std::string fault = fault_of("G0 X1\n" + line + "\nM2\n", options);
+    const std::string fault = distribution_error("G0 X1\n" + line + "\nM2\n", options);
     EXPECT_NE(fault.find("part.ngc:2: expected"), std::string::npos) << line << "\n" << fault;
     EXPECT_FALSE(fs::exists(written)) << line;
   }
   options.folder = folder.path();
-  const std::string fault = fault_of("G0 X1\no<sub> call\nM2\n", options);
+  const std::string fault = distribution_error("G0 X1\no<sub> call\nM2\n", options);
   EXPECT_NE(fault.find("sub.ngc:4: expected no Python"), std::string::npos) << fault;
-  EXPECT_EQ(fault_of("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options), "none");
+  EXPECT_EQ(distribution_error("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options),
+            "none");
   EXPECT_FALSE(fs::exists(written));
 }
 
@@ -446,12 +449,12 @@ TEST(LinuxCncByItself, ProgramsWithoutEndEndByTheLimits) {
   const auto seconds_of = [](const std::string& text, const ReadOptions& options,
                              const char* expected) {
     const auto start = std::chrono::steady_clock::now();
-    const std::string fault = fault_of(text, options);
+    const std::string fault = distribution_error(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   ReadOptions options = six_axes();
-  options.each_piece = [](const Path&) {};
+  options.on_path_segment = [](const Path&) {};
   options.interpreter_limits.seconds = 1.0;
   for (const char* text : {"o1 while [1]\n#1 = [#1 + 1]\no1 endwhile\nM2\n",
                            "o1 while [1]\n(PRINT, #1)\n(DEBUG, more)\no1 endwhile\nM2\n"}) {
@@ -537,7 +540,7 @@ TEST(LinuxCncByItself, WithoutItTheFaultSaysHowToGetIt) {
   const char* named = std::getenv("ABBE_LINUXCNC");
   const std::string before = named == nullptr ? "" : named;
   setenv("ABBE_LINUXCNC", "/nowhere", 1);
-  const std::string fault = fault_of("G0 X1\nM2\n", six_axes());
+  const std::string fault = distribution_error("G0 X1\nM2\n", six_axes());
   if (named == nullptr)
     unsetenv("ABBE_LINUXCNC");
   else

@@ -16,7 +16,7 @@
 
 #include <fmt/format.h>
 
-#include "sim/dialects/linuxcnc_packages.h"
+#include "sim/dialects/linuxcnc/rs274.h"
 
 /// LinuxCNC's own interpreter as an oracle: a separate process, started and read without what
 /// `read_by_linuxcnc` does it with. Only where it is (`./abbe setup --linuxcnc`, or what the
@@ -25,7 +25,7 @@ namespace abbe::sim::dialects::test {
 
 namespace fs = std::filesystem;
 
-inline std::optional<fs::path> packages() { return linuxcnc_packages(); }
+inline std::optional<fs::path> packages() { return find_linuxcnc(); }
 
 /// A folder that goes with its name.
 class TestFolder {

@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "sim/dialects/bad_program.h"
-#include "sim/dialects/linuxcnc.h"
+#include "sim/dialects/front_ends.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
 #include "tests/dialects/linuxcnc_interpreter.h"
 #include "tests/dialects/linuxcnc_moves.h"
@@ -123,7 +123,7 @@ TEST(LinuxCncOracle, CodesBesideWordsAreRefusedWhereLinuxCncRefusesThem) {
     if (tried.starts_with("G5 ") || tried.starts_with("G5.")) return;
     EXPECT_EQ(compared(test::moves_of(theirs.commands), ours, 1e-8).difference, "");
   };
-  for (const WordUse& use : linuxcnc_words())
+  for (const WordTableEntry& use : linuxcnc_words())
     each_word(use.word, [&](std::string_view word) {
       const bool code = word.size() > 1 && (word[0] == 'G' || word[0] == 'M') &&
                         std::isdigit(static_cast<unsigned char>(word[1])) != 0;
@@ -133,20 +133,71 @@ TEST(LinuxCncOracle, CodesBesideWordsAreRefusedWhereLinuxCncRefusesThem) {
         compare(fmt::format("{} {}", word, beside));
     });
   // words without a code, and codes that meet
-  for (const char* tried :
-       {"G83 X7 Z-9 R1 Q1\nQ2", "G81 X7 Z-9 R1\nR2", "G81 X7 Z-9 R1\nL3", "G81 X7 Z-9 R1\nG81",
-        "G82 X7 Z-9 R1 P1\nP2", "G82 X7 Z-9 R1 P1\nX9", "G82 X7 Z-9 R1 P1\nG80\nG82 X8 Z-9 R1",
-        "G33 X5 K1\nK2", "G2 X3 Y2 I1\nI1", "G2 X3 Y2 I1\nP2", "G2 X3 Y2 I1\nR5",
-        "G91 G53 G0 X7", "G91\nG53 G0 X7", "G28 G0", "G30 G1", "G92 G1", "G10 L2 P1 G1",
-        "G92.1 G0", "G80 G0 X7", "G0 G80 X7", "G80 G81 X7 Z-9 R1\nX9", "G80 G2 X3 I1",
-        "G80 G28 Z5", "G80 G53 G0 X7", "M7 M8", "M7 M9", "M8 M8", "N-1 X7", "N1.5 X7", "G94\nX7",
-        "G95 X7 F0.1\nG95 X8", "G94 F50 X7", "G5.1 X7 I1", "G5.1 X7 J1", "M19 R5 Q-1",
-        "X[round[-2.5]]", "X[round[-0.5]]", "X[round[2.5]]", "X[fix[-2.5]]", "X[-7 mod 4]",
-        "X[2-3-4]", "X[2**3**2]", "X[5.5 mod 2]", "X[3 mod -4]", "g1 x 7", "G1X+7", "X1 2",
-        "N#1 X5", "N[5] X5", "o1 endif", "o1 else",
-        "o1 sub\no2 sub\nX6\no2 endsub\no2 call\no1 endsub\no1 call",
-        "o1 if [1]\nX5\no1 else\nX6\no1 endif", "o1 if [0]\nX5\no1 elseif [1]\nX6\no1 endif", "#5221=0.5\nG54\nX0", "#5221=0.5\nX0", "#5221=0\nG10 L2 P1 Y5\nX0",
-        "T7 M6\nX[#5403/#5403]", "T3 M6\nG43 H7\nX[#5403/#5403] Z5", "(debug, X9) X7", "G1 X7 ; Y8", "X7 #1=9\nX#1", "#1=7 X#1", "G4 P1 X7", "G19 G2 Y4 Z3 J1 P3"})
+  for (const char* tried : {"G83 X7 Z-9 R1 Q1\nQ2",
+                            "G81 X7 Z-9 R1\nR2",
+                            "G81 X7 Z-9 R1\nL3",
+                            "G81 X7 Z-9 R1\nG81",
+                            "G82 X7 Z-9 R1 P1\nP2",
+                            "G82 X7 Z-9 R1 P1\nX9",
+                            "G82 X7 Z-9 R1 P1\nG80\nG82 X8 Z-9 R1",
+                            "G33 X5 K1\nK2",
+                            "G2 X3 Y2 I1\nI1",
+                            "G2 X3 Y2 I1\nP2",
+                            "G2 X3 Y2 I1\nR5",
+                            "G91 G53 G0 X7",
+                            "G91\nG53 G0 X7",
+                            "G28 G0",
+                            "G30 G1",
+                            "G92 G1",
+                            "G10 L2 P1 G1",
+                            "G92.1 G0",
+                            "G80 G0 X7",
+                            "G0 G80 X7",
+                            "G80 G81 X7 Z-9 R1\nX9",
+                            "G80 G2 X3 I1",
+                            "G80 G28 Z5",
+                            "G80 G53 G0 X7",
+                            "M7 M8",
+                            "M7 M9",
+                            "M8 M8",
+                            "N-1 X7",
+                            "N1.5 X7",
+                            "G94\nX7",
+                            "G95 X7 F0.1\nG95 X8",
+                            "G94 F50 X7",
+                            "G5.1 X7 I1",
+                            "G5.1 X7 J1",
+                            "M19 R5 Q-1",
+                            "X[round[-2.5]]",
+                            "X[round[-0.5]]",
+                            "X[round[2.5]]",
+                            "X[fix[-2.5]]",
+                            "X[-7 mod 4]",
+                            "X[2-3-4]",
+                            "X[2**3**2]",
+                            "X[5.5 mod 2]",
+                            "X[3 mod -4]",
+                            "g1 x 7",
+                            "G1X+7",
+                            "X1 2",
+                            "N#1 X5",
+                            "N[5] X5",
+                            "o1 endif",
+                            "o1 else",
+                            "o1 sub\no2 sub\nX6\no2 endsub\no2 call\no1 endsub\no1 call",
+                            "o1 if [1]\nX5\no1 else\nX6\no1 endif",
+                            "o1 if [0]\nX5\no1 elseif [1]\nX6\no1 endif",
+                            "#5221=0.5\nG54\nX0",
+                            "#5221=0.5\nX0",
+                            "#5221=0\nG10 L2 P1 Y5\nX0",
+                            "T7 M6\nX[#5403/#5403]",
+                            "T3 M6\nG43 H7\nX[#5403/#5403] Z5",
+                            "(debug, X9) X7",
+                            "G1 X7 ; Y8",
+                            "X7 #1=9\nX#1",
+                            "#1=7 X#1",
+                            "G4 P1 X7",
+                            "G19 G2 Y4 Z3 J1 P3"})
     compare(tried);
   std::cout << lines << " lines: " << both << " read by both, " << refused << " refused by both, "
             << ours_alone << " refused by abbe alone\n";

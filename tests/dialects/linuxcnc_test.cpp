@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
-#include "sim/program/nc.h"
+#include "sim/program/nc_reader.h"
 #include "tests/program/machines.h"
 
 namespace abbe::sim::dialects {
@@ -76,9 +76,9 @@ TEST(LinuxCnc, PlainProgramsGiveTheBitsOfThePlainReader) {
       ASSERT_EQ(path.arcs[i].centre, plain.arcs[i].centre);
       ASSERT_EQ(path.arcs[i].sweep, plain.arcs[i].sweep);
     }
-    ASSERT_EQ(path.asides.size(), plain.asides.size());
-    for (std::size_t i = 0; i < path.asides.size(); ++i)
-      ASSERT_EQ(path.asides[i].text, plain.asides[i].text);
+    ASSERT_EQ(path.auxiliary_words.size(), plain.auxiliary_words.size());
+    for (std::size_t i = 0; i < path.auxiliary_words.size(); ++i)
+      ASSERT_EQ(path.auxiliary_words[i].text, plain.auxiliary_words[i].text);
     ++programs;
     blocks += path.blocks.size();
   }
@@ -100,7 +100,7 @@ TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
     read(many);
     ADD_FAILURE();
   } catch (const BadProgram& bad) {
-    EXPECT_EQ(bad.faults.size(), 201u);
+    EXPECT_EQ(bad.input_errors.size(), 201u);
     EXPECT_EQ(bad.line, 1);
   }
 }
@@ -143,7 +143,7 @@ TEST(LinuxCnc, Parameter5599IsTheSwitchOfDebugComments) {
 
 TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = test_options();
-  with.on_unknown = OnUnknown::Warn;
+  with.on_unknown = UnknownWordPolicy::Warn;
   const ReadProgram read = read_program("G1 X1 F100\nG187 P1\nM123 P2 X2\nG187\n", "t", with);
   ASSERT_EQ(read.skipped.size(), 4u);  // G187 P1 M123 P2
   EXPECT_EQ(read.skipped[0].word, "G187");
@@ -229,8 +229,8 @@ TEST(LinuxCnc, WhatWaitsUnderCompensationKeepsItsFeedAndItsLine) {
 TEST(LinuxCnc, APlaceStaysWhereFilesAreAdded) {
   const ReadOptions with = test_options();
   program::Canon canon("part.ngc", with.control);
-  canon.stand_at(4, canon.add_file("first.ngc"));
-  const program::NcPlace place = canon.place();
+  canon.set_line(4, canon.add_file("first.ngc"));
+  const program::NcLocation place = canon.place();
   for (int n = 0; n < 1000; ++n) canon.add_file("another file with a long name.ngc");
   EXPECT_EQ(place.file, "first.ngc");
 }

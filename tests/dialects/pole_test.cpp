@@ -9,11 +9,11 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
-#include "sim/dialects/bad_program.h"
-#include "sim/dialects/fanuc_turning.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
+#include "sim/dialects/tool_vectors.h"
 #include "tests/program/machines.h"
 
 namespace abbe::sim::dialects::pole_tests {
@@ -90,7 +90,7 @@ TEST(FanucPosture, IsTheExampleOfTheManual) {
   T_bt.linear() = Eigen::AngleAxisd(-20 * deg, Vector3d::UnitX()).toRotationMatrix();
   const Chain leaning(gantry.joints(), gantry.T_bw_home(), T_bt);
   const auto passage =
-      fanuc::through_pole(leaning, rotary(-150, 50), rotary(30, 60), by_fanuc(1, 1));
+      fanuc::pole_passage(leaning, rotary(-150, 50), rotary(30, 60), by_fanuc(1, 1));
   ASSERT_TRUE(passage);
   EXPECT_NEAR(passage->end[a] / deg, -20.0, 1e-9);
   EXPECT_NEAR(passage->end[c] / deg, -150.0, 1e-9);
@@ -101,7 +101,7 @@ TEST(FanucPosture, IsTheExampleOfTheManual) {
 TEST(FanucPosture, LeadsABlockThroughThePoleThatItPassesCloseBy) {
   const Chain gantry = pole_machines::gantry();
   const AxisVector from = rotary(20, 10), to = rotary(20 + 175, 8);
-  const auto passage = fanuc::through_pole(gantry, from, to, by_fanuc(2, 10));
+  const auto passage = fanuc::pole_passage(gantry, from, to, by_fanuc(2, 10));
   ASSERT_TRUE(passage);
   EXPECT_EQ(passage->end[c], from[c]) << "the axis that is free at the pole stays";
   EXPECT_NEAR(passage->end[a] / deg, -8.0, 1e-9);
@@ -119,7 +119,7 @@ TEST(FanucPosture, LeadsABlockThroughThePoleThatItPassesCloseBy) {
 TEST(FanucPosture, ChangesNothingWhereItShouldNot) {
   const Chain gantry = pole_machines::gantry();
   const auto changed = [&](const AxisVector& from, const AxisVector& to, double near, double most) {
-    return fanuc::through_pole(gantry, from, to, by_fanuc(near, most)).has_value();
+    return fanuc::pole_passage(gantry, from, to, by_fanuc(near, most)).has_value();
   };
   EXPECT_TRUE(changed(rotary(0, 10), rotary(175, 8), 2, 10));
   EXPECT_FALSE(changed(rotary(0, 10), rotary(175, 8), 0.1, 10)) << "not close";
@@ -140,7 +140,7 @@ TEST(FanucPosture, RandomBlocksPassThePoleAndKeepTheLean) {
   for (int i = 0; i < 20'000; ++i) {
     const AxisVector from = rotary(180 * any(random), 30 * any(random)),
                      to = rotary(180 * any(random), 30 * any(random));
-    const auto passage = fanuc::through_pole(gantry, from, to, by_fanuc(3, 15));
+    const auto passage = fanuc::pole_passage(gantry, from, to, by_fanuc(3, 15));
     if (!passage) continue;
     double nearest = pi;
     for (const Vector3d& v : great_circle(tool(gantry, from), tool(gantry, to), 300))
@@ -170,7 +170,7 @@ std::string fanuc_program(const Vector3d& from, const Vector3d& to) {
 }
 
 /// The angle of the tool to z in the middle of the block and between, the least.
-double least_lean(const Chain& chain, const program::Path& path, std::size_t block) {
+double min_lean(const Chain& chain, const program::Path& path, std::size_t block) {
   double least = pi;
   for (int i = 0; i <= 1000; ++i)
     least = std::min(
@@ -189,7 +189,7 @@ TEST(PoleOfPrograms, FanucLeadsG435ThroughThePoleAndSaysBy) {
   EXPECT_EQ(line.coordinates, Coordinates::Tip);
   EXPECT_EQ(line.end[c], line.start[c]) << "C stays";
   EXPECT_NEAR(line.end[a], -line.start[a] * 8 / 10, 1e-8);
-  EXPECT_LT(least_lean(gantry, read.path, 1), 0.02 * deg);
+  EXPECT_LT(min_lean(gantry, read.path, 1), 0.02 * deg);
   ASSERT_EQ(read.warnings.size(), 1u) << fmt::format("{}", fmt::join(read.warnings, "\n"));
   EXPECT_EQ(read.warnings[0],
             "1 blocks would pass a pole nearer than 2 deg and are led through it (tool posture "

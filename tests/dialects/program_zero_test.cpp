@@ -13,8 +13,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/dialects/read_program.h"
-#include "sim/program/block_axes.h"
-#include "sim/program/chords.h"
+#include "sim/program/block_motion.h"
 #include "sim/program/rewrite.h"
 #include "tests/program/machines.h"
 

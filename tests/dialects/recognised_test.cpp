@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/text.h"
-#include "sim/dialects/dialect.h"
-#include "sim/dialects/linuxcnc_packages.h"
+#include "sim/dialects/linuxcnc/rs274.h"
+#include "sim/dialects/read_options.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -77,7 +77,7 @@ TEST(Recognised, OneDialectForEachSnippet) {
 }
 
 TEST(Recognised, EveryProgramThatComesWithLinuxCncIsOneOfLinuxCnc) {
-  const auto packages = linuxcnc_packages();
+  const auto packages = find_linuxcnc();
   if (!packages) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   int programs = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(*packages / "usr/share")) {

@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 
-#include "kinematics/inverse.h"
-#include "sim/dialects/tool_turning.h"
+#include "kinematics/inverse_kinematics.h"
+#include "sim/dialects/tool_vectors.h"
 #include "tests/dialects/siemens_reading.h"
 
 namespace abbe::sim::dialects {
@@ -123,7 +123,7 @@ TEST(SiemensGeometry, ToolVectorsPointTheToolOfTheForwardChain) {
 TEST(SiemensGeometry, LinesTurnTheToolOnGreatCirclesWithinAMicroradian) {
   std::mt19937 random(17);
   const machines::Chain chain = machines::gantry();
-  const RotaryTurning turning(chain);
+  const OrientationKinematics turning(chain);
   std::uniform_real_distribution<double> tilt(5, 60), round(-20, 20), turn(-3, 3);
   double worst = 0.0;
   std::size_t pieces = 0, most = 0;
@@ -133,7 +133,7 @@ TEST(SiemensGeometry, LinesTurnTheToolOnGreatCirclesWithinAMicroradian) {
     from[0] = round(random) * units::deg;
     to[4] = from[4] + turn(random) * units::deg;
     to[0] = from[0] + 3 * turn(random) * units::deg;
-    const auto all = great_circle_pieces(turning, from, to, 1e-6);
+    const auto all = great_circle_segments(turning, from, to, 1e-6);
     ASSERT_FALSE(all.empty());
     pieces += all.size();
     most = std::max(most, all.size());
@@ -162,7 +162,7 @@ TEST(SiemensGeometry, LinesTurnTheToolOnGreatCirclesWithinAMicroradian) {
   through[4] = 30 * units::deg;
   pole[4] = 30 * units::deg;
   pole[0] = pi;
-  EXPECT_TRUE(great_circle_pieces(turning, through, pole, 1e-6).empty())
+  EXPECT_TRUE(great_circle_segments(turning, through, pole, 1e-6).empty())
       << "it runs through the pole, where C would have to jump";
 }
 

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <random>
 
-#include "sim/dialects/bad_program.h"
-#include "sim/dialects/siemens_hole.h"
+#include "sim/dialects/read_options.h"
+#include "sim/dialects/siemens/machine.h"
 #include "tests/dialects/siemens_reading.h"
 
 namespace abbe::sim::dialects::siemens_tests {
@@ -152,7 +152,7 @@ TEST(Siemens, BeforeAToolIsCalledOnlyItsLengthIsMissing) {
 
 TEST(Siemens, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = siemens_options();
-  with.on_unknown = OnUnknown::Warn;
+  with.on_unknown = UnknownWordPolicy::Warn;
   const ReadProgram read = read_program(
       "T1 D1\nG0 X1 M77\nG888 Q5\nCOOLIT(1,\"a)\",2)\nM77 SPECIAL=5 FIELD[2]=7\n", "t", with);
   ASSERT_EQ(read.skipped.size(), 6u);
@@ -204,8 +204,8 @@ TEST(Siemens, RandomChangesOfProgramsAreReadOrRefusedWithAPlace) {
     } catch (const BadProgram& bad) {
       ++refused;
       // behind 200 faults stands one that says so, and has no place
-      for (std::size_t i = 0; i < std::min<std::size_t>(bad.faults.size(), 200); ++i)
-        EXPECT_GE(bad.faults[i].line, 1) << bad.faults[i].what();
+      for (std::size_t i = 0; i < std::min<std::size_t>(bad.input_errors.size(), 200); ++i)
+        EXPECT_GE(bad.input_errors[i].line, 1) << bad.input_errors[i].what();
     }
   }
   std::cout << read << " read, " << refused << " refused\n";
@@ -225,14 +225,15 @@ TEST(Siemens, AddressesWithAnExtensionAreOfTheirSpindle) {
         "S2=700 M2=4 S1000 M3", "SETMS(2)\nS2=1 M2=4\nSETMS\nS1=1000 M1=4"})
     EXPECT_NEAR(feed_s(spindle), 36.0, 1e-9) << spindle;
   const std::string moves = "\nG0 X0 Y0\nG95 G1 X60 F0.1\n";
-  for (const char* spindle : {"S2=1000 M2=3", "S1=1000 M2=3", "S2=1000 M1=3", "SETMS(2)\nS1=9 M1=3"})
+  for (const char* spindle :
+       {"S2=1000 M2=3", "S1=1000 M2=3", "S2=1000 M1=3", "SETMS(2)\nS1=9 M1=3"})
     EXPECT_NE(siemens_refusal("G71 G90 T1 D1\n" + std::string(spindle) + moves), "accepted")
         << spindle << ": the master spindle stands";
 }
 
 TEST(Siemens, AnotherSpindleIsSaidOnce) {
-  const ReadProgram read = read_program(
-      "G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n", "part.mpf", siemens_options());
+  const ReadProgram read = read_program("G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n",
+                                        "part.mpf", siemens_options());
   int said = 0;
   for (const std::string& warning : read.warnings)
     said += warning.find("part.mpf:2: S2=1000 is of spindle 2 and has no effect") == 0;

@@ -9,7 +9,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/cut.h"
-#include "sim/cut/wear.h"
+#include "sim/cut/tool_use.h"
 #include "tests/sim/odd_scenes.h"
 
 namespace abbe::sim {
@@ -30,7 +30,7 @@ const OneControl linuxcnc{"linuxcnc", ".ngc", "tool.tbl", "mm", "offsets.var"};
 const OneControl fanuc{"fanuc", ".nc", "tools.txt", "mm", "offsets.txt"};
 const OneControl siemens{"siemens", ".mpf", "to.ini", "mm", "ufr.ini"};
 const OneControl heidenhain{"heidenhain", ".h", "tool.t", "", "preset.pr"};
-const OneControl four[] = {linuxcnc, fanuc, siemens, heidenhain};
+const OneControl vector4[] = {linuxcnc, fanuc, siemens, heidenhain};
 
 /// The table of one tool, in the control's format.
 std::string table_of(const OneControl& control, int number, double length, double radius) {
@@ -121,8 +121,8 @@ class ToolTable : public testing::Test {
     try {
       prepare(scene(tools, part, program));
       return "";
-    } catch (const BadScene& faults) {
-      return faults.what();
+    } catch (const BadScene& input_errors) {
+      return input_errors.what();
     } catch (const BadInput& fault) {
       return fault.what();
     }
@@ -144,7 +144,7 @@ bool says(const std::vector<std::string>& warnings, const std::string& words) {
 TEST_F(ToolTable, ARadiusThatIsBelievedTooLargeIsLeftOnTheWall) {
   constexpr double same = 1e-7;  // mm
   for (const double more : {0.005, -0.003, 0.0}) {
-    for (const OneControl& control : four) {
+    for (const OneControl& control : vector4) {
       SCOPED_TRACE(control.name);
       const Job job = prepare(scene(
           tool(7), wall, on_control(control, 7, 100.0, 5.0 + more, wall_program(control, 7))));
@@ -168,7 +168,7 @@ TEST_F(ToolTable, AWarningHasTheFigures) {
 }
 
 TEST_F(ToolTable, ALengthThatIsBelievedTooLongIsLeftOnTheFloor) {
-  for (const OneControl& control : four) {
+  for (const OneControl& control : vector4) {
     SCOPED_TRACE(control.name);
     std::string program = wall_program(control, 7);
     const bool words = std::string(control.name) == "heidenhain";
@@ -199,7 +199,7 @@ std::string leaning_pass(const OneControl& control) {
 }
 
 TEST_F(ToolTable, ALengthIsBelievedWhereTheTipIsCommanded) {
-  for (const OneControl& control : four) {
+  for (const OneControl& control : vector4) {
     SCOPED_TRACE(control.name);
     const auto prepared = [&](double length) {
       folder_.write(std::string("p") + control.ending, leaning_pass(control));
@@ -235,7 +235,7 @@ TEST_F(ToolTable, ALengthIsBelievedWhereTheTipIsCommanded) {
 }
 
 TEST_F(ToolTable, AToolThatTheTableHasNotIsRefusedAsTheControlDoes) {
-  for (const OneControl& control : four) {
+  for (const OneControl& control : vector4) {
     SCOPED_TRACE(control.name);
     const std::string said =
         refusal(tool(7), wall, on_control(control, 8, 100.0, 5.0, wall_program(control, 7)));
@@ -311,7 +311,7 @@ TEST_F(ToolTable, RadiusWearIsWithinItsBound) {
   ASSERT_EQ(made.wear.size(), 1u);
   EXPECT_NEAR(made.wear[0].radius, lost, 1e-12);
   EXPECT_NEAR(made.wear[0].use.way, 50.0, 1e-9);
-  EXPECT_EQ(made.wear[0].within, wear_within);
+  EXPECT_EQ(made.wear[0].within, wear_tolerance);
   double off = 0.0, error_free = 0.0;
   const cutting::Surface perfect = cut_error_free(job).surface;
   for (Eigen::Index i = 0; i < made.surface.residual.size(); ++i) {
@@ -325,9 +325,9 @@ TEST_F(ToolTable, RadiusWearIsWithinItsBound) {
   std::cout << fmt::format(
       "[ measured ] radius wear of 3 um is {:.4g} nm from the line (bound {} "
       "nm, and {:.2g} nm of the slope)\n",
-      off / units::nm, wear_within / units::nm,
+      off / units::nm, wear_tolerance / units::nm,
       0.5 * 5.0 * std::pow(lost * 2.0 / 3.0 / 40.0, 2) / units::nm);
-  EXPECT_LT(off, wear_within + 1e-7);
+  EXPECT_LT(off, wear_tolerance + 1e-7);
   EXPECT_LT(error_free, 1e-9);
 }
 
@@ -336,12 +336,12 @@ TEST_F(ToolTable, PiecesOfAWornSweepFollowTheCutter) {
   const Job job = prepare(scene(tool(7, "ball", "wear = { way_mm = 45, radius_um = 100 }\n"), floor,
                                 "file = \"p.ngc\"\nwork_offset.G54 = { Z_mm = -100 }\n"));
   EXPECT_TRUE(says(job.warnings, "its sweep follows the worn radius within 0.125 um"));
-  const std::vector<double> shares = wear_shares(cut_part(job), job.samples);
+  const std::vector<double> shares = wear_fractions(tool_run(job), job.samples);
   EXPECT_DOUBLE_EQ(shares.front(), 0.0);
   EXPECT_NEAR(shares.back(), 1.0, 1e-12);
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
-  const auto pieces = worn_pieces(job.scene.tool, shares, job.samples, job.T_wt_nominal);
-  EXPECT_NEAR(double(pieces.size()), double(most_wear_pieces), 1.0);
+  const auto pieces = worn_segments(job.scene.tool, shares, job.samples, job.T_wt_nominal);
+  EXPECT_NEAR(double(pieces.size()), double(max_wear_pieces), 1.0);
   for (std::size_t k = 1; k < pieces.size(); ++k) {
     EXPECT_EQ(pieces[k].samples.states.front().time_s, pieces[k - 1].samples.states.back().time_s);
     const auto& cutter = std::get<cutting::Cutter>(pieces[k].tool);
@@ -364,7 +364,7 @@ TEST_F(ToolTable, WearGoesOnWhenAToolComesBack) {
   EXPECT_NEAR(job.stretches[0].cut_before.way, 0.0, 1e-12);
   EXPECT_NEAR(job.stretches[1].cut_before.way, 0.0, 1e-12);
   EXPECT_NEAR(job.stretches[2].cut_before.way, 45.0, 1e-9);
-  const std::vector<WornTool> worn = worn_tools(cut_parts(job));
+  const std::vector<WornTool> worn = worn_tools(tool_runs(job));
   ASSERT_EQ(worn.size(), 1u);
   EXPECT_NEAR(worn[0].length, 0.01, 1e-12);
 }

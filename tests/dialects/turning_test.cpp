@@ -8,9 +8,9 @@
 
 #include <fmt/format.h>
 
-#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_options.h"
 #include "sim/dialects/read_program.h"
-#include "sim/program/surface_speed.h"
+#include "sim/program/block_motion.h"
 #include "tests/dialects/lathe.h"
 
 /// Programs of turning controls. Every figure is worked out here, by closed form or by numerical
@@ -43,12 +43,12 @@ ReadProgram read(Dialect dialect, const std::string& text) {
   return read_program(text, "part.nc", lathe_options(dialect));
 }
 
-std::vector<std::string> faults(const std::string& text, const ReadOptions& options) {
+std::vector<std::string> input_errors(const std::string& text, const ReadOptions& options) {
   std::vector<std::string> texts;
   try {
     read_program(text, "part.nc", options);
   } catch (const BadProgram& bad) {
-    for (const BadInput& fault : bad.faults) texts.push_back(fault.what());
+    for (const BadInput& fault : bad.input_errors) texts.push_back(fault.what());
   } catch (const BadInput& fault) {
     texts.push_back(fault.what());
   }
@@ -180,9 +180,8 @@ TEST(Turning, MeanSpindleSpeedsAreThoseOfASumOverTheMove) {
   std::vector<Move> moves;
   for (const auto& [from, to] : std::vector<std::pair<double, double>>{
            {30, 20}, {5, 25}, {30, 0}, {20, -3}, {-2, 2}, {1, 3}, {-20, -5}, {7, 7}, {0, 0}})
-    moves.push_back({{from, to}, 11.0, [from = from, to = to](double u) {
-                       return from + (to - from) * u;
-                     }});
+    moves.push_back(
+        {{from, to}, 11.0, [from = from, to = to](double u) { return from + (to - from) * u; }});
   for (const auto& [centre, radius, start, sweep] :
        std::vector<std::array<double, 4>>{{20, 5, 0.3, 1.2},
                                           {0, 8, -0.2, 2.5},
@@ -214,8 +213,8 @@ TEST(Turning, ArcsUnderConstantSurfaceSpeedCountAlongThemselves) {
                          "O1\nG99 G50 S4000\nG96 S100 M3\nG0 X20. Z0\n"
                          "G3 X20. Z-20. R10. F0.1\nM30\n")
                         .path;
-  const double expected = time_by_sum(
-      [](double u) { return 10 + 10 * std::sin(pi * u); }, 10 * pi, 0.1, 100, 4000);
+  const double expected =
+      time_by_sum([](double u) { return 10 + 10 * std::sin(pi * u); }, 10 * pi, 0.1, 100, 4000);
   EXPECT_NEAR(feed_time(path), expected, 1e-8 * expected);
 }
 
@@ -224,14 +223,14 @@ TEST(Turning, SpindlesAreLimitedByTheMachineOrItIsSaid) {
   ReadOptions with = lathe_options(Dialect::Fanuc);
   with.control.max_spindle_rpm = 2500;
   const ReadProgram limited = read_program(text, "part.nc", with);
-  const double expected =
-      time_by_sum([](double u) { return 30 * (1 - u); }, 30, 0.2, 200, 2500);
+  const double expected = time_by_sum([](double u) { return 30 * (1 - u); }, 30, 0.2, 200, 2500);
   EXPECT_NEAR(feed_time(limited.path), expected, 1e-8 * expected);
   with.control.max_spindle_rpm.reset();
   const ReadProgram free = read_program(text, "part.nc", with);
   EXPECT_LT(feed_time(free.path), expected);
-  expect_assumption(free, "line 4: nothing limits the spindle under G96, which comes as near to the "
-                          "axis as 0 mm");
+  expect_assumption(free,
+                    "line 4: nothing limits the spindle under G96, which comes as near to the "
+                    "axis as 0 mm");
   expect_assumption(free, "max_spindle_rpm");
 }
 
@@ -296,8 +295,9 @@ TEST(Turning, TheNoseIsLedByItsTipAndAlongContours) {
   }
   ReadOptions without = lathe_options(Dialect::Fanuc);
   without.control.tool_radius.clear();
-  EXPECT_NE(all_of(faults("O1\nT0101\nG42 G1 X1. F0.1\n", without)).find("nose radius is known"),
-            std::string::npos);
+  EXPECT_NE(
+      all_of(input_errors("O1\nT0101\nG42 G1 X1. F0.1\n", without)).find("nose radius is known"),
+      std::string::npos);
 }
 
 TEST(Turning, CyclesOfOneCutAreExpanded) {
@@ -340,7 +340,7 @@ TEST(Turning, CoordinateSystemsAndReferencesCountInDiameters) {
 
 TEST(Turning, WhatIsNotReadIsRefusedByNameAndLine) {
   const auto refused = [](Dialect dialect, const std::string& text, const std::string& sentence) {
-    const std::vector<std::string> all = faults(text, lathe_options(dialect));
+    const std::vector<std::string> all = input_errors(text, lathe_options(dialect));
     ASSERT_EQ(all.size(), 1u) << text << all_of(all);
     EXPECT_NE(all[0].find(sentence), std::string::npos) << text << all[0];
     EXPECT_EQ(all[0].find("part.nc:2:"), 0u) << all[0];
@@ -348,8 +348,8 @@ TEST(Turning, WhatIsNotReadIsRefusedByNameAndLine) {
   const auto fanuc = [&](const std::string& line, const std::string& sentence) {
     refused(Dialect::Fanuc, "O1\n" + line + "\nM30\n", sentence);
   };
-  for (const char* cycle : {"G70 P10 Q20", "G71 U2. R0.5", "G72 W2. R0.5", "G73 U5. W5. R3",
-                            "G74 R1.", "G75 R1."})
+  for (const char* cycle :
+       {"G70 P10 Q20", "G71 U2. R0.5", "G72 W2. R0.5", "G73 U5. W5. R3", "G74 R1.", "G75 R1."})
     fanuc(cycle, "cycles of roughing, finishing and grooving are not expanded");
   for (const char* thread : {"G32 Z-10. F2.", "G76 P020060 Q100 R0.05", "G92 X20. Z-10. F1.5"})
     fanuc(thread, "threads are not cut");
@@ -400,9 +400,9 @@ TEST(Turning, DiametersAreThoseOfTheDialect) {
 
   ReadOptions with = lathe_options(Dialect::LinuxCnc);
   EXPECT_EQ(read_program("G1 X50 F100\n", "a.ngc", with).path.blocks[0].end[x], 50.0);
-  with.turning.x_words = XWords::Diameters;
+  with.turning.x_words = XWordMeaning::Diameters;
   EXPECT_EQ(read_program("G1 X50 F100\n", "a.ngc", with).path.blocks[0].end[x], 25.0);
-  with.turning.x_words = XWords::Radii;
+  with.turning.x_words = XWordMeaning::Radii;
   with.dialect = Dialect::Fanuc;
   EXPECT_EQ(read_program("G98 G1 X50. F100.\n", "a.nc", with).path.blocks[0].end[x], 50.0);
 }
@@ -435,12 +435,14 @@ TEST(Turning, WhatATurningControlBeginsWithIsSaid) {
   const ReadProgram fanuc = read(Dialect::Fanuc, "O1\nM3 S500\nG1 X50. F0.1\nX52.\nM30\n");
   expect_assumption(fanuc, "F per turn (G99)");
   expect_assumption(fanuc, "X and U words are diameters");
-  expect_assumption(fanuc, "line 3: no T before the first feed: the only tool is taken to be meant");
+  expect_assumption(fanuc,
+                    "line 3: no T before the first feed: the only tool is taken to be meant");
   EXPECT_EQ(assumptions_of(fanuc).find("G90"), std::string::npos) << "there is no G91";
   const ReadProgram siemens = read(Dialect::Siemens, "T1 D1\nM3 S500\nG1 X50 F0.1\nX52\nM30\n");
   expect_assumption(siemens, "line 3: X words are diameters (DIAMON)");
   expect_assumption(siemens, "F per turn (G95)");
-  expect_assumption(read(Dialect::LinuxCnc, "G94 F100\nG1 X50\n"), "line 2: X words are radii (G8)");
+  expect_assumption(read(Dialect::LinuxCnc, "G94 F100\nG1 X50\n"),
+                    "line 2: X words are radii (G8)");
   const ReadProgram said = read(Dialect::Siemens, "DIAMON G95\nT1 D1\nM3 S500\nG1 X50 F0.1\nM30\n");
   EXPECT_EQ(assumptions_of(said).find("DIAMON"), std::string::npos);
   EXPECT_EQ(assumptions_of(said).find("G95"), std::string::npos);
@@ -460,17 +462,19 @@ TEST(Turning, ProgramsOfTurningControlsAreOneErrorOnAMill) {
       {"O1\nG21\nG71 P10 Q20 U0.4 W0.1 F0.3\nN10 G0 X20.\nN20 X40.\n", 3},
       {"O1\n(T0101 IN A COMMENT, G50 S1)\nT0101\nG96 S100 M3\nG1 U2. F0.1\n", 3}};
   for (const auto& [text, line] : programs) {
-    const std::vector<std::string> all = faults(text, mill);
+    const std::vector<std::string> all = input_errors(text, mill);
     ASSERT_EQ(all.size(), 1u) << text << all_of(all);
     EXPECT_EQ(all[0].find(fmt::format("part.nc:{}:", line)), 0u) << all[0];
     EXPECT_NE(all[0].find("control = \"turning\""), std::string::npos) << all[0];
   }
-  EXPECT_TRUE(faults("O1\nT0101 M6\nG96 S100 M3\nG97 S100\n(G50 S2000)\nM30\n", mill).empty());
+  EXPECT_TRUE(
+      input_errors("O1\nT0101 M6\nG96 S100 M3\nG97 S100\n(G50 S2000)\nM30\n", mill).empty());
   mill.turning.control = ControlKind::Turning;
-  EXPECT_TRUE(faults("O1\nG50 S2000\nT0101\nG97 S180 M03\nG00 X54. Z12.\nM30\n", mill).empty());
-  mill.turning.control = ControlKind::OfMachine;
+  EXPECT_TRUE(
+      input_errors("O1\nG50 S2000\nT0101\nG97 S180 M03\nG00 X54. Z12.\nM30\n", mill).empty());
+  mill.turning.control = ControlKind::FromMachine;
   mill.dialect = Dialect::Siemens;
-  const auto diameters = faults("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
+  const auto diameters = input_errors("T1 D1\nDIAMON\nG1 X5 F100\nM30\n", mill);
   ASSERT_EQ(diameters.size(), 1u);
   EXPECT_NE(diameters[0].find("X is no diameter on a milling control"), std::string::npos);
 }

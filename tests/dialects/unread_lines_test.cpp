@@ -48,7 +48,8 @@ TEST(UnreadLines, BehindTheEndAreSaidInOneLine) {
       {Dialect::Siemens, "G71 G1 X10 F100\nM30\nX20\n%_N_OTHER_SPF\nX30\nM17\n",
        "part.nc:3: 3 lines from 'X20' on are not read: the program ends on line 2"},
       {Dialect::Heidenhain,
-       "BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+10 R0 F100\nM30\nLBL 1\nL X+20\nLBL 0\nEND PGM A MM\n",
+       "BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+10 R0 F100\nM30\nLBL 1\nL X+20\nLBL 0\nEND PGM A "
+       "MM\n",
        "part.nc:5: 2 lines from 'LBL 1' on are not read: the program ends on line 4"},
       {Dialect::Heidenhain,
        "BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+10 R0 F100\nEND PGM A MM\nBEGIN PGM B MM\nL X+20\n",
@@ -89,9 +90,10 @@ TEST(UnreadLines, AFanucProgramBehindADoubledPercentIsRead) {
 TEST(UnreadLines, APercentBehindWordsEndsAFanucProgramThatBeginsWithoutOne) {
   const std::string text = "O1\nG21 G90 G0 X10.\n%\nG0 X20.\nM30\n";
   EXPECT_EQ(read_lines(text, Dialect::Fanuc).path.motion_blocks, 1u);
-  EXPECT_EQ(unread(text, Dialect::Fanuc),
-            std::vector<std::string>{"part.nc:4: 2 lines from 'G0 X20.' on are not read: the program "
-                                     "ends on line 2"});
+  EXPECT_EQ(
+      unread(text, Dialect::Fanuc),
+      std::vector<std::string>{"part.nc:4: 2 lines from 'G0 X20.' on are not read: the program "
+                               "ends on line 2"});
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "sim/dialects/used_words.h"
+#include "sim/dialects/read_program.h"
 
 #include <gtest/gtest.h>
 

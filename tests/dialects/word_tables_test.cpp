@@ -19,7 +19,7 @@ std::string made_again(const std::string& document) {
   const std::size_t begin = document.find(begin_mark), end = document.find(end_mark);
   if (begin == std::string::npos || end == std::string::npos) return "no marks";
   std::string tables;
-  const auto add = [&](std::string_view title, std::span<const WordUse> words) {
+  const auto add = [&](std::string_view title, std::span<const WordTableEntry> words) {
     tables += "### " + std::string(title) + "\n\n" + markdown_table(words) + "\n";
   };
   for (const FrontEnd& one : front_ends()) {
@@ -39,9 +39,9 @@ TEST(WordTables, OfTheDocumentAreThoseOfTheFrontEnds) {
     EXPECT_EQ(document, again) << "ABBE_WRITE_WORDS=1 writes it";
 }
 
-void expect_every_word_once(std::string_view title, std::span<const WordUse> table) {
+void expect_every_word_once(std::string_view title, std::span<const WordTableEntry> table) {
   std::set<std::string> seen;
-  for (const WordUse& line : table) {
+  for (const WordTableEntry& line : table) {
     EXPECT_GT(line.sentence.size(), 3u) << line.word;
     std::istringstream words{std::string(line.word)};
     for (std::string word; words >> word;)

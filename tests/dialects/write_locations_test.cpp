@@ -1,4 +1,4 @@
-#include "sim/program/write_locations.h"
+#include "sim/program/program_writers.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,7 @@
 #include <random>
 
 #include "sim/dialects/read_program.h"
-#include "sim/program/block_axes.h"
-#include "sim/program/chords.h"
+#include "sim/program/block_motion.h"
 #include "sim/program/path_meter.h"
 #include "tests/program/machines.h"
 
@@ -143,7 +142,7 @@ TEST(WriteLocations, APathThatComesInPiecesIsWrittenAlike) {
   program::LocationWriter writer(chain, {});
   program::PathMeter meter(chain, {100.0, 1.0}), at_once(chain, {100.0, 1.0});
   std::size_t pieces = 0, most = 0;
-  options.each_piece = [&](const program::Path& piece) {
+  options.on_path_segment = [&](const program::Path& piece) {
     ++pieces;
     most = std::max(most, piece.blocks.size());
     writer.add(piece);
@@ -157,7 +156,7 @@ TEST(WriteLocations, APathThatComesInPiecesIsWrittenAlike) {
   EXPECT_TRUE(fractions.front() >= 0.0 && fractions.back() > 0.9 && fractions.back() <= 1.0);
   at_once.add(whole.path);
   EXPECT_GE(pieces, 3u);
-  EXPECT_LE(most, piece_blocks + 1);
+  EXPECT_LE(most, path_segment_blocks + 1);
   EXPECT_TRUE(read.path.blocks.empty());
   EXPECT_EQ(writer.take(), written(whole.path, {}));
   EXPECT_EQ(meter.figures().blocks, whole.path.blocks.size());

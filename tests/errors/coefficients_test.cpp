@@ -27,7 +27,7 @@ std::vector<Element> all_shapes() {
             {Backlash{0.7}}}},
           {{'Y', 'X', false}, {{Polynomial{numbers({1, 2, 3, 4}), 1, 9}}}},
           {{'Z', 'X', false}, {{line, "laser", Argument::Carriage, true, 0.5}}},
-          {{'A', 'X', false}, {{spline}, {UpDown{line, spline}, "both ways"}}},
+          {{'A', 'X', false}, {{spline}, {DirectionalTables{line, spline}, "both ways"}}},
           {{'B', 'X', false}, {{Repeatability{1.0, 3}}, {Asynchronous{1.0, 4}}}},
           {{'C', 'Y', true}, {{Constant{4.0}}}}};
 }

@@ -208,7 +208,7 @@ TEST(Curve, AShapeThatBreaksItsFieldsIsRefused) {
                        Table{},
                        spline_by_hand,
                        Backlash{nan},
-                       UpDown{good, Table{}},
+                       DirectionalTables{good, Table{}},
                        Repeatability{-1, 1},
                        Asynchronous{-1, 1},
                        Asynchronous{nan, 1},
@@ -233,8 +233,8 @@ TEST(Curve, ABacklashFollowsTheWayOfApproach) {
 }
 
 TEST(Curve, UpAndDownHaveTheirOwnTablesAndTheirMeanBefore) {
-  const UpDown shape{make_table(numbers({0, 10}), numbers({0, 10.0_um})),
-                     make_table(numbers({0, 5, 10}), numbers({4.0_um, 4.0_um, 8.0_um}))};
+  const DirectionalTables shape{make_table(numbers({0, 10}), numbers({0, 10.0_um})),
+                                make_table(numbers({0, 5, 10}), numbers({4.0_um, 4.0_um, 8.0_um}))};
   EXPECT_NEAR(value(shape, 5, +1), 5.0_um, 1e-18);
   EXPECT_NEAR(value(shape, 5, -1), 4.0_um, 1e-18);
   EXPECT_NEAR(value(shape, 5, 0), 4.5_um, 1e-18);
@@ -281,9 +281,13 @@ TEST(Curve, TheSlopeIsTheDifferenceQuotient) {
   for (double& x : b) x = 10.0_um * unit(random);
   const Table linear = make_table(q, y);
   const Table spline = make_table(q, y, Between::Spline);
-  const Shape shapes[] = {
-      Constant{1}, Polynomial{c, 3, 200}, Legendre{c, 3, 200}, Fourier{a, b, 40}, linear,
-      spline,      UpDown{linear, spline}};
+  const Shape shapes[] = {Constant{1},
+                          Polynomial{c, 3, 200},
+                          Legendre{c, 3, 200},
+                          Fourier{a, b, 40},
+                          linear,
+                          spline,
+                          DirectionalTables{linear, spline}};
   double worst = 0.0;
   for (const Shape& shape : shapes) {
     for (int i = 0; i < 500; ++i) {
@@ -305,7 +309,7 @@ TEST(Curve, TheSlopeIsTheDifferenceQuotient) {
 
 TEST(Detrend, EndsTakesOutTheLineThroughFirstAndLast) {
   const Table table = make_table(numbers({-100, 0, 300}), numbers({1.0_um, 8.0_um, 5.0_um}));
-  const Detrended d = detrend(table, Detrend::Ends);
+  const DetrendedTable d = detrend(table, Detrend::Ends);
   EXPECT_NEAR(d.slope, 0.01_um, 1e-19);
   EXPECT_NEAR(d.offset, 2.0_um, 1e-17);
   EXPECT_NEAR(d.table.value[0], 0.0, 1e-17);
@@ -316,7 +320,7 @@ TEST(Detrend, EndsTakesOutTheLineThroughFirstAndLast) {
 // By hand: q = 0 1 2 3, y = 1 1 2 4: mean 1.5 and 2, sum dq dy = 5, sum dq^2 = 5, line 0.5 + q.
 TEST(Detrend, LeastSquaresTakesOutTheFittedLine) {
   const Table table = make_table(numbers({0, 1, 2, 3}), numbers({1, 1, 2, 4}));
-  const Detrended d = detrend(table, Detrend::LeastSquares);
+  const DetrendedTable d = detrend(table, Detrend::LeastSquares);
   EXPECT_NEAR(d.slope, 1.0, 1e-15);
   EXPECT_NEAR(d.offset, 0.5, 1e-15);
   const VectorXd expected = numbers({0.5, -0.5, -0.5, 0.5});
@@ -327,12 +331,12 @@ TEST(Detrend, TableAndLineTogetherAreTheTableBefore) {
   const Table table =
       make_table(numbers({-7, 1, 2, 9, 30}), numbers({1, -1, 2, 4, 3}), Between::Spline);
   for (const Detrend how : {Detrend::Ends, Detrend::LeastSquares}) {
-    const Detrended d = detrend(table, how);
+    const DetrendedTable d = detrend(table, how);
     for (double q = -7; q <= 30; q += 0.37) {
       EXPECT_NEAR(value(d.table, q) + d.slope * q + d.offset, value(table, q), 1e-13);
       EXPECT_NEAR(slope(d.table, q) + d.slope, slope(table, q), 1e-13);
     }
-    const Detrended twice = detrend(d.table, how);
+    const DetrendedTable twice = detrend(d.table, how);
     EXPECT_NEAR(twice.slope, 0.0, 1e-15);
   }
 }
@@ -344,7 +348,7 @@ TEST(Repeatability, OnlyChanceIsRandom) {
   EXPECT_TRUE(is_random(Curve{Repeatability{1.0_um, 3}}));
   for (const Shape& shape :
        {Shape(Constant{}), Shape(Polynomial{}), Shape(Legendre{}), Shape(Fourier{}), Shape(table),
-        Shape(Backlash{1.0_um}), Shape(UpDown{table, table})})
+        Shape(Backlash{1.0_um}), Shape(DirectionalTables{table, table})})
     EXPECT_FALSE(is_random(Curve{shape})) << shape.index();
 }
 
@@ -488,20 +492,19 @@ TEST(Asynchronous, SlopeAndBendAreThoseOfTheValue) {
     bent = std::max(bent, std::abs(up - 2 * here + down) / (h * h));
   }
   std::cout << "asynchronous: slope off central differences by " << steepest
-            << " mm/rad; bends by at most " << bent << ", bound " << most_bend(Curve{shape})
-            << "\n";
+            << " mm/rad; bends by at most " << bent << ", bound " << max_bend(Curve{shape}) << "\n";
   EXPECT_LT(steepest, 1e-7);
-  EXPECT_LE(bent, most_bend(Curve{shape}));
-  EXPECT_GT(bent, 0.3 * most_bend(Curve{shape}));
+  EXPECT_LE(bent, max_bend(Curve{shape}));
+  EXPECT_GT(bent, 0.3 * max_bend(Curve{shape}));
 }
 
 TEST(Curve, MostBendHoldsWhatLinesBetweenSamplesMiss) {
   const Fourier two{numbers({1.0_um, 0.0}), numbers({0.0, 2.0_um}), full_turn};
-  EXPECT_NEAR(most_bend(Curve{two}), 9.0_um, 1e-15);
-  EXPECT_NEAR(most_bend(Curve{two, "", Argument::Command, true, -2.0}), 18.0_um, 1e-15);
-  EXPECT_EQ(most_bend(Curve{Polynomial{numbers({0, 0, 5}), 0, 1}}), 0.0);
+  EXPECT_NEAR(max_bend(Curve{two}), 9.0_um, 1e-15);
+  EXPECT_NEAR(max_bend(Curve{two, "", Argument::Command, true, -2.0}), 18.0_um, 1e-15);
+  EXPECT_EQ(max_bend(Curve{Polynomial{numbers({0, 0, 5}), 0, 1}}), 0.0);
   const Curve curve{Asynchronous{1.0_um, 11}};
-  const double step = std::sqrt(8 * 0.1_nm / most_bend(curve));
+  const double step = std::sqrt(8 * 0.1_nm / max_bend(curve));
   double missed = 0.0;
   for (int i = 0; i < 20000; ++i) {
     const double q = i * step;

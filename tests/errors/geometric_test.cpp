@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "errors/squareness.h"
-#include "kinematics/symmetric.h"
+#include "errors/element.h"
+#include "kinematics/decompositions.h"
 #include "tests/errors/machines.h"
 
 namespace abbe::errors {
@@ -359,10 +359,10 @@ TEST(Squareness, ASlopeOfAStraightnessAmountsToTheSquarenessThatTurnsTheAxesAsMu
           ++machines;
           for (const std::string name : {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}) {
             const ElementName straightness = parse_element_name(name);
-            const std::vector<SquarenessShare> shares =
-                squareness_shares(straightness, slope, chain.joints());
+            const std::vector<SquarenessContribution> shares =
+                squareness_contributions(straightness, slope, chain.joints());
             ASSERT_EQ(shares.size(), 1u) << name;
-            const SquarenessShare& share = shares.front();
+            const SquarenessContribution& share = shares.front();
             const int one = *chain.find(straightness.axis);
             const int other = *chain.find(straightness.direction);
             Element curve{straightness, {Curve{line(slope), "", Argument::Carriage}}};
@@ -378,10 +378,10 @@ TEST(Squareness, ASlopeOfAStraightnessAmountsToTheSquarenessThatTurnsTheAxesAsMu
   EXPECT_EQ(machines, 6 * 4 * 4 * 2);
   const Chain machine = gantry();
   for (const char* none : {"EXX", "ECX", "EC0Y", "EXC", "EXU"})
-    EXPECT_THROW(squareness_shares(parse_element_name(none), 1, machine.joints()),
+    EXPECT_THROW(squareness_contributions(parse_element_name(none), 1, machine.joints()),
                  std::invalid_argument)
         << none;
-  EXPECT_THROW(squareness_shares(parse_element_name("EYX"), 1, platform().joints()),
+  EXPECT_THROW(squareness_contributions(parse_element_name("EYX"), 1, platform().joints()),
                std::invalid_argument)
       << "there is no Y to which X could be square";
 }

@@ -44,7 +44,7 @@ inline void expect_within(Misses& misses, const std::string& what, double miss, 
 }
 
 inline std::string code_of(const Chain& chain) {
-  return kinematics::to_string(kinematics::topology_of(chain.joints()));
+  return kinematics::to_string(kinematics::chain_topology(chain.joints()));
 }
 
 /// Bed axis along which a joint points.
@@ -134,9 +134,9 @@ inline double opened(const Alone& one, int first, int second) {
   return angle(one.actual) - angle(one.nominal);
 }
 
-/// By how much turning the second of two slides about the letter's axis opens their angle: of slides
-/// that both point along the bed the element, for EB0Z its opposite; once again the opposite where
-/// the `direction` of one of the two is reversed.
+/// By how much turning the second of two slides about the letter's axis opens their angle: of
+/// slides that both point along the bed the element, for EB0Z its opposite; once again the opposite
+/// where the `direction` of one of the two is reversed.
 inline double opening(const Alone& one, const Joint& first, const Joint& second) {
   return -one.value * first.direction_b.dot(one.unit().cross(second.direction_b));
 }

@@ -1,6 +1,6 @@
 #include <iostream>
 
-#include "errors/bound_element.h"
+#include "errors/element.h"
 #include "kinematics/units.h"
 #include "tests/errors/location_net.h"
 #include "tests/errors/machines.h"

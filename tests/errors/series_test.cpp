@@ -1,4 +1,4 @@
-#include "errors/series.h"
+#include "errors/curve.h"
 
 #include <cmath>
 #include <random>
@@ -75,7 +75,7 @@ class AnyErrors {
 /// Curve by curve, none with what another has found.
 std::vector<JointDeviation> one_by_one(const GeometricModel& model,
                                        const kinematics::AxisState& state) {
-  std::vector<JointDeviation> sum(model.joint_is_primed.size());
+  std::vector<JointDeviation> sum(model.is_joint_primed.size());
   for (const bool constant : {true, false})
     for (const GeometricModel::Bound& bound : model.elements)
       for (const Curve& curve : bound.element.curves)
@@ -91,7 +91,7 @@ TEST(Series, ThatShareTheirFunctionsHaveTheBitsOfCurvesOneByOne) {
     AnyErrors any(seed);
     const GeometricModel model = bind(any.errors(), gantry());
     for (const auto& term : model.terms) grouped += term.group >= 0 ? 1 : 0;
-    EXPECT_LE(model.groups.size(), GeometricModel::most_groups);
+    EXPECT_LE(model.groups.size(), GeometricModel::max_groups);
     for (int k = 0; k < 50; ++k) {
       const kinematics::AxisState state = any.state();
       const std::vector<JointDeviation> expected = one_by_one(model, state);
@@ -115,7 +115,7 @@ TEST(Series, OfOneArgumentAndRangeShareABasisWhateverTheirLengths) {
   EXPECT_FALSE(basis.shares(*basis_of(curve(Legendre{ones(5), 0, 301}))));
   EXPECT_FALSE(basis.shares(*basis_of(curve(Legendre{ones(5), 0, 300}, Argument::Carriage))));
   EXPECT_FALSE(basis.shares(*basis_of(curve(Fourier{ones(5), ones(5), 300}))));
-  EXPECT_FALSE(basis_of(curve(Legendre{ones(SeriesBasis::most_functions + 1), 0, 300})));
+  EXPECT_FALSE(basis_of(curve(Legendre{ones(SeriesBasis::max_functions + 1), 0, 300})));
   EXPECT_FALSE(basis_of(curve(Polynomial{ones(5), 0, 300})));
 }
 

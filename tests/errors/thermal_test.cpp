@@ -1,4 +1,4 @@
-#include "errors/thermal.h"
+#include "errors/thermal_run.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,6 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
 #include "kinematics/units.h"
 #include "tests/oracles/thermal_oracle.h"
 
@@ -670,9 +669,11 @@ TEST(TemperatureSensor, LagIsASecondFirstOrderNode) {
     double worst = 0.0;
     for (Index i = 0; i < seen.size(); ++i) {
       const double t = double(i);
-      const double apart = tau - lag;
+      const double length_mismatch_text = tau - lag;
       const double behind =
-          apart == 0.0 ? t / tau : -lag * std::expm1(-apart / lag * t / tau) / apart;
+          length_mismatch_text == 0.0
+              ? t / tau
+              : -lag * std::expm1(-length_mismatch_text / lag * t / tau) / length_mismatch_text;
       const double reached = 1.0 - std::exp(-t / tau) * (1.0 + behind);
       worst = std::max(worst, std::abs(seen[i] - 20.0 - 10.0 * reached));
     }

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "errors/compliance_field.h"
+#include "errors/workpiece_compliance.h"
 #include "kinematics/units.h"
 #include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
@@ -301,9 +301,9 @@ TEST(WorkpieceField, CoverageReportsAFieldOfAnotherMesh) {
   EXPECT_LE(coverage(field, same), 0.25 + 1e-12);
   Points inches = field.points_w * 25.4;
   EXPECT_GT(coverage(field, inches), 1000.0);
-  Points apart(2, 3);
-  apart << 1, 1, 0, 100, 60, 305;  // the sheet lies below 6.1
-  const double far = coverage(field, apart);
+  Points length_mismatch_text(2, 3);
+  length_mismatch_text << 1, 1, 0, 100, 60, 305;  // the sheet lies below 6.1
+  const double far = coverage(field, length_mismatch_text);
   EXPECT_GT(far, 298.0);
   EXPECT_LT(far, 311.0);
   EXPECT_EQ(coverage(field, Points(0, 3)), 0.0);

@@ -5,12 +5,11 @@
 
 #include <fmt/format.h>
 
-#include "errors/identification/grey.h"
 #include "errors/identification/sensor_choice.h"
 #include "errors/identification/thermal_model.h"
 #include "errors/metrology/machine_tests.h"
 #include "kinematics/units.h"
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {
@@ -43,13 +42,13 @@ std::string chosen_numbers(const ordered_json& thermal) {
 /// Drift along Z and all temperatures over the scene's own day.
 identification::ThermalData readings_of_the_day() {
   const sim::Scene day = scene_of(day_scene);
-  sim::InstrumentDescription drift = sim::instrument_of(day, "drift");
+  sim::InstrumentDescription drift = sim::find_instrument(day, "drift");
   double history = 0.0;
   for (const sim::ThermalPhase& phase : day.thermal->history) history += phase.duration;
   drift.starts_s = {-history};
   drift.instrument.duration_s = history;
   const auto readings = sim::measured(day, drift);
-  const errors::metrology::DriftTest test = tests_of(readings).drifts.at(0);
+  const errors::metrology::DriftTest test = classify_readings(readings).drifts.at(0);
   const auto z = std::find(test.log.names.begin(), test.log.names.end(), "Z");
   if (z == test.log.names.end()) throw std::invalid_argument("no drift along Z");
   const Eigen::Index n = test.log.values.rows(), channels = test.log.values.cols();
@@ -66,7 +65,8 @@ identification::ThermalData readings_of_the_day() {
 double in_cycle(const std::vector<int>& numbers) {
   std::vector<int> inputs;
   for (const int i : numbers) inputs.push_back(i - 1);
-  const auto fit = identification::fit(identification::only_inputs(readings_of_the_day(), inputs));
+  const auto fit =
+      identification::fit(identification::select_inputs(readings_of_the_day(), inputs));
   return identification::spread(fit.regression.value().residual).rms / units::um;
 }
 
@@ -129,13 +129,13 @@ std::vector<Figure> other_day() {
       "`abbe compare scenes/thermal_protocol_chen.toml`, `thermal.json`, `choices`";
   const std::string day = "the day and the machine are chosen";
   std::vector<Figure> rows;
-  for (const auto& [four, name] : {std::pair{"Deng's four, initial image", initial},
-                                   {"the paper's four", papers},
-                                   {"the scene's four", scenes_four}}) {
-    rows.push_back({paper, fmt::format("Z on another day by {}, µm RMS", four), none,
+  for (const auto& [vector4, name] : {std::pair{"Deng's four, initial image", initial},
+                                      {"the paper's four", papers},
+                                      {"the scene's four", scenes_four}}) {
+    rows.push_back({paper, fmt::format("Z on another day by {}, µm RMS", vector4), none,
                     [name] { return z_missed_on_another_day(choice(name)); }, command, day});
     rows.push_back({paper,
-                    fmt::format("X, Y and Z together on another day by {}, % of ranges", four),
+                    fmt::format("X, Y and Z together on another day by {}, % of ranges", vector4),
                     none, [name] { return together_on_another_day(name); }, command, day});
   }
   return rows;

@@ -7,10 +7,10 @@
 
 #include <fmt/format.h>
 
-#include "sim/cut/sampling.h"
+#include "sim/cut/judged_surface.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/sensor_choices_json.h"
-#include "sim/report/summary_report.h"
+#include "sim/report/sensor_choice_report.h"
+#include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::figures {
@@ -91,7 +91,7 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   const std::string key = command({scene, changes});
   if (const auto known = all.find(key); known != all.end()) return known->second;
   const sim::Scene own = scene_of(scene, changes);
-  std::vector<sim::Day> days{sim::measured_day("its own day", own)};
+  std::vector<sim::DayReadings> days{sim::measured_day("its own day", own)};
   for (const sim::Variant& variant : own.variants)
     days.push_back(sim::measured_day(variant.name, scene_of(scene, changes, variant.name)));
   return all[key] = sim::to_json(sim::thermal_choice(days, *own.sensor_choice));

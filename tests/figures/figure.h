@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/commands/choose_sensors.h"
+#include "sim/commands/scene_runs.h"
 #include "sim/scene/scene.h"
 
 /// The figures of the source papers beside what the shipped scenes give: the rows of
@@ -34,8 +34,8 @@ struct SceneCase {
 /// What a user types.
 std::string command(const SceneCase& one);
 
-/// Returns `summary.json` of a case as `abbe run` and `abbe compare` leave it: sampled where the cut
-/// needs it, with the machine's part. Every case is cut once in a run of the tests.
+/// Returns `summary.json` of a case as `abbe run` and `abbe compare` leave it: sampled where the
+/// cut needs it, with the machine's part. Every case is cut once in a run of the tests.
 const nlohmann::ordered_json& summary_of(const SceneCase& scene_case);
 
 /// Returns the RMS of the machine's part of its map, um: of the map minus the error-free one.

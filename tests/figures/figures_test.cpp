@@ -156,8 +156,7 @@ std::regex pattern_of(const std::string& words) {
   std::string pattern;
   std::string rest = words;
   for (std::smatch found; std::regex_search(rest, found, field); rest = found.suffix())
-    pattern +=
-        std::regex_replace(found.prefix().str(), special, R"(\$&)") + R"((-?\d+(?:\.\d+)?))";
+    pattern += std::regex_replace(found.prefix().str(), special, R"(\$&)") + R"((-?\d+(?:\.\d+)?))";
   pattern += std::regex_replace(rest, special, R"(\$&)");
   return std::regex(std::regex_replace(pattern, std::regex(" "), R"((?:\s|\n#)+)"));
 }
@@ -179,8 +178,7 @@ void write_numbers(const std::string& file, const std::string& words,
   if (std::distance(there, end) != 1 || !std::regex_search(sentence, computed, pattern)) return;
   std::string text = before;
   for (std::size_t i = there->size() - 1; i > 0; --i)
-    text.replace(std::size_t(there->position(i)), std::size_t(there->length(i)),
-                 computed[i].str());
+    text.replace(std::size_t(there->position(i)), std::size_t(there->length(i)), computed[i].str());
   std::ofstream(root / file, std::ios::binary) << text;
 }
 
@@ -192,8 +190,7 @@ void expect_sentence(const std::string& file, const std::string& words,
     return flowing(contents(root / file)).find(sentence) != std::string::npos;
   };
   if (asked("ABBE_WRITE_FIGURES") && !says()) write_numbers(file, words, numbers);
-  EXPECT_TRUE(says())
-      << file << " does not say \"" << sentence << "\" " << commands;
+  EXPECT_TRUE(says()) << file << " does not say \"" << sentence << "\" " << commands;
 }
 
 std::vector<Quote> quotes();
@@ -312,9 +309,8 @@ std::vector<Quote> platform_quotes() {
     all.push_back({file, "two numbers inferred gives {:.1f} and {:.1f}", {inferred[i]}});
     all.push_back({file, "Computed {0:.1f} um peak to valley", {chosen[i]}});
     all.push_back({file, "out of the program it is {1:.1f}, measured", {chosen[i]}});
-    all.push_back({file,
-                   "elements make {0:.1f}, the spindle {2:.1f} with them",
-                   {alone[i], centred[i]}});
+    all.push_back(
+        {file, "elements make {0:.1f}, the spindle {2:.1f} with them", {alone[i], centred[i]}});
   }
   return all;
 }
@@ -350,8 +346,9 @@ std::vector<Quote> quotes() {
                    peng_rows("spindle and tool chosen")});
     all.push_back({tour, "| {:.2f} → {:.2f}, {:.2f} → {:.2f}, {:.2f} → {:.2f}", inferred});
   }
-  const std::vector<std::string> spreads{table + "stepped: spread before → after in three trials, µm",
-                                         table + "cone: spread before → after in three trials, µm"},
+  const std::vector<std::string> spreads{
+      table + "stepped: spread before → after in three trials, µm",
+      table + "cone: spread before → after in three trials, µm"},
       learnt{table + "stepped: spread by the law as learnt, open control, µm",
              table + "cone: spread by the law as learnt, open control, µm"};
   const std::string tour = "scenes/TOUR.md", chinese = "scenes/TOUR.zh.md",
@@ -638,8 +635,7 @@ std::vector<Stated> chosen_or_published() {
 std::string head_of(const std::string& text) {
   std::istringstream lines(text);
   std::string head;
-  for (std::string line; std::getline(lines, line) && line.rfind('#', 0) == 0;)
-    head += "\n" + line;
+  for (std::string line; std::getline(lines, line) && line.rfind('#', 0) == 0;) head += "\n" + line;
   return flowing(head);
 }
 

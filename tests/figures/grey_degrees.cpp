@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "errors/identification/grey.h"
+#include "errors/identification/sensor_choice.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {

@@ -7,8 +7,8 @@
 
 #include "errors/geometric.h"
 #include "kinematics/units.h"
-#include "sim/machine/compile.h"
 #include "sim/machine/machine.h"
+#include "sim/machine/truth.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {

@@ -96,18 +96,18 @@ std::vector<Figure> sensor_rows() {
       "raw curves stand only in pictures; the machine and its day are chosen";
   const std::string compare = "`abbe compare scenes/thermal_protocol.toml`, `thermal.json`";
   const std::string choices = compare + ", `choices`";
-  const std::string four = "Y nut, X nut, Z nut, spindle box front right", none = "no figure";
+  const std::string vector4 = "Y nut, X nut, Z nut, spindle box front right", none = "no figure";
   const std::string grey = "the degree looks for likeness, not for what four sensors tell together";
   return {
-      {yang_2012, "four of 18 sensors", four, [] { return chosen_names(protocol_choice()); },
+      {yang_2012, "four of 18 sensors", vector4, [] { return chosen_names(protocol_choice()); },
        compare, pictures + "; screened by regression"},
-      {yang_2012, "four of 18 sensors by Deng's degree, interval image", four,
+      {yang_2012, "four of 18 sensors by Deng's degree, interval image", vector4,
        [] {
          return chosen_names(
              thermal_choice_of("thermal_protocol", {{"sensor_choice.screening", "degree"}}));
        },
        "the same with `--set sensor_choice.screening=degree`", pictures},
-      {yang_2012, "four of 18 sensors by the comprehensive degree", four,
+      {yang_2012, "four of 18 sensors by the comprehensive degree", vector4,
        [] { return chosen_names(comprehensive()); }, choices, pictures},
       {yang_2012,
        "X, Y and Z missed by a regression on the four of the comprehensive degree, µm RMS", none,

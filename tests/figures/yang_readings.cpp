@@ -7,10 +7,9 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/readings/readings_file.h"
-#include "sim/report/identify_json.h"
+#include "sim/report/identification_report.h"
 #include "tests/figures/figure.h"
 #include "tests/sim/scene_folder.h"
 
@@ -27,9 +26,9 @@ ordered_json identified(const std::string& scene, const std::string& instrument,
                         const std::vector<sim::Override>& set, sim::IdentifyOptions options) {
   const sim::SceneFolder folder;
   const sim::Scene measured = scene_of(scene, set);
-  const auto readings =
-      folder.write(instrument + ".csv",
-                   sim::to_text(sim::measured(measured, sim::instrument_of(measured, instrument))));
+  const auto readings = folder.write(
+      instrument + ".csv",
+      sim::to_text(sim::measured(measured, sim::find_instrument(measured, instrument))));
   options.out = folder.path() / "belief.toml";
   return sim::to_json(sim::identify({readings}, options));
 }

@@ -1,4 +1,4 @@
-#include "sim/dialects/control_tables.h"
+#include "sim/dialects/control_table_files.h"
 #include "tests/fuzz/reader.h"
 
 void abbe::fuzz::read(std::string_view text) {

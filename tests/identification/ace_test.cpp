@@ -17,7 +17,7 @@
 
 #include "tests/identification/thermal_options.h"
 
-#include "errors/identification/cross_validation.h"
+#include "errors/identification/thermal_model.h"
 #include "kinematics/text.h"
 
 namespace {
@@ -121,7 +121,7 @@ NestedValidation table_of_days_left_out(const ThermalData& data) {
 
 /// Days 1-12 choose and train, days 13-18 test: the worse of two ways to choose.
 double table_of_later_days(const ThermalData& data) {
-  const ThermalData early = only_runs(data, days(1, 12)), late = only_runs(data, days(13, 18));
+  const ThermalData early = select_runs(data, days(1, 12)), late = select_runs(data, days(13, 18));
   for (const Recipe& recipe : untuned()) print(name_of(recipe), validate_on(early, late, recipe));
   const std::vector<Recipe> all = recipes();
   double worse = 0;
@@ -149,7 +149,7 @@ TEST(Ace, PlainRegressionHasThePublishedCoefficients) {
     return result;
   };
   const std::vector<double> all = coefficients(*data);
-  const std::vector<double> early = coefficients(only_runs(*data, days(1, 12)));
+  const std::vector<double> early = coefficients(select_runs(*data, days(1, 12)));
   std::size_t of_all = 0, of_early = 0;
   double worst = 0;
   std::ifstream in(*file);
@@ -164,7 +164,7 @@ TEST(Ace, PlainRegressionHasThePublishedCoefficients) {
     }
     if (line.starts_with("days13-18 test RMSE")) {
       const Validation late =
-          validate_on(only_runs(*data, days(1, 12)), only_runs(*data, days(13, 18)),
+          validate_on(select_runs(*data, days(1, 12)), select_runs(*data, days(13, 18)),
                       {{}, options_of(ModelKind::Linear)});
       EXPECT_NEAR(late.overall.rms, expected, 1e-9);
     }
@@ -191,9 +191,9 @@ TEST(Ace, DisplacementAsItIs) {
 TEST(Ace, ZeroSetEveryMorningIsAnotherProblem) {
   const auto data = ace();
   if (!data) GTEST_SKIP() << "no validation data";
-  const ThermalData zero = zeroed(*data);
+  const ThermalData zero = zeroed_at_start(*data);
   double untouched = 0;
-  for (const int day : runs(zero)) untouched += spread(only_runs(zero, {day}).y).rms / 18;
+  for (const int day : runs(zero)) untouched += spread(select_runs(zero, {day}).y).rms / 18;
   std::cout << "Leave one day out (untouched: rms " << spread(zero.y).rms << ", mean of days "
             << untouched << ")\n";
   const NestedValidation nested = table_of_days_left_out(zero);

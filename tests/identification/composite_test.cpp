@@ -1,4 +1,4 @@
-#include "errors/identification/composite.h"
+#include "errors/identification/thermal_epochs.h"
 
 #include <cmath>
 #include <iostream>
@@ -39,7 +39,7 @@ std::vector<CompositeRun> yang_runs() {
 }  // namespace
 
 TEST(Composite, YangsAxisComesApartIntoItsCoefficients) {
-  const CompositeFit fit = separate(yang_runs());
+  const CompositeFit fit = fit_composite(yang_runs());
   ASSERT_EQ(fit.status, CompositeStatus::Ok);
   // The constant of the slope stands at dT = 0 too, so it belongs to the cold curve.
   const double expected[] = {quartic[0], quartic[1] + slope_constant, quartic[2], quartic[3],
@@ -64,17 +64,17 @@ TEST(Composite, AddingAPublishedConstantToTheColdCurveCountsTheColdSlopeTwice) {
   VectorXd slopes(18);
   for (int i = 0; i < 18; ++i) {
     dT.row(i) = runs[std::size_t(i)].dT_K;
-    slopes(i) = whole_slope(runs[std::size_t(i)]);
+    slopes(i) = run_slope(runs[std::size_t(i)]);
   }
   const Regression published = fit_regression(dT, slopes);
   ASSERT_EQ(published.status, RegressionStatus::Ok);
   EXPECT_NEAR(published.beta(1), per_K8, 1e-12);
-  EXPECT_NEAR(published.constant, whole_slope(runs.front()), 1e-12) << "the cold run's own slope";
-  const CompositeFit fit = separate(runs);
+  EXPECT_NEAR(published.constant, run_slope(runs.front()), 1e-12) << "the cold run's own slope";
+  const CompositeFit fit = fit_composite(runs);
   const double twice = value(fit, 40, Vector2d(0, 0)) + published.constant * 40;
   std::cout << "counted twice, the cold end of the axis is off by " << twice - yang(40, 0, 0)
             << " um\n";
-  EXPECT_NEAR(twice - yang(40, 0, 0), 40 * whole_slope(runs.front()), 1e-11);
+  EXPECT_NEAR(twice - yang(40, 0, 0), 40 * run_slope(runs.front()), 1e-11);
   EXPECT_NEAR(value(fit, 40, Vector2d(0, 0)), yang(40, 0, 0), 1e-12);
 }
 
@@ -84,7 +84,7 @@ TEST(Composite, AnOffsetOfAWholeRunIsReportedAndKeptOutOfTheSlope) {
     run.p.array() += 40;  // positions from one end, where an offset would tilt a bound line
     if (!run.cold) run.delta.array() += 0.7;
   }
-  const CompositeFit free = separate(runs);
+  const CompositeFit free = fit_composite(runs);
   ASSERT_EQ(free.status, CompositeStatus::Ok);
   EXPECT_NEAR(free.thermal(1), per_K8, 1e-12);
   // The law's slope acts about p = 0, now an end of the axis: each run is lower by 40 slopes there.
@@ -92,7 +92,7 @@ TEST(Composite, AnOffsetOfAWholeRunIsReportedAndKeptOutOfTheSlope) {
     EXPECT_NEAR(free.offset(i), 0.7 - 40 * free.slope(i), 1e-11);
   CompositeOptions bound;
   bound.free_offset = false;
-  EXPECT_GT(std::abs(separate(runs, bound).thermal(1) / per_K8 - 1), 0.1);
+  EXPECT_GT(std::abs(fit_composite(runs, bound).thermal(1) / per_K8 - 1), 0.1);
 }
 
 TEST(Composite, NoiseMovesTheCoefficientsByTheirStandardErrors) {
@@ -108,7 +108,7 @@ TEST(Composite, NoiseMovesTheCoefficientsByTheirStandardErrors) {
     for (int i = 1; i < 40; ++i) runs.push_back(runs.front());
     for (CompositeRun& run : runs)
       for (double& delta : run.delta) delta += noise(random);
-    const CompositeFit fit = separate(runs);
+    const CompositeFit fit = fit_composite(runs);
     ASSERT_EQ(fit.status, CompositeStatus::Ok);
     squares += std::pow((fit.thermal(1) - per_K8) / fit.slope_fit.standard_error(1), 2);
   }
@@ -119,14 +119,14 @@ TEST(Composite, NoiseMovesTheCoefficientsByTheirStandardErrors) {
 
 TEST(Composite, OutcomesAreNamed) {
   std::vector<CompositeRun> runs = yang_runs();
-  EXPECT_EQ(separate({runs[0]}).status, CompositeStatus::NoLaterRun);
-  EXPECT_EQ(separate({runs[1], runs[2]}).status, CompositeStatus::NoColdRun);
+  EXPECT_EQ(fit_composite({runs[0]}).status, CompositeStatus::NoLaterRun);
+  EXPECT_EQ(fit_composite({runs[1], runs[2]}).status, CompositeStatus::NoColdRun);
   runs[3].cold = true;
-  EXPECT_EQ(separate(runs).status, CompositeStatus::ColdRunWarm);
-  EXPECT_EQ(separate(runs).run, 3);
+  EXPECT_EQ(fit_composite(runs).status, CompositeStatus::ColdRunWarm);
+  EXPECT_EQ(fit_composite(runs).run, 3);
   runs = yang_runs();
   for (CompositeRun& run : runs) run.dT_K(1) = 2 * run.dT_K(0);
-  const CompositeFit together = separate(runs);
+  const CompositeFit together = fit_composite(runs);
   EXPECT_EQ(together.status, CompositeStatus::SlopeNotDetermined);
   EXPECT_EQ(together.run, -1);
   EXPECT_EQ(together.slope_fit.status, RegressionStatus::RankDeficient);
@@ -135,9 +135,9 @@ TEST(Composite, OutcomesAreNamed) {
   options.degree = 12;
   runs.front().p.conservativeResize(5);
   runs.front().delta.conservativeResize(5);
-  EXPECT_EQ(separate(runs, options).status, CompositeStatus::CurveNotDetermined);
+  EXPECT_EQ(fit_composite(runs, options).status, CompositeStatus::CurveNotDetermined);
   runs = yang_runs();
   runs[2].delta(0) = NAN;
-  EXPECT_THROW((void)separate(runs), std::invalid_argument);
-  EXPECT_THROW((void)separate({}), std::invalid_argument);
+  EXPECT_THROW((void)fit_composite(runs), std::invalid_argument);
+  EXPECT_THROW((void)fit_composite({}), std::invalid_argument);
 }

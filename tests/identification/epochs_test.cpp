@@ -1,6 +1,6 @@
 // Readings of several starts, taken apart by the names of their set-ups.
 
-#include "errors/identification/epochs.h"
+#include "errors/identification/thermal_epochs.h"
 
 #include <stdexcept>
 
@@ -21,8 +21,8 @@ Readings two_starts() {
   readings.plan.set_ups.resize(4);
   for (std::size_t s = 0; s < 4; ++s) readings.plan.set_ups[s].name = s % 2 == 0 ? "a" : "b";
   readings.sensors = {"room", "nut"};
-  readings.plan.looks.resize(8);
-  for (std::size_t i = 0; i < 8; ++i) readings.plan.looks[i].set_up = int(i) / 2;
+  readings.plan.measurements.resize(8);
+  for (std::size_t i = 0; i < 8; ++i) readings.plan.measurements[i].set_up = int(i) / 2;
   readings.value = Eigen::VectorXd::LinSpaced(8, 0.0, 7.0);
   readings.T_C.resize(8, 2);
   readings.T_C.col(0).setConstant(20.0);
@@ -32,27 +32,27 @@ Readings two_starts() {
 
 TEST(Epochs, AStartIsHowOftenTheNameOfItsSetUpCameBefore) {
   Readings readings = two_starts();
-  EXPECT_EQ(starts_of(readings.plan), (std::vector<int>{0, 0, 1, 1}));
+  EXPECT_EQ(start_numbers(readings.plan), (std::vector<int>{0, 0, 1, 1}));
   EXPECT_EQ(day_log(readings).starts, 2);
   readings.plan.set_ups[1].name = "c";
-  EXPECT_EQ(starts_of(readings.plan), (std::vector<int>{0, 0, 1, 0}));
+  EXPECT_EQ(start_numbers(readings.plan), (std::vector<int>{0, 0, 1, 0}));
 }
 
 TEST(Epochs, EveryStartAloneHasItsOwnSetUpsReadingsAndTemperatures) {
-  const std::vector<Readings> starts = by_start(two_starts());
+  const std::vector<Readings> starts = split_by_start(two_starts());
   ASSERT_EQ(starts.size(), 2u);
   for (const Readings& one : starts) {
     EXPECT_EQ(one.plan.instrument, "laser");
     ASSERT_EQ(one.plan.set_ups.size(), 2u);
     EXPECT_EQ(one.plan.set_ups[0].name, "a");
     EXPECT_EQ(one.plan.set_ups[1].name, "b");
-    ASSERT_EQ(one.plan.looks.size(), 4u);
-    for (int i = 0; i < 4; ++i) EXPECT_EQ(one.plan.looks[std::size_t(i)].set_up, i / 2);
+    ASSERT_EQ(one.plan.measurements.size(), 4u);
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(one.plan.measurements[std::size_t(i)].set_up, i / 2);
   }
   EXPECT_EQ(starts[0].value, Eigen::Vector4d(0, 1, 2, 3));
   EXPECT_EQ(starts[1].value, Eigen::Vector4d(4, 5, 6, 7));
   EXPECT_EQ(starts[1].T_C.col(1), starts[1].value);
-  const Eigen::MatrixXd dT_K = warmed_K(starts, {"nut"});
+  const Eigen::MatrixXd dT_K = temperature_rise_K(starts, {"nut"});
   EXPECT_EQ(dT_K, Eigen::Vector2d(0, 4));
 }
 

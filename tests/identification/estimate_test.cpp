@@ -85,8 +85,8 @@ VectorXd freed(const Estimate& estimate, const GeometricErrors& truth) {
 
 // ---- the design matrix
 
-constexpr double step = 1e-4;         // mm or rad, of a difference
-constexpr double third_order = 1e-6;  // step^2 / 6 times an arm of 600 mm
+constexpr double step = 1e-4;                     // mm or rad, of a difference
+constexpr double third_order_coefficient = 1e-6;  // step^2 / 6 times an arm of 600 mm
 
 /// Largest difference of the design matrix from central differences of the exact readings, over
 /// the largest change that the number makes.
@@ -120,7 +120,7 @@ TEST(Design, IsTheDerivativeOfTheExactReadingsForEveryInstrument) {
           set_up.eccentricity_sigma = set_up.scale_sigma = set_up.drift_sigma = 1e-3;
     const double worst = off_differences(model, {readings});
     std::cout << to_string(kind) << ": design matrix off central differences by " << worst << "\n";
-    EXPECT_LT(worst, third_order) << to_string(kind);
+    EXPECT_LT(worst, third_order_coefficient) << to_string(kind);
   }
 }
 
@@ -145,7 +145,7 @@ TEST(Design, HoldsForPrimedSlidesMeasuringLinesAndTurningAxes) {
     const metrology::Plan plan = metrology::plan(instrument, chain);
     const double worst = off_differences(model, {noise_free(plan, chain, GeometricErrors{})});
     std::cout << "turned gantry, " << to_string(kind) << ": " << worst << "\n";
-    EXPECT_LT(worst, third_order);
+    EXPECT_LT(worst, third_order_coefficient);
   }
 }
 
@@ -356,11 +356,11 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
   // part, no reading would show it
   const Design d = design(model, readings);
   const MatrixXd A = (MatrixXd(d.A.rows() + d.prior.rows(), d.A.cols()) << d.A, d.prior).finished();
-  const std::vector<int> alike(d.sought.size(), 0);
-  EXPECT_EQ(factor(A, d.sought, alike, 1e-9).left.size(), 8u);
+  const std::vector<int> alike(d.is_sought.size(), 0);
+  EXPECT_EQ(factor(A, d.is_sought, alike, 1e-9).left.size(), 8u);
   const Index p = found.value.size();
   const VectorXd shown = A.leftCols(p) * (found.value - values(truth.elements));
-  std::vector<char> of_set_ups = d.sought;
+  std::vector<char> of_set_ups = d.is_sought;
   std::fill_n(of_set_ups.begin(), p, char(0));
   const Factor zeros = factor(A, of_set_ups, alike, 1e-9);
   const double seen = (shown - A(Eigen::all, zeros.found) * solve(zeros, shown)).norm();
@@ -601,7 +601,7 @@ TEST(Estimate, RefusesWhatItCannotFindInASentence) {
   bad.value.conservativeResize(3);
   EXPECT_NE(refusal(model, {bad}).find("values, seen 3"), std::string::npos);
   bad = good;
-  bad.plan.looks[2].channel = 9;
+  bad.plan.measurements[2].channel = 9;
   EXPECT_EQ(refusal(model, {bad}), "reading 3 of laser: there is no channel 9");
   bad = good;
   bad.value.resize(0);

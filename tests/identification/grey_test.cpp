@@ -1,4 +1,4 @@
-#include "errors/identification/grey.h"
+#include "errors/identification/sensor_choice.h"
 
 #include <iostream>
 #include <random>
@@ -149,8 +149,8 @@ TEST(Grey, TheMutualMatrixIsSymmetricWithOnesOnItsDiagonal) {
     EXPECT_GT(mutual.degree.minCoeff(), 0);
     EXPECT_LE(mutual.degree.maxCoeff(), 1);
   }
-  const MutualDegrees liu = mutual_degrees(data, grey_options(GreyKind::Absolute));
-  EXPECT_EQ(liu.degree.col(0).tail(3),
+  const MutualDegrees liu_degree = mutual_degrees(data, grey_options(GreyKind::Absolute));
+  EXPECT_EQ(liu_degree.degree.col(0).tail(3),
             grey_degrees(data.col(0), data.rightCols(3), grey_options(GreyKind::Absolute)).degree);
 }
 

@@ -85,7 +85,7 @@ TEST(Learned, TheNetworkEndsWhereItsLossIsFlat) {
   const Smooth s = smooth();
   NetworkOptions options;
   options.decay = 1e-4;
-  options.most_iterations = 5000;
+  options.max_iterations = 5000;
   Network fit = fit_network(s.Z, s.y, options);
   const auto loss = [&](const Network& n) {
     double sum = 0;
@@ -116,7 +116,7 @@ TEST(Learned, TheNetworkEndsWhereItsLossIsFlat) {
 TEST(Learned, TheSameSeedGivesTheSameBitsAndAnotherSeedOthers) {
   const Smooth s = smooth();
   NetworkOptions options;
-  options.most_iterations = 50;
+  options.max_iterations = 50;
   const Network a = fit_network(s.Z, s.y, options), b = fit_network(s.Z, s.y, options);
   EXPECT_EQ(a.in, b.in);
   EXPECT_EQ(a.out_bias, b.out_bias);

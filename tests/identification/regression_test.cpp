@@ -1,5 +1,5 @@
 #include "errors/identification/regression.h"
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 
 #include <cmath>
 #include <iostream>
@@ -294,7 +294,7 @@ TEST(Regression, CovarianceAndLeverageAreThoseOfTheNormalEquations) {
   MatrixXd X(30, 4);
   X << VectorXd::Ones(30), A;
   const MatrixXd W = options.weight.asDiagonal();
-  const MatrixXd inverse = abbe::inverted(X.transpose() * W * X);
+  const MatrixXd inverse = abbe::full_pivot_inverse(X.transpose() * W * X);
   VectorXd b(4);
   b << fit.constant, fit.beta;
   EXPECT_LT((b - inverse * X.transpose() * W * y).norm(), 1e-13);
@@ -400,7 +400,7 @@ TEST(Ridge, IsLeastSquaresOfTheDesignWithRowsOfThePenaltyBelow) {
   A.col(1) *= 4;
   const VectorXd y = random_matrix(random, 30, 1);
   const double penalty = 0.3;
-  const Shrunk fit = fit_ridge(A, y, penalty);
+  const ShrunkFit fit = fit_ridge(A, y, penalty);
   const Eigen::RowVectorXd mean = A.colwise().mean();
   MatrixXd Z = A.rowwise() - mean;
   const Eigen::RowVectorXd sd = (Z.colwise().squaredNorm() / 30).cwiseSqrt();
@@ -418,7 +418,7 @@ TEST(Ridge, IsLeastSquaresOfTheDesignWithRowsOfThePenaltyBelow) {
 TEST(Ridge, SharesBetweenTwinsWhatLeastSquaresCannotPart) {
   MatrixXd A(4, 2);
   A << 1, 1, 2, 2, 3, 3, 4, 4;
-  const Shrunk fit = fit_ridge(A, numbers({2, 4, 6, 8}), 1e-3);
+  const ShrunkFit fit = fit_ridge(A, numbers({2, 4, 6, 8}), 1e-3);
   // Twins of length 1 act as one column of length sqrt 2: the sum shrinks by 2 / (2 + penalty).
   EXPECT_NEAR(fit.beta(0), 2 / 2.001, 1e-12);
   EXPECT_NEAR(fit.beta(1), 2 / 2.001, 1e-12);
@@ -433,11 +433,11 @@ TEST(Lasso, KeepsItsOptimalityBoundAndEndsAtLeastSquaresAndAtNothing) {
     MatrixXd A = random_matrix(random, 40, 8).array() + 20;
     for (int j = 1; j < 8; ++j) A.col(j) += 3 * A.col(0);  // sensors move together
     const VectorXd y = A.col(2) - A.col(5) + random_matrix(random, 40, 1);
-    const double most = most_penalty(A, y);
+    const double most = max_penalty(A, y);
     MatrixXd Z = A.rowwise() - A.colwise().mean();
     Z.array().rowwise() /= (Z.colwise().squaredNorm() / 40).cwiseSqrt().array();
     for (const double part : {1.0, 0.5, 0.1, 0.01}) {
-      const Shrunk fit = fit_lasso(A, y, part * most);
+      const ShrunkFit fit = fit_lasso(A, y, part * most);
       ASSERT_TRUE(fit.converged) << part;
       const VectorXd residual = y - A * fit.beta - VectorXd::Constant(40, fit.constant);
       const VectorXd gradient = Z.transpose() * residual / 40;
@@ -458,15 +458,15 @@ TEST(Lasso, KeepsItsOptimalityBoundAndEndsAtLeastSquaresAndAtNothing) {
 TEST(Lasso, OfOrthogonalColumnsIsTheSoftThreshold) {
   MatrixXd A(4, 2);
   A << 1, 1, 1, -1, -1, 1, -1, -1;
-  const Shrunk fit = fit_lasso(A, 3 * A.col(0) - 0.2 * A.col(1), 0.5);
+  const ShrunkFit fit = fit_lasso(A, 3 * A.col(0) - 0.2 * A.col(1), 0.5);
   EXPECT_NEAR(fit.beta(0), 2.5, 1e-12);
   EXPECT_EQ(fit.beta(1), 0);
 }
 
-TEST(Shrunk, AColumnThatStandsStillGetsNothing) {
+TEST(ShrunkFit, AColumnThatStandsStillGetsNothing) {
   MatrixXd A(4, 2);
   A << 21.3, 1, 21.3, 2, 21.3, 3, 21.3, 4;
-  for (const Shrunk& fit : {fit_ridge(A, A.col(1), 1e-3), fit_lasso(A, A.col(1), 1e-3)}) {
+  for (const ShrunkFit& fit : {fit_ridge(A, A.col(1), 1e-3), fit_lasso(A, A.col(1), 1e-3)}) {
     EXPECT_EQ(fit.beta(0), 0);
     EXPECT_NEAR(fit.beta(1), 1, 2e-3);
   }

@@ -11,8 +11,6 @@
 
 #include <gtest/gtest.h>
 
-#include "errors/identification/thermal_study.h"
-
 namespace {
 
 using namespace abbe::errors::identification;
@@ -65,8 +63,9 @@ TEST(SensorChoice, TwinsShareAGroupAndTheBetterOneLeads) {
   SensorChoiceOptions options;
   options.count = 2;
   options.threshold = 0.9;
-  for (const Likeness likeness : {Likeness::Grey, Likeness::Correlation}) {
-    options.likeness = likeness;
+  for (const SimilarityMeasure similarity_measure :
+       {SimilarityMeasure::Grey, SimilarityMeasure::Correlation}) {
+    options.similarity_measure = similarity_measure;
     options.screening = Screening::Degree;
     const SensorChoice choice = choose_sensors(data, options);
     ASSERT_EQ(choice.status, GreyStatus::Ok);
@@ -103,8 +102,8 @@ TEST(SensorChoice, ADriftThatStartsAtZeroIsGradedFromItsFirstValueBeyondNoise) {
   for (SensorChoiceOptions options :
        {by_degree(GreyKind::Deng, Image::Initial), by_degree(GreyKind::Relative),
         by_degree(GreyKind::Comprehensive)}) {
-    ASSERT_TRUE(divides_by_start(options));
-    options.least_start = {0.01};
+    ASSERT_TRUE(is_divided_by_start(options));
+    options.min_start = {0.01};
     for (const int late : {0, 1, 5}) {
       ThermalData data = whole;
       for (int k = 0; k < late; ++k) data.y(k) = k % 2 ? -0.009 : 0.0;  // noise
@@ -126,11 +125,11 @@ TEST(SensorChoice, ADriftThatStartsAtZeroIsGradedFromItsFirstValueBeyondNoise) {
     EXPECT_TRUE(none.chosen.empty());
     // beside one that does it takes no part
     const std::vector<ThermalData> two{whole, still};
-    options.least_start = {0.01, 0.01};
+    options.min_start = {0.01, 0.01};
     const SensorChoice one = choose_sensors(two, options);
     ASSERT_EQ(one.status, GreyStatus::Ok);
     EXPECT_FALSE(one.first_row[1]);
-    options.least_start = {0.01};
+    options.min_start = {0.01};
     EXPECT_EQ(one.degree, choose_sensors(whole, options).degree);
   }
 }
@@ -153,7 +152,7 @@ TEST(SensorChoice, FixedSensorsAreTakenAsTheyAre) {
   SensorChoiceOptions options;
   options.fixed = {"S7", "S2"};
   EXPECT_EQ(choose_sensors(data, options).chosen, (std::vector<int>{6, 1}));
-  EXPECT_FALSE(divides_by_start(options));
+  EXPECT_FALSE(is_divided_by_start(options));
   options.fixed = {"S99"};
   EXPECT_THROW((void)choose_sensors(data, options), std::invalid_argument);
 }
@@ -215,11 +214,12 @@ TEST(ThermalStudy, FourOfEighteenSensorsPredictAnotherDayAndBeatMostRandomFours)
             << study.errors.front().test.overall.rms << " (" << 100 * study.rms_over_range
             << " % of the drift of " << study.errors.front().drift_range << "); random fours "
             << 100 * study.random.p05 << " .. " << 100 * study.random.p50 << " .. "
-            << 100 * study.random.p95 << " %, beaten " << 100 * study.random.beaten << " %\n";
+            << 100 * study.random.p95 << " %, beaten " << 100 * study.random.fraction_beaten
+            << " %\n";
   EXPECT_EQ(study.chosen.size(), 4u);
   EXPECT_LT(study.rms_over_range, 0.15);
   EXPECT_LT(study.rms_over_range, study.random.p50);
-  EXPECT_EQ(study.random.rms_over_range.size() + std::size_t(study.random.not_fitted), 200u);
+  EXPECT_EQ(study.random.rms_over_range.size() + std::size_t(study.random.unfitted_count), 200u);
   EXPECT_LE(study.errors.front().in_cycle.rms, study.errors.front().left_out->overall.rms);
 }
 

@@ -34,9 +34,9 @@ Plan stepped(const kinematics::Chain& chain, double noise, int runs = 1, int ste
 /// The places of an axis in a plan, from its lowest upwards.
 VectorXd places_of(const kinematics::Chain& chain, char axis, int steps) {
   double low = 1e9, high = -1e9;
-  for (const metrology::Look& look : stepped(chain, 0.0, 1, steps).looks) {
-    low = std::min(low, look.state.q[*chain.find(axis)]);
-    high = std::max(high, look.state.q[*chain.find(axis)]);
+  for (const metrology::Measurement& measurement : stepped(chain, 0.0, 1, steps).measurements) {
+    low = std::min(low, measurement.state.q[*chain.find(axis)]);
+    high = std::max(high, measurement.state.q[*chain.find(axis)]);
   }
   return VectorXd::LinSpaced(steps + 1, low, high);
 }
@@ -180,8 +180,8 @@ TEST(StepDiagonal, APitchMakesItFailByWhatTheTheorySaysAndCannotBeSeen) {
     eyy[k + 1] = eyy[k] - 0.5 * (theta - other) * l_z;
     eyz[k + 1] = eyz[k] + theta * l_z;
   }
-  const Detrended line_y = detrend(make_table(y, ezy), Detrend::LeastSquares);
-  const Detrended line_z = detrend(make_table(z, eyz), Detrend::LeastSquares);
+  const DetrendedTable line_y = detrend(make_table(y, ezy), Detrend::LeastSquares);
+  const DetrendedTable line_z = detrend(make_table(z, eyz), Detrend::LeastSquares);
   const auto off = [&](const char* name, const VectorXd& expected) {
     return (table_of(found.belief, name).value - expected).cwiseAbs().maxCoeff();
   };
@@ -296,12 +296,12 @@ TEST(StepDiagonal, OtherReadingsAreRefusedInASentence) {
   bad.value[7] = std::nan("");
   EXPECT_NE(refusal(bad).find("finite reading"), std::string::npos);
   bad = good;
-  bad.plan.looks.erase(bad.plan.looks.begin() + 5);
+  bad.plan.measurements.erase(bad.plan.measurements.begin() + 5);
   bad.value = good.value.head(good.value.size() - 1);
   EXPECT_NE(refusal(bad).find("one step of X, Y or Z apart"), std::string::npos);
   bad = good;
   const auto quarter = Eigen::Index(good.value.size() / 4);
-  bad.plan.looks.resize(std::size_t(3 * quarter));
+  bad.plan.measurements.resize(std::size_t(3 * quarter));
   bad.value = good.value.head(3 * quarter);
   EXPECT_NE(refusal(bad).find("same steps on every diagonal"), std::string::npos);
   const kinematics::Chain other = platform();

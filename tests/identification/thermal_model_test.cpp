@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "errors/identification/cross_validation.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "tests/identification/thermal_options.h"
@@ -54,7 +53,7 @@ ThermalData warmup(const Warmup& of) {
 /// What the reader says of a text.
 std::string refusal(std::string_view text) {
   try {
-    (void)thermal_model_of_text(text, "model.txt");
+    (void)parse_thermal_model(text, "model.txt");
   } catch (const abbe::BadInput& bad) {
     return bad.what();
   }
@@ -86,7 +85,7 @@ TEST(ThermalModel, TextReadsBackAsTheSameBits) {
     const ThermalFit fitted = fit(data, options);
     ASSERT_TRUE(fitted.model) << to_string(kind);
     const std::string text = to_text(*fitted.model);
-    const ThermalModel again = thermal_model_of_text(text, "model.txt");
+    const ThermalModel again = parse_thermal_model(text, "model.txt");
     EXPECT_EQ(to_text(again), text);
     EXPECT_EQ(values(again, data.T), values(*fitted.model, data.T)) << to_string(kind);
     for (int i = 0; i < data.T.rows(); i += 7) {
@@ -212,7 +211,7 @@ TEST(ThermalModel, RandomDamageToATextIsRefusedOrHarmless) {
       for (int k = 0; k < 3; ++k)
         damaged[random() % damaged.size()] = "0123456789.-e \nx\xff"[random() % 17];
       try {
-        const ThermalModel model = thermal_model_of_text(damaged, "damaged");
+        const ThermalModel model = parse_thermal_model(damaged, "damaged");
         (void)predict(model, (model.lowest + model.highest) / 2);
       } catch (const abbe::BadInput&) {
         ++refused;
@@ -230,7 +229,7 @@ TEST(ThermalModel, LinearHasItsDiagnosticsAndNoMoreRowsThanNeededIsAnOutcome) {
   ASSERT_TRUE(fitted.regression);
   EXPECT_EQ(fitted.regression->vif.size(), 3);
   EXPECT_NEAR(fitted.regression->beta(0), 2.0, 4 * fitted.regression->standard_error(1));
-  ThermalData few = thinned(only_runs(data, {0}), 30);
+  ThermalData few = thinned(select_runs(data, {0}), 30);
   EXPECT_EQ(few.y.size(), 2);
   EXPECT_EQ(fit(few).status, FitStatus::TooFewRows);
   EXPECT_TRUE(fit(few, options_of(ModelKind::Ridge)).model);
@@ -244,8 +243,8 @@ TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
   ASSERT_EQ(v.run, (std::vector<int>{0, 1, 2, 3, 4}));
   EXPECT_GT(v.of_run[2].rms, 90);
   // The same by hand.
-  const ThermalFit others = fit(without_run(data, 2), options_of(ModelKind::Linear));
-  const ThermalData day = only_runs(data, {2});
+  const ThermalFit others = fit(exclude_run(data, 2), options_of(ModelKind::Linear));
+  const ThermalData day = select_runs(data, {2});
   EXPECT_EQ(v.of_run[2].rms, spread(day.y - values(*others.model, day.T)).rms);
   EXPECT_EQ(v.rows, 300);
   EXPECT_THROW((void)cross_validate(day, {}), std::invalid_argument);
@@ -281,7 +280,7 @@ TEST(Features, TakeNothingFromAnotherRunOrFromLater) {
   EXPECT_EQ(made.names, (std::vector<std::string>{"T", "T lag"}));
   EXPECT_EQ(made.T.col(0), (VectorXd(5) << 0, 4, 4, 0, 1).finished());
   EXPECT_LT((made.T.col(1) - (VectorXd(5) << 0, 2, 3, 0, 0.5).finished()).norm(), 1e-15);
-  EXPECT_EQ(zeroed(data).y, (VectorXd(5) << 0, 1, 3, 0, 1).finished());
+  EXPECT_EQ(zeroed_at_start(data).y, (VectorXd(5) << 0, 1, 3, 0, 1).finished());
   EXPECT_EQ(thinned(data, 2).y, (VectorXd(3) << 1, 4, 7).finished());
   EXPECT_THROW(with_features(data, {false, -1}), std::invalid_argument);
 }

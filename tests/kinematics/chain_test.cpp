@@ -405,14 +405,14 @@ TEST(Chain, CarriagesCarryToolAndWorkpiece) {
         wrong[std::size_t(k)].location[i] = 1e-3 * unit(random);
       }
     }
-    const std::vector<Pose> T = carriages_in_bed(chain, q, wrong);
+    const std::vector<Pose> T = carriage_poses(chain, q, wrong);
     ASSERT_EQ(T.size(), 5u);
     EXPECT_EQ((T[0] * home_w).matrix(), chain.workpiece_in_bed(q, wrong).matrix());
     EXPECT_EQ((T[4] * home_t).matrix(), chain.tool_in_bed(q, wrong).matrix());
     // each but for its own joint and those beyond it
     AxisVector without = q;
     without[0] = 0.0;
-    EXPECT_EQ(carriages_in_bed(chain, without, wrong)[1].matrix(), T[1].matrix());
+    EXPECT_EQ(carriage_poses(chain, without, wrong)[1].matrix(), T[1].matrix());
   }
 }
 

@@ -1,11 +1,9 @@
-#include "kinematics/escape.h"
+#include "kinematics/bad_input.h"
 
 #include <random>
 #include <string>
 
 #include <gtest/gtest.h>
-
-#include "kinematics/bad_input.h"
 
 namespace abbe {
 namespace {
@@ -25,12 +23,14 @@ TEST(Escape, LettersStayAndWhatActsOnATerminalIsSpeltOut) {
 }
 
 TEST(Escape, BytesThatAreNotUtf8AreSpeltOutOneByOne) {
-  EXPECT_EQ(escaped("\x9b" "31m"), "\\x9b31m");            // C1 as a byte of its own
-  EXPECT_EQ(escaped("\xc0\x9b"), "\\xc0\\x9b");            // too long for U+001B
-  EXPECT_EQ(escaped("\xe0\x80\x9b"), "\\xe0\\x80\\x9b");   // the same
-  EXPECT_EQ(escaped("\xed\xa0\x80"), "\\xed\\xa0\\x80");   // half a pair of UTF-16
+  EXPECT_EQ(escaped("\x9b"
+                    "31m"),
+            "\\x9b31m");                                  // C1 as a byte of its own
+  EXPECT_EQ(escaped("\xc0\x9b"), "\\xc0\\x9b");           // too long for U+001B
+  EXPECT_EQ(escaped("\xe0\x80\x9b"), "\\xe0\\x80\\x9b");  // the same
+  EXPECT_EQ(escaped("\xed\xa0\x80"), "\\xed\\xa0\\x80");  // half a pair of UTF-16
   EXPECT_EQ(escaped("\xf5\x80\x80\x80"), "\\xf5\\x80\\x80\\x80");
-  EXPECT_EQ(escaped("ab\xe2\x82"), "ab\\xe2\\x82");        // cut off
+  EXPECT_EQ(escaped("ab\xe2\x82"), "ab\\xe2\\x82");  // cut off
 }
 
 /// Whether a terminal would be moved by a text, by a decoder that shares nothing with the escaping.
@@ -53,8 +53,9 @@ TEST(Escape, OfAnyBytesIsCalmAndStaysAsItIsWhenEscapedAgain) {
   const unsigned seed = 20261122;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
-  const std::string pieces[] = {"\x1b[2J", "\u202e", "\u0090", "\xc2", "\xe2", "\x80", "\xae", "\x07",
-                                "a",       "µ",      "部",     "\xf0", "\\",   "\xff", "\n",   "\x9b"};
+  const std::string pieces[] = {"\x1b[2J", "\u202e", "\u0090", "\xc2", "\xe2", "\x80",
+                                "\xae",    "\x07",   "a",      "µ",    "部",   "\xf0",
+                                "\\",      "\xff",   "\n",     "\x9b"};
   for (int i = 0; i < 20000; ++i) {
     std::string text;
     for (unsigned k = random() % 12; k > 0; --k) text += pieces[random() % std::size(pieces)];

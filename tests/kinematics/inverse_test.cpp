@@ -1,4 +1,4 @@
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 
 #include <algorithm>
 #include <array>
@@ -28,7 +28,7 @@ using machines::z;
 constexpr double promised_mm = 1e-9;
 constexpr double promised_rad = 1e-12;
 
-double angle_between(const Vector3d& a, const Vector3d& b) {
+double angle_of_directions(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
@@ -45,7 +45,7 @@ struct Worst {
   void take(const Chain& chain, const TipTarget& target, const AxisVector& q) {
     const Pose T_wt = chain.tool_in_workpiece(q);
     mm = std::max(mm, (T_wt.translation() - target.tip_w).norm());
-    rad = std::max(rad, angle_between(T_wt.linear().col(2), target.direction_w));
+    rad = std::max(rad, angle_of_directions(T_wt.linear().col(2), target.direction_w));
   }
   bool kept() const { return mm <= promised_mm && rad <= promised_rad; }
 };
@@ -58,10 +58,10 @@ std::ostream& operator<<(std::ostream& out, const Worst& worst) {
 void expect_return(const Chain& chain, const AxisVector& q, const AxisVector& previous,
                    Worst& worst) {
   const TipTarget target = target_at(chain, q);
-  const InverseResult result = inverse(chain, target, previous);
+  const InverseSolution result = inverse(chain, target, previous);
   ASSERT_FALSE(result.branches.empty()) << q.transpose();
   ASSERT_TRUE(result.reach == Reach::Reached || result.reach == Reach::Singular);
-  const NearestPose nearest = nearest_inverse(chain, target, previous);
+  const NearestPose nearest = nearest_inverse_solution(chain, target, previous);
   ASSERT_EQ(nearest.reach, result.reach);
   ASSERT_EQ(nearest.q, result.branches.front()) << "the same bits";
   for (const AxisVector& branch : result.branches) {
@@ -161,7 +161,7 @@ TEST(Inverse, BringsPosesAtAnyDistanceFromASingularOneBack) {
                                                        std::sin(azimuth) * pole_w.cross(across));
       const AxisVector previous = machines::anywhere(chain, random);
       const TipTarget target{previous.head<3>(), direction};
-      const InverseResult result = inverse(chain, target, previous);
+      const InverseSolution result = inverse(chain, target, previous);
       for (const AxisVector& branch : result.branches) {
         worst.take(chain, target, branch);
         ASSERT_TRUE(worst.kept()) << worst << " at distance " << distance;
@@ -219,7 +219,7 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
     if (std::abs(Eigen::Matrix3d(J).determinant()) < 0.1) continue;
     ++machines_tried;
     const TipTarget target = target_at(chain, q);
-    const InverseResult result = inverse(chain, target, q);
+    const InverseSolution result = inverse(chain, target, q);
     ASSERT_NE(result.reach, Reach::Unreachable);
     if (result.branches.empty()) continue;  // the other branch may need slides beyond 2 m
     worst.take(chain, target, result.branches[0]);
@@ -249,8 +249,8 @@ TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
     TipTarget target{200 * Vector3d(unit(random), unit(random), unit(random)),
                      Vector3d(unit(random), unit(random), unit(random))};
     if (i % 10 == 0) target.direction_w = Vector3d::UnitZ();
-    const InverseResult all = inverse(chain, target, previous);
-    const NearestPose nearest = nearest_inverse(chain, target, previous);
+    const InverseSolution all = inverse(chain, target, previous);
+    const NearestPose nearest = nearest_inverse_solution(chain, target, previous);
     ASSERT_EQ(nearest.reach, all.reach);
     ASSERT_EQ(nearest.q.size() == 0, all.branches.empty());
     if (!all.branches.empty()) {
@@ -269,7 +269,7 @@ TEST(Inverse, FindsTheWayItCameFirst) {
   for (const auto& [name, chain] : machines::five_axis())
     for (int i = 0; i < 2000; ++i) {
       const AxisVector q = machines::anywhere(chain, random);
-      const InverseResult result = inverse(chain, target_at(chain, q), q);
+      const InverseSolution result = inverse(chain, target_at(chain, q), q);
       ASSERT_FALSE(result.branches.empty());
       // where the axes are ill-determined they may differ, but hardly by more than rounding's root
       ASSERT_LT((result.branches[0] - q).cwiseAbs().maxCoeff(), 1e-4) << name;
@@ -309,7 +309,7 @@ TEST(Inverse, BranchesAreAllThereAre) {
         roots += k > 0 && (now > 0) != (before > 0);
         before = now;
       }
-      const InverseResult result = inverse(chain, target_at(chain, q), q);
+      const InverseSolution result = inverse(chain, target_at(chain, q), q);
       ASSERT_EQ(int(result.branches.size()), roots) << name << " " << q.transpose();
     }
 }
@@ -318,7 +318,7 @@ TEST(Inverse, OfTheGantryHasTwoBranchesHalfATurnApart) {
   const Chain gantry = machines::gantry();
   AxisVector q(6);
   q << 0.4, 10, 20, 30, 0.7, 0.0;
-  const InverseResult result = inverse(gantry, target_at(gantry, q), q);
+  const InverseSolution result = inverse(gantry, target_at(gantry, q), q);
   ASSERT_EQ(result.branches.size(), 2u);
   EXPECT_EQ(result.reach, Reach::Reached);
   EXPECT_NEAR(result.branches[0][0], 0.4, 1e-14);
@@ -337,7 +337,7 @@ TEST(Inverse, KeepsCWhereItIsFree) {
       q[rotary[1]] = tilt;
       AxisVector previous = q;
       previous[rotary[0]] = 123.456;
-      const InverseResult result = inverse(chain, target_at(chain, q), previous);
+      const InverseSolution result = inverse(chain, target_at(chain, q), previous);
       EXPECT_EQ(result.reach, Reach::Singular) << tilt;
       ASSERT_EQ(result.branches.size(), 1u);
       EXPECT_EQ(result.branches[0][rotary[0]], 123.456);
@@ -351,7 +351,7 @@ TEST(Inverse, DoesNotCallANearlySingularPoseSingular) {
   AxisVector q(6);
   for (const double tilt : {1e-12, 1e-9, 1e-6}) {
     q << 1.3, 1, 2, 3, tilt, 0.0;
-    const InverseResult result = inverse(gantry, target_at(gantry, q), q);
+    const InverseSolution result = inverse(gantry, target_at(gantry, q), q);
     EXPECT_EQ(result.reach, Reach::Reached);
     EXPECT_EQ(result.branches.size(), 2u);
     // the direction is known to rounding, so C is known to rounding over the tilt
@@ -363,7 +363,7 @@ TEST(Inverse, BringsAFreeAxisToItsLimits) {
   const Chain gantry = with_limits(machines::gantry(), 'C', -1.0, 1.0);
   AxisVector previous = AxisVector::Zero(6);
   previous[0] = 2.0;
-  const InverseResult result = inverse(gantry, {Vector3d(1, 2, 3), z}, previous);
+  const InverseSolution result = inverse(gantry, {Vector3d(1, 2, 3), z}, previous);
   EXPECT_EQ(result.reach, Reach::Singular);
   EXPECT_EQ(result.branches.at(0)[0], 1.0);
 }
@@ -388,7 +388,7 @@ TEST(Inverse, ThroughThePoleDoesNotSwingC) {
   for (int i = -300; i <= 300; ++i) {
     const double tilt = 1e-3 * i;
     const TipTarget target{Vector3d(i, 0, 0), std::sin(tilt) * side_w + std::cos(tilt) * z};
-    const InverseResult result = inverse(gantry, target, previous);
+    const InverseSolution result = inverse(gantry, target, previous);
     ASSERT_FALSE(result.branches.empty());
     largest_step = std::max(largest_step, std::abs(result.branches[0][0] - previous[0]));
     previous = result.branches[0];
@@ -406,7 +406,7 @@ TEST(Inverse, UnwindsTurnsTowardsPrevious) {
   for (const int turns : {-100, -3, -1, 0, 1, 2, 100}) {
     AxisVector previous = q;
     previous[0] += 2 * pi * turns + 0.5;
-    const InverseResult result = inverse(gantry, target, previous);
+    const InverseSolution result = inverse(gantry, target, previous);
     ASSERT_EQ(result.branches.size(), 2u);
     EXPECT_NEAR(result.branches[0][0], 0.4 + 2 * pi * turns, 1e-12);
     EXPECT_LE(std::abs(result.branches[1][0] - previous[0]), pi);
@@ -423,7 +423,7 @@ TEST(Inverse, StaysWithinRotaryLimitsThoughTheNearestTurnIsBeyond) {
   AxisVector previous = q;
   previous[0] = -3.1;  // 3.0 - 2 pi would be nearer, but lies beyond -pi
   const Chain only_positive_A = with_limits(gantry, 'A', 0.0, 2.0);
-  const InverseResult result = inverse(only_positive_A, target_at(gantry, q), previous);
+  const InverseSolution result = inverse(only_positive_A, target_at(gantry, q), previous);
   ASSERT_EQ(result.branches.size(), 1u);
   EXPECT_NEAR(result.branches[0][0], 3.0, 1e-13);
 }
@@ -433,16 +433,16 @@ TEST(Inverse, LeavesOutBranchesBeyondLimits) {
   AxisVector q(6);
   q << 0.4, 10, 20, 30, 0.7, 0.0;
   const TipTarget target = target_at(gantry, q);
-  const InverseResult one = inverse(with_limits(gantry, 'A', -2.0, 0.0), target, q);
+  const InverseSolution one = inverse(with_limits(gantry, 'A', -2.0, 0.0), target, q);
   ASSERT_EQ(one.branches.size(), 1u);
   EXPECT_EQ(one.reach, Reach::Reached);
   EXPECT_NEAR(one.branches[0][4], -0.7, 1e-14);
 
-  const InverseResult none = inverse(with_limits(gantry, 'A', -0.5, 0.5), target, q);
+  const InverseSolution none = inverse(with_limits(gantry, 'A', -0.5, 0.5), target, q);
   EXPECT_EQ(none.reach, Reach::OutOfLimits);
   EXPECT_TRUE(none.branches.empty());
 
-  const InverseResult slides = inverse(with_limits(gantry, 'Z', -500, -400), target, q);
+  const InverseSolution slides = inverse(with_limits(gantry, 'Z', -500, -400), target, q);
   EXPECT_EQ(slides.reach, Reach::OutOfLimits);
   EXPECT_TRUE(slides.branches.empty());
 }
@@ -457,7 +457,7 @@ TEST(Inverse, ReachesALimitItself) {
     q[4] = 120.0_deg;
     q[3] = -250.0;
     const Chain limited = with_limits(with_limits(gantry, 'A', 0.0, 120.0_deg), 'Z', -250.0, 300.0);
-    const InverseResult result = inverse(limited, target_at(gantry, q), q);
+    const InverseSolution result = inverse(limited, target_at(gantry, q), q);
     ASSERT_EQ(result.branches.size(), 1u);
     EXPECT_LE(result.branches[0][4], 120.0_deg);
     EXPECT_GE(result.branches[0][3], -250.0);
@@ -475,7 +475,7 @@ TEST(Inverse, ReachesALimitThatRoundingWouldMiss) {
       q[0] = limit;
       q[1] = 1e-6 + 1e-9 * i;
       const TipTarget target = target_at(tilted, q);
-      const InverseResult result = inverse(tilted, target, AxisVector::Zero(6));
+      const InverseSolution result = inverse(tilted, target, AxisVector::Zero(6));
       ASSERT_EQ(result.branches.size(), 1u) << i;
       EXPECT_LE(std::abs(result.branches[0][0]), 90.0_deg);
       worst.take(tilted, target, result.branches[0]);
@@ -496,7 +496,7 @@ TEST(Inverse, DoesNotStretchALimitWhereTheDirectionWouldShowIt) {
   q[0] = -pi + 5e-7;
   AxisVector previous = q;
   previous[0] = 3.1;
-  const InverseResult result =
+  const InverseSolution result =
       inverse(with_limits(gantry, 'C', -pi, pi), target_at(gantry, q), previous);
   EXPECT_EQ(result.reach, Reach::Reached);
   EXPECT_NEAR(result.branches.at(0)[0], -pi + 5e-7, 1e-13);
@@ -507,7 +507,7 @@ TEST(Inverse, OfThreeAxesReachesItsOwnDirectionOnly) {
   AxisVector q(4);
   q << 10, -20, 30, 0.5;
   const TipTarget target = target_at(table, q);
-  const InverseResult result = inverse(table, target, q);
+  const InverseSolution result = inverse(table, target, q);
   EXPECT_EQ(result.reach, Reach::Reached);
   ASSERT_EQ(result.branches.size(), 1u);
   EXPECT_LT((result.branches[0] - q).cwiseAbs().maxCoeff(), 1e-12);
@@ -521,7 +521,7 @@ TEST(Inverse, OfOneRotaryAxisReachesItsConeOnly) {
                     Pose::Identity(), machines::placed({1, 2, 3}));
   const AxisVector previous = AxisVector::Zero(4);
   const TipTarget target{Vector3d(7, 8, 9), Vector3d(std::sin(0.6), 0, std::cos(0.6))};
-  const InverseResult result = inverse(chain, target, previous);
+  const InverseSolution result = inverse(chain, target, previous);
   EXPECT_EQ(result.reach, Reach::Reached);
   ASSERT_EQ(result.branches.size(), 1u);
   EXPECT_NEAR(result.branches[0][0], 0.6, 1e-14);  // positive B turns the tool from z to x
@@ -540,7 +540,7 @@ TEST(Inverse, KeepsATableThatTurnsAboutTheTool) {
   AxisVector previous = AxisVector::Zero(4);
   previous[0] = 7.7;
   const TipTarget target{Vector3d(1, 2, 3), z};
-  const InverseResult result = inverse(chain, target, previous);
+  const InverseSolution result = inverse(chain, target, previous);
   EXPECT_EQ(result.reach, Reach::Singular);
   EXPECT_EQ(result.branches.at(0)[0], 7.7);
   Worst worst;
@@ -557,7 +557,7 @@ TEST(Inverse, OfParallelRotaryAxesKeepsTheOuterAndTurnsTheInner) {
     AxisVector previous = AxisVector::Zero(5);
     previous[0] = 0.9;
     const TipTarget target{Vector3d(1, 2, 3), Vector3d(0, std::sin(0.2), std::cos(0.2))};
-    const InverseResult result = inverse(chain, target, previous);
+    const InverseSolution result = inverse(chain, target, previous);
     EXPECT_EQ(result.reach, Reach::Singular);
     EXPECT_EQ(result.branches.at(0)[0], 0.9);
     Worst worst;
@@ -575,7 +575,7 @@ TEST(Inverse, KeepsAnInnerAxisThatTurnsTheToolAboutItself) {
   AxisVector previous = AxisVector::Zero(5);
   previous[4] = 0.9;
   const TipTarget target{Vector3d(1, 2, 3), Vector3d(0, std::sin(0.2), std::cos(0.2))};
-  const InverseResult result = inverse(chain, target, previous);
+  const InverseSolution result = inverse(chain, target, previous);
   EXPECT_EQ(result.reach, Reach::Singular);
   EXPECT_EQ(result.branches.at(0)[4], 0.9);
   EXPECT_NEAR(result.branches.at(0)[0], -0.2, 1e-14);
@@ -608,7 +608,7 @@ TEST(Inverse, ReachesTheEndOfItsReachDespiteRounding) {
         const Vector3d direction(std::sin(tilt) * std::cos(c), std::sin(tilt) * std::sin(c),
                                  std::cos(tilt));
         const TipTarget target{Vector3d(10, 20, 30), direction};
-        const InverseResult result = inverse(chain, target, AxisVector::Zero(chain.size()));
+        const InverseSolution result = inverse(chain, target, AxisVector::Zero(chain.size()));
         ASSERT_EQ(result.reach, Reach::Reached);
         for (const AxisVector& branch : result.branches) {
           ASSERT_TRUE(branch.allFinite());
@@ -651,8 +651,8 @@ TEST(Inverse, RefusesWhatIsNoTarget) {
 TEST(Inverse, OfAPointBeyondAllNumbersIsNeverNaN) {
   for (const auto& [name, chain] : machines::five_axis())
     for (const double far : {1e12, 1e200, 1.7e308}) {
-      const InverseResult result = inverse(chain, {Vector3d(far, -far, far), Vector3d(0.1, 0.2, 1)},
-                                           AxisVector::Zero(chain.size()));
+      const InverseSolution result = inverse(
+          chain, {Vector3d(far, -far, far), Vector3d(0.1, 0.2, 1)}, AxisVector::Zero(chain.size()));
       EXPECT_TRUE(result.branches.empty());
       EXPECT_NE(result.reach, Reach::Reached) << name;
     }

@@ -1,13 +1,9 @@
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
-
-#include "kinematics/singular_values.h"
-#include "kinematics/symmetric.h"
-#include "kinematics/triangle.h"
 
 namespace abbe {
 namespace {
@@ -34,10 +30,10 @@ TEST(LeastSquares, EveryRoadLeadsToTheSameUnknowns) {
   EXPECT_LT((least_squares(Eigen::MatrixX3d(A), b).x - fit.x).norm(), 1e-14);
   EXPECT_LT((least_squares(A, MatrixXd(b)).x - fit.x).norm(), 1e-14);
   EXPECT_LT((shortest_least_squares(A, b) - fit.x).norm(), 1e-14);
-  EXPECT_LT((solve(reflected(A), b) - fit.x).norm(), 1e-14);
+  EXPECT_LT((solve(factor_by_householder(A), b) - fit.x).norm(), 1e-14);
   EXPECT_LT((solve_positive(normal, moment) - fit.x).norm(), 1e-13);
   EXPECT_LT((solve_semidefinite(normal, moment) - fit.x).norm(), 1e-13);
-  EXPECT_LT((inverted(normal) * moment - fit.x).norm(), 1e-13);
+  EXPECT_LT((full_pivot_inverse(normal) * moment - fit.x).norm(), 1e-13);
   const MatrixXd L = cholesky(normal).L;
   EXPECT_LT((solve_upper(L.transpose(), solve_lower(L, moment)) - fit.x).norm(), 1e-13);
   EXPECT_LT((solve_upper_transposed(L.transpose(), moment) - solve_lower(L, moment)).norm(), 1e-13);
@@ -63,13 +59,13 @@ TEST(SingularValues, AreTheRootsOfTheEigenvaluesOfTheNormalMatrix) {
   const Eigenvectors normal = eigenvectors(A.transpose() * A);
   EXPECT_LT((normal.values.reverse() - parts.values.cwiseAbs2()).norm(), 1e-13);
   EXPECT_LT((eigenvalues(A.transpose() * A) - normal.values).norm(), 1e-13);
-  const Principal rows = principal(A);
+  const PrincipalAxes rows = principal_axes(A);
   EXPECT_LT((rows.size - parts.values).norm(), 1e-14);
   EXPECT_NEAR(std::abs(rows.axes.col(2).dot(normal.vectors.col(0))), 1.0, 1e-13);
 }
 
 TEST(SingularValues, OfTwoRowsTheThirdIsZero) {
-  const Principal two = principal(Eigen::MatrixX3d(drawn(2, 3, 20241127)));
+  const PrincipalAxes two = principal_axes(Eigen::MatrixX3d(drawn(2, 3, 20241127)));
   EXPECT_GT(two.size[1], 0.0);
   EXPECT_EQ(two.size[2], 0.0);
 }

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/chain.h"
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "tests/kinematics/machines.h"
 
 namespace abbe::kinematics {

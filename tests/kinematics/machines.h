@@ -49,28 +49,28 @@ inline const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
 
 /// w C' b X Y Z A s t, the gantry of Guo et al. 2016.
 inline Chain gantry() {
-  return Chain({turn('C', Side::Workpiece, z, {12, -7, 0}),
-                slide('X', Side::Tool, x, {-300, 40, 600}), slide('Y', Side::Tool, y, {0, 80, 650}),
-                slide('Z', Side::Tool, z, {5, 60, 500}),
-                turn('A', Side::Tool, x, {0, 3, 251}), nose({1, 2, 120})},
-               placed({10, -8, 25}, 0.4, z), placed({1, 2, 30}));
+  return Chain(
+      {turn('C', Side::Workpiece, z, {12, -7, 0}), slide('X', Side::Tool, x, {-300, 40, 600}),
+       slide('Y', Side::Tool, y, {0, 80, 650}), slide('Z', Side::Tool, z, {5, 60, 500}),
+       turn('A', Side::Tool, x, {0, 3, 251}), nose({1, 2, 120})},
+      placed({10, -8, 25}, 0.4, z), placed({1, 2, 30}));
 }
 
 /// w S' X' b Z t, the platform of Peng et al. 2017: spindle about X; the tool points along -z.
 inline Chain platform() {
-  return Chain({turn('S', Side::Workpiece, x, {0, 4, 150}),
-                slide('X', Side::Workpiece, x, {20, 0, -90}),
-                slide('Z', Side::Tool, z, {30, 5, -60})},
-               placed({11, 4, 150}), placed({13, 4, 130}));
+  return Chain(
+      {turn('S', Side::Workpiece, x, {0, 4, 150}), slide('X', Side::Workpiece, x, {20, 0, -90}),
+       slide('Z', Side::Tool, z, {30, 5, -60})},
+      placed({11, 4, 150}), placed({13, 4, 130}));
 }
 
 /// w C' A' b X Y Z s t, table on a trunnion.
 inline Chain trunnion() {
-  return Chain({turn('C', Side::Workpiece, z, {3, -2, 0}),
-                turn('A', Side::Workpiece, x, {0, 1, 55}),
-                slide('X', Side::Tool, x, {-80, 0, 400}), slide('Y', Side::Tool, y, {0, 120, 380}),
-                slide('Z', Side::Tool, z, {0, 50, 420}), nose({0, 0, 260})},
-               placed({5, 6, 15}, 0.5, {1, 2, 3}), placed({0, 0, 140}));
+  return Chain(
+      {turn('C', Side::Workpiece, z, {3, -2, 0}), turn('A', Side::Workpiece, x, {0, 1, 55}),
+       slide('X', Side::Tool, x, {-80, 0, 400}), slide('Y', Side::Tool, y, {0, 120, 380}),
+       slide('Z', Side::Tool, z, {0, 50, 420}), nose({0, 0, 260})},
+      placed({5, 6, 15}, 0.5, {1, 2, 3}), placed({0, 0, 140}));
 }
 
 /// w b X Y Z C A s t, both rotary axes in the head.
@@ -83,10 +83,10 @@ inline Chain head_head() {
 
 /// w X' Y' b Z s t, three axes with a moving table.
 inline Chain moving_table() {
-  return Chain({slide('X', Side::Workpiece, x, {0, 30, -50}),
-                slide('Y', Side::Workpiece, y, {20, 0, -90}),
-                slide('Z', Side::Tool, z, {0, 200, 350}), nose({0, 0, 220})},
-               placed({-15, 25, 30}, 0.2, z), placed({0, 0, 110}));
+  return Chain(
+      {slide('X', Side::Workpiece, x, {0, 30, -50}), slide('Y', Side::Workpiece, y, {20, 0, -90}),
+       slide('Z', Side::Tool, z, {0, 200, 350}), nose({0, 0, 220})},
+      placed({-15, 25, 30}, 0.2, z), placed({0, 0, 110}));
 }
 
 /// w b X Y Z C B s t with B at 45 degrees between Y and Z: a nutating head.
@@ -119,13 +119,13 @@ inline Chain oblique() {
                placed({1, 2, 3}, 0.8, {1, -1, 2}), placed({-6, 4, 90}, 0.3, {2, 1, 0}));
 }
 
-struct Named {
+struct NamedFiles {
   std::string name;
   Chain chain;
 };
 
 /// Every machine with three slides and two rotary axes.
-inline std::vector<Named> five_axis() {
+inline std::vector<NamedFiles> five_axis() {
   return {{"gantry", gantry()},
           {"trunnion", trunnion()},
           {"head_head", head_head()},
@@ -134,8 +134,8 @@ inline std::vector<Named> five_axis() {
           {"oblique", oblique()}};
 }
 
-inline std::vector<Named> all() {
-  std::vector<Named> machines = five_axis();
+inline std::vector<NamedFiles> all() {
+  std::vector<NamedFiles> machines = five_axis();
   machines.push_back({"platform", platform()});
   machines.push_back({"moving_table", moving_table()});
   return machines;
@@ -159,8 +159,7 @@ kinematics::AxisVector anywhere(const Chain& chain, Random& random, double reach
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   kinematics::AxisVector q(chain.size());
   for (int i = 0; i < chain.size(); ++i)
-    q[i] = unit(random) *
-           (chain.joints()[std::size_t(i)].motion == Motion::Linear ? reach : turns);
+    q[i] = unit(random) * (chain.joints()[std::size_t(i)].motion == Motion::Linear ? reach : turns);
   return q;
 }
 

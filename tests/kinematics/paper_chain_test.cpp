@@ -46,8 +46,8 @@ oracles::Gantry any_gantry(Any& any, double mm, double rad) {
   oracles::Gantry g;
   for (SixErrors* six : {&g.x, &g.y, &g.z, &g.a, &g.c, &g.spindle}) *six = any.six(mm, rad);
   g.spindle.gamma = 0;
-  for (double* angle : {&g.gamma_xy, &g.beta_xz, &g.alpha_yz, &g.beta_a, &g.gamma_a, &g.alpha_c,
-                        &g.beta_c})
+  for (double* angle :
+       {&g.gamma_xy, &g.beta_xz, &g.alpha_yz, &g.beta_a, &g.gamma_a, &g.alpha_c, &g.beta_c})
     *angle = any(rad);
   for (double* offset : {&g.dy_a, &g.dz_a, &g.dx_c, &g.dy_c}) *offset = any(mm);
   return g;
@@ -64,28 +64,28 @@ oracles::GantryPlaces any_places(Any& any) {
 // The same gantry, the deviations under their ISO 230-1 names.
 Chain our_gantry(const oracles::GantryPlaces& places, DeviationAxes axes) {
   using machines::placed;
-  const Chain chain({machines::turn('C', Side::Workpiece, machines::z, places.c),
-                     machines::slide('X', Side::Tool, machines::x, places.x),
-                     machines::slide('Y', Side::Tool, machines::y, places.y),
-                     machines::slide('Z', Side::Tool, machines::z, places.z),
-                     machines::turn('A', Side::Tool, machines::x, places.a),
-                     machines::nose(places.spindle)},
-                    placed(places.workpiece), placed(places.tool));
+  const Chain chain(
+      {machines::turn('C', Side::Workpiece, machines::z, places.c),
+       machines::slide('X', Side::Tool, machines::x, places.x),
+       machines::slide('Y', Side::Tool, machines::y, places.y),
+       machines::slide('Z', Side::Tool, machines::z, places.z),
+       machines::turn('A', Side::Tool, machines::x, places.a), machines::nose(places.spindle)},
+      placed(places.workpiece), placed(places.tool));
   return machines::with_options(chain, axes, Squareness::Frame);
 }
 
 std::vector<JointDeviation> our_deviations(const oracles::Gantry& g) {
   std::vector<JointDeviation> d(6);
-  d[0].motion = deviation(g.c);                                             // EXC .. ECC
-  d[0].location << g.dx_c, g.dy_c, 0, g.alpha_c, g.beta_c, 0;               // EX0C EY0C EA0C EB0C
-  d[1].motion = deviation(g.x);                                             // EXX .. ECX
-  d[2].motion = deviation(g.y);                                             // EXY .. ECY
-  d[2].location << 0, 0, 0, 0, 0, g.gamma_xy;                               // EC0Y
-  d[3].motion = deviation(g.z);                                             // EXZ .. ECZ
-  d[3].location << 0, 0, 0, g.alpha_yz, g.beta_xz, 0;                       // EA0Z EB0Z
-  d[4].motion = deviation(g.a);                                             // EXA .. ECA
-  d[4].location << 0, g.dy_a, g.dz_a, 0, g.beta_a, g.gamma_a;               // EY0A EZ0A EB0A EC0A
-  d[5].motion = deviation(g.spindle);                                       // EXS EYS EZS EAS EBS
+  d[0].motion = deviation(g.c);                                // EXC .. ECC
+  d[0].location << g.dx_c, g.dy_c, 0, g.alpha_c, g.beta_c, 0;  // EX0C EY0C EA0C EB0C
+  d[1].motion = deviation(g.x);                                // EXX .. ECX
+  d[2].motion = deviation(g.y);                                // EXY .. ECY
+  d[2].location << 0, 0, 0, 0, 0, g.gamma_xy;                  // EC0Y
+  d[3].motion = deviation(g.z);                                // EXZ .. ECZ
+  d[3].location << 0, 0, 0, g.alpha_yz, g.beta_xz, 0;          // EA0Z EB0Z
+  d[4].motion = deviation(g.a);                                // EXA .. ECA
+  d[4].location << 0, g.dy_a, g.dz_a, 0, g.beta_a, g.gamma_a;  // EY0A EZ0A EB0A EC0A
+  d[5].motion = deviation(g.spindle);                          // EXS EYS EZS EAS EBS
   return d;
 }
 
@@ -219,8 +219,8 @@ TEST(Platform, OursIsMinusPengsWithinTheSecondOrder) {
       if (gap > worst_mm) worst_mm = gap, worst_bound = bound;
     }
     std::cout << "angles to " << 1e6 * rad << " urad: ours plus his differ by at most "
-              << 1e6 * worst_mm << " nm (bound there " << 1e6 * worst_bound
-              << " nm), at most " << worst_share << " of the bound\n";
+              << 1e6 * worst_mm << " nm (bound there " << 1e6 * worst_bound << " nm), at most "
+              << worst_share << " of the bound\n";
   }
 }
 
@@ -240,8 +240,8 @@ TEST(Platform, OursEqualsTheExactMatricesSeenFromTheCarriage) {
     wrong[1].motion = deviation(p.x);
     wrong[2].motion = deviation(p.z);
     wrong[2].location[4] = p.squareness;
-    const Vector3d ours = chain.tool_in_workpiece(q, wrong).translation() -
-                          chain.tool_in_workpiece(q).translation();
+    const Vector3d ours =
+        chain.tool_in_workpiece(q, wrong).translation() - chain.tool_in_workpiece(q).translation();
     // his E stands in the bed; the carriage that sees it has turned by its own angles
     const Eigen::Matrix3d R_bX = chain.workpiece_in_bed(q, wrong).linear();
     const Vector3d E = platform_error(p, p_w, p_t, oracles::Angles::Exact);

@@ -1,14 +1,13 @@
 // Poles against what poses show: the tool's direction, and what turning an axis does to it.
 
-#include "kinematics/pole.h"
+#include "kinematics/inverse_kinematics.h"
 
 #include <iostream>
 #include <random>
 
 #include <gtest/gtest.h>
 
-#include "kinematics/inverse.h"
-#include "kinematics/turn_between.h"
+#include "kinematics/pose.h"
 #include "tests/kinematics/machines.h"
 
 namespace abbe::kinematics {
@@ -64,7 +63,7 @@ TEST(Pole, IsWhatPosesShowOnEveryMachine) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   double worst = 0.0, worst_turn = 0.0;
-  for (const machines::Named& machine : machines::five_axis())
+  for (const machines::NamedFiles& machine : machines::five_axis())
     for (int i = 0; i < 1000; ++i) {
       const Chain& chain = machine.chain;
       const AxisVector from = machines::anywhere(chain, random),
@@ -82,7 +81,7 @@ TEST(Pole, IsWhatPosesShowOnEveryMachine) {
           << machine.name;
       // no small turn brings the tool nearer to a direction than the nearest one
       const Vector3d wanted = direction_at(chain, to);
-      const double turn = nearest_turn(chain, *here, from, wanted);
+      const double turn = nearest_rotary_position(chain, *here, from, wanted);
       const auto off = [&](double by) {
         return angle_between(direction_at(chain, with(from, here->other, turn + by)), wanted);
       };

@@ -39,26 +39,31 @@ std::vector<Vector3d> awkward_axes() {
 }
 
 std::vector<double> awkward_angles() {
-  return {0.0,      1e-300,    1e-160,         1e-20,          1e-12,        1e-9,
-          1e-6,     1e-3,      0.1,            1.0,            0.5 * pi,     0.5 * pi + 1e-12,
-          2.0,      2 * pi / 3, pi - 1e-3,     pi - 1e-6,      pi - 1e-8,    pi - 1e-12};
+  return {0.0,  1e-300,     1e-160,    1e-20,     1e-12,     1e-9,
+          1e-6, 1e-3,       0.1,       1.0,       0.5 * pi,  0.5 * pi + 1e-12,
+          2.0,  2 * pi / 3, pi - 1e-3, pi - 1e-6, pi - 1e-8, pi - 1e-12};
 }
 
 TEST(Rotation, EqualsRodriguesFormulaInLongDouble) {
   double worst = 0;
   for (const Vector3d& axis : awkward_axes())
     for (double angle : awkward_angles())
-      worst = std::max(worst, double((rotation(axis * angle).cast<long double>() -
-                                      long_rotation(axis * angle)).cwiseAbs().maxCoeff()));
+      worst = std::max(
+          worst, double((rotation(axis * angle).cast<long double>() - long_rotation(axis * angle))
+                            .cwiseAbs()
+                            .maxCoeff()));
   std::cout << "largest error of an element up to half a turn: " << worst << "\n";
   EXPECT_LE(worst, 5e-16);
 
   double worst_far = 0;  // per radian of angle
   for (const Vector3d& axis : awkward_axes())
     for (double angle : {pi, 4.0, 2 * pi, 10.0, 100.0, 1e4, 1e6})
-      worst_far = std::max(worst_far, double((rotation(axis * angle).cast<long double>() -
-                                              long_rotation(axis * angle)).cwiseAbs().maxCoeff()) /
-                                          (1.0 + angle));
+      worst_far =
+          std::max(worst_far,
+                   double((rotation(axis * angle).cast<long double>() - long_rotation(axis * angle))
+                              .cwiseAbs()
+                              .maxCoeff()) /
+                       (1.0 + angle));
   std::cout << "beyond, per radian of angle: " << worst_far << "\n";
   EXPECT_LE(worst_far, 2e-16);
 }

@@ -70,11 +70,12 @@ TEST(Text, TheNumberBeforeTheFirstLineIsZeroAndStaysAtTheLast) {
 }
 
 TEST(Text, TheFirstSeparatorOfAPreferenceParts) {
-  EXPECT_EQ(separator_of(""), ' ');
-  EXPECT_EQ(separator_of("1 2\t3"), ' ');
-  EXPECT_EQ(separator_of("1,5 2"), ',');
-  EXPECT_EQ(separator_of("1,5;2"), ';') << "a decimal comma is not a separator beside a semicolon";
-  EXPECT_EQ(separator_of(",;"), ';');
+  EXPECT_EQ(cell_separator(""), ' ');
+  EXPECT_EQ(cell_separator("1 2\t3"), ' ');
+  EXPECT_EQ(cell_separator("1,5 2"), ',');
+  EXPECT_EQ(cell_separator("1,5;2"), ';')
+      << "a decimal comma is not a separator beside a semicolon";
+  EXPECT_EQ(cell_separator(",;"), ';');
 }
 
 TEST(Text, CellsKeepTheirColumnAndLoseTheirBlanks) {
@@ -144,7 +145,7 @@ TEST(Text, AnyBytesArePartedWithoutLossOfALetter) {
     for (char& c : text) c = letters[random() % 12];
     std::size_t read = 0;
     for (const std::string& line : lines_of(text)) {
-      const char separator = separator_of(line);
+      const char separator = cell_separator(line);
       for (const Cell& cell : cells_of(line, separator, 100)) {
         ASSERT_GE(cell.column, 1);
         ASSERT_EQ(line.substr(std::size_t(cell.column) - 1, cell.text.size()), cell.text);

@@ -1,4 +1,4 @@
-#include "kinematics/topology.h"
+#include "kinematics/axes.h"
 
 #include <stdexcept>
 #include <string>
@@ -45,8 +45,7 @@ TEST(StructuralCode, RefusalsSayWhatWasExpectedAndSeen) {
   EXPECT_EQ(refusal("w b X b t"), head + "one b, seen a second");
   EXPECT_EQ(refusal("w t"), head + "b for the bed, seen none");
   EXPECT_EQ(refusal("w X' t"), head + "b for the bed, seen none");
-  EXPECT_EQ(refusal("w X b t"),
-            head + "a prime after 'X', which carries the workpiece, seen none");
+  EXPECT_EQ(refusal("w X b t"), head + "a prime after 'X', which carries the workpiece, seen none");
   EXPECT_EQ(refusal("w b X' t"), head + "no prime after 'X', which carries the tool, seen one");
   EXPECT_EQ(refusal("w X' b X t"), head + "every letter once, seen 'X' twice");
   EXPECT_EQ(refusal("w b s X t"), head + "s right before t, seen it elsewhere");

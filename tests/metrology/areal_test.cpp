@@ -1,4 +1,4 @@
-#include "errors/metrology/areal.h"
+#include "errors/metrology/surface_texture.h"
 
 #include <cmath>
 #include <iostream>

@@ -156,7 +156,7 @@ TEST(CircularCauses, UncertaintiesAreThoseOfTheNoise) {
     for (CircularTrace* t : {&runs.anticlockwise, &runs.clockwise})
       for (double& r : t->radius) r += noise(random);
     const CircularCauses c = circular_causes(runs);
-    const auto count = [&](const Estimated& e, double truth) {
+    const auto count = [&](const EstimatedValue& e, double truth) {
       inside += std::abs(e.value - truth) <= 1.9740 * e.u;  // Student, 172 degrees of freedom
       ++all;
     };
@@ -179,13 +179,13 @@ TEST(CircularCauses, WhatAnArcCannotTellIsLeftOpenAndNamed) {
   EXPECT_FALSE(single.squareness || single.lag);
   EXPECT_EQ(single.undetermined, (std::vector<std::string>{"squareness", "lag"}));
   EXPECT_TRUE(single.scale && single.reversal_u);
-  const CircularCauses slow = circular_causes(one, {.no_lag = true});
+  const CircularCauses slow = circular_causes(one, {.is_lag_excluded = true});
   EXPECT_TRUE(slow.undetermined.empty());
   EXPECT_NEAR(slow.squareness->value, 20e-6, 1e-10);
   // in one quadrant and one sense a reversal is a shift of the centre
   CircularRuns quadrant = m.runs(0.1, 1.4, 100);
   quadrant.clockwise = {};
-  const CircularCauses q = circular_causes(quadrant, {.no_lag = true});
+  const CircularCauses q = circular_causes(quadrant, {.is_lag_excluded = true});
   EXPECT_FALSE(q.reversal_u || q.reversal_v || q.centre_u || q.centre_v);
   EXPECT_EQ(q.undetermined.size(), 4u);
   EXPECT_NEAR(q.squareness->value, 20e-6, 1e-9);

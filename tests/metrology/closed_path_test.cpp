@@ -13,7 +13,6 @@
 #include "errors/metrology/circular.h"
 #include "errors/metrology/form.h"
 #include "errors/metrology/plans.h"
-#include "errors/metrology/shares.h"
 #include "kinematics/units.h"
 #include "tests/metrology/machines.h"
 
@@ -57,46 +56,46 @@ double ellipse(double angle) { return R * (1.0 + mismatch * std::pow(std::cos(an
 TEST(Shares, OfEvenPlacesAreAlikeWhateverIsReadAgain) {
   for (const double start : {0.0, 1e-12, -1e-12, 0.5 * pi, -pi, 1.234, 1e3})
     for (Index n = 3; n <= 200; ++n) {
-      const VectorXd once = arc_shares(around(n, false, start));
+      const VectorXd once = arc_weights(around(n, false, start));
       ASSERT_LT((once.array() - 2.0 * pi / double(n)).abs().maxCoeff(), 1e-9) << n;
-      const VectorXd again = arc_shares(around(n, true, start));
+      const VectorXd again = arc_weights(around(n, true, start));
       ASSERT_NEAR(again.sum(), 2.0 * pi, 1e-9) << n;
       ASSERT_NEAR(again[0] + again[n], once[0], 1e-9) << n;
       ASSERT_LT((again.segment(1, n - 1) - once.tail(n - 1)).cwiseAbs().maxCoeff(), 1e-9) << n;
-      ASSERT_TRUE(goes_round(around(n, true, start))) << n;
-      ASSERT_TRUE(goes_round(around(n, false, start))) << n;
+      ASSERT_TRUE(is_full_turn(around(n, true, start))) << n;
+      ASSERT_TRUE(is_full_turn(around(n, false, start))) << n;
     }
 }
 
 TEST(Shares, OfSeveralTurnsAndOfOverlapsAddUpToOneTurn) {
   VectorXd turns(3 * 24 + 1);
   for (Index i = 0; i < turns.size(); ++i) turns[i] = 2.0 * pi * double(i) / 24.0;
-  EXPECT_NEAR(arc_shares(turns).sum(), 2.0 * pi, 1e-9);
-  EXPECT_NEAR(arc_shares(turns)[5], 2.0 * pi / 72.0, 1e-9) << "each place was read three times";
+  EXPECT_NEAR(arc_weights(turns).sum(), 2.0 * pi, 1e-9);
+  EXPECT_NEAR(arc_weights(turns)[5], 2.0 * pi / 72.0, 1e-9) << "each place was read three times";
   const VectorXd over = VectorXd::LinSpaced(59, 0.0, 400.0_deg);  // other places the second time
-  EXPECT_NEAR(arc_shares(over).sum(), 2.0 * pi, 1e-9);
-  const double within = arc_shares(over).head(5).sum() + arc_shares(over).tail(5).sum();
+  EXPECT_NEAR(arc_weights(over).sum(), 2.0 * pi, 1e-9);
+  const double within = arc_weights(over).head(5).sum() + arc_weights(over).tail(5).sum();
   EXPECT_NEAR(within, 40.0_deg, 8.0_deg) << "of ten readings over the same 40 degrees";
 }
 
 TEST(Shares, OfAnArcAreAlikeAndItDoesNotGoRound) {
   for (const double degrees : {10.0, 90.0, 180.0, 220.0, 330.0}) {
     const VectorXd arc = VectorXd::LinSpaced(31, 0.3, 0.3 + degrees * units::deg);
-    const VectorXd share = arc_shares(arc);
+    const VectorXd share = arc_weights(arc);
     EXPECT_LT(share.maxCoeff() / share.minCoeff() - 1.0, 1e-9) << degrees;
-    EXPECT_FALSE(goes_round(arc)) << degrees;
+    EXPECT_FALSE(is_full_turn(arc)) << degrees;
   }
   const VectorXd half = VectorXd::LinSpaced(3, 0.0, pi);
-  EXPECT_FALSE(goes_round(half));
-  EXPECT_LT((arc_shares(half).array() - 0.5 * pi).abs().maxCoeff(), 1e-12);
-  EXPECT_FALSE(goes_round(VectorXd::Zero(4)));
-  EXPECT_TRUE(arc_shares(VectorXd::Zero(4)).allFinite());
+  EXPECT_FALSE(is_full_turn(half));
+  EXPECT_LT((arc_weights(half).array() - 0.5 * pi).abs().maxCoeff(), 1e-12);
+  EXPECT_FALSE(is_full_turn(VectorXd::Zero(4)));
+  EXPECT_TRUE(arc_weights(VectorXd::Zero(4)).allFinite());
 }
 
 TEST(Shares, OfPlacesCountEachOnce) {
   Eigen::MatrixX3d places(7, 3);
   places << 1, 2, 3, 4, 5, 6, 1, 2, 3 + 1e-10, -0.0, 0, 0, 0.0, 0, 0, 1, 2, 3, 7, 8, 9;
-  const VectorXd share = place_shares(places, 1e-9);
+  const VectorXd share = place_weights(places, 1e-9);
   const VectorXd by_hand = (VectorXd(7) << 1.0 / 3, 1, 1.0 / 3, 0.5, 0.5, 1.0 / 3, 1).finished();
   EXPECT_LT((share - by_hand).cwiseAbs().maxCoeff(), 1e-12) << share.transpose();
 }
@@ -127,7 +126,7 @@ TEST(ClosedCircle, IsThatOfItsFourierSeriesForEveryNumberOfPlaces) {
         centre += 2.0 / double(n) * deviation[i] * ray;
         radius += deviation[i] / double(n);
       }
-      const LeastSquaresCircle c = least_squares_circle(p, arc_shares(angle));
+      const LeastSquaresCircle c = least_squares_circle(p, arc_weights(angle));
       worst = std::max({worst, (c.centre - centre).norm(), std::abs(c.radius - R - radius)});
     }
   std::cout << "centre and radius off by at most " << worst << " mm\n";
@@ -153,7 +152,7 @@ TEST(ClosedCircle, NoOtherCentreIsBetterForPlacesThatCountOnce) {
       p.row(i) << r * std::cos(angle[i]), r * std::sin(angle[i]);
     }
     p.row(n) = p.row(0);
-    const Vector2d centre = least_squares_circle(p, arc_shares(angle)).centre;
+    const Vector2d centre = least_squares_circle(p, arc_weights(angle)).centre;
     const double best = misfit(p.topRows(n), centre);
     for (int k = 0; k < 200; ++k) {
       const double step = std::pow(10.0, -2.0 - 4.0 * std::abs(unit(random)));
@@ -190,7 +189,7 @@ TEST(ClosedCircle, FiguresAreTheClosedFormsOfAnEllipseForEveryNumberOfPlaces) {
       EXPECT_NEAR(c.anticlockwise->G_lsq, most * (high - low), left) << n;
       EXPECT_LE(c.both->G_minimum_zone, c.both->G_lsq + 1e-12) << n;
       EXPECT_NEAR(*c.H, 0.0, 1e-12) << n;
-      EXPECT_EQ(c.centre_is, CircleCentre::LeastSquares);
+      EXPECT_EQ(c.centre_kind, CircleCentre::LeastSquares);
     }
   std::cout << "ellipse of 5 um: centre off by " << worst_centre << " mm, G by " << worst_G
             << " mm\n";
@@ -265,7 +264,7 @@ TEST(ClosedCircle, HOfSensesReadAtOtherAnglesGoesOnStraightBetweenThem) {
   arcs.clockwise = trace(VectorXd::LinSpaced(20, 0.5 - 2.0 * pi, 1.5 - 2.0 * pi), -1.0,
                          [&](double a) { return radius(a) - 0.7_um; });
   EXPECT_NEAR(*circular(arcs).H, 0.7_um, 2e-6);
-  EXPECT_EQ(circular(arcs).centre_is, CircleCentre::Set) << "an arc has no centre of its own";
+  EXPECT_EQ(circular(arcs).centre_kind, CircleCentre::Set) << "an arc has no centre of its own";
   EXPECT_EQ(circular(arcs).centre.norm(), 0.0);
 }
 
@@ -279,7 +278,8 @@ TEST(ClosedCircle, CausesAreTheSameWithTheFirstPlaceReadAgain) {
     const CircularCauses once = circular_causes(circular_runs(R, around(n, false), radius));
     const CircularCauses again = circular_causes(circular_runs(R, around(n, true), radius));
     ASSERT_EQ(once.undetermined, again.undetermined) << n;
-    const auto same = [&](const std::optional<Estimated>& a, const std::optional<Estimated>& b) {
+    const auto same = [&](const std::optional<EstimatedValue>& a,
+                          const std::optional<EstimatedValue>& b) {
       ASSERT_EQ(a.has_value(), b.has_value()) << n;
       if (a) {
         ASSERT_NEAR(a->value, b->value, 1e-12 * R) << n;
@@ -306,9 +306,9 @@ TEST(ClosedCircle, PlacesCountAndNotReadings) {
 /// Different places of the tool in the workpiece in the first circle of a plan.
 int places_of(const Instrument& bar, const kinematics::Chain& chain) {
   std::vector<Eigen::Vector3d> places;
-  for (const Look& look : metrology::plan(bar, chain).looks) {
-    if (look.set_up != 0 || look.run != 0) continue;
-    const Eigen::Vector3d place = chain.tool_in_workpiece(look.state.q).translation();
+  for (const Measurement& measurement : metrology::plan(bar, chain).measurements) {
+    if (measurement.set_up != 0 || measurement.run != 0) continue;
+    const Eigen::Vector3d place = chain.tool_in_workpiece(measurement.state.q).translation();
     const bool seen = std::any_of(places.begin(), places.end(),
                                   [&](const auto& other) { return (other - place).norm() < 1e-6; });
     if (!seen) places.push_back(place);

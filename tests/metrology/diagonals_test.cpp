@@ -1,4 +1,4 @@
-#include "errors/metrology/diagonals.h"
+#include "errors/metrology/positioning.h"
 
 #include <array>
 #include <cmath>

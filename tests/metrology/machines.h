@@ -88,11 +88,11 @@ inline Chain lathe() {
       at(0, 0, 0), lying_tool());
 }
 
-struct Named {
+struct NamedFiles {
   std::string name;
   Chain chain;
 };
-inline std::vector<Named> all() {
+inline std::vector<NamedFiles> all() {
   return {{"gantry", gantry()},         {"trunnion", trunnion()}, {"head_head", head_head()},
           {"three_axis", three_axis()}, {"platform", platform()}, {"lathe", lathe()}};
 }

@@ -34,11 +34,11 @@ Plan standing_still(const Channel& channel, int count, int axes) {
   s.zero_unknown = false;
   p.set_ups = {s};
   for (int i = 0; i < count; ++i) {
-    Look look;
-    look.target = i;
-    look.state.q = VectorXd::Zero(axes);
-    look.state.time_s = i;
-    p.looks.push_back(look);
+    Measurement measurement;
+    measurement.target = i;
+    measurement.state.q = VectorXd::Zero(axes);
+    measurement.state.time_s = i;
+    p.measurements.push_back(measurement);
   }
   return p;
 }
@@ -68,7 +68,7 @@ TEST(Measure, ALongerPlanLeavesTheFirstReadingsAlone) {
   Instrument i = typical(Kind::Laser);
   const VectorXd few = measure(plan(i, chain), chain, machines::perfect(chain), 5).value;
   Plan longer = plan(i, chain);
-  longer.looks.push_back(longer.looks.back());
+  longer.measurements.push_back(longer.measurements.back());
   const VectorXd more = measure(longer, chain, machines::perfect(chain), 5).value;
   EXPECT_EQ(more.head(few.size()), few);
 }
@@ -119,8 +119,8 @@ TEST(Measure, ReversalIsReadBack) {
   });
   const Plan p = plan(exact_laser(), chain);
   const Readings r = measure(p, chain, machine, 1);
-  for (std::size_t i = 0; i < p.looks.size(); ++i) {
-    const AxisState& state = p.looks[i].state;
+  for (std::size_t i = 0; i < p.measurements.size(); ++i) {
+    const AxisState& state = p.measurements[i].state;
     const double deviation = r.value[Eigen::Index(i)] - state.q[0];
     // The counter was set on the way up; the table that lies back reads the tool ahead.
     const double expected = state.direction[0] > 0 ? 0.0 : 2.0 * half;
@@ -137,10 +137,10 @@ TEST(Measure, CountersAreSetAtTheirFirstReading) {
   });
   const Plan p = plan(exact_laser(), chain);
   const Readings r = measure(p, chain, machine, 1);
-  const double first = p.looks[0].state.q[1];
+  const double first = p.measurements[0].state.q[1];
   EXPECT_NEAR(r.value[0], first, 1e-12);
-  for (std::size_t i = 0; i < p.looks.size(); ++i) {
-    const double q = p.looks[i].state.q[1];
+  for (std::size_t i = 0; i < p.measurements.size(); ++i) {
+    const double q = p.measurements[i].state.q[1];
     EXPECT_NEAR(r.value[Eigen::Index(i)], q + 1e-5 * (q - first), 1e-12);
   }
 }
@@ -162,13 +162,15 @@ TEST(Measure, ScaleAndDriftAreDrawnWithTheirSigmas) {
     return std::sqrt(squares / n);
   };
   const double scale = spread(i, [](const Plan& p, const VectorXd& v) {
-    return (v.tail<1>()[0] - v[0]) / (p.looks.back().state.q[1] - p.looks[0].state.q[1]) - 1.0;
+    return (v.tail<1>()[0] - v[0]) /
+               (p.measurements.back().state.q[1] - p.measurements[0].state.q[1]) -
+           1.0;
   });
   i.scale_sigma = 0.0;
   i.drift_sigma = 1e-6;
   const double drift = spread(i, [](const Plan& p, const VectorXd& v) {
-    return (v.tail<1>()[0] - p.looks.back().state.q[1]) /
-           (p.looks.back().state.time_s - p.looks[0].state.time_s);
+    return (v.tail<1>()[0] - p.measurements.back().state.q[1]) /
+           (p.measurements.back().state.time_s - p.measurements[0].state.time_s);
   });
   std::cout << "scale " << scale << ", drift " << drift << " mm/s, both meant to be 1e-6\n";
   EXPECT_NEAR(scale / 1e-6, 1.0, 4.0 / std::sqrt(2.0 * n));
@@ -181,15 +183,15 @@ TEST(Measure, TimeSinceASetUpCountsFromItsFirstReading) {
   i.axes = {};
   i.start_s = -500.0;
   const Plan p = plan(i, chain);
-  const VectorXd since = since_set_up(p);
+  const VectorXd since = time_since_set_up(p);
   std::vector<double> first(p.set_ups.size(), NAN);
-  for (std::size_t k = 0; k < p.looks.size(); ++k) {
-    double& start = first[std::size_t(p.looks[k].set_up)];
+  for (std::size_t k = 0; k < p.measurements.size(); ++k) {
+    double& start = first[std::size_t(p.measurements[k].set_up)];
     if (std::isnan(start)) {
-      start = p.looks[k].state.time_s;
+      start = p.measurements[k].state.time_s;
       EXPECT_EQ(since[Eigen::Index(k)], 0.0);
     }
-    EXPECT_EQ(since[Eigen::Index(k)], p.looks[k].state.time_s - start);
+    EXPECT_EQ(since[Eigen::Index(k)], p.measurements[k].state.time_s - start);
   }
 }
 
@@ -200,12 +202,12 @@ TEST(Measure, TemperaturesAloneHaveNoValues) {
   log.duration_s = 600.0;
   const Readings r = measure(plan(log, chain), chain, machines::perfect(chain), 1);
   EXPECT_EQ(r.value.size(), 0);
-  EXPECT_EQ(r.plan.looks.size(), 11u);
-  EXPECT_EQ(r.plan.looks.back().state.time_s, 600.0);
+  EXPECT_EQ(r.plan.measurements.size(), 11u);
+  EXPECT_EQ(r.plan.measurements.back().state.time_s, 600.0);
 }
 
 TEST(Measure, SpindleIsReadAsItTurnsAndAnEccentricBallGoesRound) {
-  for (const machines::Named& machine : machines::all()) {
+  for (const machines::NamedFiles& machine : machines::all()) {
     SCOPED_TRACE(machine.name);
     Instrument i = typical(Kind::Spindle);
     i.noise = i.resolution = i.drift_sigma = 0.0;
@@ -214,17 +216,17 @@ TEST(Measure, SpindleIsReadAsItTurnsAndAnEccentricBallGoesRound) {
     const Readings r = measure(p, machine.chain, machines::perfect(machine.chain), 4);
     const int joint = machine.chain.find('s') ? *machine.chain.find('s') : *machine.chain.find('S');
     double once = 0.0, axial = 0.0;
-    for (std::size_t k = 0; k < p.looks.size(); ++k) {
-      EXPECT_EQ(p.looks[k].state.spindle_speed, i.spindle_speed);
-      EXPECT_NEAR(p.looks[k].state.q[joint], 2.0 * pi * (p.looks[k].run + p.looks[k].target / 64.0),
-                  1e-12);
-      double& most = p.looks[k].channel == 4 ? axial : once;
+    for (std::size_t k = 0; k < p.measurements.size(); ++k) {
+      EXPECT_EQ(p.measurements[k].state.spindle_speed, i.spindle_speed);
+      EXPECT_NEAR(p.measurements[k].state.q[joint],
+                  2.0 * pi * (p.measurements[k].run + p.measurements[k].target / 64.0), 1e-12);
+      double& most = p.measurements[k].channel == 4 ? axial : once;
       most = std::max(most, std::abs(r.value[Eigen::Index(k)]));
     }
     EXPECT_GT(once, 1.0_um);
     EXPECT_LT(axial, 1e-12);
     // One turn later everything is where it was.
-    const std::size_t turn = p.looks.size() / 2;
+    const std::size_t turn = p.measurements.size() / 2;
     for (std::size_t k = 0; k < turn; ++k)
       ASSERT_NEAR(r.value[Eigen::Index(k)], r.value[Eigen::Index(k + turn)], 1e-12);
   }
@@ -238,13 +240,13 @@ TEST(Measure, PlansThatDoNotFitAreRefused) {
     change(bad);
     EXPECT_THROW(measure(bad, chain, machines::perfect(chain), 1), std::invalid_argument);
   };
-  refused([](Plan& p) { p.looks[3].set_up = 1; });
-  refused([](Plan& p) { p.looks[3].set_up = -1; });
-  refused([](Plan& p) { p.looks[3].channel = 1; });
-  refused([](Plan& p) { p.looks[3].channel = -1; });
-  refused([](Plan& p) { p.looks[3].state.q.resize(2); });
-  refused([](Plan& p) { p.looks[3].state.q[0] = NAN; });
-  refused([](Plan& p) { p.looks[3].state.time_s = INFINITY; });
+  refused([](Plan& p) { p.measurements[3].set_up = 1; });
+  refused([](Plan& p) { p.measurements[3].set_up = -1; });
+  refused([](Plan& p) { p.measurements[3].channel = 1; });
+  refused([](Plan& p) { p.measurements[3].channel = -1; });
+  refused([](Plan& p) { p.measurements[3].state.q.resize(2); });
+  refused([](Plan& p) { p.measurements[3].state.q[0] = NAN; });
+  refused([](Plan& p) { p.measurements[3].state.time_s = INFINITY; });
   refused([](Plan& p) {  // a mirror edge on
     p.set_ups[0].channels[0].quantity = Quantity::Mirror;
     p.set_ups[0].channels[0].normal_of = Eigen::Vector3d::UnitZ();

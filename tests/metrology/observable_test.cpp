@@ -1,4 +1,4 @@
-#include "errors/metrology/observable.h"
+#include "errors/metrology/readings.h"
 
 #include <cmath>
 #include <functional>
@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "errors/metrology/instrument.h"
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
 #include "tests/metrology/machines.h"
 
@@ -115,7 +115,7 @@ TEST(Observable, BallBarReadsSquarenessAsAnEllipseOfWidthRadiusTimesAngle) {
   const Readings r = measure(plan(bar, chain), chain, machine, 1);
   Eigen::MatrixXd A(r.value.size(), 3);
   for (Eigen::Index i = 0; i < r.value.size(); ++i) {
-    const double angle = 2.0 * pi * r.plan.looks[std::size_t(i)].target / 360.0;
+    const double angle = 2.0 * pi * r.plan.measurements[std::size_t(i)].target / 360.0;
     A.row(i) << 1.0, std::cos(angle), std::sin(angle);
   }
   const VectorXd left = r.value - A * least_squares(A, r.value).x;
@@ -167,7 +167,7 @@ TEST(Observable, CentreOffsetOfATableIsACircleOfItsLengthOnTheRTest) {
   const Plan p = plan(nest, chain);
   const Readings r = measure(p, chain, machine, 1);
   double most = 0.0, radius_least = 1.0, radius_most = 0.0;
-  for (std::size_t i = 0; i < p.looks.size(); i += 3) {
+  for (std::size_t i = 0; i < p.measurements.size(); i += 3) {
     const Vector3d read = r.value.segment<3>(Eigen::Index(i));
     most = std::max(most, read.norm());
     const double radius = (read - d).norm();  // zeroed at C = 0, so that the centre is at d
@@ -212,8 +212,8 @@ TEST(Observable, StepDiagonalAddsUpToTheBodyDiagonalForErrorsOfTranslation) {
   for (int diagonal = 0; diagonal < 4; ++diagonal) {
     const auto rise = [&](const Readings& r) {
       double first = NAN, last = NAN;
-      for (std::size_t i = 0; i < r.plan.looks.size(); ++i) {
-        if (r.plan.looks[i].set_up != diagonal) continue;
+      for (std::size_t i = 0; i < r.plan.measurements.size(); ++i) {
+        if (r.plan.measurements[i].set_up != diagonal) continue;
         if (std::isnan(first)) first = r.value[Eigen::Index(i)];
         last = r.value[Eigen::Index(i)];
       }
@@ -242,8 +242,8 @@ TEST(Observable, LevelFeelsNoTurnAboutThePlumbLineAndRollLinesDo) {
     VectorXd spans(2);
     for (int channel = 0; channel < 2; ++channel) {
       double low = INFINITY, high = -INFINITY;
-      for (std::size_t k = 0; k < r.plan.looks.size(); ++k) {
-        if (r.plan.looks[k].channel != channel) continue;
+      for (std::size_t k = 0; k < r.plan.measurements.size(); ++k) {
+        if (r.plan.measurements[k].channel != channel) continue;
         low = std::min(low, r.value[Eigen::Index(k)]);
         high = std::max(high, r.value[Eigen::Index(k)]);
       }
@@ -276,12 +276,13 @@ Long extended(const Channel& c, const Bodies& bodies) {
   };
   const auto of = R(c.of), in = R(c.in);
   const Long3 p_b = of.leftCols<3>() * c.point_of.cast<Long>() + of.col(3);
-  const Long3 apart = in.leftCols<3>().transpose() * (p_b - in.col(3)) - c.point_in.cast<Long>();
-  if (c.quantity == Quantity::Length) return apart.norm();
+  const Long3 length_mismatch_text =
+      in.leftCols<3>().transpose() * (p_b - in.col(3)) - c.point_in.cast<Long>();
+  if (c.quantity == Quantity::Length) return length_mismatch_text.norm();
   const Long3 u = c.direction_in.cast<Long>();
-  if (c.quantity == Quantity::Displacement) return u.dot(apart);
+  if (c.quantity == Quantity::Displacement) return u.dot(length_mismatch_text);
   const Long3 n = in.leftCols<3>().transpose() * (of.leftCols<3>() * c.normal_of.cast<Long>());
-  return n.dot(apart) / n.dot(u);
+  return n.dot(length_mismatch_text) / n.dot(u);
 }
 
 }  // namespace
@@ -449,16 +450,16 @@ TEST(Observable, TrackerReadsThreeComponentsOfTheErrorAtEveryPlace) {
   const Plan p = plan(i, chain);
   const Readings r = measure(p, chain, machine, 1);
   double worst = 0.0;
-  for (std::size_t k = 0; k < p.looks.size(); k += 3) {
+  for (std::size_t k = 0; k < p.measurements.size(); k += 3) {
     Vector3d error = Vector3d::Zero();
-    const AxisState& state = p.looks[k].state;
+    const AxisState& state = p.measurements[k].state;
     const Bodies ideal = nominal_bodies(chain, state.q);
     for (std::size_t j = k; j < k + 3; ++j) {
-      const Channel& c = p.set_ups[0].channels[std::size_t(p.looks[j].channel)];
+      const Channel& c = p.set_ups[0].channels[std::size_t(p.measurements[j].channel)];
       const Vector3d beam = (ideal.T_bw.inverse() * ideal.T_bt).translation() - c.point_in;
       const Vector3d u = c.quantity == Quantity::Length ? beam.normalized() : c.direction_in;
       error += u * (r.value[Eigen::Index(j)] -
-                    reading(p.set_ups[0], p.looks[j].channel, {}, ideal, ideal));
+                    reading(p.set_ups[0], p.measurements[j].channel, {}, ideal, ideal));
     }
     worst = std::max(worst, (error - d * (1.0 + state.q[1] / 300.0)).norm());
   }

@@ -20,7 +20,7 @@ namespace metrology = abbe::errors::metrology;
 namespace machines = metrology::machines;
 
 /// As bought, with a bar or a ball's place that the smaller machines have room for.
-Instrument on(const machines::Named& machine, Kind kind) {
+Instrument on(const machines::NamedFiles& machine, Kind kind) {
   Instrument i = typical(kind);
   if (machine.name == "platform") i.radius = 40.0;
   if (machine.name == "lathe") i.radius = 80.0;
@@ -45,8 +45,8 @@ bool suits(Kind kind, const std::string& machine) {
 }
 
 void visit_all(
-    const std::function<void(const machines::Named&, const Instrument&, const Plan&)>& f) {
-  for (const machines::Named& machine : machines::all()) {
+    const std::function<void(const machines::NamedFiles&, const Instrument&, const Plan&)>& f) {
+  for (const machines::NamedFiles& machine : machines::all()) {
     for (const Kind kind : all_kinds()) {
       if (!suits(kind, machine.name)) continue;
       SCOPED_TRACE(machine.name + ", " + to_string(kind));
@@ -69,28 +69,28 @@ std::string sentence(const std::function<void()>& f) {
 
 TEST(Plan, EveryKindKeepsWithinTheTravelOfEveryMachine) {
   int plans = 0;
-  std::size_t looks = 0;
-  visit_all([&](const machines::Named& machine, const Instrument&, const Plan& p) {
+  std::size_t measurements = 0;
+  visit_all([&](const machines::NamedFiles& machine, const Instrument&, const Plan& p) {
     ++plans;
-    looks += p.looks.size();
-    EXPECT_FALSE(p.looks.empty());
-    for (const Look& look : p.looks)
+    measurements += p.measurements.size();
+    EXPECT_FALSE(p.measurements.empty());
+    for (const Measurement& measurement : p.measurements)
       for (int j = 0; j < machine.chain.size(); ++j) {
         const machines::Joint& joint = machine.chain.joints()[std::size_t(j)];
-        ASSERT_GE(look.state.q[j], joint.min - 1e-9);
-        ASSERT_LE(look.state.q[j], joint.max + 1e-9);
+        ASSERT_GE(measurement.state.q[j], joint.min - 1e-9);
+        ASSERT_LE(measurement.state.q[j], joint.max + 1e-9);
       }
   });
-  std::cout << plans << " plans, " << looks << " readings\n";
+  std::cout << plans << " plans, " << measurements << " readings\n";
   EXPECT_EQ(plans, 6 * 17 - 3 * 3 - 2);
 }
 
 TEST(Plan, TimeRunsOnAndTheFirstReadingIsAtTheStart) {
-  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
-    EXPECT_EQ(p.looks.front().state.time_s, instrument.start_s);
-    for (std::size_t i = 1; i < p.looks.size(); ++i) {
-      const Look& a = p.looks[i - 1];
-      const Look& b = p.looks[i];
+  visit_all([&](const machines::NamedFiles&, const Instrument& instrument, const Plan& p) {
+    EXPECT_EQ(p.measurements.front().state.time_s, instrument.start_s);
+    for (std::size_t i = 1; i < p.measurements.size(); ++i) {
+      const Measurement& a = p.measurements[i - 1];
+      const Measurement& b = p.measurements[i];
       ASSERT_GE(b.state.time_s, a.state.time_s);
       ASSERT_GE(b.set_up, a.set_up);
       if (b.set_up > a.set_up) {
@@ -98,30 +98,31 @@ TEST(Plan, TimeRunsOnAndTheFirstReadingIsAtTheStart) {
       }
     }
     EXPECT_GE(p.duration_s,
-              p.looks.back().state.time_s - instrument.start_s + instrument.set_up_s - 1e-6);
+              p.measurements.back().state.time_s - instrument.start_s + instrument.set_up_s - 1e-6);
   });
 }
 
 TEST(Plan, StartMovesEveryReading) {
-  const machines::Named gantry{"gantry", machines::gantry()};
+  const machines::NamedFiles gantry{"gantry", machines::gantry()};
   Instrument i = on(gantry, Kind::Laser);
   const Plan now = plan(i, gantry.chain);
   i.start_s = -7200.0;
   const Plan before = plan(i, gantry.chain);
-  for (std::size_t k = 0; k < now.looks.size(); ++k)
-    ASSERT_NEAR(now.looks[k].state.time_s - before.looks[k].state.time_s, 7200.0, 1e-9);
+  for (std::size_t k = 0; k < now.measurements.size(); ++k)
+    ASSERT_NEAR(now.measurements[k].state.time_s - before.measurements[k].state.time_s, 7200.0,
+                1e-9);
   EXPECT_EQ(now.duration_s, before.duration_s);
 }
 
 TEST(Plan, TargetsAreTheSamePlaceInEveryRunAndFromBothSides) {
-  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
+  visit_all([&](const machines::NamedFiles&, const Instrument& instrument, const Plan& p) {
     if (instrument.kind == Kind::Spindle) return;
     std::map<std::tuple<int, int, int>, kinematics::AxisVector> places;
-    for (const Look& look : p.looks) {
-      const auto [place, is_new] =
-          places.try_emplace({look.set_up, look.channel, look.target}, look.state.q);
+    for (const Measurement& measurement : p.measurements) {
+      const auto [place, is_new] = places.try_emplace(
+          {measurement.set_up, measurement.channel, measurement.target}, measurement.state.q);
       if (!is_new) {
-        ASSERT_LT((place->second - look.state.q).cwiseAbs().maxCoeff(), 1e-9);
+        ASSERT_LT((place->second - measurement.state.q).cwiseAbs().maxCoeff(), 1e-9);
       }
     }
   });
@@ -130,23 +131,25 @@ TEST(Plan, TargetsAreTheSamePlaceInEveryRunAndFromBothSides) {
 TEST(Plan, BothWaysApproachEveryTargetUpAndDownWithOneReversalBetween) {
   for (const Kind kind : {Kind::Laser, Kind::Straightness, Kind::AngleOptics, Kind::Square,
                           Kind::Level, Kind::RollLines}) {
-    for (const machines::Named& machine : machines::all()) {
+    for (const machines::NamedFiles& machine : machines::all()) {
       SCOPED_TRACE(machine.name + ", " + to_string(kind));
       const Instrument instrument = on(machine, kind);
       const Plan p = plan(instrument, machine.chain);
       // The axis that a line is along is the one whose position its targets differ in.
-      std::map<std::pair<int, int>, std::vector<const Look*>> lines;
-      for (const Look& look : p.looks) lines[{look.set_up, look.channel}].push_back(&look);
-      for (const auto& [where, looks] : lines) {
+      std::map<std::pair<int, int>, std::vector<const Measurement*>> lines;
+      for (const Measurement& measurement : p.measurements)
+        lines[{measurement.set_up, measurement.channel}].push_back(&measurement);
+      for (const auto& [where, measurements] : lines) {
         int axis = 0;
-        (looks[1]->state.q - looks[0]->state.q).cwiseAbs().maxCoeff(&axis);
+        (measurements[1]->state.q - measurements[0]->state.q).cwiseAbs().maxCoeff(&axis);
         std::set<std::tuple<int, int, int>> seen;
-        for (const Look* look : looks)
-          seen.insert({look->run, look->target, look->state.direction[std::size_t(axis)]});
+        for (const Measurement* measurement : measurements)
+          seen.insert({measurement->run, measurement->target,
+                       measurement->state.direction[std::size_t(axis)]});
         EXPECT_EQ(int(seen.size()), instrument.runs * instrument.targets * 2);
-        for (std::size_t i = 1; i < looks.size(); ++i) {
-          const kinematics::AxisState& a = looks[i - 1]->state;
-          const kinematics::AxisState& b = looks[i]->state;
+        for (std::size_t i = 1; i < measurements.size(); ++i) {
+          const kinematics::AxisState& a = measurements[i - 1]->state;
+          const kinematics::AxisState& b = measurements[i]->state;
           const auto k = std::size_t(axis);
           EXPECT_EQ(b.stroke[k] - a.stroke[k], a.direction[k] == b.direction[k] ? 0 : 1);
           if (a.direction[k] == b.direction[k]) {
@@ -164,13 +167,14 @@ TEST(Plan, CirclesAreDrivenBothWaysAndAxesReverseAtTheirQuadrants) {
   bar.axes = {'X', 'Y'};
   bar.targets = 72;  // 5 degrees, the first place not again
   const Plan p = plan(bar, chain);
-  ASSERT_EQ(p.looks.size(), 2u * 72u);
-  for (const Look& look : p.looks) {
-    const double angle = 5.0 * look.target;
-    if (look.target % 18 == 0) continue;  // on a quadrant an axis is about to turn back
-    const int way = &look - p.looks.data() < 72 ? 1 : -1;
-    EXPECT_EQ(look.state.direction[0], (angle < 180.0 ? -1 : 1) * way) << angle;
-    EXPECT_EQ(look.state.direction[1], (angle < 90.0 || angle > 270.0 ? 1 : -1) * way) << angle;
+  ASSERT_EQ(p.measurements.size(), 2u * 72u);
+  for (const Measurement& measurement : p.measurements) {
+    const double angle = 5.0 * measurement.target;
+    if (measurement.target % 18 == 0) continue;  // on a quadrant an axis is about to turn back
+    const int way = &measurement - p.measurements.data() < 72 ? 1 : -1;
+    EXPECT_EQ(measurement.state.direction[0], (angle < 180.0 ? -1 : 1) * way) << angle;
+    EXPECT_EQ(measurement.state.direction[1], (angle < 90.0 || angle > 270.0 ? 1 : -1) * way)
+        << angle;
   }
 }
 
@@ -194,13 +198,13 @@ std::vector<std::string> names_of(const Plan& plan) {
 /// Letters of the axes that move while a set-up reads.
 std::string moving(const Plan& plan, int set_up, const machines::Chain& chain) {
   std::string letters;
-  const Look* first = nullptr;
-  for (const Look& look : plan.looks) {
-    if (look.set_up != set_up) continue;
-    if (!first) first = &look;
+  const Measurement* first = nullptr;
+  for (const Measurement& measurement : plan.measurements) {
+    if (measurement.set_up != set_up) continue;
+    if (!first) first = &measurement;
     for (int j = 0; j < chain.size(); ++j) {
       const char name = chain.joints()[std::size_t(j)].name;
-      if (std::abs(look.state.q[j] - first->state.q[j]) > 1e-6 &&
+      if (std::abs(measurement.state.q[j] - first->state.q[j]) > 1e-6 &&
           letters.find(name) == std::string::npos)
         letters += name;
     }
@@ -238,7 +242,7 @@ TEST(Plan, ParallelSlidesAreNoPair) {
 }
 
 TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
-  visit_all([&](const machines::Named& machine, const Instrument& as_bought, const Plan&) {
+  visit_all([&](const machines::NamedFiles& machine, const Instrument& as_bought, const Plan&) {
     Instrument i = as_bought;
     i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
     i.rotation_sigma = i.position_sigma = i.scale_sigma = i.drift_sigma = 0.0;
@@ -249,14 +253,14 @@ TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
       return;
     }
     double worst = 0.0;
-    for (std::size_t k = 0; k < p.looks.size(); ++k) {
-      const Look& look = p.looks[k];
-      const metrology::SetUp& s = p.set_ups[std::size_t(look.set_up)];
-      const Bodies b = nominal_bodies(machine.chain, look.state.q);
-      worst =
-          std::max(worst, std::abs(r.value[Eigen::Index(k)] - reading(s, look.channel, {}, b, b)));
+    for (std::size_t k = 0; k < p.measurements.size(); ++k) {
+      const Measurement& measurement = p.measurements[k];
+      const metrology::SetUp& s = p.set_ups[std::size_t(measurement.set_up)];
+      const Bodies b = nominal_bodies(machine.chain, measurement.state.q);
+      worst = std::max(
+          worst, std::abs(r.value[Eigen::Index(k)] - reading(s, measurement.channel, {}, b, b)));
       double expected = NAN;
-      if (i.kind == Kind::Laser) expected = look.state.q[*machine.chain.find(s.name[0])];
+      if (i.kind == Kind::Laser) expected = measurement.state.q[*machine.chain.find(s.name[0])];
       if (i.kind == Kind::BallBar || i.kind == Kind::BallBarRotary) expected = i.radius;
       if (i.kind == Kind::RTest || i.kind == Kind::Sphere || i.kind == Kind::Straightness ||
           i.kind == Kind::AngleOptics || i.kind == Kind::Level || i.kind == Kind::Square ||
@@ -276,9 +280,9 @@ TEST(Plan, StepDiagonalCountsLegsOfXThenYThenZAndRisesInZ) {
   ASSERT_EQ(p.set_ups.size(), 4u);
   const int joints[] = {*chain.find('X'), *chain.find('Y'), *chain.find('Z')};
   std::set<std::pair<int, int>> signs;
-  for (std::size_t i = 1; i < p.looks.size(); ++i) {
-    const Look& a = p.looks[i - 1];
-    const Look& b = p.looks[i];
+  for (std::size_t i = 1; i < p.measurements.size(); ++i) {
+    const Measurement& a = p.measurements[i - 1];
+    const Measurement& b = p.measurements[i];
     if (b.target == 0) continue;
     ASSERT_EQ(b.target, a.target + 1);
     for (int leg = 0; leg < 3; ++leg) {
@@ -290,7 +294,7 @@ TEST(Plan, StepDiagonalCountsLegsOfXThenYThenZAndRisesInZ) {
         {b.state.direction[std::size_t(joints[0])], b.state.direction[std::size_t(joints[1])]});
   }
   EXPECT_EQ(signs.size(), 4u);
-  EXPECT_EQ(p.looks.back().target, 30);
+  EXPECT_EQ(p.measurements.back().target, 30);
 }
 
 TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
@@ -298,9 +302,9 @@ TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
   Instrument nest = typical(Kind::RTest);
   const Plan p = plan(nest, chain);
   std::map<std::string, std::pair<double, double>> arcs;
-  for (const Look& look : p.looks) {
-    const std::string& name = p.set_ups[std::size_t(look.set_up)].name;
-    const double q = look.state.q[*chain.find(name[0])] / units::deg;
+  for (const Measurement& measurement : p.measurements) {
+    const std::string& name = p.set_ups[std::size_t(measurement.set_up)].name;
+    const double q = measurement.state.q[*chain.find(name[0])] / units::deg;
     auto [place, is_new] = arcs.try_emplace(name, q, q);
     place->second.first = std::min(place->second.first, q);
     place->second.second = std::max(place->second.second, q);
@@ -316,16 +320,17 @@ TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
 
 TEST(Plan, BallAtTheToolStaysAtItsPlaceInTheWorkpiece) {
   for (const char* name : {"gantry", "trunnion", "head_head"}) {
-    for (const machines::Named& machine : machines::all()) {
+    for (const machines::NamedFiles& machine : machines::all()) {
       if (machine.name != name) continue;
       for (const Kind kind : {Kind::BallBarRotary, Kind::RTest}) {
         Instrument i = on(machine, kind);
         i.reflector_t = {7.0, -3.0, -20.0};
         const Plan p = plan(i, machine.chain);
         std::map<int, Vector3d> place;
-        for (const Look& look : p.looks) {
-          const Vector3d ball_w = machine.chain.tool_in_workpiece(look.state.q) * i.reflector_t;
-          const auto [at, is_new] = place.try_emplace(look.set_up, ball_w);
+        for (const Measurement& measurement : p.measurements) {
+          const Vector3d ball_w =
+              machine.chain.tool_in_workpiece(measurement.state.q) * i.reflector_t;
+          const auto [at, is_new] = place.try_emplace(measurement.set_up, ball_w);
           ASSERT_LT((at->second - ball_w).norm(), 1e-9);
         }
       }
@@ -395,10 +400,10 @@ TEST(Plan, WordsOfKindsComeBack) {
 }
 
 TEST(Plan, TimesAreAPersonsTimes) {
-  const machines::Named gantry{"gantry", machines::gantry()};
+  const machines::NamedFiles gantry{"gantry", machines::gantry()};
   for (const Kind kind : all_kinds()) {
     const Plan p = plan(on(gantry, kind), gantry.chain);
-    std::cout << p.kind << ": " << p.set_ups.size() << " set-ups, " << p.looks.size()
+    std::cout << p.kind << ": " << p.set_ups.size() << " set-ups, " << p.measurements.size()
               << " readings, " << p.duration_s / 3600.0 << " h\n";
     EXPECT_GT(p.duration_s, 600.0);
     EXPECT_LT(p.duration_s, 24.0 * 3600.0);

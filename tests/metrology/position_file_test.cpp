@@ -11,8 +11,6 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "errors/metrology/position_csv.h"
-#include "errors/metrology/position_rtl.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "tests/injured.h"
@@ -158,7 +156,7 @@ TEST(PositionCsv, RefusesByLineAndColumn) {
 }
 
 TEST(Rtl, BothDirectionsOfALinearMeasurementAreRead) {
-  const PositionSet set = read_rtl(rtl, "a.rtl");
+  const PositionSet set = read_position_rtl(rtl, "a.rtl");
   EXPECT_EQ(set.name, "X");
   ASSERT_EQ(set.runs.target.size(), 6);
   EXPECT_EQ(set.runs.target[5], 50.0);
@@ -173,18 +171,18 @@ TEST(Rtl, BothDirectionsOfALinearMeasurementAreRead) {
 
 TEST(Rtl, RunsBackThatAreOnlyFilledAreLeftOut) {
   std::string one_way = with(rtl, "Flags: 0 0 2 0", "Flags: 0 1 2 0");
-  EXPECT_EQ(read_rtl(one_way, "a.rtl").runs.down.cols(), 1) << "these runs were measured";
+  EXPECT_EQ(read_position_rtl(one_way, "a.rtl").runs.down.cols(), 1) << "these runs were measured";
   for (const char* value : {"1.5", "1.0", "0.5", "0.0", "-0.5", "-1.0"}) {
     const std::size_t at = one_way.find(value, one_way.find("2   6"));
     one_way.replace(at, std::string(value).size(), "0");
   }
-  EXPECT_EQ(read_rtl(one_way, "a.rtl").runs.down.cols(), 0);
-  EXPECT_EQ(read_rtl(with(one_way, "0 1 2 0", "0 0 2 0"), "a.rtl").runs.down.cols(), 1);
+  EXPECT_EQ(read_position_rtl(one_way, "a.rtl").runs.down.cols(), 0);
+  EXPECT_EQ(read_position_rtl(with(one_way, "0 1 2 0", "0 0 2 0"), "a.rtl").runs.down.cols(), 1);
 }
 
 TEST(Rtl, RefusesByLineAndColumn) {
   const auto at = [](const std::string& from, const std::string& to) {
-    return refusal(read_rtl, with(rtl, from, to));
+    return refusal(read_position_rtl, with(rtl, from, to));
   };
   EXPECT_EQ(at("HEADER::", "header"), (Place{1, 1}));
   EXPECT_EQ(at(": Linear", ": Angular"), (Place{3, 14}));
@@ -203,8 +201,8 @@ TEST(Rtl, RefusesByLineAndColumn) {
   EXPECT_EQ(at("1   2      0.5", "1   2      0,5"), (Place{24, 12}));
   EXPECT_EQ(at("1   2      0.5", "1   2"), (Place{24, 1}));
   EXPECT_EQ(at("RUNS::", "RUN::").line, 22);
-  EXPECT_EQ(refusal(read_rtl, rtl.substr(0, rtl.find("DEVIATIONS"))).line, 20);
-  EXPECT_EQ(refusal(read_rtl, rtl.substr(0, rtl.find("2   3"))).line, 31);
+  EXPECT_EQ(refusal(read_position_rtl, rtl.substr(0, rtl.find("DEVIATIONS"))).line, 20);
+  EXPECT_EQ(refusal(read_position_rtl, rtl.substr(0, rtl.find("2   3"))).line, 31);
 }
 
 TEST(PositionFile, IsToldApartByItsFirstLine) {
@@ -242,8 +240,8 @@ TEST(PositionFile, InjuredFilesAreReadOrRefused) {
     const std::string& origin = k % 3 == 0 ? long_form : (k % 3 == 1 ? wide_form : rtl);
     const std::string text = injured(origin, "0159.-+eE,;: \t\n\r\"#jHEADER::_um", 5, random);
     try {
-      const auto sets =
-          k % 3 == 2 ? std::vector<PositionSet>{read_rtl(text, "a")} : read_position_csv(text, "a");
+      const auto sets = k % 3 == 2 ? std::vector<PositionSet>{read_position_rtl(text, "a")}
+                                   : read_position_csv(text, "a");
       for (const PositionSet& set : sets) {
         const Positioning p = positioning(set.runs);  // whatever was accepted can be evaluated
         EXPECT_TRUE(p.up || p.down);

@@ -1,4 +1,4 @@
-#include "errors/metrology/profile.h"
+#include "errors/metrology/surface_texture.h"
 
 #include <cmath>
 #include <iostream>
@@ -7,7 +7,6 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
 #include "kinematics/units.h"
 #include "tests/oracles/profile_oracle.h"
 
@@ -205,7 +204,7 @@ TEST(ProfileTextureOf, ALongLineHasItsNisRaised) {
       texture_of(10.0, 0.2, {.Nic = 0.8, .Nis = 2.5e-3, .sections = 5, .places = 1001});
   EXPECT_EQ(t.primary.z.size(), 1001);
   EXPECT_NEAR(t.Nis, 0.05, 1e-9);
-  EXPECT_DOUBLE_EQ(t.Nis_wanted, 2.5e-3);
+  EXPECT_DOUBLE_EQ(t.requested_Nis, 2.5e-3);
 }
 
 TEST(ProfileTextureOf, RefusesWhatIsNoLine) {

@@ -24,22 +24,35 @@ Matrix4d moved(char motion, double amount) {
   const double s = std::sin(amount);
   Matrix4d T = Matrix4d::Identity();
   switch (motion) {
-    case 'x': T(0, 3) = amount; break;
-    case 'y': T(1, 3) = amount; break;
-    case 'z': T(2, 3) = amount; break;
-    case 'a': T << 1, 0, 0, 0, 0, c, -s, 0, 0, s, c, 0, 0, 0, 0, 1; break;
-    case 'b': T << c, 0, s, 0, 0, 1, 0, 0, -s, 0, c, 0, 0, 0, 0, 1; break;
-    case 'c': T << c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1; break;
-    default: break;
+    case 'x':
+      T(0, 3) = amount;
+      break;
+    case 'y':
+      T(1, 3) = amount;
+      break;
+    case 'z':
+      T(2, 3) = amount;
+      break;
+    case 'a':
+      T << 1, 0, 0, 0, 0, c, -s, 0, 0, s, c, 0, 0, 0, 0, 1;
+      break;
+    case 'b':
+      T << c, 0, s, 0, 0, 1, 0, 0, -s, 0, c, 0, 0, 0, 0, 1;
+      break;
+    case 'c':
+      T << c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1;
+      break;
+    default:
+      break;
   }
   return T;
 }
 
 Matrix4d linearised(const SixErrors& e) {
   Matrix4d T;
-  T << 1, -e.gamma, e.beta, e.dx,   //
-      e.gamma, 1, -e.alpha, e.dy,   //
-      -e.beta, e.alpha, 1, e.dz,    //
+  T << 1, -e.gamma, e.beta, e.dx,  //
+      e.gamma, 1, -e.alpha, e.dy,  //
+      -e.beta, e.alpha, 1, e.dz,   //
       0, 0, 0, 1;
   return T;
 }
@@ -123,13 +136,12 @@ Vector3d platform_formula(const Platform& platform, const Vector3d& p_w, const V
   const SixErrors& z = platform.z;
   const double b = platform.squareness;
   const double Z = platform.z_position;
-  return {x.dx - z.dx - x.gamma * p_w.y() + z.gamma * p_t.y() + x.beta * p_w.z() -
-              z.beta * p_t.z() - b * (Z + p_t.z()) +
-              b * (z.beta * p_t.x() - z.alpha * p_t.y() - z.dz),
-          x.dy - z.dy + x.gamma * p_w.x() - z.gamma * p_t.x() - x.alpha * p_w.z() +
-              z.alpha * p_t.z(),
-          x.dz - z.dz - x.beta * p_w.x() + z.beta * p_t.x() + x.alpha * p_w.y() -
-              z.alpha * p_t.y() + b * p_t.x() + b * (z.dx - z.gamma * p_t.y() + z.beta * p_t.z())};
+  return {
+      x.dx - z.dx - x.gamma * p_w.y() + z.gamma * p_t.y() + x.beta * p_w.z() - z.beta * p_t.z() -
+          b * (Z + p_t.z()) + b * (z.beta * p_t.x() - z.alpha * p_t.y() - z.dz),
+      x.dy - z.dy + x.gamma * p_w.x() - z.gamma * p_t.x() - x.alpha * p_w.z() + z.alpha * p_t.z(),
+      x.dz - z.dz - x.beta * p_w.x() + z.beta * p_t.x() + x.alpha * p_w.y() - z.alpha * p_t.y() +
+          b * p_t.x() + b * (z.dx - z.gamma * p_t.y() + z.beta * p_t.z())};
 }
 
 Matrix4d gantry_tool_in_workpiece(const Gantry& errors, const GantryPlaces& places,

@@ -24,8 +24,8 @@ struct Body {
   int lower = 0;  ///< number of the body that carries it, from 1; 0 is the bed
   Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< origin in the frame of the lower body
   SixErrors place_error;
-  char motion = '-';    ///< x y z: slide along; a b c: turn about x y z; -: fixed
-  double amount = 0;    ///< mm or rad, of the body itself in the lower one
+  char motion = '-';  ///< x y z: slide along; a b c: turn about x y z; -: fixed
+  double amount = 0;  ///< mm or rad, of the body itself in the lower one
   SixErrors motion_error;
   bool error_before_motion = false;  ///< T_p dT_p dT_s T_s instead
 };
@@ -40,7 +40,7 @@ Eigen::Matrix4d relative(const std::vector<Body>& bodies, int other, int body, A
 /// themselves (the carriage of X carries the workpiece).
 struct Platform {
   SixErrors x, z;
-  double squareness = 0;          ///< beta_xz
+  double squareness = 0;  ///< beta_xz
   double x_position = 0, z_position = 0;
 };
 
@@ -55,14 +55,14 @@ Eigen::Vector3d platform_formula(const Platform& platform, const Eigen::Vector3d
 
 /// The CXYZA gantry: the 42 elements of Guo et al. 2016 and four rotary offsets beyond them.
 struct Gantry {
-  SixErrors x, y, z, a, c;             ///< 30
-  SixErrors spindle;                   ///< 5: no gamma
-  double gamma_xy = 0;                 ///< squareness of Y to X about z
-  double beta_xz = 0, alpha_yz = 0;    ///< of Z to X about y, to Y about x
-  double beta_a = 0, gamma_a = 0;      ///< parallelism of A about y and z
-  double alpha_c = 0, beta_c = 0;      ///< of C about x and y
-  double dy_a = 0, dz_a = 0;           ///< offsets of the A line
-  double dx_c = 0, dy_c = 0;           ///< offsets of the C line
+  SixErrors x, y, z, a, c;           ///< 30
+  SixErrors spindle;                 ///< 5: no gamma
+  double gamma_xy = 0;               ///< squareness of Y to X about z
+  double beta_xz = 0, alpha_yz = 0;  ///< of Z to X about y, to Y about x
+  double beta_a = 0, gamma_a = 0;    ///< parallelism of A about y and z
+  double alpha_c = 0, beta_c = 0;    ///< of C about x and y
+  double dy_a = 0, dz_a = 0;         ///< offsets of the A line
+  double dx_c = 0, dy_c = 0;         ///< offsets of the C line
 };
 
 /// Where the parts of the gantry stand in the bed with all axes at zero; frames are parallel.

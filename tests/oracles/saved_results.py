@@ -3,7 +3,7 @@
 
 saved_results.py PROGRAM SCENES: compares a dome under several cases, and runs parts that are cut,
 uncut, gouged and left out of the judged region, and a mesh; every statistic must agree to 1e-9
-with the definitions of cutting/residual.h written here a second time, from residual.npz alone and,
+with the definitions of cutting/map/residual.h written here a second time, from residual.npz alone and,
 read by VTK, from residual.vtp. All other files must hold the same numbers, to the bits that their
 format has. Exit code 77 (skipped) where Python has no numpy; without vtk the .vtp is left out, and
 that is said.

@@ -1,4 +1,4 @@
-#include "sim/program/generate.h"
+#include "sim/program/generators.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ std::optional<cutting::Contact> plane(double x, double y) {
   return cutting::Contact{{x, y, 0.0}, Vector3d::UnitZ()};
 }
 
-GenerateContext context(const test::Chain& chain, double half_width) {
+GeneratorContext context(const test::Chain& chain, double half_width) {
   return {
       chain, kinematics::Pose::Identity(), {-half_width, -half_width}, {half_width, half_width}, 1};
 }
@@ -56,7 +56,7 @@ std::vector<std::vector<AxisVector>> passes_of(const Path& path) {
 
 TEST(Raster, CountsWhatAMachineWithoutTheAxisForItDoesNotReach) {
   // a table that tilts about Y alone: on a dome only the pass through the middle has no lean in Y
-  const test::Chain four(
+  const test::Chain vector4(
       {test::joint('B', test::Side::Workpiece, test::Motion::Rotary, test::ey),
        test::joint('X', test::Side::Tool, test::Motion::Linear, test::ex),
        test::joint('Y', test::Side::Tool, test::Motion::Linear, test::ey),
@@ -65,9 +65,10 @@ TEST(Raster, CountsWhatAMachineWithoutTheAxisForItDoesNotReach) {
   Raster raster;
   raster.step_over = raster.step = 1.0;
   raster.lead = 0.2;
-  const MillingProgram made = generate_raster(raster, dome(60, 10), {5, 5, 20}, context(four, 10));
+  const MillingProgram made =
+      generate_raster(raster, dome(60, 10), {5, 5, 20}, context(vector4, 10));
   const Unreached& u = made.unreached;
-  EXPECT_EQ(passes_of(read(made.text, four)).size(), 1u);
+  EXPECT_EQ(passes_of(read(made.text, vector4)).size(), 1u);
   EXPECT_EQ(u.passes, u.all_passes - 1);
   EXPECT_GT(u.all_passes, 15);
   EXPECT_EQ(u.broken_passes, 0);
@@ -135,8 +136,8 @@ TEST(Raster, PositiveLeadLeansTheAxisTowardsTheFeedAndTiltAcross) {
   raster.lead = 10 * units::deg;
   raster.tilt = 4 * units::deg;
   raster.step = raster.step_over = 2;
-  const auto passes = passes_of(
-      read(generate_raster(raster, plane, {5, 1, 20}, context(test::gantry(), 6)).text, test::gantry()));
+  const auto passes = passes_of(read(
+      generate_raster(raster, plane, {5, 1, 20}, context(test::gantry(), 6)).text, test::gantry()));
   ASSERT_EQ(passes.size(), 7u);
   for (const auto& pass : passes) {
     const Vector3d feed = (tip(pass[1]) - tip(pass[0])).normalized();
@@ -157,8 +158,8 @@ TEST(Raster, CutterOfAnyShapeTouchesItsContactAndNothingElse) {
       Raster raster;
       raster.lead = lead;
       raster.step = raster.step_over = 1.5;
-      const auto passes = passes_of(
-          read(generate_raster(raster, plane, cutter, context(test::gantry(), 6)).text, test::gantry()));
+      const auto passes = passes_of(read(
+          generate_raster(raster, plane, cutter, context(test::gantry(), 6)).text, test::gantry()));
       double worst = 0.0;
       for (const auto& pass : passes)
         for (const AxisVector& q : pass) {
@@ -182,9 +183,10 @@ TEST(Raster, LinksStayAboveTheDome) {
     raster.lead = 0.2;
     raster.step_over = 3;
     raster.step = 1;
-    const Path path = read("G0 Z30\n" + generate_raster(raster, dome(R, rim), {5, 5, 20},
-                                                        context(test::gantry(), rim)).text,
-                           test::gantry());
+    const Path path = read(
+        "G0 Z30\n" +
+            generate_raster(raster, dome(R, rim), {5, 5, 20}, context(test::gantry(), rim)).text,
+        test::gantry());
     double nearest = 1e9;
     for (const Block& block : path.blocks) {
       if (block.interpolation != Interpolation::Rapid || block.coordinates != Coordinates::Tip)
@@ -209,8 +211,8 @@ TEST(Raster, GapsInTheDesignSplitThePasses) {
   Raster raster;
   raster.step = 0.5;
   raster.step_over = 3;
-  const auto passes = passes_of(
-      read(generate_raster(raster, ring, {2, 2, 20}, context(test::gantry(), 9)).text, test::gantry()));
+  const auto passes = passes_of(read(
+      generate_raster(raster, ring, {2, 2, 20}, context(test::gantry(), 9)).text, test::gantry()));
   ASSERT_EQ(passes.size(), 10u);  // y = -9 -6 6 9 whole, y = -3 0 3 in two
   for (const auto& pass : passes)
     for (const AxisVector& q : pass) {
@@ -263,7 +265,7 @@ TEST(Flank, FlankTouchesTheConeAlongItsGenerator) {
   const cutting::Cutter cutter{8, 0, 60};
   Flank flank;
   flank.step = 2;
-  GenerateContext tilted = context(test::gantry(), 50);
+  GeneratorContext tilted = context(test::gantry(), 50);
   tilted.T_wm.linear() = Eigen::AngleAxisd(10 * units::deg, Vector3d::UnitX()).toRotationMatrix();
   tilted.T_wm.translation() = Vector3d(0, 0, 7);
   const auto passes = passes_of(read(generate_flank(flank, cone, cutter, tilted), test::gantry()));

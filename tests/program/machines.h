@@ -9,7 +9,7 @@
 
 #include "kinematics/chain.h"
 #include "kinematics/units.h"
-#include "sim/program/nc.h"
+#include "sim/program/nc_reader.h"
 #include "sim/program/path.h"
 
 /// Machines that the tests of programs share.

@@ -5,7 +5,7 @@
 #include <iostream>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "machines.h"
 
 namespace abbe::sim::program {

@@ -11,11 +11,10 @@
 #include <vector>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "machines.h"
-#include "sim/program/block_axes.h"
-#include "sim/program/chords.h"
-#include "sim/program/nc.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_reader.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -50,8 +49,8 @@ TEST(PathMeter, TimesWaysAndExtentsOfASmallProgramByHand) {
   EXPECT_NEAR(f.lines.seconds, 3.0 + 0.6, 1e-12);
   EXPECT_NEAR(f.lines.limited_s, 3.0 + 6.0, 1e-12);  // X cannot do 1000 mm/s
   EXPECT_EQ(f.slowed, 1u);
-  EXPECT_NEAR(f.most_slowed.value, 10.0, 1e-9);
-  EXPECT_EQ(f.most_slowed.line, 6);
+  EXPECT_NEAR(f.max_slowed.value, 10.0, 1e-9);
+  EXPECT_EQ(f.max_slowed.line, 6);
   EXPECT_NEAR(f.arcs.seconds, 2 * pi, 1e-9);
   EXPECT_EQ(f.dwells.seconds, 2.0);
   EXPECT_NEAR(f.rapids.way, 500.0, 1e-9);

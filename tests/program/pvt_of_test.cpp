@@ -1,4 +1,4 @@
-#include "sim/program/pvt_of.h"
+#include "sim/program/pvt.h"
 
 #include <gtest/gtest.h>
 
@@ -7,23 +7,22 @@
 
 #include "kinematics/bad_input.h"
 #include "machines.h"
-#include "sim/program/block_axes.h"
-#include "sim/program/chords.h"
-#include "sim/program/nc.h"
+#include "sim/program/block_motion.h"
+#include "sim/program/nc_reader.h"
 
 namespace abbe::sim::program {
 namespace {
 
 using test::AxisVector;
 
-TEST(PvtOf, WhatIsWrittenAndReadAgainFollowsThePathAtEveryInstant) {
+TEST(PvtConversion, WhatIsWrittenAndReadAgainFollowsThePathAtEveryInstant) {
   const NcOptions options = test::options_for(test::gantry());
   const Path path = read_nc(
       "G21 G90 G94 G17\nG0 X50 Y20\nG1 Z-10 F1200\nX80\nY60\nG2 X100 Y60 I10 J0\nG4 P.3\n"
       "G43.4 H1\nG1 X120 Y40 A20 C45 F900\nX121 A-10 C44\nG49\nG1 X0 Y0 A0 F2000\n",
       "part.ngc", options);
   for (const double within : {0.01, 0.001, 0.0001}) {
-    const PvtOf made = pvt_of(path, *options.control, {.within = within});
+    const PvtConversion made = convert_to_pvt(path, *options.control, {.within = within});
     const std::vector<int> columns{0, 1, 2, 3, 4};
     const Path again = read_pvt(write_pvt(made.rows, options.axes, columns), "t.pvt", options);
     EXPECT_EQ(again.blocks.front().start_s, path.blocks.front().start_s);
@@ -50,11 +49,12 @@ TEST(PvtOf, WhatIsWrittenAndReadAgainFollowsThePathAtEveryInstant) {
   }
 }
 
-TEST(PvtOf, AProgramThatDoesNotMoveIsRefused) {
+TEST(PvtConversion, AProgramThatDoesNotMoveIsRefused) {
   const NcOptions options = test::options_for(test::gantry());
-  EXPECT_THROW(pvt_of(read_nc("G21\n", "t", options), *options.control), BadInput);
-  EXPECT_THROW(pvt_of(read_nc("G1 X100 F1\nX0\n", "t", options), *options.control, {.max_rows = 3}),
-               BadInput);
+  EXPECT_THROW(convert_to_pvt(read_nc("G21\n", "t", options), *options.control), BadInput);
+  EXPECT_THROW(
+      convert_to_pvt(read_nc("G1 X100 F1\nX0\n", "t", options), *options.control, {.max_rows = 3}),
+      BadInput);
 }
 
 }  // namespace

@@ -265,8 +265,8 @@ TEST(Rewrite, WholeTurnsStayWholeTurns) {
         "G18 G2 K4", "G19 G3 J4", "G3 X0 Y-0.001 I-10", "G20 G2 I0.5", "G93 G3 I8 F2"})
     for (const int more : {0, 1, 4}) {  // turns besides
       SCOPED_TRACE(fmt::format("{} and {} turns", move, more));
-      Path path = read_nc(fmt::format("G21 G90 G17 G94\nG1 X1 Y2 Z3 F100\nX0 Y0 Z0\n{}\nM2\n", move),
-                          "t", options);
+      Path path = read_nc(
+          fmt::format("G21 G90 G17 G94\nG1 X1 Y2 Z3 F100\nX0 Y0 Z0\n{}\nM2\n", move), "t", options);
       ASSERT_EQ(path.arcs.size(), 1u);
       path.arcs[0].sweep += std::copysign(2 * pi * more, path.arcs[0].sweep);
       const std::string text = rewritten(path, CorrectedPath(path.blocks.size()), options).text;
@@ -320,7 +320,7 @@ TEST_P(ThinnedNc, StaysWithinItsToleranceOfTheCorrectedPathAtEveryInstant) {
 
 INSTANTIATE_TEST_SUITE_P(Tolerances, ThinnedNc, testing::Values(1e-2, 1e-3, 1e-4));
 
-TEST(Thinned, RandomProgramsStayWithinTheirTolerance) {
+TEST(DecimatedMesh, RandomProgramsStayWithinTheirTolerance) {
   const unsigned seed = 20240611;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -369,7 +369,7 @@ TEST(Thinned, RandomProgramsStayWithinTheirTolerance) {
   EXPECT_GT(worst, 0.9);
 }
 
-TEST(Thinned, ConstantCorrectionKeepsEveryBlock) {
+TEST(DecimatedMesh, ConstantCorrectionKeepsEveryBlock) {
   const NcOptions options = test::options_for(test::three_axis());
   const Path path =
       read_nc("G1 X1 F600\nG17 G3 X1 Y0 I-20 J0\nG1 X30\nG2 X40 Y10 I0 J10\n", "t", options);
@@ -383,7 +383,7 @@ TEST(Thinned, ConstantCorrectionKeepsEveryBlock) {
   EXPECT_NEAR(again.arcs.back().radius, 10.0, 1e-4);
 }
 
-TEST(Thinned, AxisThatTurnsBackJumpsByItsPlay) {
+TEST(DecimatedMesh, AxisThatTurnsBackJumpsByItsPlay) {
   const NcOptions options = test::options_for(test::three_axis());
   const Path path = read_nc("G93 G1 X10 F60\nX0 F60\nG17 G2 X0 Y0 I5 J0 F10\n", "t", options);
   // 4 um of play in X, taken up at once
@@ -438,7 +438,7 @@ TEST(Rewrite, PvtProgramFollowsTheCorrectionSmoothly) {
   for (const Block& block : again.blocks) EXPECT_EQ(position(again, block, 0.3)[2], 0.0);
 }
 
-TEST(Thinned, PvtRowsStayWithinTheirToleranceWithFarFewerOfThem) {
+TEST(DecimatedMesh, PvtRowsStayWithinTheirToleranceWithFarFewerOfThem) {
   const NcOptions options = test::options_for(test::platform());
   std::string text = "time_s,X_mm,Z_mm,S_rad,X_mm_per_s,Z_mm_per_s,S_rad_per_s\n";
   for (int k = 0; k <= 20; ++k)

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/turn_between.h"
+#include "kinematics/pose.h"
 #include "machines.h"
 #include "sim/program/pvt.h"
 
@@ -31,7 +31,7 @@ Tool gantry_tool(const AxisVector& q) {
 }
 
 Vector3d great_circle(const Vector3d& a, const Vector3d& b, double part) {
-  const Eigen::Quaterniond whole = kinematics::turn_between(a, b);
+  const Eigen::Quaterniond whole = kinematics::rotation_between(a, b);
   return Eigen::Quaterniond::Identity().slerp(part, whole) * a;
 }
 

@@ -1,21 +1,21 @@
-#include "sim/program/tool_comment.h"
+#include "sim/program/path.h"
 
 #include <gtest/gtest.h>
 
-#include "sim/program/nc.h"
+#include "sim/program/nc_reader.h"
 #include "tests/program/machines.h"
 
 namespace abbe::sim::program {
 namespace {
 
-using End = ToolWords::End;
+using End = CutterData::End;
 
 struct Said {
   const char* comment;
   std::optional<int> number;
   double diameter;  // 0: none is said
   std::optional<double> corner_radius = {};
-  End end = End::Unsaid;
+  End end = End::Unspecified;
   std::optional<double> unit_mm = {};
 };
 
@@ -46,14 +46,14 @@ TEST(ToolComment, CamSystemsSayDiametersInManyWays) {
       {"T5 D16 R0.8", 5, 16.0, 0.8},
       {"TOOL NAME : D6.5R3.25", {}, 6.5, 3.25},
       {"T2 D6", 2, 6.0},
-      {"5mm Endmill", {}, 5.0, {}, End::Unsaid, 1.0},
-      {"T2 10 mm 4 flute end mill", 2, 10.0, {}, End::Unsaid, 1.0},
+      {"5mm Endmill", {}, 5.0, {}, End::Unspecified, 1.0},
+      {"T2 10 mm 4 flute end mill", 2, 10.0, {}, End::Unspecified, 1.0},
       {"T7 1/4 inch flat end mill", 7, 0.25, {}, End::Flat, 25.4},
-      {"Tool: 1  End Mill {6.35 mm}", 1, 6.35, {}, End::Unsaid, 1.0},
+      {"Tool: 1  End Mill {6.35 mm}", 1, 6.35, {}, End::Unspecified, 1.0},
       {"T1 \xC3\x98 8", 1, 8.0},
   };
   for (const Said& said : all) {
-    const auto words = tool_words(said.comment);
+    const auto words = parse_cutter_comment(said.comment);
     ASSERT_TRUE(words) << said.comment;
     EXPECT_EQ(words->number, said.number) << said.comment;
     EXPECT_DOUBLE_EQ(words->diameter, said.diameter) << said.comment;
@@ -69,8 +69,8 @@ TEST(ToolComment, RegistersPlacesAndTitlesAreNoDiameters) {
         "PART 4711 D", "MACHINE GROUP-1", "2D ADAPTIVE1", "ZMIN=-4.2", "FEED 100",
         "DATE=22-11-26 TIME=10:15", "STEP 5 FACE", "OFFSET D12", "D=0 - nothing", "DIAL 3",
         "RETRACT 5mm", "STOCK 100 x 50 x 20 mm"})
-    EXPECT_FALSE(tool_words(comment)) << comment;
-  EXPECT_FALSE(tool_words("T1 D=10. " + std::string(300, 'x')));  // no name of a tool
+    EXPECT_FALSE(parse_cutter_comment(comment)) << comment;
+  EXPECT_FALSE(parse_cutter_comment("T1 D=10. " + std::string(300, 'x')));  // no name of a tool
 }
 
 TEST(ToolComment, ItsUnitIsThatOfTheProgramThatFollows) {

@@ -9,7 +9,7 @@
 #include "kinematics/bad_input.h"
 #include "machines.h"
 #include "sim/program/canon.h"
-#include "sim/program/nc.h"
+#include "sim/program/nc_reader.h"
 #include "sim/program/rewrite.h"
 #include "sim/program/sample.h"
 

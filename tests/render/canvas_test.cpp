@@ -62,9 +62,9 @@ TEST(Canvas, DrawsATextAsWideAsItIsSaidToBe) {
     EXPECT_NEAR(first, 20.0, 3.0) << finer;
     // letters end at whole points, which are not the same ones for every fineness
     EXPECT_NEAR(last - first + 1, size.x(),
-                finer == 1          ? 12.0
-                : finer == fineness ? 1.5
-                                    : 8.0)
+                finer == 1               ? 12.0
+                : finer == supersampling ? 1.5
+                                         : 8.0)
         << finer;
   }
 }

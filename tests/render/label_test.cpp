@@ -1,4 +1,4 @@
-#include "render/label.h"
+#include "render/figures.h"
 
 #include <algorithm>
 #include <cmath>
@@ -63,9 +63,9 @@ TEST(Label, TicksAreRoundAndWithinTheSpan) {
 }
 
 TEST(Label, UnitIsNanometresBelowATenthOfAMicrometre) {
-  EXPECT_STREQ(unit_for(0.05).name, "nm");
-  EXPECT_STREQ(unit_for(0.1).name, "µm");
-  EXPECT_EQ(unit_for(0.05).per_um, 1000.0);
+  EXPECT_STREQ(length_unit(0.05).name, "nm");
+  EXPECT_STREQ(length_unit(0.1).name, "µm");
+  EXPECT_EQ(length_unit(0.05).per_um, 1000.0);
 }
 
 TEST(Label, CountsAreGroupedByThousands) {

@@ -1,4 +1,4 @@
-#include "render/map.h"
+#include "render/residual_map.h"
 
 #include <chrono>
 #include <cmath>
@@ -10,14 +10,12 @@
 #include <system_error>
 
 #include "kinematics/units.h"
+#include "render/canvas.h"
 #include "render/colour_bar.h"
-#include "render/comparison.h"
-#include "render/flags.h"
-#include "render/fonts.h"
-#include "render/map_text.h"
-#include "render/png.h"
+#include "render/map_sheet.h"
+#include "render/picture.h"
 #include "render/surface_scene.h"
-#include "render/vector_page.h"
+#include "render/vtk_environment.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -233,7 +231,7 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
       << gouged;
   EXPECT_EQ(figures_text({12.34, 2.345, -0.0004}), "PV 12.3 µm    RMS 2.35 µm    mean 0.00 µm");
   EXPECT_EQ(figures_text({0.0123, 0.002, 0.001}), "PV 12.3 nm    RMS 2.00 nm    mean +1.00 nm");
-  EXPECT_EQ(figures_text({2.5e-7, 4e-8, 0.0}, Mean::LeftOut),
+  EXPECT_EQ(figures_text({2.5e-7, 4e-8, 0.0}, Mean::Omitted),
             "PV under 0.001 nm    RMS under 0.001 nm");
   EXPECT_EQ(figures_text({}), "nothing was cut");
 }
@@ -258,12 +256,13 @@ TEST_F(Map, GivesEqualValuesEqualColoursWhereverTheSurfaceLooks) {
   write_map(file("a.png"), picture(bowl), options);
   const Colour wanted = diverging(1024)[std::lround(1.5 * 511.5)];
   const Image image(file("a.png"));
-  const int coloured = image.count(map_lower, {1290, 1060}, [](Pixel p) { return p.is_reddish(); });
+  const int colour_map =
+      image.count(map_lower, {1290, 1060}, [](Pixel p) { return p.is_reddish(); });
   const int equal =
       image.count(map_lower, {1290, 1060}, [&](Pixel p) { return test::distance(p, wanted) <= 2; });
-  std::cout << equal << " of " << coloured << " coloured pixels have the one colour\n";
+  std::cout << equal << " of " << colour_map << " coloured pixels have the one colour\n";
   EXPECT_GT(equal, 100000);
-  EXPECT_GT(equal, 0.98 * coloured);  // the rest lies beside the lines at the rim
+  EXPECT_GT(equal, 0.98 * colour_map);  // the rest lies beside the lines at the rim
 }
 
 TEST_F(Map, UsesTheWholeScaleWhereAllValuesHaveOneSign) {
@@ -331,7 +330,7 @@ TEST_F(Map, LabelsOfFlagsStayInTheRoomAndApart) {
   for (int i = 0; i <= 20; ++i) {
     for (int j = 0; j <= 20; ++j) {
       const Eigen::Vector2d a(100 + 30 * i, 100 + 20 * j), b = a + Eigen::Vector2d(4, 2);
-      const auto boxes = placed_labels({a, b}, {size, size}, room, 22.0);
+      const auto boxes = place_labels({a, b}, {size, size}, room, 22.0);
       for (const Rectangle& box : boxes) {
         EXPECT_GE(box.x, 100.0);
         EXPECT_GE(box.y, 100.0);
@@ -346,8 +345,8 @@ TEST_F(Map, LabelsOfFlagsStayInTheRoomAndApart) {
 TEST_F(Map, KnowsWhatTheSurfaceHides) {
   const Field f = sheet(
       80, 60, 81, 61, [](double x, double) { return 30.0 - std::abs(x); }, flat);
-  const View view = fitted_view(f.design.vertices, Eigen::Vector3d(1, 0, 0.1),
-                                Eigen::Vector3d::UnitZ(), {0, 0, 800, 600});
+  const View view = fit_view(f.design.vertices, Eigen::Vector3d(1, 0, 0.1),
+                             Eigen::Vector3d::UnitZ(), {0, 0, 800, 600});
   EXPECT_FALSE(is_hidden(view, f.design, {20, 0, 10}));
   EXPECT_TRUE(is_hidden(view, f.design, {-20, 0, 10}));
 }
@@ -355,7 +354,7 @@ TEST_F(Map, KnowsWhatTheSurfaceHides) {
 TEST_F(Map, HistogramOfTheBarHoldsAllOfTheArea) {
   const Field f = sheet(1, 1, 300, 100, flat, [](double x, double) { return 10.0 * x; });
   const std::vector<double> shares =
-      bar_shares(f.deviation_um, f.design.area, {-5.0, 5.0}, 10);  // an even ramp
+      histogram_fractions(f.deviation_um, f.design.area, {-5.0, 5.0}, 10);  // an even ramp
   double sum = 0.0;
   for (const double share : shares) {
     sum += share;
@@ -366,7 +365,7 @@ TEST_F(Map, HistogramOfTheBarHoldsAllOfTheArea) {
 
 TEST_F(Map, AreasOfAFieldAreThoseOfItsStatistics) {
   Field f = sheet(1, 1, 30, 10, flat, [](double x, double) { return 10.0 * x * x; });
-  f.looked_within = cutting::Surface::Within::Middle;
+  f.sampled_within = cutting::Surface::Within::Middle;
   f.within_um.resize(f.design.triangles.rows());
   for (Eigen::Index t = 0; t < f.within_um.size(); ++t) {
     double x = 0.0;
@@ -428,14 +427,14 @@ TEST_F(Map, DrawsGreekChineseAndSquareBrackets) {
     ASSERT_EQ(missing_font_package(text), "") << "the launcher installs it";
     // a letter that a font lacks is a box, and all boxes are alike
     const auto svg_of_text = [](const std::string& words) {
-      return svg_of(100, 100, {FlatText{{0, 0}, words, {.size_px = 40.0}}}, {});
+      return svg_document(100, 100, {FlatText{{0, 0}, words, {.size_px = 40.0}}}, {});
     };
     EXPECT_NE(svg_of_text(text), svg_of_text("\uE000\uE001\uE002\uE003")) << text;
     EXPECT_GT(svg_of_text(text).size(), 600u) << text;
   }
   // corners: a round bracket has curves, a square one only lines
   const auto curves = [](const std::string& text) {
-    const std::string svg = svg_of(100, 100, {FlatText{{0, 0}, text, {.size_px = 40.0}}}, {});
+    const std::string svg = svg_document(100, 100, {FlatText{{0, 0}, text, {.size_px = 40.0}}}, {});
     return std::count(svg.begin() + std::ptrdiff_t(svg.find(" d=")), svg.end(), 'C');
   };
   EXPECT_EQ(curves("["), 0);
@@ -474,9 +473,9 @@ TEST_F(Comparison, PutsAllCasesOnOneScaleAndThoseThatItHidesAgainOnTheirOwn) {
   ComparisonOptions options;
   write_comparison(file("a.png"), two, options);
   const Image image(file("a.png"));
-  const auto coloured = [](Pixel p) { return p.is_reddish() || p.is_blueish(); };
+  const auto colour_map = [](Pixel p) { return p.is_reddish() || p.is_blueish(); };
   const auto upper = [&](int x0, int x1, int y0, int y1) {
-    return image.count({x0, y0}, {x1, y1}, coloured);
+    return image.count({x0, y0}, {x1, y1}, colour_map);
   };
   // two columns: the first case alone above, below it the second, on both scales
   const int middle = image.width() / 2, half = image.height() / 2;
@@ -517,8 +516,9 @@ Pixels painted(int width, int height, const std::function<int(int x, int y, int 
 }
 
 /// By how much a value differs at most once a PNG is read back by VTK.
-int largest_difference(const Pixels& pixels, const std::filesystem::path& file, PngFor made_for) {
-  std::ofstream(file, std::ios::binary) << png_file(pixels, made_for);
+int largest_difference(const Pixels& pixels, const std::filesystem::path& file,
+                       PngPurpose png_purpose) {
+  std::ofstream(file, std::ios::binary) << png_file(pixels, png_purpose);
   const Image image(file);
   EXPECT_EQ(image.width(), pixels.width);
   EXPECT_EQ(image.height(), pixels.height);
@@ -539,15 +539,15 @@ using Png = Map;
 TEST_F(Png, KeepsEveryColourWhereItIsMadeForSpeed) {
   std::mt19937 random(5);
   const Pixels noise = painted(67, 41, [&](int, int, int) { return int(random() % 256); });
-  EXPECT_EQ(largest_difference(noise, file("noise.png"), PngFor::Speed), 0);
+  EXPECT_EQ(largest_difference(noise, file("noise.png"), PngPurpose::Speed), 0);
 }
 
 TEST_F(Png, ForSizeIsWithinHalfAStepOfEightAndWhiteStaysWhite) {
   const Pixels grey = painted(256, 3, [](int x, int, int) { return x; });
-  EXPECT_EQ(largest_difference(grey, file("grey.png"), PngFor::Size), 4);
+  EXPECT_EQ(largest_difference(grey, file("grey.png"), PngPurpose::Size), 4);
   const Pixels white = painted(9, 9, [](int, int, int) { return 255; });
-  EXPECT_EQ(largest_difference(white, file("white.png"), PngFor::Size), 0);
-  EXPECT_LT(png_file(white, PngFor::Size).size(), 120u);
+  EXPECT_EQ(largest_difference(white, file("white.png"), PngPurpose::Size), 0);
+  EXPECT_LT(png_file(white, PngPurpose::Size).size(), 120u);
 }
 
 TEST_F(Png, ForSizeTakesTheNearestOf256WhereThereAreMoreColours) {
@@ -557,7 +557,7 @@ TEST_F(Png, ForSizeTakesTheNearestOf256WhereThereAreMoreColours) {
     const int colour = (32 * y + x) % 256;
     return k == 0 ? 16 * (colour % 16) : k == 1 ? 16 * (colour / 16) : 32;
   });
-  const int largest = largest_difference(many, file("many.png"), PngFor::Size);
+  const int largest = largest_difference(many, file("many.png"), PngPurpose::Size);
   EXPECT_GT(largest, 0);
   EXPECT_LE(largest, 4 + 8);  // rounded by half a step, and then a whole one to the nearest
 }
@@ -569,7 +569,7 @@ TEST_F(Png, ForSizeKeepsARareColourThatIsLikeNoOther) {
     if (x == 8 && y == 9) return k == 0 ? 104 : 24;
     return k == 0 ? 64 + 8 * (x / 2) : k == 1 ? 8 * (y % 20) + 64 : 128;
   });
-  std::ofstream(file("rare.png"), std::ios::binary) << png_file(many, PngFor::Size);
+  std::ofstream(file("rare.png"), std::ios::binary) << png_file(many, PngPurpose::Size);
   const Image image(file("rare.png"));
   const Pixel purple = image.at(7, 40 - 1 - 9), dark = image.at(8, 40 - 1 - 9);
   const auto values = [](const Pixel& pixel) { return std::vector{pixel.r, pixel.g, pixel.b}; };

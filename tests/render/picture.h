@@ -16,8 +16,8 @@
 #include <vtkNew.h>
 #include <vtkPNGReader.h>
 
-#include "render/colour.h"
-#include "render/field.h"
+#include "render/picture.h"
+#include "render/residual_field.h"
 
 namespace abbe::render::test {
 

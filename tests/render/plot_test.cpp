@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "render/figures.h"
-#include "render/machine.h"
+#include "render/machine_picture.h"
 #include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 

@@ -1,4 +1,4 @@
-#include "render/point_data.h"
+#include "render/vtk_writer.h"
 
 #include <limits>
 #include <stdexcept>

@@ -1,4 +1,4 @@
-#include "render/read_vtu.h"
+#include "render/vtk_reader.h"
 
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,4 @@
-#include "render/sheet.h"
+#include "render/map_sheet.h"
 
 #include <cmath>
 #include <iostream>
@@ -48,9 +48,9 @@ TEST_F(Sheet, OfOneToManyMapsIsDrawnWithEveryMapOnItsOwnScale) {
 
 TEST_F(Sheet, OnOneRangeSmallMapsArePale) {
   const cutting::Design design = test::dome(20, test::flat).design;
-  const auto red = [&](bool one_range) {
+  const auto red = [&](bool common_range) {
     SheetOptions options;
-    options.one_range = one_range;
+    options.common_range = common_range;
     write_sheet(file("a.png"), design, tilts(design, 5), options);
     return Image(file("a.png")).count([](Pixel p) { return p.is_reddish(); });
   };
@@ -72,11 +72,11 @@ TEST_F(Sheet, OfStandardDeviationsHasNoBlue) {
 
 TEST_F(Sheet, SaysWhatItsValuesAre) {
   const cutting::Design design = test::dome(5, test::flat).design;
-  const auto drawn = [&](int count, std::optional<std::string> values, bool one_range = false) {
+  const auto drawn = [&](int count, std::optional<std::string> values, bool common_range = false) {
     SheetOptions options;
     options.values = std::move(values);
     options.width = 800;
-    options.one_range = one_range;
+    options.common_range = common_range;
     write_sheet(file("a.png"), design, tilts(design, count), options);
     return bytes(file("a.png"));
   };
@@ -139,7 +139,7 @@ TEST_F(Sheet, OfAwkwardMapsIsDrawn) {
                {"small", "", Eigen::VectorXd::Constant(n, -1e-9), {}}},
               options);
   write_sheet(file("b.png"), {}, {{"nothing", "", Eigen::VectorXd(0), {}}});
-  write_sheet(file("c.png"), design, tilts(design, int(most_sheet_maps)));
+  write_sheet(file("c.png"), design, tilts(design, int(max_sheet_maps)));
   EXPECT_GT(Image(file("c.png")).height(), 1000);
 }
 

@@ -8,7 +8,7 @@
 #include <vtkStructuredGrid.h>
 #include <vtkXMLStructuredGridReader.h>
 
-#include "render/structured_grid.h"
+#include "render/vtk_writer.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {

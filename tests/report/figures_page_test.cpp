@@ -14,9 +14,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/report/chart_labels.h"
-#include "sim/report/page_blocks.h"
-#include "sim/report/viewer_source.h"
+#include "sim/report/figures_page.h"
+#include "sim/report/page_template.h"
 #include "tests/safety/program_run.h"
 
 namespace abbe::sim {
@@ -323,11 +322,11 @@ TEST_F(IdentificationPages, AnIdentificationWithoutAPageTakesAnOldOneAway) {
 }
 
 TEST(PageBlocks, APanelThatDrawsAFewOfItsReadingsSaysHowMany) {
-  EXPECT_EQ(readings_drawn("EXX", 1500, 1500).title, "EXX");
-  EXPECT_EQ(readings_drawn("EXX", 0, 1500).every, 1);
-  const ReadingsDrawn few = readings_drawn("EXX", 1501, 1500);
+  EXPECT_EQ(reading_subset("EXX", 1500, 1500).title, "EXX");
+  EXPECT_EQ(reading_subset("EXX", 0, 1500).every, 1);
+  const ReadingSubset few = reading_subset("EXX", 1501, 1500);
   EXPECT_EQ(few.every, 2);
-  EXPECT_EQ(few.title, phrase({"EXX, ", label_word("readings"), " 751 / 1501"}));
+  EXPECT_EQ(few.title, phrase({"EXX, ", label_text("readings"), " 751 / 1501"}));
 }
 
 TEST_F(IdentificationPages, TheSavedReportLacksTheCurvesAndSaysSo) {

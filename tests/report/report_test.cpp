@@ -16,12 +16,10 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/compensation/course.h"
-#include "sim/report/chart_labels.h"
-#include "sim/report/encode.h"
-#include "sim/report/html_report.h"
-#include "sim/report/report_labels.h"
-#include "sim/report/viewer_source.h"
+#include "sim/compensation/time_series.h"
+#include "sim/report/case_page.h"
+#include "sim/report/page_data.h"
+#include "sim/report/page_template.h"
 #include "tests/report/unpack.h"
 #include "tests/safety/program_run.h"
 
@@ -32,7 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-double largest_error(const Packed& packed, const Eigen::MatrixXd& values) {
+double largest_error(const PackedColumns& packed, const Eigen::MatrixXd& values) {
   const Eigen::MatrixXi numbers = unpack::numbers(packed);
   double largest = 0.0;
   for (Eigen::Index c = 0; c < values.cols(); ++c)
@@ -56,37 +54,36 @@ Eigen::MatrixXd some_values(double size) {
   return values;
 }
 
-TEST(Packed, ValuesUnpackToWithinHalfAStep) {
+TEST(PackedColumns, ValuesUnpackToWithinHalfAStep) {
   const Eigen::MatrixXd values = some_values(30.0);
   const double rounding = 1e-12;
-  for (const double step : {step_of_16_bits(values), 1e-6, 0.3}) {
-    const Packed packed = packed_values(values, step);
+  for (const double step : {step_for_16_bits(values), 1e-6, 0.3}) {
+    const PackedColumns packed = pack_values(values, step);
     EXPECT_LE(largest_error(packed, values), step / 2.0 + rounding);
     EXPECT_GT(largest_error(packed, values), 0.4 * step) << "not quantised at all";
   }
 }
 
-TEST(Packed, ValuesThatAreAllOneOrNoneUnpackExactly) {
+TEST(PackedColumns, ValuesThatAreAllOneOrNoneUnpackExactly) {
   const Eigen::VectorXd same = Eigen::VectorXd::Constant(7, 1.25);
-  EXPECT_EQ(largest_error(packed_values(same, step_of_16_bits(same)), same), 0.0);
+  EXPECT_EQ(largest_error(pack_values(same, step_for_16_bits(same)), same), 0.0);
   const Eigen::VectorXd none = Eigen::VectorXd::Constant(7, nan);
-  EXPECT_EQ(largest_error(packed_values(none, 1.0), none), 0.0);
+  EXPECT_EQ(largest_error(pack_values(none, 1.0), none), 0.0);
 }
 
-TEST(Packed, WhatCannotBePackedIsRefused) {
+TEST(PackedColumns, WhatCannotBePackedIsRefused) {
   const Eigen::Vector2d far(0.0, 1e6), infinite(0.0, std::numeric_limits<double>::infinity());
-  EXPECT_THROW(packed_values(far, 0.0), std::invalid_argument);
-  EXPECT_THROW(packed_values(far, nan), std::invalid_argument);
-  EXPECT_THROW(packed_values(far, 1e-5), std::invalid_argument);
-  EXPECT_THROW(packed_values(infinite, 1.0), std::invalid_argument);
-  EXPECT_THROW(packed_numbers(Eigen::Vector2i(3, largest_packed + 1)), std::invalid_argument);
+  EXPECT_THROW(pack_values(far, 0.0), std::invalid_argument);
+  EXPECT_THROW(pack_values(far, nan), std::invalid_argument);
+  EXPECT_THROW(pack_values(far, 1e-5), std::invalid_argument);
+  EXPECT_THROW(pack_values(infinite, 1.0), std::invalid_argument);
+  EXPECT_THROW(pack_numbers(Eigen::Vector2i(3, max_packed + 1)), std::invalid_argument);
 }
 
-TEST(Packed, WholeNumbersUnpackExactly) {
+TEST(PackedColumns, WholeNumbersUnpackExactly) {
   Eigen::MatrixXi numbers(6, 2);
-  numbers << 5, 0, largest_packed, 3, -largest_packed, 70000, largest_packed, -1, missing, missing,
-      0, -12;
-  EXPECT_EQ(unpack::numbers(packed_numbers(numbers)), numbers);
+  numbers << 5, 0, max_packed, 3, -max_packed, 70000, max_packed, -1, missing, missing, 0, -12;
+  EXPECT_EQ(unpack::numbers(pack_numbers(numbers)), numbers);
 }
 
 // --- meshes
@@ -170,29 +167,29 @@ Eigen::VectorXi wave(const MeshWalk& walk, int side, double phase) {
   return numbers;
 }
 
-TEST(Packed, NumbersOnAMeshUnpackExactlyAndTakeLessBesideALikeColumn) {
+TEST(PackedColumns, NumbersOnAMeshUnpackExactlyAndTakeLessBesideALikeColumn) {
   const int side = 60;
   const MeshWalk walk = mesh_walk(grid(side), side * side);
   const Eigen::VectorXi first = wave(walk, side, 0.0), second = wave(walk, side, 0.02);
-  const Packed alone = packed_numbers(first, {&walk, {}});
+  const PackedColumns alone = pack_numbers(first, {&walk, {}});
   EXPECT_EQ(unpack::numbers(alone, &walk), first);
   const Eigen::VectorXi reference = alone.numbers.col(0);
   EXPECT_EQ((reference.array() == missing).count(), 0);
-  const Packed beside = packed_numbers(second, {&walk, {&reference}});
+  const PackedColumns beside = pack_numbers(second, {&walk, {&reference}});
   ASSERT_EQ(beside.reference, 0);
   EXPECT_EQ(unpack::numbers(beside, &walk, &reference), second);
   EXPECT_LT(double(beside.text.size()),
-            0.8 * double(packed_numbers(second, {&walk, {}}).text.size()));
+            0.8 * double(pack_numbers(second, {&walk, {}}).text.size()));
 }
 
-TEST(Packed, Base64IsThatOfTheRfc) {  // RFC 4648, section 10
+TEST(PackedColumns, Base64IsThatOfTheRfc) {  // RFC 4648, section 10
   EXPECT_EQ(base64(""), "");
   EXPECT_EQ(base64("f"), "Zg==");
   EXPECT_EQ(base64("fo"), "Zm8=");
   EXPECT_EQ(base64("foobar"), "Zm9vYmFy");
 }
 
-TEST(Thinned, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
+TEST(DecimatedMesh, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
   Eigen::VectorXd time(2000);
   Eigen::MatrixXd q(2000, 2);
   for (Eigen::Index k = 0; k < time.size(); ++k) {
@@ -200,7 +197,7 @@ TEST(Thinned, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
     q.row(k) << 50.0 * std::sin(time[k]), k < 1200 ? 3.0 * time[k] : -time[k];
   }
   const double tolerance = 0.05;
-  const compensation::Course few =
+  const compensation::TimeSeries few =
       compensation::thinned({time, q}, Eigen::VectorXd::Constant(2, tolerance));
   std::vector<Eigen::Index> kept;
   for (Eigen::Index k = 0, next = 0; k < time.size() && next < few.time_s.size(); ++k)
@@ -300,20 +297,20 @@ TEST_F(Page, NamesOnlyLabelsThatThereAre) {
 }
 
 TEST_F(Page, ALimitOfAcceptanceThatIsExceededGivesTheExitCodeOfCompare) {
-  const safety::Ran exceeded =
+  const safety::Ran exceeded_limits =
       safety::run("report " ABBE_SOURCE_DIR
                   "/scenes/gantry_dome.toml --set part.vertices=300 --set limits.pv_um=0.001 -o " +
                   (folder / "limit.html").string());
   EXPECT_EQ(ran.code, 0) << "of the same without a limit";
-  EXPECT_EQ(exceeded.code, 1);
-  EXPECT_NE(exceeded.text.find("the scene allows 0.0010 um"), std::string::npos) << exceeded.text;
+  EXPECT_EQ(exceeded_limits.code, 1);
+  EXPECT_NE(exceeded_limits.text.find("the scene allows 0.0010 um"), std::string::npos)
+      << exceeded_limits.text;
 }
 
 TEST_F(Page, AFolderOfResultsIsRefusedByName) {
   const safety::Ran refused = safety::run("report " + folder.string());
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.text.find("left, seen the folder"), std::string::npos)
-      << refused.text;
+  EXPECT_NE(refused.text.find("left, seen the folder"), std::string::npos) << refused.text;
 }
 
 }  // namespace

@@ -16,7 +16,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "render/field.h"
+#include "render/residual_field.h"
 #include "tests/report/unpack.h"
 #include "tests/safety/program_run.h"
 
@@ -70,7 +70,7 @@ Eigen::VectorXi midst(const ReadPage& page, const std::string& lines) {
 
 Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name) {
   const ordered_json& about = page.index.at("arrays").at(name);
-  Packed packed;
+  PackedColumns packed;
   packed.rows = about.at("n");
   packed.columns = about.at("components");
   for (const int by : about.at("by")) packed.by.push_back(Prediction(by));

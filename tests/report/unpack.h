@@ -7,8 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/report/encode.h"
-#include "sim/report/mesh_walk.h"
+#include "sim/report/page_data.h"
 
 /// What a page does with its data, written from the description of the codes: a second unpacker
 /// beside render/report/unpack.js.
@@ -88,7 +87,7 @@ class Decoder {
 };
 
 /// (rows x columns) with `missing` where there is none.
-inline Eigen::MatrixXi numbers(const Packed& packed, const MeshWalk* walk = nullptr,
+inline Eigen::MatrixXi numbers(const PackedColumns& packed, const MeshWalk* walk = nullptr,
                                const Eigen::VectorXi* reference = nullptr) {
   Decoder decoder(bytes_of(packed.text));
   Eigen::MatrixXi x(packed.rows, packed.columns), seen = x;

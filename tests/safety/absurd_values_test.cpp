@@ -18,12 +18,11 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/bad_input.h"
-#include "sim/commands/measure_command.h"
-#include "sim/cut/work.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/cut/scene_checks.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/describe.h"
-#include "sim/report/description_report.h"
-#include "sim/report/summary_report.h"
+#include "sim/report/check_report.h"
+#include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/table_reader.h"
 #include "tests/safety/program_run.h"
@@ -38,8 +37,8 @@ namespace {
 using sim::Node;
 using sim::Override;
 
-constexpr int most_wall_ms = 300'000;
-constexpr ::rlim_t most_cpu_s = 40, most_bytes = ::rlim_t(6) << 30;
+constexpr int max_wall_ms = 300'000;
+constexpr ::rlim_t max_cpu_s = 40, most_bytes = ::rlim_t(6) << 30;
 
 const std::vector<std::string> absurd{"0",   "-1",   "1e-300", "1e300",
                                       "1e9", "1e-9", "nan",    "\"NaN\""};
@@ -164,16 +163,16 @@ struct Ended {
 };
 
 [[noreturn]] void child(const Trial& trial, int to) {
-  const ::rlimit cpu{most_cpu_s, most_cpu_s}, space{most_bytes, most_bytes};
+  const ::rlimit cpu{max_cpu_s, max_cpu_s}, space{most_bytes, most_bytes};
   ::setrlimit(RLIMIT_CPU, &cpu);
   ::setrlimit(RLIMIT_AS, &space);
   int code = 0;
   std::string text;
   try {
     do_everything(trial);
-  } catch (const sim::BadScene& faults) {
+  } catch (const sim::BadScene& input_errors) {
     code = 3;
-    text = faults.what();
+    text = input_errors.what();
   } catch (const BadInput& fault) {
     code = 3;
     text = fault.what();
@@ -194,7 +193,7 @@ Ended ended(const Trial& trial) {
   Ended result;
   char buffer[4096];
   ::pollfd said{ends[0], POLLIN, 0};
-  while (::poll(&said, 1, most_wall_ms) > 0) {
+  while (::poll(&said, 1, max_wall_ms) > 0) {
     const ::ssize_t n = ::read(ends[0], buffer, sizeof buffer);
     if (n <= 0) break;
     result.text.append(buffer, std::size_t(n));
@@ -239,14 +238,14 @@ bool names(const std::string& text, const Trial& trial) {
   std::string part;
   bool found = false;
   while (std::getline(parts, part, '.')) {
-    const std::string stem(sim::stem_of(part));
+    const std::string stem(sim::key_stem(part));
     const bool word = part.find_first_not_of("0123456789") != std::string::npos;
     found = found || (word && text.find(stem) != std::string::npos);
   }
   return found;
 }
 
-std::string fault_of(const Trial& trial, const Ended& end) {
+std::string distribution_error(const Trial& trial, const Ended& end) {
   if (end.code == 0) return "";
   if (end.code == 3 && end.text.find("expected") != std::string::npos && names(end.text, trial))
     return "";
@@ -263,16 +262,16 @@ TEST(AbsurdValues, OfEveryNumberOfEverySceneEndSoonAndSayWhichItWas) {
   const bool exhaustive = std::getenv("ABBE_LONG") != nullptr;
   std::mt19937 random(seed);
   std::shuffle(all.begin(), all.end(), random);
-  const double most_s = exhaustive ? 1e9 : 8.0;
+  const double max_s = exhaustive ? 1e9 : 8.0;
   const auto start = std::chrono::steady_clock::now();
   std::size_t done = 0, refused = 0;
   double longest = 0.0;
   for (const Trial& trial : all) {
     const double spent =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (done >= 10 && spent > most_s) break;
+    if (done >= 10 && spent > max_s) break;
     const Ended end = ended(trial);
-    EXPECT_EQ(fault_of(trial, end), "");
+    EXPECT_EQ(distribution_error(trial, end), "");
     ++done;
     refused += end.code == 3;
     longest = std::max(longest, end.seconds);

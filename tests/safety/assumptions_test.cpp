@@ -141,8 +141,8 @@ TEST(AssumptionsOfCommands, TheSwitchOfTheOperatorIsAnOption) {
   EXPECT_NEAR(off["extent_at_feed_mm"]["X"][0], 50.0, 1e-9);
   int lines = 0;
   for (const json& one : on["assumptions"])
-    lines += one["key"] == "program.block_skip" && one["option"] == "--block-skip" &&
-             one["line"] == 7;
+    lines +=
+        one["key"] == "program.block_skip" && one["option"] == "--block-skip" && one["line"] == 7;
   EXPECT_EQ(lines, 1) << on["assumptions"];
   const json inches = json_of("program " + program + " --startup-code 'G20 G91'");
   ASSERT_TRUE(inches.is_object());

@@ -4,15 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "sim/commands/all_commands.h"
-#include "sim/commands/option_words.h"
+#include "sim/commands/command.h"
+#include "sim/commands/command_line.h"
 #include "tests/safety/program_run.h"
 
 /// Calls of every command, for what must hold of all.
 namespace abbe::safety {
 
 struct CommandList {
-  sim::Common common;
+  sim::CommonOptions common;
   int argc = 0;
   char** argv = nullptr;
   std::vector<sim::Command> commands = sim::all_commands(common, argc, argv);

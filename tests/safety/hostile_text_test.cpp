@@ -151,11 +151,10 @@ TEST_F(HostileText, ACrAloneIsOneErrorOfEveryReader) {
   folder_.write("readings.csv", old("# instrument = \"laser\"\nposition_mm,reading_um\n1,2\n"));
   folder_.write("tool.tbl", old("T1 P1 Z100 D10\nT2 P2 Z50 D5\n"));
   folder_.write("poses.csv", old("X_mm,Y_mm,Z_mm\n1,2,3\n4,5,6\n"));
-  for (const char* command :
-       {"program old.ngc", "program old.cl", "program old.csv", "check scene.toml",
-        "evaluate readings.csv", "identify readings.csv",
-        "program p.ngc --dialect linuxcnc --unit mm --tools tool.tbl",
-        "pose good.toml --at-file poses.csv"}) {
+  for (const char* command : {"program old.ngc", "program old.cl", "program old.csv",
+                              "check scene.toml", "evaluate readings.csv", "identify readings.csv",
+                              "program p.ngc --dialect linuxcnc --unit mm --tools tool.tbl",
+                              "pose good.toml --at-file poses.csv"}) {
     const Ran ran = abbe(command);
     EXPECT_EQ(ran.code, 3) << command << ": " << ran.text;
     expect_one_a_line(ran, command);

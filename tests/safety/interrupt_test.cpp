@@ -194,7 +194,7 @@ std::string refused_folders(const fs::path& out) {
   std::string text;
   if (!fs::exists(out)) return text;
   std::vector<fs::path> folders{out};
-  if (!fs::exists(out / sim::mark_name))
+  if (!fs::exists(out / sim::manifest_name))
     folders.assign(fs::directory_iterator(out), fs::directory_iterator());
   for (const fs::path& folder : folders) try {
       sim::check_folder(folder, {});

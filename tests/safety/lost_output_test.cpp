@@ -12,8 +12,8 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/commands/questions.h"
-#include "sim/files/unfinished_file.h"
+#include "sim/commands/shell_files.h"
+#include "sim/files/atomic_output.h"
 #include "tests/safety/every_command.h"
 
 namespace abbe::safety {
@@ -24,7 +24,7 @@ std::string at(const Folder& folder) { return "cd " + folder.path().string() + "
 /// Every line that prints, of the commands and of the program itself.
 std::vector<std::string> printing_lines(const CommandList& list) {
   std::vector<std::string> lines{"--help", "--version"};
-  for (const sim::Question& question : sim::questions(list.commands))
+  for (const sim::GlobalOption& question : sim::global_options(list.commands))
     lines.push_back(question.name + (question.name == "--completion" ? " bash"
                                      : question.name == "--cases"    ? " scene.toml"
                                                                      : ""));

@@ -22,7 +22,7 @@ using sim::Writer;
 std::map<std::string, std::string> contents(const fs::path& folder) {
   std::map<std::string, std::string> all;
   for (const auto& entry : fs::recursive_directory_iterator(folder))
-    if (entry.is_regular_file() && entry.path().filename() != sim::mark_name)
+    if (entry.is_regular_file() && entry.path().filename() != sim::manifest_name)
       all[fs::relative(entry.path(), folder).string()] = bytes(entry.path());
   return all;
 }
@@ -260,7 +260,7 @@ TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
   EXPECT_NE(refusal([&] { write_file(forced / "c.txt", "abbe"); }), "");
   // a mark that is a link to somebody's file is none, and nothing is added to it
   fs::create_directories(folder / "trap");
-  fs::create_symlink(folder / "user/keep.txt", folder / "trap" / sim::mark_name);
+  fs::create_symlink(folder / "user/keep.txt", folder / "trap" / sim::manifest_name);
   EXPECT_NE(refusal([&] { ResultFolder(folder / "trap", {}); }), "");
   EXPECT_NE(
       refusal([&] { write_file(ResultFolder(folder / "trap", {{.force = true}}) / "d", "x"); }),
@@ -393,7 +393,7 @@ TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
   const std::string ideal = "\"perfect-position-ideal\"";
   const struct {
     std::string text, says;
-  } faults[] = {
+  } input_errors[] = {
       {scene(ideal, variant("perfect-position-ideal")), "scene.toml:17:8"},
       {scene(ideal, variant("comparison.json")), "scene.toml:17:8"},
       {scene(ideal, variant("program.ngc")), "scene.toml:17:8"},
@@ -403,7 +403,7 @@ TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
                         variant("a-perfect-iterated-ideal")),
        "scene.toml:20:8"},
       {scene("\"./thermal.json\"", ""), "scene.toml:15:9"}};
-  for (const auto& fault : faults) {
+  for (const auto& fault : input_errors) {
     folder.write("scene.toml", fault.text);
     for (const std::string command : {"compare scene.toml --trust --out out", "check scene.toml"}) {
       const Ran ran = run(command, in(folder));

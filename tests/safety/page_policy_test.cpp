@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/report/script_hash.h"
+#include "sim/report/page_template.h"
 #include "tests/safety/every_command.h"
 
 namespace abbe::safety {

@@ -48,7 +48,8 @@ inline std::string bytes(const fs::path& file) {
 class Folder {
  public:
   Folder()
-      : path_(fs::temp_directory_path() / ("abbe-safety-" + std::to_string(std::random_device{}()))) {
+      : path_(fs::temp_directory_path() /
+              ("abbe-safety-" + std::to_string(std::random_device{}()))) {
     fs::create_directories(path_);
   }
   ~Folder() {
@@ -85,6 +86,7 @@ inline std::string small_scene(const std::string& more = "", const std::string& 
          more;
 }
 inline const std::string small_program =
-    "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y0 Z95 A0 C0\nG1 Z80 F1000\nG1 X10\nG0 Z95\nM2\n%\n";
+    "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y0 Z95 A0 C0\nG1 Z80 F1000\nG1 X10\nG0 "
+    "Z95\nM2\n%\n";
 
 }  // namespace abbe::safety

@@ -9,13 +9,13 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/cut/collisions.h"
-#include "sim/cut/reach.h"
+#include "sim/cut/placement.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
-#include "sim/study/arm.h"
+#include "sim/study/configuration.h"
 #include "sim/study/study.h"
 #include "tests/safety/mistakes/mistake.h"
 
@@ -60,7 +60,7 @@ std::vector<std::string> warnings_of_run(const fs::path& scene, bool is_compensa
   sim::check_cuts_part(job, cut);
   const sim::Verdict verdict = sim::judge(job, std::move(cut), nullptr);
   std::vector<std::string> warnings = sim::summary(job, verdict).warnings;
-  for (std::string& text : sim::exceeded(job.scene.limits, verdict))
+  for (std::string& text : sim::exceeded_limits(job.scene.limits, verdict))
     warnings.push_back(std::move(text));
   return warnings;
 }
@@ -75,8 +75,8 @@ std::vector<std::string> warnings_of_measuring(const Folder& folder) {
 }
 
 std::vector<std::string> warnings_of_study(const fs::path& file) {
-  const sim::study::Study study = sim::study::with_scene(sim::study::read_study(file));
-  return sim::study::ready_arm(study, study.arms.front(), {}).job.warnings;
+  const sim::study::Study study = sim::study::load_scene(sim::study::read_study(file));
+  return sim::study::prepare_configuration(study, study.arms.front(), {}).job.warnings;
 }
 
 std::vector<std::string> warnings_of_identifying(const Folder& folder, const Files& files,

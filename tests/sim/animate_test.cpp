@@ -14,8 +14,8 @@
 
 #include "sim/cut/bodies.h"
 #include "sim/cut/cut.h"
-#include "sim/report/film_encoder.h"
-#include "sim/report/film_plan.h"
+#include "sim/report/film_files.h"
+#include "sim/report/program_film.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/small_scene.h"
 
@@ -51,7 +51,7 @@ TEST(FilmPlan, FramesAreSpreadEvenlyFromTheBeginningToTheEnd) {
   ASSERT_EQ(plan.time_s.size(), 5u);
   const std::vector<double> by_hand{2.0, 5.0, 8.0, 11.0, 14.0};
   for (std::size_t k = 0; k < by_hand.size(); ++k) EXPECT_EQ(plan.time_s[k], by_hand[k]);
-  EXPECT_DOUBLE_EQ(speed_up(plan), 24.0);
+  EXPECT_DOUBLE_EQ(speed_factor(plan), 24.0);
   EXPECT_EQ(speed_text(plan), "24 × faster than real time");
 }
 
@@ -70,18 +70,18 @@ TEST(FilmPlan, TheSpeedIsSaidAsAPersonWould) {
 
 TEST(FilmPlan, AStretchRunsFromItsFirstBlockToTheEndOfItsLast) {
   program::Path path = film_blocks();
-  const auto all = stretch_of_lines(path, std::nullopt);
+  const auto all = interval_of_lines(path, std::nullopt);
   ASSERT_TRUE(all);
   EXPECT_EQ(all->begin_s, 0.0);
   EXPECT_EQ(all->end_s, 14.0);
-  const auto some = stretch_of_lines(path, LineRange{4, 6});
+  const auto some = interval_of_lines(path, LineRange{4, 6});
   ASSERT_TRUE(some);
   EXPECT_EQ(some->begin_s, 3.0);
   EXPECT_EQ(some->end_s, 7.0);
-  EXPECT_FALSE(stretch_of_lines(path, LineRange{5, 6}));
-  EXPECT_FALSE(stretch_of_lines(path, LineRange{8, 100}));
+  EXPECT_FALSE(interval_of_lines(path, LineRange{5, 6}));
+  EXPECT_FALSE(interval_of_lines(path, LineRange{8, 100}));
   path.blocks[1].file = 1;  // of a subprogram
-  EXPECT_FALSE(stretch_of_lines(path, LineRange{4, 4}));
+  EXPECT_FALSE(interval_of_lines(path, LineRange{4, 4}));
 }
 
 // --- how the encoder is called
@@ -136,7 +136,7 @@ Job film_job(const std::string& more) {
 }
 
 FilmPlan whole_plan(const Job& job, double frames) {
-  return film_plan(*stretch_of_lines(job.path, std::nullopt), frames, 1.0);
+  return film_plan(*interval_of_lines(job.path, std::nullopt), frames, 1.0);
 }
 
 void expect_film_pose(const kinematics::Pose& a, const kinematics::Pose& b) {
@@ -145,11 +145,11 @@ void expect_film_pose(const kinematics::Pose& a, const kinematics::Pose& b) {
 
 TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
   const Job job = film_job(film_errors);
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Cut made = cut(job, commands);
   ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 6));
   std::vector<SolidBody> moved;  // in the order of the film: of the machine, then the tool
-  for (const SolidBody& body : bodies_of(job))
+  for (const SolidBody& body : job_bodies(job))
     if (body.kind != SolidBody::Kind::Part) moved.push_back(body);
   ASSERT_EQ(film.setting().bodies.size(), moved.size());
   const Carriers carriers{job.truth.actual.size()};
@@ -175,9 +175,9 @@ TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
 
 TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
   const Job job = film_job(film_errors);
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Cut made = cut(job, commands);
-  const FilmedCut filmed{job, commands, made.process, &made.surface};
+  const FilmSource filmed{job, commands, made.process, &made.surface};
   ProgramFilm plain(filmed, whole_plan(job, 4));
   ProgramFilm large(filmed, whole_plan(job, 4), {320, 240, 100.0});
   for (std::size_t k = 0; k < 4; ++k) {
@@ -200,7 +200,7 @@ TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
 
 TEST(ProgramFilm, TheDesignIsColouredAsItIsCut) {
   const Job job = film_job(film_errors);
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Cut made = cut(job, commands);
   ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 5));
   long before = -1;
@@ -234,14 +234,14 @@ void expect_stock_of_the_run(const Job& job, double of_run, const Commands& comm
 
 TEST(ProgramFilm, TheStockOfTheLastFrameIsThatOfTheRun) {
   const Job job = film_job(film_blank + film_errors);
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Process process = cut_process(job, commands);
   expect_stock_of_the_run(job, cutting::volume(*process.stock), commands, process);
 }
 
 TEST(ProgramFilm, ATurnedStockIsThatOfTheRun) {
   const Job job = job_of("stepped_shaft.toml", {{"part.vertices", "400"}});
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Process process = cut_process(job, commands);
   expect_stock_of_the_run(job, cutting::volume(*process.turned), commands, process);
 }
@@ -249,7 +249,7 @@ TEST(ProgramFilm, ATurnedStockIsThatOfTheRun) {
 TEST(ProgramFilm, AMachineWithoutBodiesIsSchematicAndSaysSo) {
   Job job = film_job(film_errors);
   job.scene.machine.bodies.clear();
-  const Commands commands = as_programmed(job);
+  const Commands commands = uncompensated_commands(job);
   const Cut made = cut(job, commands);
   const ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 2));
   EXPECT_NE(film.setting().machine_name.find("schematic"), std::string::npos);
@@ -346,7 +346,7 @@ TEST_F(Animate, WithoutFfmpegTheFramesStayAndTheCommandIsSaid) {
 }
 
 TEST_F(Animate, FfmpegMakesOneFile) {
-  if (!ABBE_RENDER || !found_on_path("ffmpeg")) GTEST_SKIP();
+  if (!ABBE_RENDER || !find_executable("ffmpeg")) GTEST_SKIP();
   for (const std::string format : {"mp4", "webm"}) {
     const Ran ran =
         animate("plain.toml --seconds 0.4 --fps 10 --size 400x300 --out film --film " + format);

@@ -7,9 +7,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/commands/identify_command.h"
-#include "sim/commands/measure_command.h"
-#include "sim/files/versions.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/files/program_file.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {

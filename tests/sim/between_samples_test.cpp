@@ -1,5 +1,5 @@
 // What errors do between the samples of a program, against a closed form and denser samples.
-#include "sim/cut/between_samples.h"
+#include "sim/cut/tool_poses.h"
 
 #include <cmath>
 #include <iostream>
@@ -27,9 +27,9 @@ Job passes(const std::string& errors, const std::string& sampling = "") {
                            .more = "[errors]\n" + errors + "\n[sampling]\n" + sampling});
 }
 
-BetweenSamples looked(const Job& job) { return between_samples(job, as_programmed(job)); }
+ChordError looked(const Job& job) { return chord_error(job, uncompensated_commands(job)); }
 
-TEST(BetweenSamples, AWaveIsBentAsItsClosedFormSays) {
+TEST(ChordError, AWaveIsBentAsItsClosedFormSays) {
   // a wave less the mean of it half a step before and behind: amplitude (1 - cos(pi step / length))
   const double amplitude = 0.8_um;
   for (const double length : {40.0, 10.0, 5.0, 1.7}) {
@@ -37,7 +37,7 @@ TEST(BetweenSamples, AWaveIsBentAsItsClosedFormSays) {
       const Job job = passes(
           fmt::format("EZX = {{ kind = \"fourier\", period_mm = {}, b_um = [0.8] }}", length),
           fmt::format("max_step_mm = {}", step));
-      const BetweenSamples found = looked(job);
+      const ChordError found = looked(job);
       const double most = amplitude * std::abs(1.0 - std::cos(std::numbers::pi * step / length));
       std::cout << "wave of " << length << " mm in steps of " << step
                 << " mm: " << found.max / units::nm << " nm of " << most / units::nm << " nm\n";
@@ -51,52 +51,52 @@ TEST(BetweenSamples, AWaveIsBentAsItsClosedFormSays) {
   }
 }
 
-TEST(BetweenSamples, NothingIsBentWithoutWaves) {
+TEST(ChordError, NothingIsBentWithoutWaves) {
   for (const char* errors :
        {"", "EXX = { kind = \"polynomial\", half_range_mm = 400.0, coefficients_um = [3.0, 0.02] }",
         "EZX = { kind = \"backlash\", half_um = 4.0 }"}) {
-    const BetweenSamples found = looked(passes(errors));
+    const ChordError found = looked(passes(errors));
     EXPECT_GT(found.looked_at, 100u) << errors;
     EXPECT_LT(found.max, 1e-3 * units::nm) << errors;
-    EXPECT_TRUE(between_samples_warnings(found, 0.0).empty()) << errors;
+    EXPECT_TRUE(chord_error_warnings(found, 0.0).empty()) << errors;
   }
 }
 
-TEST(BetweenSamples, AWaveThatDividesTheStepsIsSeen) {
+TEST(ChordError, AWaveThatDividesTheStepsIsSeen) {
   for (const double length : {1.0, 0.5, 0.25, 0.1}) {
-    const BetweenSamples found = looked(passes(
+    const ChordError found = looked(passes(
         fmt::format("EZX = {{ kind = \"fourier\", period_mm = {}, a_um = [0.8] }}", length)));
     double most = 0.0;
     for (const double share : {0.5, 0.3819660112501051})
       most = std::max(most, 0.8_um * (1.0 - std::cos(2 * pi * share / length)));
     EXPECT_NEAR(found.max, most, 1e-3 * units::nm) << "nothing of it is at the samples";
     EXPECT_GT(found.max, 0.4_um);
-    EXPECT_EQ(between_samples_warnings(found, 0.8_um).size(), 1u);
+    EXPECT_EQ(chord_error_warnings(found, 0.8_um).size(), 1u);
   }
 }
 
-TEST(BetweenSamples, TheStepThatIsProposedFollowsThem) {
+TEST(ChordError, TheStepThatIsProposedFollowsThem) {
   const std::string wave = "EZX = { kind = \"fourier\", period_mm = 5.0, b_um = [0.8] }";
-  const BetweenSamples coarse = looked(passes(wave));
+  const ChordError coarse = looked(passes(wave));
   ASSERT_GT(coarse.max, 100.0_nm);
-  const auto warned = between_samples_warnings(coarse, 1.0_um);
+  const auto warned = chord_error_warnings(coarse, 1.0_um);
   ASSERT_EQ(warned.size(), 1u);
   const std::string key = "sampling.max_step_mm = ";
   const auto at = warned.front().find(key);
   ASSERT_NE(at, std::string::npos) << warned.front();
   const double step = std::stod(warned.front().substr(at + key.size()));
-  const BetweenSamples fine = looked(passes(wave, fmt::format("max_step_mm = {}", step)));
+  const ChordError fine = looked(passes(wave, fmt::format("max_step_mm = {}", step)));
   EXPECT_LT(fine.max, 1.1 * coarse.tolerance);
-  BetweenSamples in_place = coarse;
+  ChordError in_place = coarse;
   in_place.step = 0.0;
-  const auto without = between_samples_warnings(in_place, 1.0_um);
+  const auto without = chord_error_warnings(in_place, 1.0_um);
   ASSERT_EQ(without.size(), 1u);
   EXPECT_EQ(without.front().find(key), std::string::npos) << "no step helps where the tip rests";
   // of a machine that is off by far more it is no matter
-  EXPECT_TRUE(between_samples_warnings(coarse, 100.0_um).empty());
+  EXPECT_TRUE(chord_error_warnings(coarse, 100.0_um).empty());
 }
 
-TEST(BetweenSamples, APerfectBeliefIsWarnedOfWhatItCannotSee) {
+TEST(ChordError, APerfectBeliefIsWarnedOfWhatItCannotSee) {
   const Job job = passes(
       "EZX = { kind = \"fourier\", period_mm = 5.0, b_um = [0.8] }\n"
       "EXX = { kind = \"polynomial\", half_range_mm = 400.0, coefficients_um = [60.0] }");
@@ -107,18 +107,18 @@ TEST(BetweenSamples, APerfectBeliefIsWarnedOfWhatItCannotSee) {
   };
   const Cut wrong = cut(job);
   EXPECT_FALSE(bends(wrong)) << "0.15 um of 60 um";
-  EXPECT_GT(wrong.between_samples.max, 100.0_nm);
+  EXPECT_GT(wrong.chord_error.max, 100.0_nm);
   const Cut corrected = cut(job, compensate(job, parse_case("perfect-iterated-ideal")));
   EXPECT_TRUE(bends(corrected));
   // other intervals are looked at where corrections turn an axis about
-  EXPECT_NEAR(corrected.between_samples.max, wrong.between_samples.max, 10.0_nm);
-  EXPECT_EQ(cut_error_free(job).between_samples.looked_at, 0u);
+  EXPECT_NEAR(corrected.chord_error.max, wrong.chord_error.max, 10.0_nm);
+  EXPECT_EQ(cut_error_free(job).chord_error.looked_at, 0u);
 }
 
 /// A part that turns carries the errors of its bed round: that is no bend.
-TEST(BetweenSamples, APartThatTurnsBendsNothing) {
+TEST(ChordError, APartThatTurnsBendsNothing) {
   const Job job = job_of("platform_plane.toml", {{"part.vertices", "300"}});
-  const BetweenSamples found = looked(job);
+  const ChordError found = looked(job);
   std::cout << "platform: " << found.max / units::nm << " nm, RMS " << found.rms / units::nm
             << " nm, line " << found.line << "\n";
   EXPECT_GT(found.looked_at, 100u);

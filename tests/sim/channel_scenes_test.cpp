@@ -8,14 +8,14 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "errors/geometric.h"
 #include "kinematics/units.h"
 #include "sim/compensation/channels.h"
-#include "sim/compensation/pulse_train.h"
-#include "sim/cut/datum.h"
-#include "sim/loop/beliefs.h"
+#include "sim/compensation/pulse_insertion.h"
+#include "sim/cut/commands.h"
 #include "sim/loop/compensate.h"
+#include "sim/loop/correctors.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
@@ -363,7 +363,7 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
 /// What the axes are commanded beyond the program along a direction of the slides, (samples) mm.
 VectorXd along(const Job& job, const Vector3d& direction,
                const std::vector<kinematics::AxisState>& corrected) {
-  const auto commanded = as_programmed(job).samples.states;
+  const auto commanded = uncompensated_commands(job).samples.states;
   VectorXd result(Eigen::Index(corrected.size()));
   for (std::size_t i = 0; i < corrected.size(); ++i) {
     double sum = 0.0;
@@ -401,7 +401,8 @@ OnThePart on_the_part(const Job& job, const VectorXd& of_sample, const BeyondIde
 /// Sum over the axes of h^2/8 max|second derivative| of the correction along the normal, near where
 /// the program goes, the other axes in its middle.
 double spacing_bound(const Job& job, const Vector3d& n) {
-  const Corrector corrector = learnt(job, parse_case("perfect-position-table")).corrector;
+  const Corrector corrector =
+      learned_correction(job, parse_case("perfect-position-table")).corrector;
   kinematics::AxisVector low = job.samples.states.front().q, high = low;
   for (const kinematics::AxisState& state : job.samples.states) {
     low = low.cwiseMin(state.q);
@@ -486,9 +487,9 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
                   slope * on_the_part(job, along(job, aside, corrected), piezo).value),
        0.15);
   const BeyondIdeal table = left("table");
-  const VectorXd tabulated =
+  const VectorXd tabulate =
       along(job, n, compensate(job, parse_case("perfect-position-table")).samples.states);
-  held("table", table.rms(), on_the_part(job, tabulated - wanted, table).value, 0.02);
+  held("table", table.rms(), on_the_part(job, tabulate - wanted, table).value, 0.02);
 }
 
 TEST(ChannelScenes, TheTablesOfThePackagedSceneStayWithinTheBoundOfTheirSpacing) {
@@ -501,7 +502,7 @@ TEST(ChannelScenes, TheTablesOfThePackagedSceneStayWithinTheBoundOfTheirSpacing)
     Job fine = job;
     fine.scene.compensation.table.options.spacing /= 16;
     fine.scene.compensation.table.options.spacing_rad = 0.5 * units::deg;
-    fine.scene.compensation.table.options.most_points = 200000;
+    fine.scene.compensation.table.options.max_points = 200000;
     const BeyondIdeal table = beyond_ideal(job, "perfect-position-table", ideal);
     const BeyondIdeal finer = beyond_ideal(fine, "perfect-position-table", ideal);
     const double added = (table.by - finer.by).cwiseAbs().maxCoeff();
@@ -519,9 +520,9 @@ TEST(ChannelScenes, TheTablesOfThePackagedSceneStayWithinTheBoundOfTheirSpacing)
 
 // --- a day of drift at signal level
 
-using compensation::Course;
 using compensation::Insertion;
 using compensation::Request;
+using compensation::TimeSeries;
 
 constexpr double period = 1e-3;  // mm, signal of the encoder
 constexpr double cycle_s = 10e-3, pulse_s = 2e-6, stroke = 0.5, stroke_s = 0.1;
@@ -535,12 +536,12 @@ Job other_day() {
 }
 
 /// What is wanted of Z: what the four sensors say of the spindle, taken back.
-Course wanted_of_sensors(const Job& job) {
+TimeSeries wanted_of_sensors(const Job& job) {
   Evidence evidence;
-  evidence.log = control_log(job, as_programmed(job), {});
+  evidence.log = control_log(job, uncompensated_commands(job), {});
   const compensation::MachineBelief belief =
-      machine_belief(seen_of(job), parse_case("thermal-position-ideal"), evidence);
-  const compensation::ThermalCourse& course = belief.thermal.value();
+      machine_belief(make_control_view(job), parse_case("thermal-position-ideal"), evidence);
+  const compensation::ThermalSeries& course = belief.thermal.value();
   std::cout << "readings held at the end of what was trained: " << course.held << " of "
             << course.time_s.size() << "\n";
   EXPECT_EQ(course.terms.size(), 1u);
@@ -551,9 +552,9 @@ Course wanted_of_sensors(const Job& job) {
 }
 
 /// Z goes up and down once after every reading and rests until the next.
-Course strokes(const Course& wanted, double z) {
+TimeSeries strokes(const TimeSeries& wanted, double z) {
   const Eigen::Index n = wanted.time_s.size() - 1;
-  Course motion{VectorXd(3 * n + 1), Eigen::MatrixXd(3 * n + 1, 1)};
+  TimeSeries motion{VectorXd(3 * n + 1), Eigen::MatrixXd(3 * n + 1, 1)};
   for (Eigen::Index k = 0; k < n; ++k) {
     motion.time_s.segment<3>(3 * k) =
         wanted.time_s[k] + Eigen::Array3d(0.0, stroke_s, 2 * stroke_s);
@@ -565,8 +566,8 @@ Course strokes(const Course& wanted, double z) {
 }
 
 /// Part of the motion with each pair carried out at once by the loop.
-Course carried(const Course& motion, Eigen::Index first, double offset,
-               const std::vector<Insertion>& pairs) {
+TimeSeries carried(const TimeSeries& motion, Eigen::Index first, double offset,
+                   const std::vector<Insertion>& pairs) {
   std::vector<std::pair<double, double>> knots;
   std::size_t next = 0;
   const auto jump_until = [&](double time_s) {
@@ -582,8 +583,8 @@ Course carried(const Course& motion, Eigen::Index first, double offset,
     jump_until(motion.time_s[i] - 1e-8);
     knots.emplace_back(motion.time_s[i], motion.value(i, 0) + offset);
   }
-  Course course{VectorXd(Eigen::Index(knots.size())),
-                Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
+  TimeSeries course{VectorXd(Eigen::Index(knots.size())),
+                    Eigen::MatrixXd(Eigen::Index(knots.size()), 1)};
   for (std::size_t i = 0; i < knots.size(); ++i) {
     course.time_s[Eigen::Index(i)] = knots[i].first;
     course.value(Eigen::Index(i), 0) = knots[i].second;
@@ -597,7 +598,7 @@ struct Minute {
   std::vector<long> whole;
 };
 
-Minute minute_of(const Course& wanted, Eigen::Index row, double phase) {
+Minute minute_of(const TimeSeries& wanted, Eigen::Index row, double phase) {
   const double start = wanted.time_s[0];
   Minute minute{std::lround(std::ceil((wanted.time_s[row] - start) / cycle_s - 1e-6)), {}};
   for (long k = minute.first_cycle; start + double(k) * cycle_s < wanted.time_s[row + 1] - 1e-6;
@@ -609,11 +610,11 @@ Minute minute_of(const Course& wanted, Eigen::Index row, double phase) {
 
 /// Encoder, computer, box and loop in a ring over one minute, closed pair by pair.
 /// @param done  counts corrected before it. @return those after it
-long counts_closed(const Course& motion, Eigen::Index row, const Minute& minute, long done,
+long counts_closed(const TimeSeries& motion, Eigen::Index row, const Minute& minute, long done,
                    double phase) {
   std::vector<Insertion> pairs;
   for (;;) {
-    const Course axis = carried(motion, 3 * row, double(done) * period, pairs);
+    const TimeSeries axis = carried(motion, 3 * row, double(done) * period, pairs);
     const compensation::Feedback encoder = compensation::feedback(axis, period, phase);
     std::vector<Request> requests;
     for (std::size_t k = 0; k < minute.whole.size(); ++k) {
@@ -647,19 +648,19 @@ Spread spread_of(const VectorXd& drift) {
 
 TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
   const Job job = other_day();
-  const Course wanted = wanted_of_sensors(job);
+  const TimeSeries wanted = wanted_of_sensors(job);
   const int Z = job.machine.control.find('Z').value();
   kinematics::AxisState state;
-  state.q = slides_of_offset(
-      job.machine.control, Vector3d(0, 0, 80) - job.machine.control
-                                                    .tool_in_workpiece(kinematics::AxisVector::Zero(
-                                                        job.machine.control.size()))
-                                                    .translation());
+  state.q = slide_offset(job.machine.control,
+                         Vector3d(0, 0, 80) - job.machine.control
+                                                  .tool_in_workpiece(kinematics::AxisVector::Zero(
+                                                      job.machine.control.size()))
+                                                  .translation());
   const double z = state.q[Z];
-  const Course motion = strokes(wanted, z);
+  const TimeSeries motion = strokes(wanted, z);
   compensation::Pulses pulses{VectorXd::Constant(1, period), cycle_s, pulse_s, 3};
   const double phase = compensation::zero_phase(pulses.phase_seed, 0);
-  const Course fast = compensation::through(wanted, pulses, motion);
+  const TimeSeries fast = compensation::through(wanted, pulses, motion);
 
   const auto height = [&](double time_s, double correction) {
     kinematics::AxisState at = state;
@@ -671,7 +672,7 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
   const long start = std::lround(wanted.value(0, 0) / period - phase);
   const double zero = height(wanted.time_s[0], 0.0);
   VectorXd before(n - 1), after(n - 1);
-  double apart = 0.0;
+  double length_mismatch_text = 0.0;
   long done = start, pairs = 0;
   for (Eigen::Index row = 0; row + 1 < n; ++row) {
     const long next = counts_closed(motion, row, minute_of(wanted, row, phase), done, phase);
@@ -680,18 +681,19 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
     const double end_s = wanted.time_s[row + 1], travelled = double(done - start) * period;
     before[row] = height(end_s, 0.0) - zero;
     after[row] = height(end_s, travelled) - zero;
-    apart = std::max(apart, std::abs(compensation::value_at(fast, end_s - 0.5 * cycle_s)[0] -
-                                     fast.value(0, 0) - travelled));
+    length_mismatch_text = std::max(
+        length_mismatch_text, std::abs(compensation::value_at(fast, end_s - 0.5 * cycle_s)[0] -
+                                       fast.value(0, 0) - travelled));
   }
   const Spread was = spread_of(before), is = spread_of(after);
   std::cout << "spindle along Z over " << (wanted.time_s[n - 1] - wanted.time_s[0]) / 3600
             << " h: drifts by up to " << was.max / units::um << " um (RMS " << was.rms / units::um
             << "), with " << pairs << " pairs of 1 um by up to " << is.max / units::um
-            << " um (RMS " << is.rms / units::um << "); off the fast model by " << apart / units::nm
-            << " nm\n";
+            << " um (RMS " << is.rms / units::um << "); off the fast model by "
+            << length_mismatch_text / units::nm << " nm\n";
   EXPECT_GT(was.max, 20.0_um);
   EXPECT_GT(pairs, 20);
-  EXPECT_LT(apart, 1e-9);
+  EXPECT_LT(length_mismatch_text, 1e-9);
   EXPECT_LT(is.max, 0.2 * was.max);
 }
 

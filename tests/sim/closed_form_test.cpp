@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "cutting/form.h"
+#include "cutting/map/form.h"
 #include "kinematics/units.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"

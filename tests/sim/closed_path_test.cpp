@@ -9,9 +9,9 @@
 #include <gtest/gtest.h>
 
 #include "errors/metrology/machine_tests.h"
-#include "errors/metrology/part_results.h"
+#include "errors/metrology/test_results.h"
 #include "kinematics/units.h"
-#include "sim/commands/evaluate_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/report/evaluation_report.h"
 #include "tests/sim/measured_scene.h"
 
@@ -37,27 +37,29 @@ Readings read_to_targets(const std::string& errors, const std::string& kind, int
 /// The readings with the first place of every pass read again where the pass ends.
 Readings read_again(const Readings& once) {
   Readings again = once;
-  again.plan.looks.clear();
+  again.plan.measurements.clear();
   std::vector<double> values;
-  const auto& looks = once.plan.looks;
+  const auto& measurements = once.plan.measurements;
   int last = 0;
-  for (const auto& look : looks) last = std::max(last, look.target);
-  for (std::size_t i = 0; i < looks.size(); ++i) {
+  for (const auto& measurement : measurements) last = std::max(last, measurement.target);
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
     const auto add = [&](std::size_t at, int target) {
-      again.plan.looks.push_back(looks[at]);
-      again.plan.looks.back().target = target;
+      again.plan.measurements.push_back(measurements[at]);
+      again.plan.measurements.back().target = target;
       values.push_back(once.value[Eigen::Index(at)]);
     };
-    const bool backwards = i > 0 && looks[i].target == last && looks[i - 1].target == last &&
-                           looks[i].set_up == looks[i - 1].set_up;
+    const bool backwards = i > 0 && measurements[i].target == last &&
+                           measurements[i - 1].target == last &&
+                           measurements[i].set_up == measurements[i - 1].set_up;
     const auto first = [&](int target) {  // look at that target in this pass's set-up
-      for (std::size_t k = 0; k < looks.size(); ++k)
-        if (looks[k].set_up == looks[i].set_up && looks[k].target == target) return k;
+      for (std::size_t k = 0; k < measurements.size(); ++k)
+        if (measurements[k].set_up == measurements[i].set_up && measurements[k].target == target)
+          return k;
       return i;
     };
     if (backwards) add(first(0), last + 1);
-    add(i, looks[i].target);
-    const bool forwards_ends = looks[i].target == last && !backwards;
+    add(i, measurements[i].target);
+    const bool forwards_ends = measurements[i].target == last && !backwards;
     if (forwards_ends) add(first(0), last + 1);
   }
   again.value = Eigen::VectorXd::Map(values.data(), Eigen::Index(values.size()));
@@ -135,7 +137,8 @@ TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
         "[errors]\nEX0C_um = 10\n[errors.EZC]\nkind = \"fourier\"\nperiod_deg = 360\n"
         "a_um = [3]\nb_um = [0]\n",
         "r_test", n);
-    const errors::metrology::Tests a = tests_of(once), b = tests_of(read_again(once));
+    const errors::metrology::Tests a = classify_readings(once),
+                                   b = classify_readings(read_again(once));
     ASSERT_EQ(a.others.size(), b.others.size());
     ASSERT_FALSE(a.others.empty());
     for (std::size_t k = 0; k < a.others.size(); ++k) {
@@ -186,7 +189,7 @@ TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
       square += c * c / n;
     }
     for (const bool again : {false, true}) {
-      const auto tests = results_of(touched_ring(n, again, 20.0, 3.0).readings);
+      const auto tests = standard_results(touched_ring(n, again, 20.0, 3.0).readings);
       ASSERT_EQ(tests.size(), 2u) << n;
       const TestResult& test = tests[0];
       ASSERT_EQ(test.name, "circularity");
@@ -201,7 +204,7 @@ TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
       EXPECT_NEAR(value_of<double>(tests[1], "Sq"), std::sqrt(4.0 * square + 4.5), 1e-9) << n;
     }
   }
-  EXPECT_EQ(results_of(touched_ring(3, true, 20.0, 0.0).readings)[0].name, "circularity");
+  EXPECT_EQ(standard_results(touched_ring(3, true, 20.0, 0.0).readings)[0].name, "circularity");
 }
 
 }  // namespace

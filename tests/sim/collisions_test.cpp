@@ -11,8 +11,8 @@
 
 #include "sim/cut/bodies.h"
 #include "sim/cut/cut.h"
-#include "sim/report/collision_report.h"
-#include "sim/scene/case_name.h"
+#include "sim/report/program_report.h"
+#include "sim/scene/cases.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -69,7 +69,7 @@ Job planted_job(const PlantedCrash& planted) {
 
 Collisions collisions_of(const PlantedCrash& planted) {
   const Job job = planted_job(planted);
-  return collisions(job, as_programmed(job), "uncompensated");
+  return collisions(job, uncompensated_commands(job), "uncompensated");
 }
 
 std::vector<Collision> contacts_of(const Collisions& all) {
@@ -117,7 +117,7 @@ TEST(Collisions, WhatIsThinnerThanAStepIsDeepOnlyWithinIt) {
       "[[fixture]]\nname = \"sheet\"\nsize_mm = [0.1, 20, 20]\nat_mm = [-10.3, -30, 40]\n";
   const Job job = planted_job({"G0 Z40\nG0 X10\nG0 Z100", "", sheet, {{"tool.radius_mm", "0.05"}}});
   const std::vector<Collision> met =
-      contacts_of(collisions(job, as_programmed(job), "uncompensated"));
+      contacts_of(collisions(job, uncompensated_commands(job), "uncompensated"));
   ASSERT_EQ(met.size(), 1u);
   // of 0.1 mm, at looks 1/8 mm apart
   EXPECT_GT(met[0].depth, 0.03);
@@ -307,7 +307,8 @@ TEST(Collisions, ACompensatedProgramPastTheEndOfTravel) {
   EXPECT_FALSE(is_clear(all));
   EXPECT_NE(all.beyond_travel.find("X between -300 and 18 mm"), std::string::npos)
       << all.beyond_travel;
-  EXPECT_TRUE(is_clear(collisions(at_the_end, as_programmed(at_the_end), "uncompensated")));
+  EXPECT_TRUE(
+      is_clear(collisions(at_the_end, uncompensated_commands(at_the_end), "uncompensated")));
   const Job with_room = job_to("[-300, 18.1]");
   EXPECT_TRUE(is_clear(collisions(with_room, compensate(with_room, perfect), "perfect")));
 }
@@ -389,8 +390,8 @@ TEST(Collisions, EveryShapeOfABodyIsMetWhereItIs) {
 std::string faults_of(const PlantedCrash& planted) {
   try {
     planted_job(planted);
-  } catch (const BadScene& faults) {
-    return faults.what();
+  } catch (const BadScene& input_errors) {
+    return input_errors.what();
   }
   return "";
 }
@@ -400,27 +401,29 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
     return "[[fixture]]\n" + (name.empty() ? "" : "name = \"" + name + "\"\n") +
            "size_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
   };
-  const auto faults = [&](const std::string& more) {
+  const auto input_errors = [&](const std::string& more) {
     return faults_of({"G1 Z90 F1000", "", more});
   };
   for (const char* own : {"part", "stock", "cutter", "shank", "holder"}) {
-    const std::string text = faults(fixture(own));
+    const std::string text = input_errors(fixture(own));
     EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a name for a fixture that nothing "
                                     "else has, seen \"{0}\", the name of the {0} itself",
                                     own)),
               std::string::npos)
         << text;
   }
-  EXPECT_NE(faults(fixture("ram")).find("seen \"ram\", that of a body of the machine"),
+  EXPECT_NE(input_errors(fixture("ram")).find("seen \"ram\", that of a body of the machine"),
             std::string::npos);
-  EXPECT_NE(faults(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "), std::string::npos);
-  EXPECT_NE(faults(fixture("") + fixture("fixture")).find("seen \"fixture\""), std::string::npos);
-  EXPECT_EQ(faults(fixture("vice") + fixture("jaw")), "");
+  EXPECT_NE(input_errors(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "),
+            std::string::npos);
+  EXPECT_NE(input_errors(fixture("") + fixture("fixture")).find("seen \"fixture\""),
+            std::string::npos);
+  EXPECT_EQ(input_errors(fixture("vice") + fixture("jaw")), "");
   // without names of their own they are numbered
-  EXPECT_EQ(faults(fixture("") + fixture("")), "");
+  EXPECT_EQ(input_errors(fixture("") + fixture("")), "");
   const Job two = planted_job({"G1 Z90 F1000", "", fixture("") + fixture("")});
   std::vector<std::string> names;
-  for (const SolidBody& body : bodies_of(two))
+  for (const SolidBody& body : job_bodies(two))
     if (body.kind == SolidBody::Kind::Fixture) names.push_back(body.name);
   EXPECT_EQ(names, (std::vector<std::string>{"fixture 1", "fixture 2"}));
   const std::vector<Override> twice = {
@@ -433,17 +436,18 @@ TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
 }
 
 TEST(Collisions, APairToBeLeftOutMustBeThere) {
-  const auto faults = [&](const char* a, const char* b) {
+  const auto input_errors = [&](const char* a, const char* b) {
     return faults_of(
         {"G1 Z90 F1000", "", fmt::format("[[collision.ignore]]\na = \"{}\"\nb = \"{}\"\n", a, b)});
   };
-  EXPECT_EQ(faults("ram", "stock"), "");
-  EXPECT_EQ(faults("holder", "part"), "");  // of another tool, perhaps
-  const std::string text = faults("ram", "haulder");
+  EXPECT_EQ(input_errors("ram", "stock"), "");
+  EXPECT_EQ(input_errors("holder", "part"), "");  // of another tool, perhaps
+  const std::string text = input_errors("ram", "haulder");
   EXPECT_NE(text.find("scene.toml:13:5: expected the name of a body: table, base, "),
             std::string::npos)
       << text;
-  EXPECT_NE(faults("ram", "ram").find("expected the name of another body"), std::string::npos);
+  EXPECT_NE(input_errors("ram", "ram").find("expected the name of another body"),
+            std::string::npos);
 }
 
 TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
@@ -478,8 +482,8 @@ TEST(Collisions, BodiesThatCannotBeAreRefused) {
   const auto refused = [](const std::string& fixture) -> std::string {
     try {
       collisions_of({"G1 Z90 F1000", "", "[[fixture]]\nname = \"it\"\n" + fixture});
-    } catch (const BadScene& faults) {
-      return faults.faults.front().what();
+    } catch (const BadScene& input_errors) {
+      return input_errors.input_errors.front().what();
     } catch (const BadInput& fault) {
       return fault.what();
     }

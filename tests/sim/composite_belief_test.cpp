@@ -7,15 +7,14 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "errors/bound_element.h"
+#include "errors/element.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/compensation/thermal_belief.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/compensation/machine_belief.h"
 #include "sim/files/output.h"
-#include "sim/machine/compile.h"
-#include "sim/report/identify_json.h"
-#include "sim/report/identify_text.h"
+#include "sim/machine/truth.h"
+#include "sim/report/identification_report.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
@@ -56,7 +55,7 @@ struct Beliefs {
 Beliefs separated(const Scene& scene, const SceneFolder& folder,
                   const std::vector<std::string>& sensors, double margin = 0.1) {
   const auto readings =
-      folder.write("laser.csv", to_text(measured(scene, instrument_of(scene, "laser"))));
+      folder.write("laser.csv", to_text(measured(scene, find_instrument(scene, "laser"))));
   IdentifyOptions options;
   options.method = IdentifyOptions::Method::Composite;
   options.sensors = sensors;
@@ -109,8 +108,8 @@ TEST(CompositeBelief, BothHalvesAreThoseOfTheCarriageOnEitherSide) {
                                 {on_it[0], {"errors", "\"" + beliefs.cold.string() + "\""}})
                          .geometric,
                      chain);
-    const auto thermal = compensation::thermal_belief_of_text(read_text(beliefs.thermal, 1 << 20),
-                                                              beliefs.thermal.string());
+    const auto thermal = compensation::parse_thermal_belief(read_text(beliefs.thermal, 1 << 20),
+                                                            beliefs.thermal.string());
     ASSERT_EQ(thermal.terms.size(), 1u);
     EXPECT_FALSE(thermal.since_start) << "its temperatures are absolute";
     // the sensor says 0.3 K more, cold and warm
@@ -122,7 +121,7 @@ TEST(CompositeBelief, BothHalvesAreThoseOfTheCarriageOnEitherSide) {
       log.time_s = Eigen::VectorXd::Zero(1);
       log.names = {"T_C"};
       log.values = Eigen::MatrixXd::Constant(1, 1, T_C);
-      const auto course = compensation::course_of(thermal, log, chain);
+      const auto course = compensation::thermal_series(thermal, log, chain);
       for (const double p : {-250.0, 0.0, 100.0, 280.0}) {
         kinematics::AxisState state;
         state.q = kinematics::AxisVector::Zero(chain.size());

@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/evaluate_command.h"
-#include "sim/readings/part_readings_file.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/readings/readings_file.h"
 #include "sim/report/evaluation_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
@@ -203,8 +203,8 @@ TEST(Evaluate, WritesWhatItPromises) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   for (const char* kind : {"laser", "ball_bar", "diagonals", "straightness", "r_test", "spindle"}) {
     const auto file = folder.write(std::string(kind) + ".csv",
-                                   to_text(measured(scene, instrument_of(scene, kind))));
-    const Evaluated made = evaluate(file, {folder.path() / kind});
+                                   to_text(measured(scene, find_instrument(scene, kind))));
+    const EvaluationOutcome made = evaluate(file, {folder.path() / kind});
     const Json e = to_json(made.evaluation, made.pictures);
     EXPECT_EQ(e["file"], file.string());
     EXPECT_EQ(e["kind"], kind);

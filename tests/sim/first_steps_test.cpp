@@ -6,9 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/commands/all_commands.h"
 #include "sim/commands/command_line.h"
-#include "sim/commands/new_command.h"
+#include "sim/commands/scene_commands.h"
 #include "sim/cut/cut.h"
 #include "sim/scene/read_scene.h"
 #include "tests/safety/program_run.h"
@@ -65,12 +64,12 @@ Exit parsed(const std::string& line) {
   for (std::string& word : words) argv.push_back(word.data());
   int argc = int(argv.size());
   char** first = argv.data();
-  Common common;
+  CommonOptions common;
   return parse_command_line(all_commands(common, argc, first), argc, first);
 }
 
 std::vector<Command> commands() {
-  static Common common;
+  static CommonOptions common;
   static int argc = 0;
   static char** argv = nullptr;
   return all_commands(common, argc, argv);

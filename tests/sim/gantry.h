@@ -2,13 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 
 /// A gantry with a turntable, from a text of few keys.
 inline MachineDescription gantry() {
-  Faults faults;
+  InputErrors input_errors;
   const MachineDescription machine = read_machine(parse_toml(R"(code = "w C' b X Y Z A s t"
 axis.C = { point_mm = [0, 0, 0] }
 axis.X = {}
@@ -18,8 +21,8 @@ axis.A = { point_mm = [0, 0, 200] }
 nose = { at_mm = [0, 0, 50] }
 )",
                                                              "machine.toml"),
-                                                  faults);
-  EXPECT_TRUE(faults.empty());
+                                                  input_errors);
+  EXPECT_TRUE(input_errors.empty());
   return machine;
 }
 

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/report/pictures.h"
+#include "sim/report/picture_files.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
 

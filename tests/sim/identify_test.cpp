@@ -12,12 +12,11 @@
 #include <Eigen/Geometry>
 
 #include "errors/coefficients.h"
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/machine/compile.h"
-#include "sim/report/identify_json.h"
-#include "sim/report/identify_text.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/machine/truth.h"
+#include "sim/report/identification_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
@@ -113,9 +112,9 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
     for (std::size_t j = 0; j < is.size(); ++j) {
       const kinematics::Deviation motion = is[j].motion - believed[j].motion;
       const kinematics::Deviation place = is[j].location - believed[j].location;
-      for (const kinematics::Deviation& apart : {motion, place}) {
-        length = std::max(length, apart.head<3>().cwiseAbs().maxCoeff());
-        angle = std::max(angle, apart.tail<3>().cwiseAbs().maxCoeff());
+      for (const kinematics::Deviation& length_mismatch_text : {motion, place}) {
+        length = std::max(length, length_mismatch_text.head<3>().cwiseAbs().maxCoeff());
+        angle = std::max(angle, length_mismatch_text.tail<3>().cwiseAbs().maxCoeff());
       }
     }
   }
@@ -150,7 +149,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   IdentifyOptions options;
   options.out = folder.path() / "belief.toml";
   const Identified found =
-      identify(campaign(scene, {instrument_of(scene, "laser")}, folder), options);
+      identify(campaign(scene, {find_instrument(scene, "laser")}, folder), options);
   const Json report = to_json(found);
   std::vector<std::string> unhidden;
   bool pitch_hides = false;
@@ -177,9 +176,9 @@ TEST(Identify, ReadingsOfDifferentMachinesAreRefusedByName) {
   const SceneFolder folder;
   const Scene gantry = read_scene(packaged("gantry_dome.toml"));
   const Scene three = scene_of(measured_scene("", "three_axis_table"));
-  InstrumentDescription other = instrument_of(three, "laser");
+  InstrumentDescription other = find_instrument(three, "laser");
   other.instrument.name = "other";
-  Files files = campaign(gantry, {instrument_of(gantry, "laser")}, folder);
+  Files files = campaign(gantry, {find_instrument(gantry, "laser")}, folder);
   files.push_back(campaign(three, {other}, folder).front());
   const std::string refusal = refusal_of_identifying(files, folder);
   for (const char* word : {"laser.csv", "other.csv", "machine"})
@@ -189,7 +188,7 @@ TEST(Identify, ReadingsOfDifferentMachinesAreRefusedByName) {
 TEST(Identify, WhatHoldsNoReadingsOfAMachineIsRefusedByName) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
-  const Files good = campaign(scene, {instrument_of(scene, "laser")}, folder);
+  const Files good = campaign(scene, {find_instrument(scene, "laser")}, folder);
   const auto with = [&](const std::filesystem::path& bad) {
     return refusal_of_identifying({good.front(), bad}, folder);
   };
@@ -199,7 +198,7 @@ TEST(Identify, WhatHoldsNoReadingsOfAMachineIsRefusedByName) {
             std::string::npos);
   EXPECT_NE(with(folder.path()).find(folder.path().string()), std::string::npos);
   const Scene warm = read_scene(packaged("thermal_protocol.toml"));
-  const Files log = campaign(warm, {instrument_of(warm, "temperature")}, folder);
+  const Files log = campaign(warm, {find_instrument(warm, "temperature")}, folder);
   EXPECT_NE(with(log.front()).find("a log of temperatures alone"), std::string::npos);
 }
 

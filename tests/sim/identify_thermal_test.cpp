@@ -1,7 +1,7 @@
 // From a day of readings to what heat does, by temperatures: on a made-up day what was put in comes
 // out; on the packaged machine what was learnt on one day holds on another.
 
-#include "sim/calibration/identify_thermal.h"
+#include "sim/calibration/thermal_identification.h"
 
 #include <cmath>
 #include <iostream>
@@ -13,11 +13,10 @@
 
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/cut/activity.h"
-#include "sim/machine/compile.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/cut/process.h"
 #include "sim/machine/truth.h"
-#include "sim/report/identify_text.h"
+#include "sim/report/identification_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
@@ -34,7 +33,7 @@ using kinematics::AxisState;
 // ---------------------------------------------------------------- a made-up day
 
 /// Temperatures of a day of epochs an hour long: nut, box and room, each on its own.
-Eigen::Vector3d warmed_K(int epoch) {
+Eigen::Vector3d temperature_rise_K(int epoch) {
   return epoch == 0
              ? Eigen::Vector3d::Zero()
              : Eigen::Vector3d(8.0 * std::sin(0.5 * epoch), 12.0 * (1 - std::exp(-0.4 * epoch)),
@@ -50,7 +49,7 @@ const std::map<std::string, Eigen::Vector2d> injected_trends = {
 /// The elements at an hour of the day.
 errors::GeometricErrors warm(int epoch) {
   errors::GeometricErrors errors;
-  const Eigen::Vector3d dT_K = warmed_K(epoch);
+  const Eigen::Vector3d dT_K = temperature_rise_K(epoch);
   for (const auto& [name, per_K] : injected_trends) {
     const double value = per_K.dot(dT_K.head<2>()) * 1e-3;
     const errors::ElementName element = errors::parse_element_name(name.substr(0, name.find(' ')));
@@ -79,9 +78,9 @@ Plan all_day(Instrument instrument, const kinematics::Chain& nominal, int epochs
     Plan one = errors::metrology::plan(instrument, nominal);
     const int before = int(all.set_ups.size());
     for (auto& set_up : one.set_ups) all.set_ups.push_back(set_up);
-    for (auto& look : one.looks) {
-      look.set_up += before;
-      all.looks.push_back(look);
+    for (auto& measurement : one.measurements) {
+      measurement.set_up += before;
+      all.measurements.push_back(measurement);
     }
     all.instrument = one.instrument;
     all.kind = one.kind;
@@ -107,9 +106,10 @@ Readings day_of(const Plan& plan, const kinematics::Chain& nominal,
       },
       1);
   readings.sensors = {"nut", "box", "room"};
-  readings.T_C.resize(Eigen::Index(plan.looks.size()), 3);
-  for (std::size_t i = 0; i < plan.looks.size(); ++i)
-    readings.T_C.row(Eigen::Index(i)) = warmed_K(epoch_of(plan.looks[i].state)).array() + 21.0;
+  readings.T_C.resize(Eigen::Index(plan.measurements.size()), 3);
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i)
+    readings.T_C.row(Eigen::Index(i)) =
+        temperature_rise_K(epoch_of(plan.measurements[i].state)).array() + 21.0;
   return readings;
 }
 
@@ -147,7 +147,7 @@ double per_K(const ThermalDay& day, const std::string& term, const std::string& 
   return 0.0;
 }
 
-double worst_per_K(const IdentifiedThermal& found) {
+double worst_per_K(const ThermalIdentificationResult& found) {
   double worst = 0.0;
   for (const auto& [name, values] : injected_trends)
     for (int k = 0; k < 2; ++k)
@@ -161,7 +161,7 @@ TEST(IdentifyThermal, ReturnsTheSlopesOfADayWithoutNoise) {
   ThermalIdentification options;
   options.elements = elements();
   options.sensors = {"nut", "box", "room"};
-  const IdentifiedThermal found = identify_thermal(made_up_day(12), options);
+  const ThermalIdentificationResult found = identify_thermal(made_up_day(12), options);
   const double worst = worst_per_K(found);
   std::cout << "worst number per K off by " << worst << " um, urad or um/m\n";
   EXPECT_LT(worst, 1e-9 * 11.7);
@@ -194,7 +194,7 @@ TEST(IdentifyThermal, ChoosesTheSensorsThatMatter) {
   options.elements = elements();
   options.choice.count = 2;
   options.choice.groups = 3;
-  const IdentifiedThermal found = identify_thermal(made_up_day(12), options);
+  const ThermalIdentificationResult found = identify_thermal(made_up_day(12), options);
   auto sensors = found.day.sensors;
   std::ranges::sort(sensors);
   EXPECT_EQ(sensors, (std::vector<std::string>{"box", "nut"}));
@@ -205,7 +205,7 @@ TEST(IdentifyThermal, ADriftAloneTellsOffsetsAndNoSlope) {
   ThermalIdentification options;
   options.elements = {"EXX", "EZZ"};
   options.sensors = {"box"};
-  const IdentifiedThermal found = identify_thermal(std::span(day).first(1), options);
+  const ThermalIdentificationResult found = identify_thermal(std::span(day).first(1), options);
   EXPECT_EQ(found.belief.terms.size(), 2u);
   for (const auto& term : found.belief.terms) EXPECT_FALSE(term.slope);
   EXPECT_LE(found.day.epochs.size(), 200u);
@@ -246,7 +246,7 @@ TEST(IdentifyThermal, RefusesInASentenceWhatCannotBe) {
 
 compensation::ThermalBelief packaged_belief() {
   const std::filesystem::path file = packaged("beliefs/gantry_warmup_thermal.txt");
-  return compensation::thermal_belief_of_text(read_text(file, 1 << 20), file.string());
+  return compensation::parse_thermal_belief(read_text(file, 1 << 20), file.string());
 }
 
 TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
@@ -261,7 +261,7 @@ TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
   const Identified identified = identify(files, options);
   EXPECT_FALSE(identify_text(identified).empty());
   const auto found =
-      compensation::thermal_belief_of_text(read_text(options.out, 1 << 20), "belief.txt");
+      compensation::parse_thermal_belief(read_text(options.out, 1 << 20), "belief.txt");
   const compensation::ThermalBelief packaged = packaged_belief();
   ASSERT_EQ(found.terms.size(), packaged.terms.size());
   for (std::size_t k = 0; k < found.terms.size(); ++k) {
@@ -277,7 +277,7 @@ TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
 
 /// What the sensors of a scene say over its history and on until an hour after.
 compensation::ControlLog log_of(const Scene& scene, double history_s) {
-  InstrumentDescription sensors = instrument_of(scene, "temperature");
+  InstrumentDescription sensors = find_instrument(scene, "temperature");
   sensors.starts_s = {-history_s};
   sensors.instrument.duration_s = history_s + 3600.0;
   sensors.instrument.interval_s = 60.0;
@@ -286,8 +286,8 @@ compensation::ControlLog log_of(const Scene& scene, double history_s) {
   for (const std::string& name : readings.sensors) log.names.push_back(name + "_C");
   log.values = readings.T_C;
   log.time_s.resize(readings.T_C.rows());
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i)
-    log.time_s[Eigen::Index(i)] = readings.plan.looks[i].state.time_s;
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i)
+    log.time_s[Eigen::Index(i)] = readings.plan.measurements[i].state.time_s;
   return log;
 }
 
@@ -303,7 +303,7 @@ HeatLeft heat_left(const Variant& variant, double history_s, unsigned seed) {
   const Machine machine = compile(scene);
   const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
   const auto course =
-      compensation::course_of(packaged_belief(), log_of(scene, history_s), machine.nominal);
+      compensation::thermal_series(packaged_belief(), log_of(scene, history_s), machine.nominal);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   HeatLeft result{0.0, 0.0, course.held};

@@ -5,8 +5,8 @@
 #include <set>
 #include <sstream>
 
-#include "sim/commands/all_keys.h"
-#include "sim/report/key_rows.h"
+#include "sim/commands/help_commands.h"
+#include "sim/report/key_reference.h"
 #include "sim/scene/scene_fields.h"
 #include "tests/sim/scene_folder.h"
 

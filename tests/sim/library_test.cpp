@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/scene_copy.h"
+#include "sim/scene/document.h"
 #include "sim/study/study.h"
 #include "tests/sim/small_scene.h"
 
@@ -137,7 +137,7 @@ TEST(SceneCopy, KeepsEveryTextAndNamesFilesByTheirSections) {
   const fs::path scene = folder.write(
       "s.toml", "# head\nerrors = [\"a/first.toml\", 'second.toml'] # both\n" +
                     text_of(packaged("machines/gantry_cxyza.toml").string(), "library:ball_r5"));
-  const std::vector<CopiedFile> files = copy_of(scene);
+  const std::vector<CopiedFile> files = scene_copy(scene);
   ASSERT_EQ(files.size(), 5u);
   EXPECT_EQ(files[0].text.substr(0, 52), "# head\nerrors = [\"errors.toml\", 'errors_2.toml'] # b");
   EXPECT_NE(files[0].text.find("machine = \"machine.toml\"\ntool = \"tool.toml\"\n[part]"),

@@ -15,16 +15,16 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double not_cut = std::numeric_limits<double>::quiet_NaN();
+constexpr double ignored_keys = std::numeric_limits<double>::quiet_NaN();
 
 /// A grid of (n + 1) x (n + 1) vertices over a square about the origin, each cell two triangles, at
 /// a height, with a map.
 struct SquareMap {
   cutting::Design design;
   Eigen::VectorXd residual, within;
-  cutting::Surface::Within looked_within = cutting::Surface::Within::None;
+  cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
 
-  TracedMap map() const { return {design, residual, looked_within, within}; }
+  ProfiledMap map() const { return {design, residual, sampled_within, within}; }
 };
 
 using OverPlane = std::function<double(double x, double y)>;
@@ -55,16 +55,16 @@ TEST(LineTrace, OfALinearMapIsThatMap) {
   const auto linear = [](double x, double y) { return 0.5 * x - 2.0 * y + 0.25; };
   for (const int n : {6, 7, 40}) {  // with and without vertices on the line
     const SquareMap made = square_map(12.0, n, linear);
-    for (const TracedLine line : {TracedLine::X, TracedLine::Y, TracedLine::Radius}) {
+    for (const ProfileLine line : {ProfileLine::X, ProfileLine::Y, ProfileLine::Radius}) {
       const auto trace = line_trace(made.map(), line);
       ASSERT_TRUE(trace);
       EXPECT_EQ(trace->stretches, 1);
       EXPECT_EQ(trace->left_out, 0.0);
-      EXPECT_NEAR(trace->s[trace->s.size() - 1], line == TracedLine::Radius ? 6.0 : 12.0, 1e-12);
-      EXPECT_NEAR(trace->along[0], line == TracedLine::Radius ? 0.0 : -6.0, 1e-12);
+      EXPECT_NEAR(trace->s[trace->s.size() - 1], line == ProfileLine::Radius ? 6.0 : 12.0, 1e-12);
+      EXPECT_NEAR(trace->along[0], line == ProfileLine::Radius ? 0.0 : -6.0, 1e-12);
       for (Index i = 0; i < trace->s.size(); ++i) {
         const Vector3d p = trace->points.row(i);
-        EXPECT_NEAR(p[line == TracedLine::Y ? 0 : 1], 0.0, 1e-12);
+        EXPECT_NEAR(p[line == ProfileLine::Y ? 0 : 1], 0.0, 1e-12);
         EXPECT_NEAR(trace->residual[i], linear(p.x(), p.y()), 1e-12);
         EXPECT_NEAR(trace->s[i] - trace->s[0], trace->along[i] - trace->along[0], 1e-12);
       }
@@ -76,22 +76,22 @@ TEST(LineTrace, GoesAlongTheSurface) {
   const double slope = std::tan(0.6);
   const SquareMap made = square_map(
       10.0, 20, [](double x, double) { return x; }, [&](double x, double) { return slope * x; });
-  const auto trace = line_trace(made.map(), TracedLine::X);
+  const auto trace = line_trace(made.map(), ProfileLine::X);
   ASSERT_TRUE(trace);
   EXPECT_NEAR(trace->s[trace->s.size() - 1], 10.0 / std::cos(0.6), 1e-12);
 }
 
 TEST(LineTrace, TakesTheLongestStretchThatIsCut) {
   const SquareMap made = square_map(
-      10.0, 100, [](double x, double) { return std::abs(x + 2.0) < 0.45 ? not_cut : x; });
-  const auto trace = line_trace(made.map(), TracedLine::X);
+      10.0, 100, [](double x, double) { return std::abs(x + 2.0) < 0.45 ? ignored_keys : x; });
+  const auto trace = line_trace(made.map(), ProfileLine::X);
   ASSERT_TRUE(trace);
   EXPECT_EQ(trace->stretches, 2);
   EXPECT_NEAR(trace->along[0], -1.5, 1e-12);
   EXPECT_NEAR(trace->along[trace->s.size() - 1], 5.0, 1e-12);
   EXPECT_NEAR(trace->left_out, 2.5, 1e-12);
-  const SquareMap nothing = square_map(10.0, 10, [](double, double) { return not_cut; });
-  EXPECT_FALSE(line_trace(nothing.map(), TracedLine::X));
+  const SquareMap nothing = square_map(10.0, 10, [](double, double) { return ignored_keys; });
+  EXPECT_FALSE(line_trace(nothing.map(), ProfileLine::X));
 }
 
 TEST(LineTrace, OfARingBeginsWhereItIsLowest) {
@@ -110,7 +110,7 @@ TEST(LineTrace, OfARingBeginsWhereItIsLowest) {
     tube.design.triangles.row(2 * i + 1) = Eigen::RowVector3i(a, b + 1, a + 1);
   }
   tube.residual = tube.design.vertices.col(2);
-  const auto trace = line_trace(tube.map(), TracedLine::X);
+  const auto trace = line_trace(tube.map(), ProfileLine::X);
   ASSERT_TRUE(trace);
   EXPECT_NEAR(trace->along[0], -3.0, 1e-12);
   EXPECT_NEAR(trace->s[trace->s.size() - 1], around * 6.0 * std::sin(pi / around), 1e-9);
@@ -122,15 +122,15 @@ LineTexture wave_texture(int cells, double side, const std::function<double(doub
   const auto wave = [](double x) { return 1e-3 * std::sin(2.0 * pi * x / 0.5); };
   SquareMap made = square_map(side, cells, [&](double x, double) { return wave(x); });
   if (seen) {
-    made.looked_within = cutting::Surface::Within::Middle;
+    made.sampled_within = cutting::Surface::Within::Middle;
     made.within.resize(made.design.triangles.rows());
     for (Index t = 0; t < made.within.size(); ++t) {
-      const Vector3d p = cutting::at_place_within(made.looked_within, made.design.vertices,
-                                                  made.design.triangles, t);
+      const Vector3d p = cutting::value_at_place_within(made.sampled_within, made.design.vertices,
+                                                        made.design.triangles, t);
       made.within[t] = seen(p.x());
     }
   }
-  return line_texture(*line_trace(made.map(), TracedLine::X), 2.5, options);
+  return line_texture(*line_trace(made.map(), ProfileLine::X), 2.5, options);
 }
 
 TEST(LineTextureOf, AResolvedWaveAreItsClosedFormsAndNoWarnings) {
@@ -159,7 +159,7 @@ bool warns(const LineTexture& t, const std::string& of) {
 TEST(LineTextureOf, AMapThatDoesNotResolveItAreWarnedAbout) {
   const auto wave = [](double x) { return 1e-3 * std::sin(2.0 * pi * x / 0.5); };
   EXPECT_TRUE(warns(wave_texture(45, 20.0, wave), "does not resolve the profile"));
-  EXPECT_FALSE(chief_doubt(wave_texture(45, 20.0, wave)).empty());
+  EXPECT_FALSE(resolution_warning(wave_texture(45, 20.0, wave)).empty());
   EXPECT_TRUE(warns(wave_texture(400, 20.0, {}), "is not known"));
 }
 

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/cut/cut.h"
-#include "sim/dialects/linuxcnc_packages.h"
+#include "sim/dialects/linuxcnc/rs274.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -24,7 +24,7 @@ const std::string samples =
 
 /// Where the samples are, if they are.
 std::optional<fs::path> demos() {
-  const std::optional<fs::path> packages = dialects::linuxcnc_packages();
+  const std::optional<fs::path> packages = dialects::find_linuxcnc();
   if (!packages || !fs::is_directory(*packages / samples)) return std::nullopt;
   return *packages / samples;
 }

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "sim/scene/key.h"
-#include "sim/scene/toml_tree.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
 

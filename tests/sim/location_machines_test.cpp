@@ -13,12 +13,10 @@
 #include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
 #include "kinematics/units.h"
-#include "sim/commands/evaluate_command.h"
-#include "sim/commands/identify_command.h"
-#include "sim/machine/compile.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/machine/machine.h"
-#include "sim/report/describe.h"
-#include "sim/report/description_report.h"
+#include "sim/machine/truth.h"
+#include "sim/report/check_report.h"
 #include "sim/report/evaluation_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/errors/location_net.h"
@@ -115,7 +113,7 @@ std::map<std::string, Found> identified(const Scene& scene,
                                         const std::set<std::string>& elements) {
   std::vector<errors::metrology::Readings> readings;
   for (const std::string& name : instruments)
-    readings.push_back(measured(scene, instrument_of(scene, name)));
+    readings.push_back(measured(scene, find_instrument(scene, name)));
   errors::identification::ModelOptions options;
   options.only.assign(elements.begin(), elements.end());
   const auto estimate = errors::identification::estimate(

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/datum_touches.h"
+#include "sim/cut/placement.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/small_scene.h"
@@ -37,7 +37,8 @@ Job going_to(const Vector3d& point_w, const std::string& more, const std::string
 
 /// Where the tip really is against where it should be when the program ends.
 Vector3d deviation_at_the_end(const Job& job) {
-  return tool_in_workpiece(job.truth, as_programmed(job).samples.states.back()).translation() -
+  return tool_in_workpiece(job.truth, uncompensated_commands(job).samples.states.back())
+             .translation() -
          job.T_wt_nominal.back().translation();
 }
 
@@ -243,7 +244,7 @@ TEST(Tool, LongerToolCutsDeeperAlongItsAxis) {
 
 /// A tool that stands off by e along the radius, on a part of the platform. What is left of the
 /// feed itself lies between 0 and its cusp.
-void centring(const std::string& scene, double e, double least_r, double most_r,
+void centring(const std::string& scene, double e, double min_r, double max_r,
               const std::function<double(const CutVertex&, double)>& shift) {
   const double feed = 0.004, cusp = oracles::cusp(0.249, feed);
   const Job job = job_of(scene, {{"errors.scale", "0"},
@@ -256,9 +257,9 @@ void centring(const std::string& scene, double e, double least_r, double most_r,
   ASSERT_EQ(job.samples.states.front().q[S], 0.0);
   const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
     const double r = v.p.head<2>().norm();
-    return r < least_r || r > most_r ? std::nan("") : shift(v, side * e);
+    return r < min_r || r > max_r ? std::nan("") : shift(v, side * e);
   });
-  std::cout << scene << " " << least_r << " to " << most_r << " mm, tool off by " << e
+  std::cout << scene << " " << min_r << " to " << max_r << " mm, tool off by " << e
             << " mm: residual less "
             << "closed form from " << m.least / units::nm << " to " << m.most / units::nm
             << " nm over " << m.vertices << " vertices, cusp " << cusp / units::nm << " nm\n";

@@ -13,14 +13,17 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/inverse.h"
-#include "kinematics/turn_between.h"
+#include "kinematics/inverse_kinematics.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
-#include "sim/commands/library_list.h"
-#include "sim/commands/new_command.h"
+#include "sim/commands/scene_commands.h"
 #include "sim/cut/bodies.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/program.h"
 #include "sim/scene/read_scene.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/measured_scene.h"
 
@@ -47,10 +50,10 @@ std::vector<std::string> library_machines() {
 
 /// A machine of the library as its file describes it.
 MachineDescription described(const std::string& name) {
-  Faults faults;
+  InputErrors input_errors;
   const MachineDescription machine =
-      read_machine(read_toml_file(packaged("machines/" + name + ".toml")), faults);
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+      read_machine(read_toml_file(packaged("machines/" + name + ".toml")), input_errors);
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
   return machine;
 }
 
@@ -90,9 +93,9 @@ TEST_P(LibraryMachine, SaysItsSourceAndItsSizes) {
 TEST_P(LibraryMachine, IsWrittenAndReadAsTheSame) {
   const MachineDescription machine = described(GetParam());
   const Node::Table written = written_machine(machine);
-  Faults faults;
-  const MachineDescription again = read_machine(Node{{}, written}, faults);
-  EXPECT_TRUE(faults.empty());
+  InputErrors input_errors;
+  const MachineDescription again = read_machine(Node{{}, written}, input_errors);
+  EXPECT_TRUE(input_errors.empty());
   EXPECT_EQ(to_toml(Node{{}, written_machine(again)}), to_toml(Node{{}, written}));
   ASSERT_EQ(again.bodies.size(), machine.bodies.size());
   for (std::size_t i = 0; i < machine.bodies.size(); ++i) {
@@ -106,7 +109,7 @@ TEST_P(LibraryMachine, IsMadeOfBodiesThatDoNotOverlapWhereAProgramBegins) {
   const Chain chain = library_chain(machine);
   const std::vector<SolidBody> bodies = machine_bodies(machine);
   std::vector<cutting::Body> solids;
-  for (const SolidBody& one : bodies) solids.push_back(cutting::body_of(one.mesh));
+  for (const SolidBody& one : bodies) solids.push_back(cutting::make_body(one.mesh));
   for (const AxisVector& q : {AxisVector(AxisVector::Zero(chain.size())), machine.home}) {
     const std::vector<kinematics::Pose> T = carrier_poses(chain, q, {});
     for (const cutting::BodyPair& pair : pairs_of(chain, bodies, {})) {
@@ -219,7 +222,7 @@ TEST(MachineLibrary, HasEveryKind) {
   int inclined_tables = 0, inclined_heads = 0;
   for (const std::string& name : names) {
     const MachineDescription machine = described(name);
-    codes.insert(to_string(kinematics::topology_of(machine.joints)));
+    codes.insert(to_string(kinematics::chain_topology(machine.joints)));
     for (const Joint& joint : machine.joints)
       if (joint.motion == Motion::Rotary &&
           std::abs(joint.direction_b.cwiseAbs().maxCoeff() - std::sqrt(0.5)) < 1e-9)
@@ -237,14 +240,14 @@ TEST(MachineLibrary, HasEveryKind) {
 // ---- what `[[machine.body]]` refuses
 
 std::string refusal_of_body(const std::string& body) {
-  Faults faults;
+  InputErrors input_errors;
   read_machine(parse_toml("code = \"w X' b Z s t\"\nnose = { at_mm = [0, 0, 0] }\n[axis.X]\n"
                           "[axis.Z]\n[[body]]\n" +
                               body,
                           "m.toml"),
-               faults);
+               input_errors);
   std::string text;
-  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
+  for (const BadInput& fault : input_errors.list()) text += std::string(fault.what()) + "\n";
   return text;
 }
 
@@ -298,7 +301,7 @@ TEST(LibraryList, NewWithoutKindOrFolderSaysWhatItWants) {
 
 std::string machine_table() {
   std::string rows = "| machine | what it is | structural code | travel |\n|---|---|---|---|\n";
-  for (const ListedMachine& machine : library_list(new_kinds()).machines)
+  for (const MachineEntry& machine : library_list(new_kinds()).machines)
     rows += fmt::format("| `{}` | {} | `{}` | {} |\n", machine.name, machine.summary, machine.code,
                         travel_text(machine));
   return rows;
@@ -513,7 +516,7 @@ TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
   const auto& file = std::get<ProgramFile>(again.program.source);
   EXPECT_EQ(file.pole.rule, dialects::PoleRule::Fanuc);
   EXPECT_EQ(file.pole.near, 1.5 * units::deg);
-  EXPECT_EQ(file.pole.most_change, 20 * units::deg);
+  EXPECT_EQ(file.pole.max_change, 20 * units::deg);
 }
 
 // FANUC's formula is of axes at right angles.

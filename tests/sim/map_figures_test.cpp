@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/cut/sampling.h"
+#include "sim/cut/judged_surface.h"
 #include "sim/report/summary.h"
 #include "sim/report/verdict.h"
 #include "tests/oracles/areal_oracle.h"
@@ -39,7 +39,8 @@ double beyond_range(const Job& job, const Verdict& verdict) {
       if (std::isfinite(surface.residual[v])) add(design.vertices.row(v), surface.residual[v]);
     for (Index t = 0; t < surface.within.size(); ++t)
       if (std::isfinite(surface.within[t]))
-        add(cutting::at_place_within(surface.looked_within, design.vertices, design.triangles, t),
+        add(cutting::value_at_place_within(surface.sampled_within, design.vertices,
+                                           design.triangles, t),
             surface.within[t]);
     const test::BruteFilter brute =
         test::brute_filter(values, design.vertices.row(i), design.normals.row(i), cutoff, cutoff);

@@ -1,4 +1,4 @@
-#include "sim/cut/meant.h"
+#include "sim/cut/judged_surface.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/cut/sampling.h"
-#include "sim/cut/tolerance_bands.h"
+#include "sim/cut/part_regions.h"
 #include "sim/report/verdict.h"
 #include "tests/sim/small_scene.h"
 
@@ -84,23 +83,25 @@ TEST_F(Pocket, ThePartThatTheBallFitsIntoIsJudged) {
   const Job meant = sampled(job(-depth, "edge_margin_mm = 0\n"));
   const Verdict free = judge(meant, cut_error_free(meant), nullptr);
   const double floor_area = 22.0 * 12.0, walls = 2.0 * (22.0 + 12.0) * (depth - ball);
-  const Unmeant& unmeant = meant.sampled->unmeant;
+  const ExcludedArea& excluded_area = meant.sampled->excluded_area;
   const double cusp = ball - std::sqrt(ball * ball - 0.125 * 0.125);
   std::cout << "judged " << meant.sampled->judged_area << " of " << floor_area + walls
             << " mm^2; PV " << *free.residual.pv / units::um << " um of " << cusp / units::um
-            << "; unreached " << unmeant.unreached << ", corner " << unmeant.corner << ", run-out "
-            << unmeant.run_out << " mm^2\n";
+            << "; unreached " << excluded_area.unreached << ", corner " << excluded_area.corner
+            << ", run-out " << excluded_area.lead_out << " mm^2\n";
   EXPECT_NEAR(meant.sampled->judged_area, floor_area + walls, 0.2 * (floor_area + walls));
-  EXPECT_NEAR(meant.sampled->judged_area + unmeant.area(), meant.design_w.area.sum(), 1e-9);
+  EXPECT_NEAR(meant.sampled->judged_area + excluded_area.area(), meant.design_w.area.sum(), 1e-9);
   EXPECT_GE(*free.residual.pv, 0.98 * cusp);
   EXPECT_LE(*free.residual.pv, cusp + 2e-4 * ball);
-  EXPECT_GT(unmeant.corner, 300.0);  // floor within R of the walls, walls within R of the floor
-  EXPECT_GT(unmeant.most_left, 1.0);
-  EXPECT_NE(unmeant_text(*meant.sampled).find("into which the tool's corner of 3 mm does not fit"),
-            std::string::npos)
-      << unmeant_text(*meant.sampled);
+  EXPECT_GT(excluded_area.corner,
+            300.0);  // floor within R of the walls, walls within R of the floor
+  EXPECT_GT(excluded_area.max_left, 1.0);
+  EXPECT_NE(
+      exclusion_text(*meant.sampled).find("into which the tool's corner of 3 mm does not fit"),
+      std::string::npos)
+      << exclusion_text(*meant.sampled);
   const auto wide = sampled(job(-depth, "edge_margin_mm = 0\njudged = \"all\"\n"));
-  EXPECT_EQ(wide.sampled->unmeant.area(), 0.0);
+  EXPECT_EQ(wide.sampled->excluded_area.area(), 0.0);
   EXPECT_GT(*judge(wide, cut_error_free(wide), nullptr).residual.pv, 1.0);
 }
 

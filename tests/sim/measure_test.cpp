@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/activity.h"
-#include "sim/machine/compile.h"
+#include "sim/cut/process.h"
+#include "sim/machine/truth.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 #include "tests/sim/odd_scenes.h"
@@ -35,12 +35,12 @@ Truth truth_met(const Scene& scene) {
 
 /// What an instrument between tool and workpiece would read of a pose T_wt, and of the bed nothing.
 double reading_of(const Readings& readings, std::size_t i, const kinematics::Pose& T_wt) {
-  const auto& look = readings.plan.looks[i];
+  const auto& measurement = readings.plan.measurements[i];
   const Bodies actual{kinematics::Pose::Identity(), T_wt};
   const Bodies nominal{kinematics::Pose::Identity(),
-                       readings.nominal.tool_in_workpiece(look.state.q)};
-  return errors::metrology::reading(readings.plan.set_ups[std::size_t(look.set_up)], look.channel,
-                                    {}, actual, nominal);
+                       readings.nominal.tool_in_workpiece(measurement.state.q)};
+  return errors::metrology::reading(readings.plan.set_ups[std::size_t(measurement.set_up)],
+                                    measurement.channel, {}, actual, nominal);
 }
 
 TEST(Measure, APerfectMachineReadsItsNominalToRounding) {
@@ -73,11 +73,11 @@ TEST(Measure, TheLaserReadsTheConstantSlopeThatWasInjected) {
   const Eigen::VectorXd seen = beyond_nominal(readings);
   double worst = 0.0, others = 0.0;
   std::map<int, double> zero;  // by set-up: the counter is set where it is first read
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const auto& look = readings.plan.looks[i];
-    const bool along_x = readings.plan.set_ups[std::size_t(look.set_up)].name[0] == 'X';
-    const double error = along_x ? c * look.state.q[1] / 300.0 : 0.0;
-    const double first = zero.emplace(look.set_up, error).first->second;
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const auto& measurement = readings.plan.measurements[i];
+    const bool along_x = readings.plan.set_ups[std::size_t(measurement.set_up)].name[0] == 'X';
+    const double error = along_x ? c * measurement.state.q[1] / 300.0 : 0.0;
+    const double first = zero.emplace(measurement.set_up, error).first->second;
     double& most = along_x ? worst : others;
     most = std::max(most, std::abs(seen[Eigen::Index(i)] - (error - first)));
   }
@@ -94,11 +94,12 @@ TEST(Measure, TheLaserSeesThePitchOverItsArm) {
   const Eigen::VectorXd seen = beyond_nominal(readings);
   double worst = 0.0;
   std::optional<double> first;
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const auto& look = readings.plan.looks[i];
-    if (readings.plan.set_ups[std::size_t(look.set_up)].name[0] != 'X') continue;
-    const double arm = readings.nominal.tool_in_workpiece(look.state.q).translation().z() - 200.0;
-    const double error = std::sin(30.0_urad * look.state.q[1] / 300.0) * arm;
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const auto& measurement = readings.plan.measurements[i];
+    if (readings.plan.set_ups[std::size_t(measurement.set_up)].name[0] != 'X') continue;
+    const double arm =
+        readings.nominal.tool_in_workpiece(measurement.state.q).translation().z() - 200.0;
+    const double error = std::sin(30.0_urad * measurement.state.q[1] / 300.0) * arm;
     if (!first) {
       first = error;
       std::cout << "arm " << arm << " mm\n";
@@ -122,16 +123,18 @@ TEST(Measure, EveryInstrumentBetweenToolAndTableReadsWhereTheTipIs) {
     const Readings readings = measured(scene, faultless(scene, word));
     std::map<std::pair<int, int>, double> zero;
     double worst = 0.0, largest = 0.0;
-    for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-      const auto& look = readings.plan.looks[i];
+    for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+      const auto& measurement = readings.plan.measurements[i];
       const double true_error =
-          reading_of(readings, i, tool_in_workpiece(truth, look.state)) -
-          reading_of(readings, i, readings.nominal.tool_in_workpiece(look.state.q));
-      const double seen = readings.value[Eigen::Index(i)] -
-                          reading_of(readings, i, readings.nominal.tool_in_workpiece(look.state.q));
-      const bool counts = readings.plan.set_ups[std::size_t(look.set_up)].zero_unknown;
+          reading_of(readings, i, tool_in_workpiece(truth, measurement.state)) -
+          reading_of(readings, i, readings.nominal.tool_in_workpiece(measurement.state.q));
+      const double seen =
+          readings.value[Eigen::Index(i)] -
+          reading_of(readings, i, readings.nominal.tool_in_workpiece(measurement.state.q));
+      const bool counts = readings.plan.set_ups[std::size_t(measurement.set_up)].zero_unknown;
       const double first =
-          counts ? zero.emplace(std::pair(look.set_up, look.channel), true_error).first->second
+          counts ? zero.emplace(std::pair(measurement.set_up, measurement.channel), true_error)
+                       .first->second
                  : 0.0;
       worst = std::max(worst, std::abs(seen - (true_error - first)));
       largest = std::max(largest, std::abs(seen));
@@ -157,8 +160,8 @@ TEST(Measure, WeightBendsWhatIsMeasured) {
     const Readings readings = measured(s, faultless(s, "straightness"));
     const Eigen::VectorXd beyond = beyond_nominal(readings);
     double least = 0.0, most = 0.0;
-    for (std::size_t i = 0; i < readings.plan.looks.size(); ++i)
-      if (readings.plan.set_ups[std::size_t(readings.plan.looks[i].set_up)].name ==
+    for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i)
+      if (readings.plan.set_ups[std::size_t(readings.plan.measurements[i].set_up)].name ==
           "Y straightness in Z") {
         least = std::min(least, beyond[Eigen::Index(i)]);
         most = std::max(most, beyond[Eigen::Index(i)]);
@@ -188,23 +191,24 @@ TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
   const Truth truth = truth_met(at_20);
   std::map<int, std::pair<double, double>> first;
   double worst = 0.0, largest = 0.0;
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const auto& look = readings.plan.looks[i];
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const auto& measurement = readings.plan.measurements[i];
     const double seen = readings.value[Eigen::Index(i)];
-    const double is = reading_of(readings, i, tool_in_workpiece(truth, look.state));
-    const auto [seen_0, is_0] = first.emplace(look.channel, std::pair(seen, is)).first->second;
+    const double is = reading_of(readings, i, tool_in_workpiece(truth, measurement.state));
+    const auto [seen_0, is_0] =
+        first.emplace(measurement.channel, std::pair(seen, is)).first->second;
     worst = std::max(worst, std::abs((seen - seen_0) - (is - is_0)));
     largest = std::max(largest, std::abs(seen - seen_0));
   }
   std::cout << "largest drift " << largest / 1.0_um << " um, off by " << worst << " mm\n";
   EXPECT_GT(largest, 20.0_um);
   EXPECT_LT(worst, 1e-11);
-  EXPECT_EQ(readings.plan.looks.front().state.time_s, -8.0 * 3600.0);
+  EXPECT_EQ(readings.plan.measurements.front().state.time_s, -8.0 * 3600.0);
 
   Scene cold = scene;
   cold.thermal->scale = 0.0;
   const Readings still = measured(cold, drift);
-  for (std::size_t i = 0; i < still.plan.looks.size(); ++i)
+  for (std::size_t i = 0; i < still.plan.measurements.size(); ++i)
     ASSERT_EQ(still.value[Eigen::Index(i)], still.value[Eigen::Index(i) % 5])
         << "without heat nothing moves";
 }
@@ -213,7 +217,7 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
   Scene scene = read_scene(packaged("thermal_protocol.toml"));
   for (auto& sensor : scene.thermal->sensors)
     sensor.offset_K = sensor.noise_K = sensor.resolution_K = sensor.lag_s = 0.0;
-  InstrumentDescription log = instrument_of(scene, "temperature");
+  InstrumentDescription log = find_instrument(scene, "temperature");
   log.starts_s = {-8.0 * 3600.0, -1200.0};
   log.instrument.interval_s = 600.0;
   log.instrument.duration_s = 7200.0;
@@ -222,14 +226,14 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
   ASSERT_EQ(readings.sensors.size(), 18u);
   ASSERT_EQ(readings.value.size(), 0);
   double worst = 0.0;
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const double time_s = readings.plan.looks[i].state.time_s;
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const double time_s = readings.plan.measurements[i].state.time_s;
     const Eigen::VectorXd T_C = errors::temperatures(truth.heat->run, time_s);
     for (std::size_t k = 0; k < 18; ++k)
       worst = std::max(worst, std::abs(readings.T_C(Eigen::Index(i), Eigen::Index(k)) -
                                        T_C[scene.thermal->sensors[k].node]));
   }
-  std::cout << readings.plan.looks.size() << " rows, " << worst << " K apart\n";
+  std::cout << readings.plan.measurements.size() << " rows, " << worst << " K apart\n";
   EXPECT_LT(worst, 1e-9);
   EXPECT_GT((readings.T_C.colwise().maxCoeff() - readings.T_C.colwise().minCoeff()).maxCoeff(),
             5.0);
@@ -238,7 +242,7 @@ TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
 TEST(Measure, TheSameSeedReadsTheSameBytesAndAnotherOthers) {
   const auto text = [](const char* seed, const char* instrument) {
     const Scene scene = read_scene(packaged("gantry_dome.toml"), {{"seed", seed}});
-    return to_text(measured(scene, instrument_of(scene, instrument)));
+    return to_text(measured(scene, find_instrument(scene, instrument)));
   };
   for (const char* instrument : {"laser", "r_test", "drift"}) {
     EXPECT_EQ(text("5", instrument), text("5", instrument));
@@ -248,18 +252,19 @@ TEST(Measure, TheSameSeedReadsTheSameBytesAndAnotherOthers) {
 
 TEST(Measure, TwoInstrumentsOfAKindErrApart) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
-  InstrumentDescription one = instrument_of(scene, "laser"), two = one;
+  InstrumentDescription one = find_instrument(scene, "laser"), two = one;
   two.instrument.name = "another laser";
   const Eigen::VectorXd a = measured(scene, one).value, b = measured(scene, two).value;
   ASSERT_EQ(a.size(), b.size());
-  const double apart = rms(a - b);
-  std::cout << "two lasers differ by " << apart / 1.0_um << " um RMS\n";
-  EXPECT_GT(apart, one.instrument.noise);  // sqrt(2) of noise, and what their scales do
+  const double length_mismatch_text = rms(a - b);
+  std::cout << "two lasers differ by " << length_mismatch_text / 1.0_um << " um RMS\n";
+  EXPECT_GT(length_mismatch_text,
+            one.instrument.noise);  // sqrt(2) of noise, and what their scales do
 }
 
 TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   const Scene scene = read_scene(packaged("gantry_perfect.toml"));
-  InstrumentDescription laser = instrument_of(scene, "laser");
+  InstrumentDescription laser = find_instrument(scene, "laser");
   laser.instrument.noise = laser.instrument.resolution = 0.0;
   laser.starts_s = {0.0};
   const Readings once = measured(scene, laser);
@@ -269,14 +274,17 @@ TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   ASSERT_EQ(twice.value.size(), 2 * once.value.size());
   EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
   EXPECT_EQ(twice.value.head(once.value.size()), once.value);
-  double apart = 0.0;  // the beam was laid again, and the air is another
+  double length_mismatch_text = 0.0;  // the beam was laid again, and the air is another
   for (Eigen::Index i = 0; i < once.value.size(); ++i)
-    apart = std::max(apart, std::abs(twice.value[i + once.value.size()] - once.value[i]));
-  std::cout << "two set-ups differ by up to " << apart / 1.0_um << " um\n";
-  EXPECT_GT(apart, 0.01_um);
-  EXPECT_LT(apart, 2.0_um);
-  const auto& looks = twice.plan.looks;
-  EXPECT_NEAR(looks[looks.size() / 2].state.time_s - looks.front().state.time_s, 86400.0, 1e-6);
+    length_mismatch_text = std::max(length_mismatch_text,
+                                    std::abs(twice.value[i + once.value.size()] - once.value[i]));
+  std::cout << "two set-ups differ by up to " << length_mismatch_text / 1.0_um << " um\n";
+  EXPECT_GT(length_mismatch_text, 0.01_um);
+  EXPECT_LT(length_mismatch_text, 2.0_um);
+  const auto& measurements = twice.plan.measurements;
+  EXPECT_NEAR(
+      measurements[measurements.size() / 2].state.time_s - measurements.front().state.time_s,
+      86400.0, 1e-6);
 }
 
 /// A file of readings without its readings.
@@ -301,8 +309,8 @@ TEST(Measure, OnlyTheReadingsTellAnythingOfTheTruth) {
   Scene perfect = wrong;
   perfect.geometric = {};
   for (const char* instrument : {"laser", "ball_bar", "r_test"}) {
-    const std::string a = to_text(measured(wrong, instrument_of(wrong, instrument)));
-    const std::string b = to_text(measured(perfect, instrument_of(perfect, instrument)));
+    const std::string a = to_text(measured(wrong, find_instrument(wrong, instrument)));
+    const std::string b = to_text(measured(perfect, find_instrument(perfect, instrument)));
     EXPECT_NE(a, b);
     EXPECT_EQ(without_readings(a), without_readings(b)) << instrument;
   }
@@ -330,7 +338,7 @@ Scene part_scene(const std::string& more) {
 
 using VertexPlace = std::array<double, 3>;
 template <typename Row>
-VertexPlace key_of(const Row& p) {
+VertexPlace make_field_key(const Row& p) {
   return {p.x(), p.y(), p.z()};
 }
 
@@ -338,7 +346,7 @@ VertexPlace key_of(const Row& p) {
 std::map<VertexPlace, double> map_of(const Job& job, const Cut& cut) {
   std::map<VertexPlace, double> map;
   for (Eigen::Index i = 0; i < cut.surface.residual.size(); ++i)
-    map[key_of(job.design_w.vertices.row(i))] = cut.surface.residual[i];
+    map[make_field_key(job.design_w.vertices.row(i))] = cut.surface.residual[i];
   return map;
 }
 
@@ -349,16 +357,16 @@ TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
   const Job job = prepare(scene);
   const std::map<VertexPlace, double> map = map_of(job, cut(job));
   const auto against_map = [&](const PartReadingsFile& file) {
-    Eigen::VectorXd apart = file.readings.deviation;
-    for (Eigen::Index i = 0; i < apart.size(); ++i) {
-      const auto found = map.find(key_of(file.readings.points_w.row(i)));
+    Eigen::VectorXd length_mismatch_text = file.readings.deviation;
+    for (Eigen::Index i = 0; i < length_mismatch_text.size(); ++i) {
+      const auto found = map.find(make_field_key(file.readings.points_w.row(i)));
       EXPECT_NE(found, map.end()) << "every point is a vertex";
-      if (found != map.end()) apart[i] -= found->second;
+      if (found != map.end()) length_mismatch_text[i] -= found->second;
     }
-    return apart;
+    return length_mismatch_text;
   };
-  const auto clean = measured_part(scene, *part_instrument_of(scene, "cmm"));
-  const auto noisy = measured_part(scene, *part_instrument_of(scene, "noisy"));
+  const auto clean = measured_part(scene, *find_part_instrument(scene, "cmm"));
+  const auto noisy = measured_part(scene, *find_part_instrument(scene, "noisy"));
   EXPECT_EQ(clean.kind, "cmm");
   ASSERT_GT(clean.readings.deviation.size(), 500);
   const double left = against_map(clean).cwiseAbs().maxCoeff();
@@ -376,10 +384,10 @@ TEST(Measure, TheMachineCannotSeeItself) {
       "[[instrument]]\nkind = \"touch_probe\"\nspacing_mm = 4\nnoise_um = 0\nclearance_mm = 1\n");
   const Job job = prepare(scene);
   const auto wrong = map_of(job, cut(job)), cusps = map_of(job, cut_error_free(job));
-  const auto probed = measured_part(scene, *part_instrument_of(scene, "touch_probe")).readings;
+  const auto probed = measured_part(scene, *find_part_instrument(scene, "touch_probe")).readings;
   Eigen::VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
   for (Eigen::Index i = 0; i < seen.size(); ++i) {
-    const auto p = key_of(probed.points_w.row(i));
+    const auto p = make_field_key(probed.points_w.row(i));
     machine[i] = wrong.at(p) - cusps.at(p);
     seen[i] = probed.deviation[i] - cusps.at(p);
   }
@@ -399,8 +407,8 @@ TEST(Measure, APartMeasuresTheCaseThatItsInstrumentNames) {
       "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
       "[[instrument]]\nname = \"after\"\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
       "case = \"perfect-iterated-ideal\"\n");
-  const auto before = measured_part(scene, *part_instrument_of(scene, "cmm"));
-  const auto after = measured_part(scene, *part_instrument_of(scene, "after"));
+  const auto before = measured_part(scene, *find_part_instrument(scene, "cmm"));
+  const auto after = measured_part(scene, *find_part_instrument(scene, "after"));
   EXPECT_LT(rms(after.readings.deviation), 0.3 * rms(before.readings.deviation));
   EXPECT_EQ(after.part, scene.title + ", perfect-iterated-ideal");
 }

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/readings/readings_file.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
@@ -42,18 +42,18 @@ inline InstrumentDescription faultless(InstrumentDescription description) {
   return description;
 }
 inline InstrumentDescription faultless(const Scene& scene, const std::string& name) {
-  return faultless(instrument_of(scene, name));
+  return faultless(find_instrument(scene, name));
 }
 
-/// Readings minus what the nominal machine would show. (looks)
+/// Readings minus what the nominal machine would show. (measurements)
 inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& readings) {
   Eigen::VectorXd result = readings.value;
-  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
-    const auto& look = readings.plan.looks[i];
-    const auto bodies = errors::metrology::nominal_bodies(readings.nominal, look.state.q);
+  for (std::size_t i = 0; i < readings.plan.measurements.size(); ++i) {
+    const auto& measurement = readings.plan.measurements[i];
+    const auto bodies = errors::metrology::nominal_bodies(readings.nominal, measurement.state.q);
     result[Eigen::Index(i)] -= errors::metrology::reading(
-        readings.plan.set_ups[std::size_t(look.set_up)], look.channel, {}, bodies, bodies,
-        errors::metrology::spindle_angle(readings.nominal, look.state));
+        readings.plan.set_ups[std::size_t(measurement.set_up)], measurement.channel, {}, bodies,
+        bodies, errors::metrology::spindle_angle(readings.nominal, measurement.state));
   }
   return result;
 }
@@ -61,7 +61,7 @@ inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& reading
 /// What measuring a scene refuses, empty if it does not.
 inline std::string refusal_of_measuring(const Scene& scene, const std::string& instrument) {
   try {
-    measured(scene, instrument_of(scene, instrument));
+    measured(scene, find_instrument(scene, instrument));
     return "";
   } catch (const BadInput& fault) {
     return fault.what();

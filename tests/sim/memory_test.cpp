@@ -1,4 +1,4 @@
-#include "sim/cut/memory.h"
+#include "sim/cut/run_estimate.h"
 
 #include <cmath>
 #include <fstream>
@@ -14,8 +14,8 @@
 #include <tbb/global_control.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/cut/sampling.h"
-#include "sim/cut/work.h"
+#include "sim/cut/judged_surface.h"
+#include "sim/cut/scene_checks.h"
 #include "tests/safety/program_run.h"
 #include "tests/sim/scene_folder.h"
 
@@ -58,7 +58,7 @@ struct MeasuredMemory {
 double estimate_of(const MeasuredMemory& one) {
   const Scene scene = read_scene(dome, one.overrides);
   const bool compares = std::string(one.command) == "compare";
-  CasesAsked asked = compares ? cases_of_compare({scene}) : cases_of_run({});
+  CaseRequest asked = compares ? compare_case_request({scene}) : run_case_request({});
   asked.pictures = ABBE_RENDER != 0;
   const std::vector<WorkSize> sizes{size_of(sampled(prepare(scene)))};
   const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
@@ -176,9 +176,9 @@ TEST(Memory, WhatCannotBeCutInWindowsIsRefusedWithTheReason) {
 
 TEST(Memory, GrowsWithAllThatIsAsked) {
   const WorkSize size{.vertices = 1e6, .blocks = 1e5, .samples = 1e6};
-  const CasesAsked one;
+  const CaseRequest one;
   const double least = peak_memory({size}, one);
-  const auto more = [&](const WorkSize& job, const CasesAsked& asked) {
+  const auto more = [&](const WorkSize& job, const CaseRequest& asked) {
     return peak_memory({job}, asked) > least;
   };
   EXPECT_TRUE(more({.vertices = 2e6, .blocks = 1e5, .samples = 1e6}, one));
@@ -210,9 +210,9 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
   WorkSize huge = small;
   huge.samples = memory_bytes() / 300.0;
   EXPECT_EQ(cases_at_once({huge}, {.kept = 3.0}), 1);
-  const CasesAsked many{.kept = 100.0, .compensated = true};
+  const CaseRequest many{.kept = 100.0, .compensated = true};
   for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
-    CasesAsked asked = many;
+    CaseRequest asked = many;
     asked.at_once = cases_at_once({job}, many);
     if (asked.at_once > 1) {
       EXPECT_LE(peak_memory({job}, asked), 0.67 * memory_bytes());
@@ -221,7 +221,7 @@ TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
 }
 
 TEST(Memory, IsToldOfWhereItIsMuch) {
-  const CasesAsked two{.kept = 2.0};
+  const CaseRequest two{.kept = 2.0};
   EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 100, .samples = 1000}}, two), "");
   EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 0, .samples = 1e7}}, two),
             "memory: about 7.1 GB for 10000000 samples of the program, 1000 vertices and 2 cases");

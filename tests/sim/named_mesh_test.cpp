@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/cut/bodies.h"
-#include "sim/cut/reach.h"
+#include "sim/cut/placement.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
 
@@ -55,7 +55,7 @@ class NamedMesh : public testing::Test {
   std::vector<std::string> warnings(const Meshes& of) const {
     const Job job = prepare(scene(of));
     std::vector<std::string> all = job.warnings;
-    for (std::string& text : body_warnings(job, bodies_of(job))) all.push_back(std::move(text));
+    for (std::string& text : body_warnings(job, job_bodies(job))) all.push_back(std::move(text));
     return all;
   }
 
@@ -70,7 +70,7 @@ class NamedMesh : public testing::Test {
   std::string refusal(const Meshes& of) const {
     return refusal_by([&] {
       const Job job = prepare(scene(of));
-      bodies_of(job);
+      job_bodies(job);
       placed(job);
     });
   }

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/cut/reach.h"
+#include "sim/cut/placement.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/odd_scenes.h"
@@ -240,10 +240,10 @@ namespace {
 struct Said {
   std::string refusal;
   std::vector<std::string> warnings;
-  std::vector<std::string> exceeded;
+  std::vector<std::string> exceeded_limits;
   cutting::Statistics residual;
 
-  bool is_silent() const { return refusal.empty() && warnings.empty() && exceeded.empty(); }
+  bool is_silent() const { return refusal.empty() && warnings.empty() && exceeded_limits.empty(); }
   std::string text() const {
     std::string all = refusal.empty() ? "" : "refused: " + refusal;
     for (const std::string& warning : warnings) all += (all.empty() ? "" : " | ") + warning;
@@ -259,7 +259,7 @@ Said said_of(const std::filesystem::path& file, bool error_free = false) {
     check_cuts_part(job, made);
     const Verdict verdict = judge(job, std::move(made), nullptr);
     said.warnings = warnings_of(job, verdict.cut);
-    said.exceeded = exceeded(job.scene.limits, verdict);
+    said.exceeded_limits = exceeded_limits(job.scene.limits, verdict);
     said.residual = verdict.residual;
   } catch (const BadScene& fault) {
     said.refusal = fault.what();

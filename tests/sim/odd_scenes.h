@@ -121,8 +121,8 @@ inline std::string thin_obj(int n = 10) {
   for (int j = 0; j < n; ++j)
     for (int i = 0; i < n; ++i)
       for (const bool top : {true, false}) {
-        const int a = number(i, j, top), b = number(i + 1, j, top),
-                  c = number(i + 1, j + 1, top), d = number(i, j + 1, top);
+        const int a = number(i, j, top), b = number(i + 1, j, top), c = number(i + 1, j + 1, top),
+                  d = number(i, j + 1, top);
         top ? face(a, b, c, d) : face(d, c, b, a);
       }
   for (int i = 0; i < n; ++i) {

@@ -10,11 +10,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "kinematics/inverse.h"
+#include "kinematics/inverse_kinematics.h"
 #include "kinematics/units.h"
-#include "sim/commands/measure_command.h"
-#include "sim/cut/activity.h"
-#include "sim/cut/datum.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/cut/commands.h"
+#include "sim/cut/process.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
@@ -37,7 +37,7 @@ std::vector<Override> changes_of(const std::string& variant, std::vector<Overrid
 }
 
 PartReadings probed(const Job& job, const Cut& part) {
-  return measured_part(job, part, part_instrument_of(job.scene, "probe").value()).readings;
+  return measured_part(job, part, find_part_instrument(job.scene, "probe").value()).readings;
 }
 
 double largest(const Eigen::VectorXd& values) { return values.cwiseAbs().maxCoeff(); }
@@ -55,8 +55,8 @@ TEST(PartBelief, MachineThatProbesWhereItCutCannotSeeItselfAndChangesNothing) {
   const Cut perfect = cut_error_free(job), before = cut(job);
   const PartReadings readings = probed(job, before);
   const Cut after = cut(job, parse_case("part-position-ideal"));
-  const double wrong = apart(before.surface, perfect.surface).rms;
-  const Apart changed = apart(after.surface, before.surface);
+  const double wrong = length_mismatch_text(before.surface, perfect.surface).rms;
+  const Apart changed = length_mismatch_text(after.surface, before.surface);
   std::cout << fmt::format(
       "{} points of a part wrong by {:.3f} um RMS: read as {:.3f} nm at most, the part cut "
       "again differs by {:.3f} nm at most\n",
@@ -83,8 +83,10 @@ TEST_P(OfTheCut, ErrorThatTheProbeDoesNotShareFalls) {
   const cutting::Surface geometric = cut(job_of(on_machine)).surface;
   const cutting::Surface perfect = cut_error_free(job).surface, before = cut(job).surface;
   const cutting::Surface after = cut(job, parse_case("part-position-ideal")).surface;
-  const double total = apart(before, perfect).rms, total_left = apart(after, perfect).rms;
-  const double added = apart(before, geometric).rms, added_left = apart(after, geometric).rms;
+  const double total = length_mismatch_text(before, perfect).rms,
+               total_left = length_mismatch_text(after, perfect).rms;
+  const double added = length_mismatch_text(before, geometric).rms,
+               added_left = length_mismatch_text(after, geometric).rms;
   std::cout << fmt::format(
       "{}: error of the part {:.3f} -> {:.3f} um RMS, what it adds to the geometric errors {:.3f} "
       "-> {:.4f}\n",
@@ -130,9 +132,9 @@ TEST(PartBelief, ProbeInAnotherPoseReadsTheDifferenceOfTheTwoErrors) {
         on_machine, {{"instrument.probe.pose", words}, {"instrument.probe.spacing_mm", "4"}});
     const Cut part = cut(job);
     const PartReadings readings = probed(job, part);
-    const auto how =
-        std::get<errors::metrology::TouchProbe>(part_instrument_of(job.scene, "probe").value().how);
-    const Vector3d datum_w = found_datum(job);
+    const auto how = std::get<errors::metrology::TouchProbe>(
+        find_part_instrument(job.scene, "probe").value().how);
+    const Vector3d datum_w = control_datum_offset(job);
     const kinematics::AxisVector as_cut = kinematics::AxisVector::Zero(how.q.size());
     double worst = 0.0, most = 0.0;
     for (Index i = 0; i < readings.deviation.size(); ++i) {
@@ -198,9 +200,9 @@ TEST(PartBelief, WhatAPartShowsCountsFromTheDatumFromWhichItWasCut) {
 TEST(PartBelief, MirroredProgramOfTheThinWallTakesNineTenthsOfItsDeflectionAway) {
   const Job job = job_of("thin_wall.toml", {{"part.vertices", "6000"}});
   const cutting::Surface perfect = cut_error_free(job).surface;
-  const double bent = apart(cut(job).surface, perfect).rms;
+  const double bent = length_mismatch_text(cut(job).surface, perfect).rms;
   for (const char* name : {"force-position-program", "part-position-program"}) {
-    const double left = apart(cut(job, parse_case(name)).surface, perfect).rms;
+    const double left = length_mismatch_text(cut(job, parse_case(name)).surface, perfect).rms;
     std::cout << fmt::format("{}: {:.3f} -> {:.4f} um RMS, {:.2f} % less\n", name, bent / 1.0_um,
                              left / 1.0_um, 100 * (1 - left / bent));
     EXPECT_LT(left, 0.1 * bent) << name;

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/readings/part_readings_file.h"
+#include "sim/readings/readings_file.h"
 #include "sim/scene/scene.h"
 #include "tests/sim/refusal.h"
 
@@ -43,7 +43,7 @@ const std::string head =
 TEST(PartReadingsFile, WhatIsWrittenReadsBackTheSame) {
   const PartReadingsFile written = some_part(20261125, 500);
   const std::string text = to_text(written);
-  ASSERT_TRUE(holds_part_readings(text));
+  ASSERT_TRUE(is_part_readings_text(text));
   const PartReadingsFile read = read_part_readings(text, "p.csv");
   EXPECT_EQ(read.instrument, written.instrument);
   EXPECT_EQ(read.kind, written.kind);

@@ -13,11 +13,10 @@
 #include <Eigen/Geometry>
 
 #include "kinematics/jacobian.h"
-#include "kinematics/turn_between.h"
+#include "kinematics/pose.h"
 #include "kinematics/units.h"
-#include "sim/cut/accelerations.h"
+#include "sim/cut/tool_motion.h"
 #include "sim/loop/compensate.h"
-#include "sim/loop/perfect.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
@@ -124,7 +123,7 @@ Instant between(const std::vector<AxisState>& states, double time_s) {
 /// Where a milling tool is between two poses: its tip on a line, its axis on a great circle.
 Pose on_the_way(const Pose& from, const Pose& to, double fraction) {
   const Vector3d u = from.linear().col(2), v = to.linear().col(2);
-  const Eigen::AngleAxisd turn(kinematics::turn_between(u, v));
+  const Eigen::AngleAxisd turn(kinematics::rotation_between(u, v));
   Pose T = from;
   T.linear() = Eigen::AngleAxisd(fraction * turn.angle(), turn.axis()) * from.linear();
   T.translation() += fraction * (to.translation() - from.translation());
@@ -292,7 +291,7 @@ Balance balance(const Kept& kept) {
 /// Root mean square of what is known of the point that a compensator restores and lies along a
 /// slide that could mend it, mm; of the slide with most.
 double left_along_slides(const Kept& kept) {
-  Foreseen run{{}, kept.acceleration};
+  PredictedRun run{{}, kept.acceleration};
   run.process.steps = kept.compensated.process.steps;
   const compensation::Belief belief = perfect_belief(kept.job, std::move(run));
   const kinematics::Chain& chain = kept.job.machine.nominal;

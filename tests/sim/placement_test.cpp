@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "sim/cut/reach.h"
-#include "sim/cut/way_out.h"
+#include "sim/cut/placement.h"
+#include "sim/cut/placement_suggestion.h"
 #include "tests/sim/odd_scenes.h"
 
 namespace abbe::sim {
@@ -10,7 +10,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// The fault of a placement, empty for none.
-std::string fault_of(const Job& job) {
+std::string distribution_error(const Job& job) {
   const Placement found = placement(job);
   return found.fault ? found.fault->what() : "";
 }
@@ -50,9 +50,9 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
   // the cap is 5.5 mm high, so the box of a program 15 mm above overlaps nothing only just
   for (const double gap : {4.0, 15.0, 80.0}) {
     const Job job = moved(fmt::format("work_offset.G54 = {{ Z_mm = {} }}\n", gap));
-    const std::string text = fault_of(job);
+    const std::string text = distribution_error(job);
     EXPECT_TRUE(says(text, "; with G54 Z = ")) << text;
-    const auto out = way_out(job);
+    const auto out = placement_suggestion(job);
     ASSERT_TRUE(out);
     const std::size_t at = out->words.find("Z = ");
     const double z = std::stod(out->words.substr(at + 4));
@@ -65,7 +65,7 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
 }
 
 TEST_F(Moved, AProgramBelowIsRaisedUntilItsTipTouches) {
-  const auto out = way_out(moved("work_offset.G54 = { Z_mm = -35 }\n"));
+  const auto out = placement_suggestion(moved("work_offset.G54 = { Z_mm = -35 }\n"));
   ASSERT_TRUE(out);
   EXPECT_GT(out->reach.share, 0.99);
   EXPECT_NEAR(std::stod(out->words.substr(out->words.find("Z = ") + 4)), 0.0, 0.01) << out->words;
@@ -84,9 +84,9 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
 
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
-  EXPECT_TRUE(says(fault_of(job), "mm beside the part, towards its +x; with G54 X = "))
-      << fault_of(job);
-  const auto out = way_out(job);
+  EXPECT_TRUE(says(distribution_error(job), "mm beside the part, towards its +x; with G54 X = "))
+      << distribution_error(job);
+  const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
   std::cout << out->words << ", " << 100.0 * out->reach.share << " %\n";
   EXPECT_GT(out->reach.share, 0.95);  // the middle of its feed, run-ins with it, is 2.6 mm off
@@ -94,7 +94,7 @@ TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
 
 TEST_F(Moved, WhereTheOffsetLeavesTheTravelThePartIsMovedInstead) {
   const Job job = moved("", "[0, 0, -900]");
-  const auto out = way_out(job);
+  const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
   EXPECT_TRUE(says(out->words, "with part.at_mm = [0, 0, 80] it fits best")) << out->words;
   EXPECT_GT(out->reach.share, 0.9);
@@ -144,7 +144,7 @@ TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   const Job job =
       prepare(read_scene(folder_.write("s.toml", to_toml(FlatScene{.program = "p.csv"}))));
   const std::string words = "the lowest cut lies 50.0 mm above the part; with part.at_mm = [0, 0, ";
-  const std::string text = fault_of(job);
+  const std::string text = distribution_error(job);
   ASSERT_TRUE(says(text, words)) << text;
   EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 50.0, 0.01) << text;
 }
@@ -158,10 +158,11 @@ TEST(Placement, AnOffsetOfAMachineWithRotaryAxesIsAPlace) {
   const std::string machine = "three_axis_table";
   text.replace(text.find(machine), machine.size(), "gantry_cxyza");
   const Job above = prepare(read_scene(folder.write("s.toml", text)));
-  EXPECT_TRUE(says(fault_of(above), "; with G54 Z = 20 it fits best")) << fault_of(above);
+  EXPECT_TRUE(says(distribution_error(above), "; with G54 Z = 20 it fits best"))
+      << distribution_error(above);
   const Job there =
       prepare(read_scene(folder.write("t.toml", text + "work_offset.G54 = { Z_mm = 20 }\n")));
-  EXPECT_EQ(fault_of(there), "");
+  EXPECT_EQ(distribution_error(there), "");
 }
 
 /// Passes in several positions of the axes that turn, in words of the axes: an offset moves the
@@ -183,7 +184,7 @@ TEST(Placement, AnIndexedProgramHasAnOffsetToo) {
                 "400\nat_mm = [0, 0, 60]\n",
         .more = more});
     scene.replace(scene.find("three_axis_table"), 16, machine);
-    return fault_of(prepare(read_scene(folder.write("s.toml", scene))));
+    return distribution_error(prepare(read_scene(folder.write("s.toml", scene))));
   };
   for (const char* machine : {"gantry_cxyza", "trunnion_ca"})
     for (const int z : {40, 80}) {
@@ -211,11 +212,11 @@ TEST(Placement, TheOffsetOfAMovedWallIsThatAtWhichItWasProgrammed) {
   };
   EXPECT_FALSE(placement(wall(Vector3d::Zero())).fault);
   EXPECT_TRUE(placement(wall(Vector3d::Zero())).warnings.empty());
-  EXPECT_FALSE(way_out(wall(Vector3d::Zero()))) << "it fits already";
+  EXPECT_FALSE(placement_suggestion(wall(Vector3d::Zero()))) << "it fits already";
   // across the wall the cuts tell; along it and up the feed runs over its ends
   for (const Vector3d& moved :
        {Vector3d(0, -30, 0), Vector3d(0, 6, 0), Vector3d(0, -30, 8), Vector3d(45, -12, 0)}) {
-    const auto out = way_out(wall(moved));
+    const auto out = placement_suggestion(wall(moved));
     ASSERT_TRUE(out) << moved.transpose();
     std::cout << moved.transpose() << ": " << out->words << ", " << 100.0 * out->reach.share
               << " %\n";
@@ -252,9 +253,10 @@ TEST(Placement, TheOffsetOfAMovedShaftIsThatAtWhichItWasProgrammed) {
   const Placement fits = placement(shaft(0, 0));
   EXPECT_FALSE(fits.fault);
   EXPECT_TRUE(fits.warnings.empty()) << fits.warnings.front();
-  EXPECT_FALSE(way_out(shaft(0, 0))) << "it fits already";
-  for (const auto& [x, z] : {std::pair(3.0, 0.0), {-3.0, 0.0}, {7.0, 0.0}, {-1.5, 0.0}, {3.0, 60.0}}) {
-    const auto out = way_out(shaft(x, z));
+  EXPECT_FALSE(placement_suggestion(shaft(0, 0))) << "it fits already";
+  for (const auto& [x, z] :
+       {std::pair(3.0, 0.0), {-3.0, 0.0}, {7.0, 0.0}, {-1.5, 0.0}, {3.0, 60.0}}) {
+    const auto out = placement_suggestion(shaft(x, z));
     ASSERT_TRUE(out) << x << " " << z;
     std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.002) << out->words;
@@ -284,8 +286,9 @@ TEST(Placement, TheOffsetOfAMovedTurnedDomeIsThatAtWhichItWasProgrammed) {
   };
   EXPECT_FALSE(placement(dome(0, 0)).fault);
   EXPECT_TRUE(placement(dome(0, 0)).warnings.empty());
-  for (const auto& [x, z] : {std::pair(0.0, 30.0), {0.0, -3.0}, {0.0, 5.0}, {4.0, 0.0}, {3.0, 12.0}}) {
-    const auto out = way_out(dome(x, z));
+  for (const auto& [x, z] :
+       {std::pair(0.0, 30.0), {0.0, -3.0}, {0.0, 5.0}, {4.0, 0.0}, {3.0, 12.0}}) {
+    const auto out = placement_suggestion(dome(x, z));
     ASSERT_TRUE(out) << x << " " << z;
     std::cout << x << " " << z << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
     EXPECT_NEAR(offset_in(out->words, "X"), 0.0, 0.05) << out->words;
@@ -303,7 +306,7 @@ TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
                "endfacet\nendsolid part\n");
   folder.write("p.ngc", to_nc({.z = 0}));
   const auto fault_with = [&](const std::string& sampling) {
-    return fault_of(prepare(read_scene(folder.write(
+    return distribution_error(prepare(read_scene(folder.write(
         "s.toml", to_toml(FlatScene{
                       .program = "p.ngc",
                       .part = "file = \"part.stl\"\nunit = \"mm\"\nopen = true\n" + sampling})))));
@@ -324,7 +327,7 @@ TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
       "s.toml",
       to_toml(FlatScene{.program = "p.ngc", .more = "work_offset.G55 = { Z_mm = 5 }\n"}))));
   // to 5 um: of offsets as good, the one that leaves the least of the rim uncut
-  const std::string text = fault_of(job);
+  const std::string text = distribution_error(job);
   EXPECT_NEAR(offset_in(text.substr(text.find("G54")), "Z"), -80.0, 0.005) << text;
   EXPECT_NEAR(offset_in(text.substr(text.find("G55")), "Z"), -75.0, 0.005) << text;
   EXPECT_TRUE(says(text, "(now 5) it fits best")) << text;

@@ -49,7 +49,7 @@ class PoseCommandLine : public testing::Test {
     int count = 0;
     for (const auto& entry : fs::recursive_directory_iterator(folder_.path()))
       count += entry.is_regular_file() && entry.path().filename() != "stderr.txt" &&
-               entry.path().filename() != mark_name;
+               entry.path().filename() != manifest_name;
     return count;
   }
 
@@ -85,12 +85,12 @@ TEST_F(PoseCommandLine, ManyPosesTakeLittleMemory) {
     return run(dome + " --at-file poses.csv " + arguments, fmt::format("ulimit -d {} && ", kb));
   };
   folder_.write("poses.csv", csv_of(idle, any_states(idle, is_long ? 200000 : 20000, 20261129)));
-  const int most_kb = is_long ? 120000 : 65000;
-  const PoseRun ran = run_within(most_kb, "--elements all --threads 2 --out shares.csv");
+  const int max_kb = is_long ? 120000 : 65000;
+  const PoseRun ran = run_within(max_kb, "--elements all --threads 2 --out shares.csv");
   ASSERT_EQ(ran.code, 0) << ran.err;
   const auto written_kb = long(fs::file_size(folder_.path() / "shares.csv") >> 10);
-  std::cout << written_kb << " KB written within " << most_kb << " KB\n";
-  EXPECT_GT(written_kb, 1.1 * most_kb);
+  std::cout << written_kb << " KB written within " << max_kb << " KB\n";
+  EXPECT_GT(written_kb, 1.1 * max_kb);
   EXPECT_NE(run_within(5000, "--out other.csv").code, 0) << "the limit means something";
   if (!is_long) return;
   fs::remove(folder_.path() / "shares.csv");

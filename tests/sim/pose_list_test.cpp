@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/pose_list.h"
-#include "sim/scene/bad_scene.h"
+#include "sim/cut/idle_machine.h"
+#include "sim/scene/toml.h"
 #include "tests/injured.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"
@@ -86,10 +86,10 @@ TEST(PoseList, TellsTheFaultsOfUpToTwentyRowsAtOnce) {
   try {
     poses_in(text);
     FAIL() << "was read";
-  } catch (const BadScene& faults) {
-    EXPECT_EQ(faults.faults.size(), 20u);
-    EXPECT_EQ(faults.faults.front().line, 2);
-    EXPECT_EQ(faults.faults.back().line, 21);
+  } catch (const BadScene& input_errors) {
+    EXPECT_EQ(input_errors.input_errors.size(), 20u);
+    EXPECT_EQ(input_errors.input_errors.front().line, 2);
+    EXPECT_EQ(input_errors.input_errors.back().line, 21);
   }
 }
 
@@ -117,9 +117,9 @@ TEST(PoseList, InjuredTextsAreReadOrRefusedAndNothingElse) {
       }
     } catch (const BadInput&) {
       ++refused;
-    } catch (const BadScene& faults) {
+    } catch (const BadScene& input_errors) {
       ++refused;
-      ASSERT_FALSE(faults.faults.empty());
+      ASSERT_FALSE(input_errors.input_errors.empty());
     }
   }
   std::cout << read_well << " read, " << refused << " refused\n";

@@ -75,7 +75,7 @@ inline std::string csv_of(const IdleMachine& idle,
     if (is_positioned(idle.machine.nominal.joints()[std::size_t(j)])) joints.push_back(j);
   for (const int j : joints) {
     const auto& joint = idle.machine.nominal.joints()[std::size_t(j)];
-    text += fmt::format("{}{}_{}", text.empty() ? "" : ",", joint.name, position_word(joint));
+    text += fmt::format("{}{}_{}", text.empty() ? "" : ",", joint.name, position_unit_label(joint));
   }
   for (const auto& state : states)
     for (std::size_t k = 0; k < joints.size(); ++k) {

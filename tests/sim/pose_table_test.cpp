@@ -8,8 +8,8 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/units.h"
-#include "sim/cut/pose_at.h"
-#include "sim/report/pose_files.h"
+#include "sim/cut/pose_table.h"
+#include "sim/report/pose_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/paper_chain.h"
 #include "tests/sim/pose_scene.h"
@@ -21,7 +21,7 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::AxisState;
 
-std::string at_text(const PoseList& poses, std::size_t i) {
+std::string position_text(const PoseList& poses, std::size_t i) {
   std::string text;
   for (std::size_t c = 0; c < poses.columns.size(); ++c)
     text += fmt::format("{}={} ", poses.columns[c].head[0],
@@ -40,7 +40,7 @@ void expect_the_digits_of_at(const Scene& scene, unsigned seed) {
   ASSERT_EQ(rows.size(), 26u);
   const std::size_t first = 1 + poses.columns.size();
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    const auto at = pose_at(scene, at_text(poses, i), {{}, {"all"}});
+    const auto at = pose_at(scene, position_text(poses, i), {{}, {"all"}});
     const auto cell = [&](std::size_t k) { return rows[i + 1].at(first + k); };
     ASSERT_EQ(rows[i + 1].size(), first + table.heads().size());
     for (std::size_t k = 0; k < 3; ++k) {
@@ -194,7 +194,8 @@ TEST(PoseShares, SumToTheDeviationToSecondOrderWithinTheirBound) {
     double worst = 0.0, used = 0.0;
     for (const AxisState& state : any_states(idle, 60, seed)) {
       const TipPose pose = tip_pose(idle, state);
-      const Eigen::Matrix<double, 6, 1> sum = shares(idle, sources, state).rowwise().sum();
+      const Eigen::Matrix<double, 6, 1> sum =
+          source_contributions(idle, sources, state).rowwise().sum();
       const double mm = (pose.deviation() - sum.head<3>()).norm();
       const double rad = (pose.direction() - sum.tail<3>()).norm();
       const Bound bound = bound_of(idle, state);
@@ -224,7 +225,7 @@ TEST(PoseShares, OneShareIsWhatTheMachineDoesWithNothingElseWrong) {
       ASSERT_EQ(alone.geometric.elements.size(), 1u);
       const IdleMachine only = idle_machine(alone);
       for (const AxisState& state : states) {
-        const Eigen::Matrix<double, 6, 1> share = shares(idle, {source}, state);
+        const Eigen::Matrix<double, 6, 1> share = source_contributions(idle, {source}, state);
         const kinematics::Pose base = idle.truth.actual.tool_in_workpiece(state.q);
         const kinematics::Pose moved = tip_pose(only, state).actual;
         const Bound bound = bound_of(only, state);
@@ -240,11 +241,11 @@ TEST(PoseShares, OneShareIsWhatTheMachineDoesWithNothingElseWrong) {
 
 TEST(PoseShares, NamesThatTheMachineLacksAreRefusedWithThoseThatItHas) {
   const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
-  EXPECT_EQ(chosen_sources(error_sources(idle), {"EC0Y", "EXX"}).front().name, "EC0Y");
-  EXPECT_EQ(chosen_sources(error_sources(idle), {"all"}).size(), 46u);
-  EXPECT_NE(refusal_by([&] { chosen_sources(error_sources(idle), {"EXU"}); }).find("EXX"),
+  EXPECT_EQ(select_sources(error_sources(idle), {"EC0Y", "EXX"}).front().name, "EC0Y");
+  EXPECT_EQ(select_sources(error_sources(idle), {"all"}).size(), 46u);
+  EXPECT_NE(refusal_by([&] { select_sources(error_sources(idle), {"EXU"}); }).find("EXX"),
             std::string::npos);
-  EXPECT_NE(refusal_by([&] { chosen_sources(error_sources(idle), {"EXX", "EXX"}); }), "");
+  EXPECT_NE(refusal_by([&] { select_sources(error_sources(idle), {"EXX", "EXX"}); }), "");
 }
 
 TEST(PoseTable, JacobiansAreTheDerivativesThatTheirHeadsName) {

@@ -123,12 +123,14 @@ TEST(ProgramCommand, TurningProgramsAreReadOnMachinesWhoseWorkpieceSpins) {
   const double pi = std::acos(-1.0), f_v = 0.2 * 180e3 / 60;
   const double expected = (10 * 2 * pi * 27 + pi * (30.0 * 30.0 - 27.0 * 27.0)) / f_v;
   EXPECT_NEAR(all["lines_at_feed"]["time_s"].get<double>(), expected, 1e-9);
-  EXPECT_NEAR(all["radius_at_feed_mm"][0].get<double>(), 27.0, 1e-9) << "whatever the tool's length";
+  EXPECT_NEAR(all["radius_at_feed_mm"][0].get<double>(), 27.0, 1e-9)
+      << "whatever the tool's length";
   EXPECT_NEAR(all["radius_at_feed_mm"][1].get<double>(), 30.0, 1e-9);
   EXPECT_EQ(all["axes"]["X"]["to"], 40.0 + 40.0) << "a tool of 100 mm is 40 mm longer than X0";
   const Ran text = run("program " + file + " --machine library:lathe_zx --tip 3 --tool-radius 0.8");
   EXPECT_EQ(text.code, 0) << text.text;
-  EXPECT_NE(text.text.find("27.8 .. 30.8 mm from the spindle line"), std::string::npos) << text.text;
+  EXPECT_NE(text.text.find("27.8 .. 30.8 mm from the spindle line"), std::string::npos)
+      << text.text;
   for (const std::string& mill : {file + " --machine library:three_axis_table",
                                   file + " --machine library:lathe_zx --control milling"}) {
     const Ran refused = run("program " + mill);
@@ -347,8 +349,8 @@ TEST(ProgramCommand, WritesAsManyPointsOfAMoveAsItsToleranceNeeds) {
                             " --tolerance-um 1 --force --out table",
                         at);
     ASSERT_EQ(ran.code, 0) << ran.text;
-    const auto points = points_on_circle(folder / ("table/turns." + format),
-                                         format == "pvt" ? 1 : 0, radius);
+    const auto points =
+        points_on_circle(folder / ("table/turns." + format), format == "pvt" ? 1 : 0, radius);
     ASSERT_GT(points.size(), 100'000u) << "where a limit of points once cut the tolerance";
     double turned = 0.0, worst_um = 0.0;
     for (std::size_t i = 1; i < points.size(); ++i) {
@@ -357,7 +359,8 @@ TEST(ProgramCommand, WritesAsManyPointsOfAMoveAsItsToleranceNeeds) {
       const double middle = std::hypot(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
       worst_um = std::max(worst_um, 1e3 * (radius - middle));
     }
-    std::cout << format << ": " << points.size() << " points, chords off by " << worst_um << " um\n";
+    std::cout << format << ": " << points.size() << " points, chords off by " << worst_um
+              << " um\n";
     EXPECT_NEAR(turned / (2.0 * std::numbers::pi), -turns, 1e-6);
     EXPECT_LE(worst_um, tolerance_um + 1e-3) << "and the rounding of words";
     EXPECT_GT(worst_um, 0.9 * tolerance_um) << "no more points than it needs";

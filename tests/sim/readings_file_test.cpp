@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/readings/readings_file.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
@@ -18,7 +18,7 @@ using errors::metrology::Readings;
 
 Readings laser_readings(const std::string& scene = "gantry_dome.toml") {
   Scene read = read_scene(packaged(scene));
-  InstrumentDescription laser = instrument_of(read, "laser");
+  InstrumentDescription laser = find_instrument(read, "laser");
   laser.instrument.targets = 5;
   laser.instrument.runs = 2;
   return measured(read, laser);
@@ -37,16 +37,16 @@ TEST(ReadingsFile, WhatIsWrittenReadsBackTheSame) {
     EXPECT_EQ(read.value, written.value);
     EXPECT_EQ(read.T_C, written.T_C);
     EXPECT_EQ(read.sensors, written.sensors);
-    ASSERT_EQ(read.plan.looks.size(), written.plan.looks.size());
-    double apart = 0.0;
-    for (std::size_t i = 0; i < read.plan.looks.size(); ++i) {
-      const auto &a = read.plan.looks[i].state, &b = written.plan.looks[i].state;
-      apart = std::max(apart, (a.q - b.q).cwiseAbs().maxCoeff());
+    ASSERT_EQ(read.plan.measurements.size(), written.plan.measurements.size());
+    double length_mismatch_text = 0.0;
+    for (std::size_t i = 0; i < read.plan.measurements.size(); ++i) {
+      const auto &a = read.plan.measurements[i].state, &b = written.plan.measurements[i].state;
+      length_mismatch_text = std::max(length_mismatch_text, (a.q - b.q).cwiseAbs().maxCoeff());
       EXPECT_EQ(a.direction, b.direction);
       EXPECT_EQ(a.stroke, b.stroke);
       EXPECT_EQ(a.time_s, b.time_s);
     }
-    EXPECT_LT(apart, 1e-15);
+    EXPECT_LT(length_mismatch_text, 1e-15);
     EXPECT_EQ(read.nominal.T_bt_home().matrix(), written.nominal.T_bt_home().matrix());
     ASSERT_EQ(read.plan.set_ups.size(), written.plan.set_ups.size());
   }

@@ -4,9 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/bad_scene.h"
-#include "sim/scene/faults.h"
 #include "sim/scene/scene.h"
+#include "sim/scene/toml.h"
 
 namespace abbe::sim {
 
@@ -24,9 +23,9 @@ std::string refusal_by(const Read& read) {
 }
 
 /// Faults as one text, each on its line; empty if there are none.
-inline std::string text_of(const Faults& faults) {
+inline std::string text_of(const InputErrors& input_errors) {
   std::string text;
-  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
+  for (const BadInput& fault : input_errors.list()) text += std::string(fault.what()) + "\n";
   return text;
 }
 

@@ -1,6 +1,6 @@
 // Regions of a part by what its mesh file says of its faces: groups and colours.
 
-#include "sim/cut/regions.h"
+#include "sim/cut/part_regions.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,11 +12,13 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "sim/cut/sampling.h"
-#include "sim/cut/tolerance_bands.h"
-#include "sim/report/description_report.h"
+#include "sim/cut/judged_surface.h"
+#include "sim/report/check_report.h"
 #include "sim/report/verdict.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/part.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/small_scene.h"
 #include "tests/sim/written_section.h"
 
@@ -96,26 +98,27 @@ TEST(Regions, KeysOfFacesAreReadAndWritten) {
 }
 
 TEST(Regions, KeysThatCannotBeAreRefusedAtTheirPlace) {
-  const auto faults = [](const std::string& text) {
-    Faults found;
+  const auto input_errors = [](const std::string& text) {
+    InputErrors found;
     read_part(parse_toml(text, "s.toml"), found);
     std::string all;
     for (const BadInput& fault : found.list()) all += std::string(fault.what()) + "\n";
     return all;
   };
   const std::string disc = "surface = \"disc\"\nradius_mm = 10.0\n[[region]]\nname = \"a\"\n";
-  EXPECT_NE(faults(disc + "group = \"b\"\n")
+  EXPECT_NE(input_errors(disc + "group = \"b\"\n")
                 .find("s.toml:5:9: expected a part from a mesh `file`, seen a declared surface"),
             std::string::npos)
-      << faults(disc + "group = \"b\"\n");
-  EXPECT_NE(faults(disc + "colour = \"#ffffff\"\n").find("a part from a mesh `file`"),
+      << input_errors(disc + "group = \"b\"\n");
+  EXPECT_NE(input_errors(disc + "colour = \"#ffffff\"\n").find("a part from a mesh `file`"),
             std::string::npos);
   for (const char* colour :
        {"\"red\"", "\"#fff\"", "\"#gggggg\"", "\"ff00ff\"", "\"\"", "16711680", "[1, 2, 3]"})
-    EXPECT_NE(faults(disc + "colour = " + colour + "\n").find("s.toml:5:10"), std::string::npos)
-        << colour << faults(disc + "colour = " + colour + "\n");
-  EXPECT_NE(faults(disc + "group = \"\"\n").find("s.toml:5:9"), std::string::npos);
-  EXPECT_NE(faults(disc + "color = \"#ffffff\"\n").find("nearest: part.region.colour"),
+    EXPECT_NE(input_errors(disc + "colour = " + colour + "\n").find("s.toml:5:10"),
+              std::string::npos)
+        << colour << input_errors(disc + "colour = " + colour + "\n");
+  EXPECT_NE(input_errors(disc + "group = \"\"\n").find("s.toml:5:9"), std::string::npos);
+  EXPECT_NE(input_errors(disc + "color = \"#ffffff\"\n").find("nearest: part.region.colour"),
             std::string::npos);
 }
 
@@ -272,7 +275,7 @@ TEST(Regions, JudgedByColourAreTheStatisticsOfTheseFacesAlone) {
       for (const int v : design_m.triangles.row(t)) ASSERT_TRUE(half.contains(v)) << t;
     }
     surface.within.resize(0);
-    surface.looked_within = cutting::Surface::Within::None;
+    surface.sampled_within = cutting::Surface::Within::None;
     expect_same(cutting::statistics(surface, design_m), vertices);
     EXPECT_NEAR(job.sampled->judged_area, vertices.area, 1e-9);
     means.push_back(*verdict.residual.mean);

@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/primitive.h"
-#include "render/field.h"
+#include "cutting/part/primitive.h"
+#include "render/residual_field.h"
 #include "tests/cutting/map_over.h"
 #include "tests/sim/scene_folder.h"
 

@@ -8,11 +8,11 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/rewrite_command.h"
+#include "sim/commands/program_commands.h"
 #include "sim/compensation/correct.h"
 #include "sim/cut/part.h"
 #include "sim/files/output.h"
-#include "sim/loop/program_channel.h"
+#include "sim/loop/correction_channels.h"
 #include "sim/program/pvt.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
@@ -108,7 +108,7 @@ TEST(RewrittenProgram, WithNothingToCorrectIsTheOriginal) {
     changes.emplace_back("errors.scale", "0.0");
     const Job job = prepare(read_scene(long_moves(folder, program), changes));
     const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
-    const WordChange change = word_change(job, commanded);
+    const ProgramChange change = program_change(job, commanded);
     std::cout << job.path.motion_blocks << " blocks became " << commanded.path->motion_blocks
               << ", tip off by " << change.tip.max / units::nm << " nm\n";
     EXPECT_LE(commanded.path->motion_blocks, job.path.motion_blocks + 1);
@@ -145,7 +145,7 @@ TEST(RewrittenProgram, PvtHasFewerRowsTheMoreItsPathMayDiffer) {
 TEST(RewrittenProgram, OfAShaftTurnsNothingButWhereTheToolStands) {
   const Job job = job_of("stepped_shaft.toml", {{"part.vertices", "1000"}});
   const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
-  const WordChange change = word_change(job, commanded);
+  const ProgramChange change = program_change(job, commanded);
   std::cout << job.path.motion_blocks << " blocks became " << commanded.path->motion_blocks
             << ", tip moved by " << change.tip.max / units::um << " um, tool axis by "
             << change.direction.max << " rad\n";
@@ -157,11 +157,11 @@ TEST(RewrittenProgram, OfAShaftTurnsNothingButWhereTheToolStands) {
 TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
   const SceneFolder folder;
   const std::filesystem::path file = long_moves(folder, tip_program);
-  RewriteCommandOptions options;
+  ProgramRewriteOptions options;
   options.case_name = "perfect-iterated-program";
   options.overrides = {{"compensation.path_tolerance_um", "0.5"}};
   options.out = folder.path() / "made" / "again.ngc";
-  const Rewritten done = rewrite(file, options);
+  const RewriteOutcome done = rewrite(file, options);
   const Job job = prepare(read_scene(file, options.overrides));
   const program::Path path = program::read_nc_file(options.out, nc_options(job.scene, job.machine));
   EXPECT_EQ(int(done.blocks_before), job.path.motion_blocks);
@@ -180,11 +180,11 @@ TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
 
 TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
   const SceneFolder folder;
-  RewriteCommandOptions options;
+  ProgramRewriteOptions options;
   options.case_name = "perfect-iterated-program";
   options.overrides = {{"part.at_mm", "[0, 0, 0]"}, {"part.vertices", "2000"}};
   options.out = folder.path() / "in_the_air.ngc";
-  const Rewritten done = rewrite(long_moves(folder, tip_program), options);
+  const RewriteOutcome done = rewrite(long_moves(folder, tip_program), options);
   ASSERT_EQ(done.warnings.size(), 1u);
   EXPECT_NE(done.warnings[0].find("nothing of the part is cut"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(options.out));
@@ -193,10 +193,10 @@ TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
 TEST(RewriteCommand, RefusesWhatItCannotDo) {
   const SceneFolder folder;
   const std::filesystem::path file = long_moves(folder, tip_program);
-  const auto refused = [&](const RewriteCommandOptions& options) {
+  const auto refused = [&](const ProgramRewriteOptions& options) {
     return refusal_by([&] { rewrite(file, options); });
   };
-  RewriteCommandOptions options;
+  ProgramRewriteOptions options;
   options.out = folder.path() / "again.ngc";
   EXPECT_NE(refused(options).find("expected a case through the channel program"),
             std::string::npos);
@@ -219,9 +219,8 @@ TEST(RewriteCommand, RefusesWhatItCannotDo) {
   }
   options.overrides.clear();
   EXPECT_FALSE(std::filesystem::exists(options.out));
-  for (const std::filesystem::path& out :
-       {folder.path() / "long.ngc", folder.path() / "long.toml",
-        folder.path() / "long.ngc" / "below.ngc"}) {
+  for (const std::filesystem::path& out : {folder.path() / "long.ngc", folder.path() / "long.toml",
+                                           folder.path() / "long.ngc" / "below.ngc"}) {
     options.out = out;
     EXPECT_THROW(rewrite(file, options), OutputFailure) << out;
   }

@@ -1,4 +1,4 @@
-#include "sim/cut/sampling.h"
+#include "sim/cut/judged_surface.h"
 
 #include <algorithm>
 #include <array>
@@ -10,7 +10,7 @@
 #include <random>
 #include <set>
 
-#include "cutting/areal_filter.h"
+#include "cutting/map/areal_filter.h"
 #include "kinematics/units.h"
 #include "sim/cut/sweep.h"
 #include "sim/report/verdict.h"
@@ -128,7 +128,7 @@ std::string wavy_stl(double side, double spacing) {
 /// triangle whose corners are cut.
 double range_of_many_places(const Job& job, const cutting::Surface& surface, int a_triangle) {
   const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
-  const cutting::OnSurface between = on_surface(job);
+  const cutting::SurfaceInterpolator between = on_surface(job);
   std::mt19937_64 random(71);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   std::vector<cutting::Contact> places;
@@ -147,7 +147,7 @@ double range_of_many_places(const Job& job, const cutting::Surface& surface, int
     }
   }
   double low = 1.0, high = -1.0;
-  for (const double r : sweep.surface(cutting::design_of_places(places)).residual) {
+  for (const double r : sweep.surface(cutting::design_from_points(places)).residual) {
     low = std::fmin(low, r);
     high = std::fmax(high, r);
   }
@@ -274,9 +274,9 @@ TEST(Sampling, JudgesWhatTheProgramMeansToCut) {
     if (left.status[i] != cutting::VertexStatus::Cut) continue;
     EXPECT_EQ(left.residual[Eigen::Index(i)], whole.residual[Eigen::Index(i)]);
   }
-  EXPECT_GT(meant.sampled->unmeant.unreached, 0.0);
-  EXPECT_NEAR(meant.sampled->judged_area + meant.sampled->unmeant.area(), meant.design_w.area.sum(),
-              1e-9);
+  EXPECT_GT(meant.sampled->excluded_area.unreached, 0.0);
+  EXPECT_NEAR(meant.sampled->judged_area + meant.sampled->excluded_area.area(),
+              meant.design_w.area.sum(), 1e-9);
   EXPECT_GT(meant.sampled->judged_area, 90.0);
   EXPECT_LT(meant.sampled->judged_area, 0.8 * all.sampled->judged_area);
   EXPECT_NE(warnings_of(meant, of_meant.cut).front().find("means to cut"), std::string::npos);

@@ -4,8 +4,11 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/compensation.h"
+#include "sim/scene/fields.h"
 #include "sim/scene/read_scene.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/small_scene.h"
@@ -26,30 +29,31 @@ const MachineDescription& perfect_gantry() {
 }
 
 BeliefDescription belief_of(const std::string& text) {
-  Faults faults;
-  BeliefDescription belief = read_belief(parse_toml(text, "s.toml"), perfect_gantry(), faults);
-  EXPECT_EQ(text_of(faults), "");
+  InputErrors input_errors;
+  BeliefDescription belief =
+      read_belief(parse_toml(text, "s.toml"), perfect_gantry(), input_errors);
+  EXPECT_EQ(text_of(input_errors), "");
   return belief;
 }
 
 std::string belief_faults(const std::string& text) {
-  Faults faults;
-  read_belief(parse_toml(text, "s.toml"), perfect_gantry(), faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  read_belief(parse_toml(text, "s.toml"), perfect_gantry(), input_errors);
+  return text_of(input_errors);
 }
 
 CompensationDescription compensation_of(const std::string& text) {
-  Faults faults;
+  InputErrors input_errors;
   CompensationDescription result =
-      read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, faults);
-  EXPECT_EQ(text_of(faults), "");
+      read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, input_errors);
+  EXPECT_EQ(text_of(input_errors), "");
   return result;
 }
 
 std::string compensation_faults(const std::string& text) {
-  Faults faults;
-  read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, input_errors);
+  return text_of(input_errors);
 }
 
 /// What the reader of case names says when it refuses; empty if it does not.
@@ -76,7 +80,7 @@ TEST(SceneCompensation, AnEmptySectionHasTheDefaultsOfTheHeaders) {
   EXPECT_EQ(read.pulses.cycle_s, 1e-3);
   EXPECT_EQ(read.open.cycle_s, compensation::OpenControl{}.cycle_s);
   EXPECT_EQ(read.origin.increment, compensation::OriginShift{}.increment);
-  EXPECT_EQ(read.table.options.most_points, 256);
+  EXPECT_EQ(read.table.options.max_points, 256);
   EXPECT_FALSE(read.table.format);
   EXPECT_FALSE(read.table.reference);
   EXPECT_EQ(read.piezo.range, compensation::Piezo{}.range);
@@ -148,7 +152,7 @@ TEST(SceneCompensation, EveryKeyIsReadInInternalUnits) {
   EXPECT_DOUBLE_EQ(c.origin.delay_s, 5e-3);
   EXPECT_DOUBLE_EQ(c.origin.increment, 2.0_um);
   EXPECT_DOUBLE_EQ(c.origin.rate, 0.5);
-  EXPECT_EQ(c.table.options.most_points, 64);
+  EXPECT_EQ(c.table.options.max_points, 64);
   EXPECT_EQ(c.table.options.spacing, 2.5);
   EXPECT_DOUBLE_EQ(c.table.options.spacing_rad, 1.0_deg);
   EXPECT_FALSE(c.table.options.cross);
@@ -184,9 +188,9 @@ TEST(SceneCompensation, UnknownKeysAreRefusedWithTheNearestOne) {
       {"[piezo.loop]\norder = \"first\"\ndampng = 1", "compensation.piezo.loop.damping", "dampng"},
   };
   for (const auto& one : cases) {
-    const std::string faults = compensation_faults(one.text);
-    EXPECT_NE(faults.find(one.nearest), std::string::npos) << faults;
-    EXPECT_NE(faults.find(one.seen), std::string::npos) << faults;
+    const std::string input_errors = compensation_faults(one.text);
+    EXPECT_NE(input_errors.find(one.nearest), std::string::npos) << input_errors;
+    EXPECT_NE(input_errors.find(one.seen), std::string::npos) << input_errors;
   }
 }
 
@@ -245,10 +249,10 @@ TEST(SceneCompensation, WordsThatAreNotOnTheListAreRefusedWithTheList) {
 }
 
 TEST(SceneCompensation, AllFaultsAreReportedAtOnce) {
-  const std::string faults = compensation_faults(
+  const std::string input_errors = compensation_faults(
       "rotary_bound_deg = -1\nplug_in = \"iterated\"\n[pulses]\ncount_um = 0\n[opne]\n");
   for (const char* word : {"rotary_bound_deg", "strategy-channel", "count_um", "opne"})
-    EXPECT_NE(faults.find(word), std::string::npos) << word << " in: " << faults;
+    EXPECT_NE(input_errors.find(word), std::string::npos) << word << " in: " << input_errors;
 }
 
 TEST(SceneCompensation, APlugInsStrategyAndChannelAreTwoTokens) {
@@ -406,9 +410,11 @@ TEST(SceneBelief, FaultsAreReportedAtTheirPlace) {
       {"part = [1]", "s.toml:1:", "part"},
   };
   for (const auto& one : cases) {
-    const std::string faults = belief_faults(one.text);
-    EXPECT_NE(faults.find(one.place), std::string::npos) << one.text << " gives: " << faults;
-    EXPECT_NE(faults.find(one.word), std::string::npos) << one.text << " gives: " << faults;
+    const std::string input_errors = belief_faults(one.text);
+    EXPECT_NE(input_errors.find(one.place), std::string::npos)
+        << one.text << " gives: " << input_errors;
+    EXPECT_NE(input_errors.find(one.word), std::string::npos)
+        << one.text << " gives: " << input_errors;
   }
 }
 
@@ -437,9 +443,10 @@ TEST(SceneBelief, ACaseWithoutItsBeliefIsRefusedByNameAndSection) {
       {"part-position-ideal", "[belief.part]"},
       {"fused-position-ideal", "something in [belief]"}};
   for (const auto& [name, section] : cases) {
-    const std::string faults = scene_faults(fmt::format("[compare]\ncases = [\"{}\"]\n", name));
-    EXPECT_NE(faults.find(name), std::string::npos) << faults;
-    EXPECT_NE(faults.find(section), std::string::npos) << faults;
+    const std::string input_errors =
+        scene_faults(fmt::format("[compare]\ncases = [\"{}\"]\n", name));
+    EXPECT_NE(input_errors.find(name), std::string::npos) << input_errors;
+    EXPECT_NE(input_errors.find(section), std::string::npos) << input_errors;
   }
   EXPECT_EQ(scene_faults("[compare]\ncases = [\"perfect-position-ideal\"]\n"), "");
   EXPECT_EQ(scene_faults("[belief]\nidentified = { EXX_um = 3 }\n[compare]\ncases = "
@@ -471,17 +478,18 @@ TEST(SceneBelief, ForceWantsACutAndTheSignalThatItIsReadFrom) {
 }
 
 TEST(SceneBelief, CasesAreRefusedAtTheirPlaceInTheList) {
-  const std::string faults = scene_faults(
+  const std::string input_errors = scene_faults(
       "[compare]\ncases = [\"perfect-iterated-ideal\", \"perfect-iterated-ideal\",\n\"perfekt-"
       "iterated-ideal\", 3, \"./a.py\", \"b/a.py\"]\n");
-  EXPECT_NE(faults.find("each case once, seen \"perfect-iterated-ideal\" again"), std::string::npos)
-      << faults;
-  EXPECT_NE(faults.find("expected a belief (perfect"), std::string::npos) << faults;
-  EXPECT_NE(faults.find("a case name such as \"perfect-iterated-ideal\", seen 3"),
+  EXPECT_NE(input_errors.find("each case once, seen \"perfect-iterated-ideal\" again"),
             std::string::npos)
-      << faults;
-  EXPECT_NE(faults.find("b/a.py\" again"), std::string::npos)
-      << "two plug-ins would share a folder: " << faults;
+      << input_errors;
+  EXPECT_NE(input_errors.find("expected a belief (perfect"), std::string::npos) << input_errors;
+  EXPECT_NE(input_errors.find("a case name such as \"perfect-iterated-ideal\", seen 3"),
+            std::string::npos)
+      << input_errors;
+  EXPECT_NE(input_errors.find("b/a.py\" again"), std::string::npos)
+      << "two plug-ins would share a folder: " << input_errors;
 }
 
 /// A thermal belief as a file has it.

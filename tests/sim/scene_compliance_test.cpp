@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/compliance.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/gantry.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
@@ -16,21 +19,21 @@ namespace {
 
 struct ReadCompliance {
   errors::ComplianceErrors compliance;
-  std::string faults;
+  std::string input_errors;
 };
 
 ReadCompliance read_with_faults(const std::string& text) {
-  Faults faults;
+  InputErrors input_errors;
   ReadCompliance result;
-  result.compliance = read_compliance(parse_toml(text, "c.toml"), gantry(), faults);
-  result.faults = text_of(faults);
+  result.compliance = read_compliance(parse_toml(text, "c.toml"), gantry(), input_errors);
+  result.input_errors = text_of(input_errors);
   return result;
 }
 
 testing::AssertionResult refused(const std::string& text, const std::string& part) {
-  const std::string faults = read_with_faults(text).faults;
-  if (faults.find(part) != std::string::npos) return testing::AssertionSuccess();
-  return testing::AssertionFailure() << "\"" << faults << "\" has no \"" << part << "\"";
+  const std::string input_errors = read_with_faults(text).input_errors;
+  if (input_errors.find(part) != std::string::npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "\"" << input_errors << "\" has no \"" << part << "\"";
 }
 
 TEST(SceneCompliance, ReadsStiffnessesAsTheirInverse) {
@@ -45,7 +48,7 @@ stiffness_N_per_um = [80, 80, 160]
 [fixture]
 turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
 )");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   ASSERT_EQ(r.compliance.joints.size(), 2u);
   const errors::Compliance& C = r.compliance.joints[0].C;
   EXPECT_EQ(r.compliance.joints[0].axis, 'X');
@@ -73,7 +76,7 @@ turn_deg = [0, 0, 30]
 stiffness_N_per_um = [50, 2, 40]
 turn_deg = [0, 0, 90]
 )");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   const errors::Compliance& C = r.compliance.joints[0].C;
   // by hand: the soft direction is y turned about z, (-1/2, sqrt(3)/2, 0)
   const double stiff = 1 / 50e3, soft = 1 / 2e3;
@@ -99,7 +102,7 @@ TEST(SceneCompliance, ReadsAMatrixRowByRow) {
                                              : i == 4 || i == 24 ? "-2e-6"
                                                                  : "0");
   const ReadCompliance r = read_with_faults("[axis.Z]\n" + numbers + "]\n");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   EXPECT_EQ(r.compliance.joints[0].C(0, 0), 1e-5);
   EXPECT_EQ(r.compliance.joints[0].C(0, 4), -2e-6);
   EXPECT_EQ(r.compliance.joints[0].C(4, 0), -2e-6);
@@ -113,7 +116,7 @@ stiffness_N_per_um = [20, 20, 100]
 section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600, poisson_ratio = 0.22 },
            { length_mm = 30, diameter_mm = 16, youngs_modulus_GPa = 600 }]
 )");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   EXPECT_NEAR(100.0 * (r.compliance.tool(0, 0) - 1.0 / 20e3), 0.0120614855, 5e-11);
 }
 
@@ -127,7 +130,7 @@ length_mm = 100
 diameter_mm = 25
 youngs_modulus_GPa = 210
 )");
-  ASSERT_EQ(bar.faults, "");
+  ASSERT_EQ(bar.input_errors, "");
   const auto& b = std::get<errors::WorkpieceBar>(*bar.compliance.workpiece);
   EXPECT_EQ(b.direction_w, Eigen::Vector3d::UnitX());
   EXPECT_NEAR(b.second_moment, pi * 390625.0 / 64.0, 1e-9);
@@ -141,14 +144,14 @@ height_mm = 30
 thickness_mm = 3
 youngs_modulus_GPa = 70
 )");
-  ASSERT_EQ(plate.faults, "");
+  ASSERT_EQ(plate.input_errors, "");
   const auto& p = std::get<errors::WorkpiecePlate>(*plate.compliance.workpiece);
   EXPECT_EQ(p.up_w, Eigen::Vector3d::UnitZ());
   EXPECT_EQ(p.poisson_ratio, 0.33);
   const ReadCompliance moment = read_with_faults(
       "workpiece = { kind = \"bar\", length_mm = 10, second_moment_mm4 = 5, "
       "youngs_modulus_GPa = 1 }");
-  ASSERT_EQ(moment.faults, "");
+  ASSERT_EQ(moment.input_errors, "");
   EXPECT_EQ(std::get<errors::WorkpieceBar>(*moment.compliance.workpiece).second_moment, 5.0);
 }
 
@@ -169,7 +172,7 @@ centre_mm = [0, 0, 0]
 FZ_N = -500
 MX_Nm = 2
 )");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   ASSERT_EQ(r.compliance.masses.size(), 2u);
   EXPECT_EQ(r.compliance.masses[0].axis, 'Z');
   EXPECT_EQ(r.compliance.masses[0].centre_b, Eigen::Vector3d(0, 10, 300));
@@ -225,7 +228,7 @@ TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
       refused("axis.X = { turning_stiffness_Nm_per_urad = [1, 1, 0.9e-9] }", "at least 1e-09"));
   EXPECT_EQ(read_with_faults("scale = 1e6\n[axis.X]\nstiffness_N_per_um = [1e-6, 1, 1]\n"
                              "turning_stiffness_Nm_per_urad = [1, 1e-9, 1]")
-                .faults,
+                .input_errors,
             "");
   std::string soft = "[axis.X]\nmatrix = [1001";
   for (int i = 1; i < 36; ++i) soft += ", 0";
@@ -242,7 +245,7 @@ TEST(SceneCompliance, ReadsAFieldFromCsv) {
   const std::string file = folder.write("wall.csv", field_csv).string();
   const ReadCompliance r =
       read_with_faults("workpiece = { kind = \"field\", file = \"" + file + "\" }");
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
   ASSERT_EQ(field.points_w.rows(), 2);
   EXPECT_EQ(field.compliance_w[1](2, 2), 6e-3);
@@ -261,7 +264,9 @@ std::string compliance_again(const std::string& text) {
   const MachineDescription machine = gantry();
   return written_again(
       text,
-      [&](const Node& node, Faults& faults) { return read_compliance(node, machine, faults); },
+      [&](const Node& node, InputErrors& input_errors) {
+        return read_compliance(node, machine, input_errors);
+      },
       [&](const errors::ComplianceErrors& soft) { return written_compliance(soft, machine); });
 }
 
@@ -353,7 +358,7 @@ TEST(SceneCompliance, ReadsAFieldFromVtuWhereItCan) {
   const std::string text = "workpiece = { kind = \"field\", file = \"" + file + "\" }";
 #if ABBE_RENDER
   const ReadCompliance r = read_with_faults(text);
-  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.input_errors, "");
   const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
   EXPECT_NEAR(field.compliance_w[0](0, 1), 1e-4, 1e-19);
   EXPECT_NEAR(field.compliance_w[1](2, 0), -5e-4, 1e-19);

@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/cutting.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/written_section.h"
@@ -28,28 +31,28 @@ ToolDescription diamond() {
 }
 
 CuttingDescription cutting_of(const std::string& text, const ToolDescription& tool,
-                              Faults& faults) {
-  return read_cutting(parse_toml(text, "s.toml"), tool, faults);
+                              InputErrors& input_errors) {
+  return read_cutting(parse_toml(text, "s.toml"), tool, input_errors);
 }
 
 std::string faults_in(const std::string& text, const ToolDescription& tool = mill()) {
-  Faults faults;
-  cutting_of(text, tool, faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  cutting_of(text, tool, input_errors);
+  return text_of(input_errors);
 }
 
 std::string material_faults_in(const std::string& text) {
-  Faults faults;
-  read_material(parse_toml(text, "m.toml"), faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  read_material(parse_toml(text, "m.toml"), input_errors);
+  return text_of(input_errors);
 }
 
 const std::string box = "blank = \"box\"\nlower_mm = [0, -5, -10]\nupper_mm = [20, 5, 0]\n";
 
 TEST(SceneCutting, BoxIsReadWithItsDefaults) {
-  Faults faults;
-  const CuttingDescription cutting = cutting_of(box, mill(), faults);
-  EXPECT_EQ(text_of(faults), "");
+  InputErrors input_errors;
+  const CuttingDescription cutting = cutting_of(box, mill(), input_errors);
+  EXPECT_EQ(text_of(input_errors), "");
   const auto& blank = std::get<cutting::BoxBlank>(cutting.blank);
   EXPECT_EQ(blank.lower_k, Vector3d(0, -5, -10));
   EXPECT_EQ(blank.upper_k, Vector3d(20, 5, 0));
@@ -58,7 +61,7 @@ TEST(SceneCutting, BoxIsReadWithItsDefaults) {
   EXPECT_EQ(cutting.max_bytes, std::size_t(2) << 30);
   EXPECT_EQ(cutting.step, 0.5);
   EXPECT_EQ(cutting.tolerance, 1.0_nm);
-  EXPECT_EQ(cutting.most_iterations, 30);
+  EXPECT_EQ(cutting.max_iterations, 30);
   EXPECT_FALSE(cutting.material);
   EXPECT_EQ(cutting.flutes.count, 2);
   EXPECT_EQ(cutting.flutes.helix, 30.0_deg);
@@ -68,14 +71,14 @@ TEST(SceneCutting, BoxIsReadWithItsDefaults) {
 }
 
 TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
-  Faults faults;
+  InputErrors input_errors;
   const CuttingDescription cutting = cutting_of(
       "blank = \"cylinder\"\nradius_mm = 12\nlower_mm = -3\nupper_mm = 4\nspacing_mm = 0.25\n"
       "directions = 1\nmax_MiB = 16\nstep_mm = 0.1\ntolerance_nm = 5\nmost_iterations = 7\n"
       "flutes = 4\nhelix_deg = -45\nrun_out_um = 12\nrun_out_angle_deg = 90\n"
       "rotation = \"counter_clockwise\"\nrest_um = 20\ngouge_um = 30\n",
-      mill(), faults);
-  EXPECT_EQ(text_of(faults), "");
+      mill(), input_errors);
+  EXPECT_EQ(text_of(input_errors), "");
   const auto& blank = std::get<cutting::CylinderBlank>(cutting.blank);
   EXPECT_EQ(blank.radius, 12.0);
   EXPECT_EQ(blank.lower, -3.0);
@@ -85,7 +88,7 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
   EXPECT_EQ(cutting.max_bytes, std::size_t(16) << 20);
   EXPECT_EQ(cutting.step, 0.1);
   EXPECT_DOUBLE_EQ(cutting.tolerance, 5.0_nm);
-  EXPECT_EQ(cutting.most_iterations, 7);
+  EXPECT_EQ(cutting.max_iterations, 7);
   EXPECT_EQ(cutting.flutes.count, 4);
   EXPECT_EQ(cutting.flutes.helix, -45.0_deg);
   EXPECT_EQ(cutting.flutes.run_out, 12.0_um);
@@ -97,7 +100,10 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
 
 std::string cutting_again(const std::string& text, const ToolDescription& tool) {
   return written_again(
-      text, [&](const Node& node, Faults& faults) { return read_cutting(node, tool, faults); },
+      text,
+      [&](const Node& node, InputErrors& input_errors) {
+        return read_cutting(node, tool, input_errors);
+      },
       [&](const CuttingDescription& cutting) { return written_cutting(cutting, tool); });
 }
 
@@ -145,27 +151,27 @@ radius_mm = 14.0
 }
 
 TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
-  Faults faults;
+  InputErrors input_errors;
   const CuttingDescription offset =
-      cutting_of("blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8\n", mill(), faults);
+      cutting_of("blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8\n", mill(), input_errors);
   EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).allowance, 0.4);
   EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).floor, -8.0);
   const SceneFolder folder;
   const std::string stl = folder.write("b.stl", "solid b\nendsolid b\n").string();
-  const CuttingDescription mesh =
-      cutting_of("blank = \"mesh\"\nfile = \"" + stl + "\"\nunit = \"inch\"\n", mill(), faults);
+  const CuttingDescription mesh = cutting_of(
+      "blank = \"mesh\"\nfile = \"" + stl + "\"\nunit = \"inch\"\n", mill(), input_errors);
   EXPECT_EQ(std::get<MeshFile>(mesh.blank).file, stl);
   EXPECT_EQ(std::get<MeshFile>(mesh.blank).unit, 25.4);
   const CuttingDescription turned = cutting_of(
       "blank = \"turned\"\nspacing_mm = 0.01\nprofile = [{ along_mm = -60, radius_mm = 13 }, "
       "{ along_mm = -30, radius_mm = 13 }, { along_mm = -30, radius_mm = 14 }, "
       "{ along_mm = 0, radius_mm = 14 }]\n",
-      diamond(), faults);
+      diamond(), input_errors);
   const auto& profile = std::get<CuttingDescription::TurnedBlank>(turned.blank).profile;
   ASSERT_EQ(profile.rows(), 4);
   EXPECT_EQ(profile(1, 0), -30.0);
   EXPECT_EQ(profile(2, 1), 14.0);
-  EXPECT_EQ(text_of(faults), "");
+  EXPECT_EQ(text_of(input_errors), "");
 }
 
 TEST(SceneCutting, ZeroFlutesAreRefusedWithTheirPlace) {
@@ -245,9 +251,9 @@ TEST(SceneMaterial, EveryShippedSetIsReadAndNamesItsSource) {
   for (const auto& file : std::filesystem::directory_iterator(
            std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / "materials")) {
     SCOPED_TRACE(file.path().string());
-    Faults faults;
-    const cutting::CuttingCoefficients K = read_material(read_toml_file(file.path()), faults);
-    EXPECT_EQ(text_of(faults), "");
+    InputErrors input_errors;
+    const cutting::CuttingCoefficients K = read_material(read_toml_file(file.path()), input_errors);
+    EXPECT_EQ(text_of(input_errors), "");
     EXPECT_NO_THROW(validate(K));
     EXPECT_GT(K.name.size(), 5u);
     EXPECT_GT(K.source.size(), 20u);
@@ -257,10 +263,10 @@ TEST(SceneMaterial, EveryShippedSetIsReadAndNamesItsSource) {
 }
 
 TEST(SceneMaterial, Al6082IsAsItsSourceSays) {
-  Faults faults;
+  InputErrors input_errors;
   const auto file =
       std::filesystem::path(ABBE_SOURCE_DIR) / "scenes/materials/al6082_t6_carbide.toml";
-  const cutting::CuttingCoefficients K = read_material(read_toml_file(file), faults);
+  const cutting::CuttingCoefficients K = read_material(read_toml_file(file), input_errors);
   EXPECT_EQ(K.K_tc, 631.0);
   EXPECT_EQ(K.K_rc, 99.0);
   EXPECT_EQ(K.K_ac, 273.0);

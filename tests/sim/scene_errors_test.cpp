@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/errors.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/gantry.h"
 #include "tests/sim/listed_keys.h"
 #include "tests/sim/scene_folder.h"
@@ -12,11 +15,11 @@ namespace {
 
 /// What is written of the errors that a text gives.
 std::string errors_again(const std::string& text) {
-  Faults faults;
+  InputErrors input_errors;
   const Node table = parse_toml(text, "e");
   const Node* list = table.find("list");
-  const ErrorsSection section = read_errors(list ? *list : table, gantry(), 7, faults);
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+  const ErrorsSection section = read_errors(list ? *list : table, gantry(), 7, input_errors);
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
   const Node::Table again = written_errors(section, gantry());
   EXPECT_EQ(unlisted(again, errors_keys()), "");
   EXPECT_EQ(unlisted(*table.table(), errors_keys()), list ? "list\n" : "");

@@ -8,10 +8,13 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/cut_warnings.h"
-#include "sim/report/key_rows.h"
+#include "sim/cut/process.h"
+#include "sim/report/key_reference.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/scene.h"
 #include "sim/scene/scene_fields.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/tool.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
@@ -37,14 +40,14 @@ const std::string grooving =
     "z_mm = [-0.8, -1.0, -1.0, -0.8, 4.0, 4.0]\n"
     "arc_radii_mm = [0, 0.2, 0, 0.2, 0, 0]\nlength_mm = 60\n";
 
-ToolDescription read_tool(const Node& section, Faults& faults) {
-  return read_tools(section, faults).front();
+ToolDescription read_tool(const Node& section, InputErrors& input_errors) {
+  return read_tools(section, input_errors).front();
 }
 
 std::string tool_faults(const std::string& text) {
-  Faults faults;
-  read_tool(parse_toml(text, "s.toml"), faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  read_tool(parse_toml(text, "s.toml"), input_errors);
+  return text_of(input_errors);
 }
 
 TEST(SceneInsert, IsReadAndWritten) {
@@ -69,7 +72,7 @@ TEST(SceneInsert, IsReadAndWritten) {
   EXPECT_EQ(insert.minor_length, 14.0);
   // straight ahead the edge leans by kappa_r
   const Eigen::Vector2d ahead(-std::sin(93 * units::deg), -std::cos(93 * units::deg));
-  EXPECT_NEAR(ahead.dot(cutting::foremost(*nominal.profile, ahead)), 0.4, 1e-12);
+  EXPECT_NEAR(ahead.dot(cutting::extreme_point(*nominal.profile, ahead)), 0.4, 1e-12);
   EXPECT_EQ(std::get<Nose>(read_section(grooving, read_tool).nominal).radius, 1.0);
 }
 

@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/instruments.h"
 #include "sim/scene/read_scene.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -25,9 +28,10 @@ std::string faults_of_measured(const std::string& sections,
 }
 
 void expect_fault(const std::string& sections, const std::string& place, const std::string& said) {
-  const std::string faults = faults_of_measured(sections);
-  EXPECT_NE(faults.find("m.toml:" + place), std::string::npos) << place << " in: " << faults;
-  EXPECT_NE(faults.find(said), std::string::npos) << said << " in: " << faults;
+  const std::string input_errors = faults_of_measured(sections);
+  EXPECT_NE(input_errors.find("m.toml:" + place), std::string::npos)
+      << place << " in: " << input_errors;
+  EXPECT_NE(input_errors.find(said), std::string::npos) << said << " in: " << input_errors;
 }
 
 TEST(SceneInstruments, AKindAloneIsTheInstrumentAsItIsBought) {
@@ -130,11 +134,11 @@ TEST(SceneInstruments, FaultsAreReportedWithTheirPlace) {
 
 TEST(SceneInstruments, AnInstrumentThatTheMachineCannotCarryIsRefusedAtItsKind) {
   for (const std::string kind : {"r_test", "sphere", "ball_bar_rotary"}) {
-    const std::string faults =
+    const std::string input_errors =
         faults_of_measured("[[instrument]]\nkind = \"" + kind + "\"\n", "three_axis_table");
-    EXPECT_NE(faults.find("m.toml:15:"), std::string::npos) << faults;
-    EXPECT_NE(faults.find("an instrument that can measure this machine"), std::string::npos)
-        << faults;
+    EXPECT_NE(input_errors.find("m.toml:15:"), std::string::npos) << input_errors;
+    EXPECT_NE(input_errors.find("an instrument that can measure this machine"), std::string::npos)
+        << input_errors;
   }
   EXPECT_EQ(faults_of_measured("[[instrument]]\nkind = \"ball_bar\"\n", "three_axis_table"), "");
 }
@@ -156,7 +160,7 @@ TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreReported) {
   ASSERT_TRUE(scene.sensor_choice);
   const auto& study = scene.sensor_choice->study;
   EXPECT_EQ(study.choice.count, 3);
-  EXPECT_EQ(study.choice.likeness, Likeness::Grey);
+  EXPECT_EQ(study.choice.similarity_measure, SimilarityMeasure::Grey);
   EXPECT_EQ(study.choice.grey.kind, GreyKind::Absolute);
   EXPECT_EQ(study.choice.grey.image, Image::Mean);
   EXPECT_EQ(study.choice.screening, Screening::Degree);
@@ -219,9 +223,9 @@ TEST(SceneInstruments, ASensorChoiceThatIsWrittenReadsAsTheSame) {
       "[[beside]]\nname = \"a\"\nsensors = [\"S\", \"T\"]\n"
       "[[beside]]\nname = \"b\"\nfor = [\"Z\"]\nlikeness = \"correlation\"\n";
   const auto written = [](const std::string& toml) {
-    Faults faults;
-    const auto choice = read_sensor_choice(parse_toml(toml, "s.toml"), faults);
-    EXPECT_TRUE(faults.empty());
+    InputErrors input_errors;
+    const auto choice = read_sensor_choice(parse_toml(toml, "s.toml"), input_errors);
+    EXPECT_TRUE(input_errors.empty());
     return to_toml(Node{{}, written_sensor_choice(choice)});
   };
   EXPECT_EQ(written(written(text)), written(text));

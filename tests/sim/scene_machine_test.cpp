@@ -4,8 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/scene/fields.h"
+#include "sim/scene/machine.h"
 #include "sim/scene/read_scene.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 
@@ -13,9 +16,9 @@ namespace abbe::sim {
 namespace {
 
 MachineDescription machine_of(const std::string& text) {
-  Faults faults;
-  MachineDescription machine = read_machine(parse_toml(text, "m.toml"), faults);
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+  InputErrors input_errors;
+  MachineDescription machine = read_machine(parse_toml(text, "m.toml"), input_errors);
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
   return machine;
 }
 
@@ -48,13 +51,13 @@ deviation_axes = "turning"
 
 TEST(SceneMachine, AShapeThatIsNoneIsAllThatIsSaidOfABody) {
   const auto faults_of_body = [](const std::string& keys) {
-    Faults faults;
+    InputErrors input_errors;
     read_machine(parse_toml("code = \"w b X Y Z s t\"\nnose = { at_mm = [0, 0, 0] }\n[axis.X]\n"
                             "[axis.Y]\n[axis.Z]\n[[body]]\ncarried_by = \"Z\"\n" +
                                 keys,
                             "m.toml"),
-                 faults);
-    return text_of(faults);
+                 input_errors);
+    return text_of(input_errors);
   };
   const std::string shapes =
       "one of \"box\", \"cone\", \"cylinder\", \"extrusion\", \"mesh\", \"revolution\", \"sphere\"";
@@ -103,9 +106,10 @@ TEST(SceneMachine, PackagedMachinesAreWrittenAndReadAsTheSame) {
 TEST(SceneMachine, ATurnIsWrittenAsItWasGiven) {
   for (const char* turn : {"[0.0, 90.0, 0.0]", "[180.0, 0.0, 0.0]", "[0.0, 0.0, -90.0]",
                            "[0.0, 12.5, 0.0]", "[10.0, 20.0, 30.0]", "[0.0, 0.0, 0.0]"}) {
-    Faults faults;
+    InputErrors input_errors;
     const Node given = parse_toml("turn_deg = " + std::string(turn), "t.toml");
-    const Node::Table written = turn_fields().written(turn_fields().read_table(given, "", faults));
+    const Node::Table written =
+        turn_fields().written(turn_fields().read_table(given, "", input_errors));
     EXPECT_EQ(toml_of(written), to_toml(given));
   }
 }
@@ -113,9 +117,10 @@ TEST(SceneMachine, ATurnIsWrittenAsItWasGiven) {
 TEST(SceneMachine, WhatTheControlBelievesIsWrittenAndReadAsTheSame) {
   const MachineDescription machine = read_scene(packaged("gantry_perfect.toml")).machine;
   const auto control_of = [&](const std::string& text) {
-    Faults faults;
-    ControlDescription control = read_control(parse_toml(text, "c.toml"), machine.joints, faults);
-    for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+    InputErrors input_errors;
+    ControlDescription control =
+        read_control(parse_toml(text, "c.toml"), machine.joints, input_errors);
+    for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
     return control;
   };
   for (const char* text :

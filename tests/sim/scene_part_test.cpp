@@ -4,7 +4,12 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/part.h"
+#include "sim/scene/program.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/tool.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/written_section.h"
 
@@ -15,8 +20,8 @@ std::string part_again(const std::string& text) {
   return written_again(text, read_part, written_part);
 }
 std::string tool_again(const std::string& text) {
-  const auto read_tool = [](const Node& table, Faults& faults) {
-    return read_tools(table, faults).front();
+  const auto read_tool = [](const Node& table, InputErrors& input_errors) {
+    return read_tools(table, input_errors).front();
   };
   return written_again(text, read_tool, written_tool);
 }
@@ -184,7 +189,10 @@ std::vector<kinematics::Joint> joints() {
 
 std::string program_again(const std::string& text) {
   return written_again(
-      text, [](const Node& node, Faults& faults) { return read_program(node, joints(), faults); },
+      text,
+      [](const Node& node, InputErrors& input_errors) {
+        return read_program(node, joints(), input_errors);
+      },
       [](const ProgramDescription& program) { return written_program(program, joints()); });
 }
 

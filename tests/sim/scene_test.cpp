@@ -179,7 +179,7 @@ TEST(Scene, AllFaultsAreToldAtOnce) {
     read_scene(folder.write("s.toml", text));
     FAIL() << "read";
   } catch (const BadScene& bad) {
-    EXPECT_EQ(bad.faults.size(), 5u) << bad.what();
+    EXPECT_EQ(bad.input_errors.size(), 5u) << bad.what();
     const std::string all = bad.what();
     for (const char* place : {":10:10:", ":14:13:", ":15:1:", ":22:1:", ":23:19:"}) {
       EXPECT_NE(all.find(std::string("s.toml") + place), std::string::npos) << place << "\n" << all;
@@ -217,13 +217,13 @@ TEST(Scene, MissingFilesAreNamedWhereTheyAreAskedFor) {
                          "[errors]\nEXX_um = 5.0\nEC0Y_urad = 30\n[tool]\nkind = "
                          "\"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 100\n",
                          ""));
-  const std::string faults = faults_of(file);
+  const std::string input_errors = faults_of(file);
   for (const char* expected :
        {"s.toml:1:8: expected a file that can be read, or one of the library: library:",
         "s.toml:2:11: expected a file that can be read, or one of the library: library:",
         "/no.toml: a name counts", "/a.toml"})
-    EXPECT_NE(faults.find(expected), std::string::npos) << expected << " in " << faults;
-  EXPECT_EQ(std::count(faults.begin(), faults.end(), '\n'), 1) << faults;
+    EXPECT_NE(input_errors.find(expected), std::string::npos) << expected << " in " << input_errors;
+  EXPECT_EQ(std::count(input_errors.begin(), input_errors.end(), '\n'), 1) << input_errors;
 }
 
 TEST(Scene, FaultsInASubFileNameThatFile) {
@@ -233,11 +233,11 @@ TEST(Scene, FaultsInASubFileNameThatFile) {
   std::string text = "tool = \"t/ball.toml\"\n" + small_scene;
   text = with(
       text, "[tool]\nkind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 100\n", "");
-  const std::string faults = faults_of(folder.write("s.toml", text));
-  EXPECT_NE(
-      faults.find("t/ball.toml:4:1: expected a known key (nearest: tool.length_mm), seen lengt_mm"),
-      std::string::npos)
-      << faults;
+  const std::string input_errors = faults_of(folder.write("s.toml", text));
+  EXPECT_NE(input_errors.find(
+                "t/ball.toml:4:1: expected a known key (nearest: tool.length_mm), seen lengt_mm"),
+            std::string::npos)
+      << input_errors;
 }
 
 TEST(Scene, TooLargeAndTooDeepTextsAreRefused) {
@@ -264,7 +264,7 @@ TEST(Scene, ManyFaultsAreCutOffAtTwoHundred) {
     read_scene(folder.write("s.toml", text));
     FAIL();
   } catch (const BadScene& bad) {
-    EXPECT_EQ(bad.faults.size(), 201u);
+    EXPECT_EQ(bad.input_errors.size(), 201u);
   }
 }
 
@@ -308,7 +308,7 @@ EAC = { kind = "fourier", period_deg = 360, a_urad = [10] })");
   EXPECT_EQ(std::get<errors::Fourier>(curves[3].shape).a.size(), 2);
   EXPECT_EQ(curves[3].scale, 2.0);
   EXPECT_EQ(std::get<errors::Table>(curves[4].shape).outside, errors::Outside::Hold);
-  EXPECT_EQ(std::get<errors::UpDown>(curves[6].shape).down.value[0], 2 * units::um);
+  EXPECT_EQ(std::get<errors::DirectionalTables>(curves[6].shape).down.value[0], 2 * units::um);
   EXPECT_EQ(std::get<errors::Repeatability>(curves[7].shape).seed, 7u);
 }
 
@@ -479,25 +479,25 @@ TEST(Scene, OverridesChangeValuesByPath) {
 TEST(Scene, OverridesThatMeanNothingAreRefusedByName) {
   const SceneFolder folder;
   const fs::path file = folder.write("s.toml", small_scene);
-  const auto faults = [&](const std::string& path, const std::string& value) {
+  const auto input_errors = [&](const std::string& path, const std::string& value) {
     return faults_of(file, {{path, value}});
   };
-  EXPECT_EQ(faults("tool.radius", "4.9"),
+  EXPECT_EQ(input_errors("tool.radius", "4.9"),
             "--set tool.radius=4.9: expected a known key (nearest: tool.radius_mm), seen radius");
-  EXPECT_EQ(faults("tol.radius_mm", "4.9"),
+  EXPECT_EQ(input_errors("tol.radius_mm", "4.9"),
             "--set tol.radius_mm=4.9: expected a known key (nearest: tool), seen tol");
-  EXPECT_EQ(faults("tool.radius_mm", "4.9mm"),
+  EXPECT_EQ(input_errors("tool.radius_mm", "4.9mm"),
             "--set tool.radius_mm=4.9mm: expected a number for tool.radius_mm, seen \"4.9mm\"");
-  EXPECT_EQ(faults("tool.radius_mm.x", "4"),
+  EXPECT_EQ(input_errors("tool.radius_mm.x", "4"),
             "--set tool.radius_mm.x=4: expected a path to a value, tool.radius_mm.x has none below "
             "\"radius_mm\", seen 5");
-  EXPECT_EQ(faults("tool.radius_mm", "[1"),
+  EXPECT_EQ(input_errors("tool.radius_mm", "[1"),
             "--set tool.radius_mm=[1: expected a TOML value for "
             "tool.radius_mm, seen [1");
-  EXPECT_FALSE(faults("tool.radius_mm", "4\nlength_mm = 3").empty());
-  EXPECT_FALSE(faults("", "4").empty());
-  EXPECT_FALSE(faults("tool..x", "4").empty());
-  EXPECT_FALSE(faults("tool.radius_mm", "").empty());
+  EXPECT_FALSE(input_errors("tool.radius_mm", "4\nlength_mm = 3").empty());
+  EXPECT_FALSE(input_errors("", "4").empty());
+  EXPECT_FALSE(input_errors("tool..x", "4").empty());
+  EXPECT_FALSE(input_errors("tool.radius_mm", "").empty());
 }
 
 TEST(Scene, OverridesReachNamedCurvesAndOtherFiles) {
@@ -700,9 +700,10 @@ TEST(Scene, InputsThatOnceBrokeAReaderAreRefusedWithTheirPlace) {
        fs::directory_iterator(fs::path(ABBE_SOURCE_DIR) / "tests/corpus/scene")) {
     if (entry.path().extension() != ".toml") continue;
     ++tried;
-    const std::string faults = faults_of(entry.path());
-    EXPECT_NE(faults.find("expected "), std::string::npos) << entry.path();
-    EXPECT_NE(faults.find(entry.path().filename().string()), std::string::npos) << entry.path();
+    const std::string input_errors = faults_of(entry.path());
+    EXPECT_NE(input_errors.find("expected "), std::string::npos) << entry.path();
+    EXPECT_NE(input_errors.find(entry.path().filename().string()), std::string::npos)
+        << entry.path();
   }
   EXPECT_GE(tried, 8);
 }

@@ -7,7 +7,10 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/thermal.h"
 #include "tests/sim/gantry.h"
 #include "tests/sim/listed_keys.h"
 #include "tests/sim/refusal.h"
@@ -35,24 +38,24 @@ between = ["room", "bed"]
 conductance_W_per_K = 12
 )";
 
-ThermalDescription thermal_of(const std::string& text, Faults& faults,
+ThermalDescription thermal_of(const std::string& text, InputErrors& input_errors,
                               const MachineDescription& machine = gantry()) {
   const Node table = parse_toml(text, "t");
-  return read_thermal(table, machine, 7, faults);
+  return read_thermal(table, machine, 7, input_errors);
 }
 
 ThermalDescription thermal_of(const std::string& text) {
-  Faults faults;
-  ThermalDescription thermal = thermal_of(text, faults);
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+  InputErrors input_errors;
+  ThermalDescription thermal = thermal_of(text, input_errors);
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
   return thermal;
 }
 
 /// All faults, a line each.
 std::string thermal_faults(const std::string& text) {
-  Faults faults;
-  thermal_of(text, faults);
-  return text_of(faults);
+  InputErrors input_errors;
+  thermal_of(text, input_errors);
+  return text_of(input_errors);
 }
 
 std::string faults_with_more(const std::string& more) {
@@ -291,9 +294,9 @@ TEST(SceneThermal, EverySensorHasANoiseOfItsOwnFromTheSeedOfTheScene) {
                           "[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n"
                           "[[sensor]]\nname = \"T2\"\nnode = \"bed\"\n";
   const Node table = parse_toml(two, "t");
-  Faults faults;
+  InputErrors input_errors;
   const auto seeds = [&](std::uint64_t scene) {
-    const ThermalDescription thermal = read_thermal(table, gantry(), scene, faults);
+    const ThermalDescription thermal = read_thermal(table, gantry(), scene, input_errors);
     return std::pair(thermal.sensors.at(0).seed, thermal.sensors.at(1).seed);
   };
   EXPECT_NE(seeds(1).first, seeds(1).second);
@@ -639,10 +642,10 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
     if (joint.name == 'A') std::tie(joint.min, joint.max) = std::pair(-2.0, 2.0);
   }
   const auto plot = [&](const std::string& text, std::string& refused) {
-    Faults faults;
+    InputErrors input_errors;
     const auto thermal =
-        thermal_of(small_thermal + "[[plot]]\nat_h = [0]\n" + text, faults, machine);
-    for (const BadInput& fault : faults.list()) refused += fault.what();
+        thermal_of(small_thermal + "[[plot]]\nat_h = [0]\n" + text, input_errors, machine);
+    for (const BadInput& fault : input_errors.list()) refused += fault.what();
     return thermal.plots.empty() ? ThermalDescription::Plot() : thermal.plots[0];
   };
   std::string refused;
@@ -698,7 +701,7 @@ TEST(SceneThermal, UnknownKeysAreRefusedWithTheNearestKnownOne) {
 }
 
 TEST(SceneThermal, AMachineWithFaultsOfItsOwnCausesNoOthersHere) {
-  Faults faults;
+  InputErrors input_errors;
   thermal_of(small_thermal + R"(
 [axis.X]
 feedback = "motor"
@@ -715,8 +718,8 @@ coulomb_N = 3
 duration_h = 1
 axis_speed_mm_per_min = { X = 3 }
 )",
-             faults, MachineDescription{});
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+             input_errors, MachineDescription{});
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
 }
 
 }  // namespace

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
-#include "sim/cut/reach.h"
+#include "kinematics/units.h"
+#include "sim/cut/placement.h"
+#include "sim/cut/placement_suggestion.h"
 #include "sim/cut/tool_poses.h"
-#include "sim/cut/way_out.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
 
@@ -75,8 +75,8 @@ class SeveralTools : public testing::Test {
     try {
       prepare(read_scene(folder_.write("s.toml", text)));
       return "";
-    } catch (const BadScene& faults) {
-      return faults.what();
+    } catch (const BadScene& input_errors) {
+      return input_errors.what();
     } catch (const BadInput& fault) {
       return fault.what();
     }
@@ -89,7 +89,7 @@ class SeveralTools : public testing::Test {
 };
 
 /// The least residual of maps of one design, vertex by vertex; NaN where none cuts.
-Eigen::VectorXd least_of(const std::vector<cutting::Surface>& surfaces) {
+Eigen::VectorXd min_of(const std::vector<cutting::Surface>& surfaces) {
   Eigen::VectorXd least = Eigen::VectorXd::Constant(surfaces.front().residual.size(), none);
   for (const cutting::Surface& one : surfaces)
     for (Eigen::Index i = 0; i < least.size(); ++i)
@@ -104,16 +104,16 @@ TEST_F(SeveralTools, TheOffsetOfAMovedProgramIsThatAtWhichItWasProgrammed) {
   const auto moved = [&](const Eigen::Vector3d& by) {
     std::string text = scene(listed({t1, t2}), program);
     const std::string offset = "{ Z_mm = -100 }";
-    text.replace(text.find(offset), offset.size(),
-                 fmt::format("{{ X_mm = {}, Y_mm = {}, Z_mm = {} }}", by.x(), by.y(),
-                             by.z() - 100.0));
+    text.replace(
+        text.find(offset), offset.size(),
+        fmt::format("{{ X_mm = {}, Y_mm = {}, Z_mm = {} }}", by.x(), by.y(), by.z() - 100.0));
     return prepare(read_scene(folder_.write("s.toml", text)));
   };
   EXPECT_TRUE(placement(moved({0, 0, 0})).warnings.empty()) << "it fits already";
-  for (const Eigen::Vector3d& by : {Eigen::Vector3d(0, 0, 8), Eigen::Vector3d(0, 0, -3),
-                                    Eigen::Vector3d(40, 0, 0), Eigen::Vector3d(0, -30, 0),
-                                    Eigen::Vector3d(0, 0, 60)}) {
-    const auto out = way_out(moved(by));
+  for (const Eigen::Vector3d& by :
+       {Eigen::Vector3d(0, 0, 8), Eigen::Vector3d(0, 0, -3), Eigen::Vector3d(40, 0, 0),
+        Eigen::Vector3d(0, -30, 0), Eigen::Vector3d(0, 0, 60)}) {
+    const auto out = placement_suggestion(moved(by));
     ASSERT_TRUE(out) << by.transpose();
     std::cout << by.transpose() << ": " << out->words << ", " << 100.0 * out->reach.share << " %\n";
     const std::array<double, 3> right = {0.0, 0.0, -100.0};
@@ -143,7 +143,7 @@ TEST_F(SeveralTools, EachMoveIsCutWithItsToolAndTheLeastIsLeft) {
     const cutting::Surface together = surface(both);
     const cutting::Surface alone_1 = surface(job("[tool]\n" + t1, first, crooked));
     const cutting::Surface alone_2 = surface(job("[tool]\n" + t2, second, crooked));
-    const Eigen::VectorXd expected = least_of({alone_1, alone_2});
+    const Eigen::VectorXd expected = min_of({alone_1, alone_2});
     int by_first = 0, by_second = 0;
     double largest = 0.0;
     const int second_line = 2 + int(std::ranges::count(first, '\n'));
@@ -173,7 +173,7 @@ TEST_F(SeveralTools, ALongerToolIsSeenWhereTheMachineLeans) {
   const Cut made = cut(both);
   ASSERT_EQ(both.stretches.size(), 2u);
   const auto tip_error = [&](const Job& part) {
-    const Commands commands = as_programmed(part);
+    const Commands commands = uncompensated_commands(part);
     const std::vector<kinematics::Pose> T_wt = tool_poses(part, commands, {});
     return (T_wt.back().translation() - part.T_wt_nominal.back().translation()).norm();
   };
@@ -191,8 +191,9 @@ TEST_F(SeveralTools, ACompensatorCorrectsEachByItsOwnLength) {
       on_gantry(listed({t1, bull}), program,
                 fmt::format("errors = \"{}errors/gantry_typical.toml\"\n", packaged("").string()));
   const cutting::Surface wanted = cut_error_free(both).surface;
-  const Apart before = apart(cut(both).surface, wanted);
-  const Apart after = apart(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
+  const Apart before = length_mismatch_text(cut(both).surface, wanted);
+  const Apart after =
+      length_mismatch_text(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
   std::cout << "uncompensated " << before.rms << " mm RMS, compensated " << after.rms
             << " mm from the error-free map\n";
   EXPECT_GT(before.rms, 5e-3);
@@ -216,7 +217,7 @@ TEST_F(SeveralTools, ToolsThatAreAlikeAreOne) {
   for (const bool error_free : {true, false}) {
     const cutting::Surface a = error_free ? cut_error_free(three).surface : cut(three).surface;
     const cutting::Surface b = error_free ? cut_error_free(one).surface : cut(one).surface;
-    const Apart by = apart(a, b);
+    const Apart by = length_mismatch_text(a, b);
     EXPECT_EQ(by.vertices, 900);
     EXPECT_LT(by.max, 1e-9);
     EXPECT_EQ(a.cut_line, b.cut_line);
@@ -231,7 +232,7 @@ TEST_F(SeveralTools, TheTipOfEachIsCountedByItsOwnChain) {
       tilted(1, -7, 0, 1000) + tilted(2, 0.5, 7, 1000));
   const Job one = on_gantry("[tool]\n" + ball + "length_mm = 100\nnumber = 1\n",
                             tilted(1, -7, 0, 1000) + tilted(1, 0.5, 7, 1000));
-  const Apart by = apart(cut_error_free(two).surface, cut_error_free(one).surface);
+  const Apart by = length_mismatch_text(cut_error_free(two).surface, cut_error_free(one).surface);
   std::cout << by.vertices << " vertices, at most " << by.max << " mm apart\n";
   EXPECT_EQ(by.vertices, 900);
   EXPECT_LT(by.max, 1e-6);  // turning moves are sampled for either length
@@ -251,8 +252,8 @@ TEST_F(SeveralTools, HeatAndSignalsGoOnFromOneToTheNext) {
   const Job one = on_gantry("[tool]\n" + ball + "number = 1\n",
                             tilted(1, -7, 0, 100) + tilted(1, 0.5, 7, 100), heat, rows);
   const Cut a = cut(two), b = cut(one);
-  EXPECT_GT(apart(b.surface, cut_error_free(one).surface).max, 1e-3) << "heat shows";
-  EXPECT_LT(apart(a.surface, b.surface).max, 1e-9);
+  EXPECT_GT(length_mismatch_text(b.surface, cut_error_free(one).surface).max, 1e-3) << "heat shows";
+  EXPECT_LT(length_mismatch_text(a.surface, b.surface).max, 1e-9);
   EXPECT_NEAR(a.tip_error.rms, b.tip_error.rms, 1e-3 * b.tip_error.rms);
   EXPECT_EQ(a.signals.columns, b.signals.columns);
   // rows every 5 s; the second tool begins with one of its own

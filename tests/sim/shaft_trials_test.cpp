@@ -13,9 +13,9 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/summary_report.h"
+#include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
@@ -72,7 +72,7 @@ Computed turn(const char* name) {
     EXPECT_EQ(variant.name, fmt::format("trial {}", trial + 1));
     std::vector<Override> changes = coarse;
     changes.insert(changes.end(), variant.set.begin(), variant.set.end());
-    computed.after[trial] = radii(with_errors(job, read_scene(file, changes)), open);
+    computed.after[trial] = radii(replace_errors(job, read_scene(file, changes)), open);
   }
   return computed;
 }

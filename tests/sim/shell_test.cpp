@@ -7,12 +7,10 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/commands/all_commands.h"
-#include "sim/commands/all_keys.h"
-#include "sim/commands/completion.h"
-#include "sim/commands/manual.h"
-#include "sim/commands/option_words.h"
-#include "sim/commands/questions.h"
+#include "sim/commands/command.h"
+#include "sim/commands/command_line.h"
+#include "sim/commands/help_commands.h"
+#include "sim/commands/shell_files.h"
 #include "sim/scene/read_scene.h"
 #include "tests/safety/program_run.h"
 
@@ -26,7 +24,7 @@ using safety::shell;
 const std::string dome_file = (safety::source / "scenes/gantry_dome.toml").string();
 
 struct CommandList {
-  Common common;
+  CommonOptions common;
   int argc = 0;
   char** argv = nullptr;
   std::vector<Command> commands = all_commands(common, argc, argv);
@@ -63,7 +61,7 @@ bool is_there(const std::string& program) {
 
 TEST(Shell, EveryOptionIsInThePageAndInTheCompletionsOfItsCommand) {
   const CommandList all;
-  const std::vector<Question> asked = questions(all.commands);
+  const std::vector<GlobalOption> asked = global_options(all.commands);
   const std::string bash = bash_completion(all.commands, asked);
   const std::string zsh = zsh_completion(all.commands, asked);
   const std::string fish = fish_completion(all.commands, asked);
@@ -141,19 +139,19 @@ TEST(Shell, CasesAreThoseThatCompareCuts) {
 }
 
 TEST(Shell, KeysAreListedAsSetTakesThem) {
-  const std::vector<std::string> all = keys_to_set("");
+  const std::vector<std::string> all = settable_keys("");
   EXPECT_GT(all.size(), 500u);
   EXPECT_EQ(std::set<std::string>(all.begin(), all.end()).size(), all.size());
-  for (const std::string& key : keys_to_set("part.ra")) EXPECT_TRUE(key.starts_with("part.ra"));
+  for (const std::string& key : settable_keys("part.ra")) EXPECT_TRUE(key.starts_with("part.ra"));
   const auto is_only = [](const std::string& key) {
-    return keys_to_set(key) == std::vector<std::string>{key};
+    return settable_keys(key) == std::vector<std::string>{key};
   };
   EXPECT_TRUE(is_only("tool.radius_mm"));
   EXPECT_TRUE(is_only("tool.1.radius_mm"));
   EXPECT_TRUE(is_only("instrument.laser.kind"));
   EXPECT_TRUE(is_only("machine.axis.X.travel_mm"));
   EXPECT_TRUE(is_only("study.monte_carlo.cases"));
-  EXPECT_TRUE(keys_to_set("monte_carlo").empty());
+  EXPECT_TRUE(settable_keys("monte_carlo").empty());
   EXPECT_EQ(run("--keys part.radius_mm").text, "part.radius_mm\n");
   const Ran ran = run("check " + dome_file + " --set tool.radius_mm=5 --set part.radius_mm=60");
   EXPECT_EQ(ran.code, 0) << ran.text;

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/datum.h"
+#include "sim/cut/commands.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/signal_columns.h"
@@ -67,9 +67,9 @@ TEST(Heat, DriftCountsFromTheDatum) {
     return job_of("thermal_protocol.toml", changes);
   };
   const auto tip_off = [&](const Job& job, double time_h) -> Eigen::Vector3d {
-    const Eigen::Vector3d told_w = point + found_datum(job);
+    const Eigen::Vector3d told_w = point + control_datum_offset(job);
     kinematics::AxisState state;
-    state.q = slides_of_offset(
+    state.q = slide_offset(
         job.machine.control,
         told_w - job.machine.control
                      .tool_in_workpiece(kinematics::AxisVector::Zero(job.machine.control.size()))
@@ -213,7 +213,7 @@ TEST(Heat, AWarmUpMakesTheMapsGrow) {
     std::vector<Override> changes = coarse;
     changes.insert(changes.end(), variant.set.begin(), variant.set.end());
     const Job job = prepare(read_scene(packaged("gantry_warmup.toml"), changes));
-    rms[variant.name] = apart(cut(job).surface, cut_error_free(job).surface).rms;
+    rms[variant.name] = length_mismatch_text(cut(job).surface, cut_error_free(job).surface).rms;
     std::cout << variant.name << ": " << rms[variant.name] / units::um << " um RMS\n";
   }
   EXPECT_LT(rms.at("cold"), rms.at("30 min"));

@@ -163,18 +163,18 @@ TEST(Sources, MapsAddWithinTheBoundOfShiftedCusps) {
   const Job all = job_of(dome(geometric + machine_heat + weight));
   const Cut error_free = cut_error_free(all);
   Eigen::VectorXd left = cut(all).surface.residual - error_free.surface.residual;
-  double t = 0.0, rivals = 0.0, tips = 0.0;
+  double t = 0.0, competing_passes = 0.0, tips = 0.0;
   for (const std::string& text : texts) {
     const Job job = job_of(dome(text));
     const Cut one = cut(job);
     left -= one.surface.residual - error_free.surface.residual;
     t += one.tip_error.max;
-    rivals += rival_shift(job, step_over);
+    competing_passes += rival_shift(job, step_over);
     tips += one.tip_error.rms;
   }
   const double bend = 1 / R + 1 / rho;  // 1 / R_eff
   const double slope = 0.5 * step_over * bend;
-  const double bound = 0.5 * t * t * bend + 2 * slope * t + rivals;
+  const double bound = 0.5 * t * t * bend + 2 * slope * t + competing_passes;
   double most = 0.0, square = 0.0;
   int n = 0;
   for (const double d : left)

@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "cutting/form.h"
+#include "cutting/map/form.h"
 #include "kinematics/units.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"
@@ -241,7 +241,7 @@ TEST(SpindleErrors, AsynchronousMotionLeavesTheLowestOfItsPasses) {
       .end_radius = 2.0};
   Job job = turning_job(facing);
   const errors::Curve& curve = job.scene.geometric.elements.at(0).curves.at(0);
-  job = resampled(std::move(job), std::sqrt(8 * 0.05_nm / errors::most_bend(curve)));
+  job = resampled(std::move(job), std::sqrt(8 * 0.05_nm / errors::max_bend(curve)));
   const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
     if (radius(v) < 2.3 || radius(v) > rim - 0.05) return std::nan("");
     double least = std::numeric_limits<double>::infinity();
@@ -287,7 +287,7 @@ TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
 }
 
 TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
-  const auto faults = [](const std::string& errors) -> std::string {
+  const auto input_errors = [](const std::string& errors) -> std::string {
     try {
       turning_job(Turning{.part = disc, .errors = errors, .feed = 100.0_um});
     } catch (const std::exception& fault) {
@@ -298,13 +298,15 @@ TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
   const auto has = [](const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
   };
-  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\" }"), "rms_um");
-  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = -1 }"), "rms_um");
-  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 30 }"),
+  EXPECT_PRED2(has, input_errors("EZS = { kind = \"asynchronous\" }"), "rms_um");
+  EXPECT_PRED2(has, input_errors("EZS = { kind = \"asynchronous\", rms_um = -1 }"), "rms_um");
+  EXPECT_PRED2(has,
+               input_errors("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 30 }"),
                "highest order");
-  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 0 }"),
+  EXPECT_PRED2(has, input_errors("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 0 }"),
                "lowest_order");
-  EXPECT_PRED2(has, faults("EXX = { kind = \"asynchronous\", rms_um = 1 }"), "axis that turns");
+  EXPECT_PRED2(has, input_errors("EXX = { kind = \"asynchronous\", rms_um = 1 }"),
+               "axis that turns");
 }
 
 // ---- the tool

@@ -7,9 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/report/identify_json.h"
-#include "sim/report/identify_text.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/report/identification_report.h"
 #include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
@@ -40,7 +39,7 @@ Corrected found(double angles) {
   options.out = folder.path() / "belief.toml";
   Corrected result;
   const Identified found = identify(
-      {folder.write("d.csv", to_text(measured(scene, instrument_of(scene, "step_diagonal"))))},
+      {folder.write("d.csv", to_text(measured(scene, find_instrument(scene, "step_diagonal"))))},
       options);
   result.report = to_json(found);
   result.text = identify_text(found);

@@ -10,9 +10,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/commands/compare.h"
+#include "sim/commands/scene_runs.h"
 #include "sim/report/stock_check.h"
-#include "sim/report/summary_report.h"
+#include "sim/report/summary.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"

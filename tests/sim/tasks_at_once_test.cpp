@@ -1,4 +1,4 @@
-#include "sim/files/tasks_at_once.h"
+#include "sim/files/parallel_tasks.h"
 
 #include <atomic>
 #include <chrono>
@@ -42,7 +42,7 @@ void do_all(const std::vector<Task>& tasks, int at_once, Said& said) {
   ProgressLine line(plan_of(tasks), said.listener());
   const tbb::global_control many(tbb::global_control::max_allowed_parallelism, 8);
   tbb::task_arena threads(8);
-  threads.execute([&] { do_tasks(tasks, at_once, line); });
+  threads.execute([&] { run_tasks(tasks, at_once, line); });
 }
 
 /// What never comes is a failure, not a test without end.
@@ -51,7 +51,7 @@ void wait_until(const std::function<bool()>& is_so) {
   EXPECT_TRUE(is_so());
 }
 
-TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
+TEST(TaskRunner, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
   constexpr int count = 30;
   std::vector<std::string> names;
   for (int i = 0; i < count; ++i) names.push_back("part " + std::to_string(i));
@@ -86,7 +86,7 @@ TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
   }
 }
 
-TEST(TasksAtOnce, OneAtATimeStaysInTheCallingThread) {
+TEST(TaskRunner, OneAtATimeStaysInTheCallingThread) {
   const auto caller = std::this_thread::get_id();
   std::vector<Task> tasks(
       3, {"same", [&](const Progress&) { EXPECT_EQ(std::this_thread::get_id(), caller); }});
@@ -94,7 +94,7 @@ TEST(TasksAtOnce, OneAtATimeStaysInTheCallingThread) {
   do_all(tasks, 1, said);
 }
 
-TEST(TasksAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
+TEST(TaskRunner, TheFirstFailureIsThrownAndWhatFollowsItStops) {
   std::atomic<bool> third_began = false, second_failed = false, third_stopped = false,
                     fourth_began = false;
   const auto first = [&](const Progress& progress) {
@@ -134,7 +134,7 @@ TEST(TasksAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
   EXPECT_FALSE(fourth_began);
 }
 
-TEST(TasksAtOnce, TheLongestBeginFirstBesideTheFirst) {
+TEST(TaskRunner, TheLongestBeginFirstBesideTheFirst) {
   for (const int at_once : {1, 2}) {
     std::atomic<int> over = 0;
     std::vector<int> begun;
@@ -158,7 +158,7 @@ TEST(TasksAtOnce, TheLongestBeginFirstBesideTheFirst) {
   }
 }
 
-TEST(TasksAtOnce, AFailureDoesNotHideOneBeforeIt) {
+TEST(TaskRunner, AFailureDoesNotHideOneBeforeIt) {
   const auto fails = [](const char* name) {
     return [=](const Progress&) { throw std::runtime_error(name); };
   };
@@ -177,7 +177,7 @@ TEST(TasksAtOnce, AFailureDoesNotHideOneBeforeIt) {
   }
 }
 
-TEST(TasksAtOnce, NothingToDoIsDone) {
+TEST(TaskRunner, NothingToDoIsDone) {
   Said said;
   do_all({}, 2, said);
   EXPECT_TRUE(said.parts.empty());

@@ -12,9 +12,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/commands/choose_sensors.h"
-#include "sim/report/sensor_choices_json.h"
-#include "sim/report/sensor_choices_text.h"
+#include "sim/commands/scene_runs.h"
+#include "sim/report/sensor_choice_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
@@ -24,9 +23,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// The packaged scene's own day and those of its variants.
-std::vector<Day> packaged_days(const std::string& name) {
+std::vector<DayReadings> packaged_days(const std::string& name) {
   const Scene scene = read_scene(packaged(name));
-  std::vector<Day> days{measured_day("its own day", scene)};
+  std::vector<DayReadings> days{measured_day("its own day", scene)};
   for (const Variant& variant : scene.variants)
     days.push_back(measured_day(variant.name, read_scene(packaged(name), variant.set)));
   return days;
@@ -126,16 +125,17 @@ TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
 
 TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
   for (const char* scene : {"thermal_protocol.toml", "thermal_protocol_chen.toml"})
-    for (const char* likeness : {"deng", "absolute", "relative", "comprehensive", "correlation"})
+    for (const char* similarity_measure :
+         {"deng", "absolute", "relative", "comprehensive", "correlation"})
       for (const char* image : {"initial", "mean", "interval"}) {
-        if (std::string(likeness) != "deng" && std::string(image) != "initial") continue;
+        if (std::string(similarity_measure) != "deng" && std::string(image) != "initial") continue;
         const std::vector<Override> changes{
-            {"sensor_choice.likeness", fmt::format("\"{}\"", likeness)},
+            {"sensor_choice.likeness", fmt::format("\"{}\"", similarity_measure)},
             {"sensor_choice.image", fmt::format("\"{}\"", image)},
             {"sensor_choice.screening", "\"degree\""},
             {"sensor_choice.beside", "[]"}};
         const Json json = to_json(chosen_on(read_scene(packaged(scene), changes)));
-        EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << likeness << " " << image;
+        EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << similarity_measure << " " << image;
       }
 }
 
@@ -254,11 +254,11 @@ TEST(ThermalChoice, AnOrderOfChanceIsGivenAsItsRange) {
   const ThermalChoice choice = chosen_on("thermal_protocol_chen.toml");
   const Json json = to_json(choice);
   int ranges = 0;
-  double least_same = 100.0;
+  double min_same = 100.0;
   for (const Json& way : json["choices"]) {
     if (way["spread"].is_null()) continue;
     const Json& spread = way["spread"];
-    least_same = std::min(least_same, spread["same_sensors_percent"].get<double>());
+    min_same = std::min(min_same, spread["same_sensors_percent"].get<double>());
     for (const Json& sensor : way["chosen"]) {
       const Json& ranks = spread["rank_from_to"][sensor.get<std::string>()];
       if (!ranks.is_null()) ranges += ranks[0] < ranks[1];
@@ -267,7 +267,7 @@ TEST(ThermalChoice, AnOrderOfChanceIsGivenAsItsRange) {
               << spread["same_sensors_percent"] << " %, ranks " << spread["rank_from_to"] << "\n";
   }
   EXPECT_GT(ranges, 0) << "the first ranks change places over start rows";
-  EXPECT_LT(least_same, 90.0);
+  EXPECT_LT(min_same, 90.0);
   EXPECT_TRUE(any_holds(json["warnings"], "their order is one of chance")) << json["warnings"];
   EXPECT_NE(sensor_choices_text(choice).find("over start rows 0 to 10 and noise"),
             std::string::npos);
@@ -281,8 +281,8 @@ TEST(ThermalChoice, AChoiceNoBetterThanChanceIsSaidToBe) {
   for (const Json& way : json["choices"]) {
     const Json& random = way["random_choices_rms_over_range"];
     if (random.is_null()) continue;
-    std::cout << way["name"] << ": " << way["rms_over_range"] << ", random "
-              << random["p50"] << ", beaten " << random["beaten_by_the_choice"] << "\n";
+    std::cout << way["name"] << ": " << way["rms_over_range"] << ", random " << random["p50"]
+              << ", beaten " << random["beaten_by_the_choice"] << "\n";
     is_chance = is_chance || random["beaten_by_the_choice"].get<double>() < 0.75;
   }
   EXPECT_TRUE(is_chance);

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/residual.h"
-#include "sim/cut/sampling.h"
+#include "cutting/map/residual.h"
+#include "sim/cut/judged_surface.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

@@ -1,4 +1,4 @@
-#include "sim/files/time_left.h"
+#include "sim/files/progress.h"
 
 #include <algorithm>
 #include <cmath>
@@ -53,11 +53,11 @@ std::vector<Stage> comparison_of(int cases, double vertices, double samples) {
 
 /// @param speed  of the computer; kinds differ from it by a fifth, single stages by a tenth
 Simulated simulated(std::vector<Stage> plan, double speed, Random& random) {
-  std::map<std::string, double> of_kind;
+  std::map<std::string, double> default_of_kind;
   Simulated work{std::move(plan), {}};
   for (const Stage& one : work.plan) {
-    if (!of_kind.contains(one.kind)) of_kind[one.kind] = log_normal(random, 0.2);
-    work.took.push_back(one.seconds * of_kind[one.kind] * log_normal(random, 0.1) / speed);
+    if (!default_of_kind.contains(one.kind)) default_of_kind[one.kind] = log_normal(random, 0.2);
+    work.took.push_back(one.seconds * default_of_kind[one.kind] * log_normal(random, 0.1) / speed);
   }
   return work;
 }
@@ -75,7 +75,7 @@ Off looked_at(const Simulated& work, const Estimate& estimate) {
   constexpr int steps = 20;
   const double total = work.total();
   Off off;
-  TimeLeft time_left(work.plan);
+  RemainingTime time_left(work.plan);
   double now = 0.0;
   for (std::size_t i = 0; i < work.plan.size(); ++i) {
     if (i > 0 && work.plan[i].part != work.plan[i - 1].part)
@@ -97,23 +97,22 @@ Off add(Off a, const Off& b) {
   return {a.looks + b.looks, a.beyond + b.beyond, std::max(a.most, b.most)};
 }
 
-TEST(TimeLeft, IsWithinThirtyPercentAfterTheFirstQuarterWhereCountsOfStagesAreNot) {
+TEST(RemainingTime, IsWithinThirtyPercentAfterTheFirstQuarterWhereCountsOfStagesAreNot) {
   Random random(20261123);
   Off planned, counted;
   for (int i = 0; i < 300; ++i) {
     const double speed = log_normal(random, 0.8), vertices = 1e4 * (1 + i % 20);
     const Simulated work =
         simulated(comparison_of(2 + i % 5, vertices, 1e5 * (1 + i % 7)), speed, random);
-    planned = add(planned, looked_at(work, [](const TimeLeft& time_left, double now, auto...) {
-                    return time_left.left_s(now);
+    planned = add(planned, looked_at(work, [](const RemainingTime& time_left, double now, auto...) {
+                    return time_left.remaining_s(now);
                   }));
     // as it was: every stage counts the same
-    counted =
-        add(counted,
-            looked_at(work, [&](const TimeLeft&, double now, std::size_t stage, double fraction) {
-              const double done = (double(stage) + fraction) / double(work.plan.size());
-              return now * (1.0 - done) / done;
-            }));
+    counted = add(counted, looked_at(work, [&](const RemainingTime&, double now, std::size_t stage,
+                                               double fraction) {
+                    const double done = (double(stage) + fraction) / double(work.plan.size());
+                    return now * (1.0 - done) / done;
+                  }));
   }
   std::cout << planned.looks << " looks: beyond 30 % " << 100.0 * planned.beyond / planned.looks
             << " %, at most " << 100.0 * planned.most << " %; by counts "
@@ -122,57 +121,57 @@ TEST(TimeLeft, IsWithinThirtyPercentAfterTheFirstQuarterWhereCountsOfStagesAreNo
   EXPECT_GT(counted.beyond, 0.2 * counted.looks);
 }
 
-TEST(TimeLeft, FollowsAStageThatIsFarFromItsPrediction) {
+TEST(RemainingTime, FollowsAStageThatIsFarFromItsPrediction) {
   // a single stage, three times as long as predicted, that says how far it is
-  TimeLeft one({{"run", "surface", 10.0}});
+  RemainingTime one({{"run", "surface", 10.0}});
   one.report("surface", 0.25, 7.5);
-  EXPECT_NEAR(one.left_s(7.5), 22.5, 0.3 * 22.5);
+  EXPECT_NEAR(one.remaining_s(7.5), 22.5, 0.3 * 22.5);
   one.report("surface", 0.5, 15.0);
-  EXPECT_NEAR(one.left_s(15.0), 15.0, 1e-9);
+  EXPECT_NEAR(one.remaining_s(15.0), 15.0, 1e-9);
   EXPECT_NEAR(one.done(15.0), 0.5, 1e-9);
   // and what it teaches counts for the next of its kind
-  TimeLeft two({{"a", "surface", 10.0}, {"b", "surface", 20.0}});
+  RemainingTime two({{"a", "surface", 10.0}, {"b", "surface", 20.0}});
   two.report("surface", 0.5, 15.0);
-  EXPECT_NEAR(two.left_s(15.0), 15.0 + 60.0, 0.1 * 75.0);
+  EXPECT_NEAR(two.remaining_s(15.0), 15.0 + 60.0, 0.1 * 75.0);
 }
 
-TEST(TimeLeft, LearnsTheSpeedOfTheComputerAndOfEachKind) {
-  TimeLeft time({{"a", "x", 10.0}, {"a", "y", 10.0}, {"b", "x", 10.0}, {"b", "y", 10.0}});
+TEST(RemainingTime, LearnsTheSpeedOfTheComputerAndOfEachKind) {
+  RemainingTime time({{"a", "x", 10.0}, {"a", "y", 10.0}, {"b", "x", 10.0}, {"b", "y", 10.0}});
   time.report("x", 0.0, 0.0);
   time.report("y", 0.0, 40.0);  // x takes four times its prediction
   time.begin("b", 50.0);        // y what was predicted
   time.report("x", 0.0, 50.0);
-  EXPECT_NEAR(time.left_s(50.0), 40.0 + 10.0, 5.0);
+  EXPECT_NEAR(time.remaining_s(50.0), 40.0 + 10.0, 5.0);
   EXPECT_EQ(time.part(), 2);
   EXPECT_EQ(time.parts(), 2);
 }
 
-TEST(TimeLeft, SkippedUnplannedAndRepeatedReportsDoNotUpsetIt) {
-  TimeLeft time({{"a", "x", 1.0}, {"a", "y", 1.0}, {"b", "x", 1.0}, {"c", "x", 1.0}});
+TEST(RemainingTime, SkippedUnplannedAndRepeatedReportsDoNotUpsetIt) {
+  RemainingTime time({{"a", "x", 1.0}, {"a", "y", 1.0}, {"b", "x", 1.0}, {"c", "x", 1.0}});
   time.report("surprise", 0.9, 0.5);  // not planned: the stage that runs goes on
-  EXPECT_NEAR(time.left_s(0.5), 3.5, 0.5);
+  EXPECT_NEAR(time.remaining_s(0.5), 3.5, 0.5);
   time.report("x", 0.8, 0.8);
   time.report("x", 0.2, 0.9);  // never back
   time.begin("c", 1.0);        // y and b are left out
-  EXPECT_NEAR(time.left_s(1.0), 1.0, 0.1);
+  EXPECT_NEAR(time.remaining_s(1.0), 1.0, 0.1);
   time.begin("nothing", 1.1);
   time.report("x", 1.0, 2.0);
-  EXPECT_NEAR(time.left_s(2.0), 0.0, 1e-9);
+  EXPECT_NEAR(time.remaining_s(2.0), 0.0, 1e-9);
   time.replan({{"d", "z", 5.0}});
-  EXPECT_NEAR(time.left_s(2.0), 5.0, 1.0);
-  TimeLeft nothing({});
-  EXPECT_EQ(nothing.left_s(1.0), 0.0);
+  EXPECT_NEAR(time.remaining_s(2.0), 5.0, 1.0);
+  RemainingTime nothing({});
+  EXPECT_EQ(nothing.remaining_s(1.0), 0.0);
 }
 
-TEST(TimeLeft, AnOverdueStageWithoutAWordIsNeverDone) {
-  TimeLeft time({{"a", "x", 1.0}});
+TEST(RemainingTime, AnOverdueStageWithoutAWordIsNeverDone) {
+  RemainingTime time({{"a", "x", 1.0}});
   for (const double now : {0.9, 2.0, 100.0}) {
-    EXPECT_GT(time.left_s(now), 0.0);
-    EXPECT_LT(time.left_s(now), 1.0);
+    EXPECT_GT(time.remaining_s(now), 0.0);
+    EXPECT_LT(time.remaining_s(now), 1.0);
   }
 }
 
-TEST(TimeLeft, DurationsReadAsPeopleSayThem) {
+TEST(RemainingTime, DurationsReadAsPeopleSayThem) {
   EXPECT_EQ(duration_text(0.4), "0 s");
   EXPECT_EQ(duration_text(89.4), "89 s");
   EXPECT_EQ(duration_text(90.0), "2 min");

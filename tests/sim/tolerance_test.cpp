@@ -7,9 +7,12 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "sim/cut/tolerance_bands.h"
-#include "sim/report/summary_report.h"
-#include "sim/scene/scene_sections.h"
+#include "sim/cut/part_regions.h"
+#include "sim/report/summary.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/part.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/table_reader.h"
 #include "tests/sim/small_scene.h"
 #include "tests/sim/written_section.h"
 
@@ -25,10 +28,10 @@ PartDescription part_of(const std::string& lines) {
 }
 
 std::string refused_part(const std::string& lines) {
-  Faults faults;
-  read_part(parse_toml(plain_disc + lines, "s.toml"), faults);
+  InputErrors input_errors;
+  read_part(parse_toml(plain_disc + lines, "s.toml"), input_errors);
   std::string all;
-  for (const BadInput& fault : faults.list()) all += std::string(fault.what()) + "\n";
+  for (const BadInput& fault : input_errors.list()) all += std::string(fault.what()) + "\n";
   return all;
 }
 
@@ -95,7 +98,7 @@ TEST(Tolerance, RegionsSayWhatIsJudged) {
     return judged;
   };
   EXPECT_EQ(places(""), "-yn");
-  EXPECT_EQ(part_of("judged = \"regions\"\n").judged, PartDescription::Judged::Regions);
+  EXPECT_EQ(part_of("judged = \"regions\"\n").judged, PartDescription::JudgedSurface::Regions);
 }
 
 TEST(Tolerance, VerdictIsALine) {

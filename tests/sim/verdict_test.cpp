@@ -22,15 +22,16 @@ Cut cut_at_random(const Job& job, const F& residual) {
   cut.surface =
       cutting::map_over(design, [&](const Vector3d& p, const Vector3d&) { return residual(p); });
   cutting::Surface& surface = cut.surface;
-  surface.looked_within = cutting::Surface::Within::Random;
+  surface.sampled_within = cutting::Surface::Within::Random;
   surface.within.resize(design.triangles.rows());
   for (Eigen::Index t = 0; t < surface.within.size(); ++t)
-    surface.within[t] = residual(
-        cutting::at_place_within(surface.looked_within, design.vertices, design.triangles, t));
+    surface.within[t] = residual(cutting::value_at_place_within(
+        surface.sampled_within, design.vertices, design.triangles, t));
   return cut;
 }
 
-/// In a corner a quarter of the values carry the form; with 4000 vertices that is more than ten of them.
+/// In a corner a quarter of the values carry the form; with 4000 vertices that is more than ten of
+/// them.
 TEST(Verdict, ASlopeHasNoTexture) {
   const Job job = job_of(
       BallRaster{"surface = \"rectangle\"\nlength_x_mm = 20\nlength_y_mm = 20\nat_mm = [0, 0, 80]\n"
@@ -50,8 +51,8 @@ TEST(Verdict, ThePlaceFurthestOutOfToleranceMayLieWithinATriangle) {
   Cut cut = cut_at_random(job, [](const Vector3d&) { return 0.0; });
   cut.surface.within[50] = 0.013;
   const Verdict verdict = judge(job, std::move(cut), nullptr);
-  const Vector3d p_w = cutting::at_place_within(cutting::Surface::Within::Random,
-                                                job.design_w.vertices, job.design_w.triangles, 50);
+  const Vector3d p_w = cutting::value_at_place_within(
+      cutting::Surface::Within::Random, job.design_w.vertices, job.design_w.triangles, 50);
   ASSERT_TRUE(verdict.worst);
   EXPECT_EQ(verdict.worst->residual, 0.013);
   EXPECT_NEAR((verdict.worst->at_m - (p_w - Vector3d(3, 0, 80))).norm(), 0.0, 1e-12);

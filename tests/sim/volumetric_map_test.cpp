@@ -6,9 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "sim/cut/pose_doubts.h"
-#include "sim/report/pose_files.h"
-#include "sim/report/volumetric_files.h"
+#include "sim/cut/idle_machine.h"
+#include "sim/report/pose_report.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"
 
@@ -164,7 +163,7 @@ TEST(PoseDoubts, CurvesBeyondTheirRangeAreNamedWithHowFarTheyAreFollowed) {
       "[errors.EXX]\nkind = \"legendre\"\ncoefficients_um = [0, 5]\n"
       "half_range_mm = 200\n";
   const auto said = [](const IdleMachine& idle, const std::string& grid) {
-    const std::vector<std::string> all = doubts(idle, pose_grid(idle, grid).poses);
+    const std::vector<std::string> all = pose_warnings(idle, pose_grid(idle, grid).poses);
     return all.empty() ? std::string() : all.front();
   };
   const IdleMachine tool_side = idle_of(idle_scene("gantry_cxyza", curve));

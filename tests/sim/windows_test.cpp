@@ -5,9 +5,9 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/cut/sampling.h"
+#include "sim/cut/judged_surface.h"
 #include "sim/cut/sweep.h"
-#include "sim/scene/case_name.h"
+#include "sim/scene/cases.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -34,7 +34,7 @@ BallRaster leaning_dome(const std::string& sampling = "vertices = 3000") {
               "EAC = { kind = \"fourier\", period_deg = 360.0, b_urad = [30.0] }\n"};
 }
 
-Holding holding(std::size_t samples) {
+MemoryBudget holding(std::size_t samples) {
   return {[samples](std::size_t, std::size_t) { return samples; }, ""};
 }
 
@@ -64,7 +64,7 @@ void same_cuts(const Cut& a, const Cut& b) {
   EXPECT_EQ(a.tip_error.max, b.tip_error.max);
   EXPECT_NEAR(a.direction_error.rms, b.direction_error.rms, 1e-12 * a.direction_error.rms);
   EXPECT_EQ(a.direction_error.max, b.direction_error.max);
-  EXPECT_NEAR(a.between_samples.rms, b.between_samples.rms, 0.5 * a.between_samples.rms);
+  EXPECT_NEAR(a.chord_error.rms, b.chord_error.rms, 0.5 * a.chord_error.rms);
   EXPECT_EQ(a.point_left, b.point_left);
   EXPECT_EQ(a.direction_left, b.direction_left);
   EXPECT_EQ(a.case_name, b.case_name);
@@ -121,8 +121,8 @@ TEST(Windows, HaveTheContactsOfTheWhole) {
   const Sweep one = error_free_sweep(job, options_of(job, {}));
   const Sweep many = error_free_sweep(windowed, options_of(windowed, {}));
   const cutting::Surface surface = one.surface(job.design_w);
-  const cutting::Contacts a = one.contacts(job.design_w, surface);
-  const cutting::Contacts b = many.contacts(job.design_w, surface);
+  const cutting::PassGradients a = one.contacts(job.design_w, surface);
+  const cutting::PassGradients b = many.contacts(job.design_w, surface);
   for (Eigen::Index v = 0; v < a.travel.size(); ++v) {
     ASSERT_EQ(std::isnan(a.travel[v]), std::isnan(b.travel[v])) << v;
     if (std::isnan(a.travel[v])) continue;
@@ -134,7 +134,7 @@ TEST(Windows, HaveTheContactsOfTheWhole) {
 TEST(Windows, AreNotTakenForTheWhole) {
   const Job windowed = in_windows(leaning_dome());
   EXPECT_THROW(parts_of(windowed), std::logic_error);
-  EXPECT_THROW(as_programmed(windowed), std::logic_error);
+  EXPECT_THROW(uncompensated_commands(windowed), std::logic_error);
 }
 
 }  // namespace

@@ -5,9 +5,10 @@
 #include <iostream>
 #include <set>
 
+#include "sim/scene/document.h"
 #include "sim/scene/read_scene.h"
+#include "sim/scene/scene.h"
 #include "sim/scene/scene_fields.h"
-#include "sim/scene/scene_tree.h"
 #include "tests/sim/small_scene.h"
 
 /// A scene written with every key that it has is the same scene, and no key is without effect.
@@ -59,11 +60,11 @@ class WrittenScene : public testing::TestWithParam<fs::path> {};
 TEST_P(WrittenScene, IsReadAsTheSameScene) {
   const Scene scene = read_scene(GetParam());
   const Node table = written_alone(scene);
-  Faults faults;
+  InputErrors input_errors;
   try {
-    EXPECT_EQ(difference(written_alone(scene_of_tree(table, GetParam(), {})), table), "");
+    EXPECT_EQ(difference(written_alone(build_scene(table, GetParam(), {})), table), "");
   } catch (const BadScene& bad) {
-    for (const BadInput& fault : bad.faults) ADD_FAILURE() << fault.what();
+    for (const BadInput& fault : bad.input_errors) ADD_FAILURE() << fault.what();
   }
 }
 
@@ -102,7 +103,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   Node table = written_alone(scene);
   std::vector<std::pair<std::string, Node*>> found;
   leaves(table, "", found);
-  const std::string before = to_toml(written(scene_of_tree(table, GetParam(), {})));
+  const std::string before = to_toml(written(build_scene(table, GetParam(), {})));
   // all of them take minutes
   const std::size_t stride = std::getenv("ABBE_LONG") ? 1 : 1 + found.size() / 30;
   std::set<std::string> without_effect;
@@ -114,7 +115,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
     if (!change(*leaf)) continue;
     ++tried;
     try {
-      if (to_toml(written(scene_of_tree(table, GetParam(), {}))) == before)
+      if (to_toml(written(build_scene(table, GetParam(), {}))) == before)
         without_effect.insert(path);
     } catch (const BadScene&) {
       ++refused;

@@ -4,9 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/faults.h"
-#include "sim/scene/toml_text.h"
-#include "sim/scene/toml_tree.h"
+#include "sim/scene/toml.h"
 
 /// Sections that are read from a text, and written as one.
 namespace abbe::sim {
@@ -15,9 +13,9 @@ namespace abbe::sim {
 /// @param read  (const Node&, Faults&)
 template <typename Read>
 auto read_section(const std::string& text, const Read& read) {
-  Faults faults;
-  auto value = read(parse_toml(text, "s.toml"), faults);
-  for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
+  InputErrors input_errors;
+  auto value = read(parse_toml(text, "s.toml"), input_errors);
+  for (const BadInput& fault : input_errors.list()) ADD_FAILURE() << fault.what();
   return value;
 }
 

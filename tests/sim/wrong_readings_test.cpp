@@ -15,12 +15,12 @@
 #include "errors/curve.h"
 #include "errors/metrology/instrument.h"
 #include "kinematics/text.h"
-#include "sim/calibration/evaluate.h"
-#include "sim/commands/choose_sensors.h"
-#include "sim/commands/identify_command.h"
+#include "sim/calibration/calibration.h"
+#include "sim/commands/calibration_commands.h"
+#include "sim/commands/scene_runs.h"
 #include "sim/measure/measure.h"
-#include "sim/scene/bad_scene.h"
 #include "sim/scene/read_scene.h"
+#include "sim/scene/toml.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -47,7 +47,7 @@ std::string with_nan(std::string text) {
 /// The rows below the head of a machine with other axes.
 std::string of_other_machine(const std::string& text) {
   const Scene other = scene_of(measured_scene("", "three_axis_table"));
-  InstrumentDescription laser = instrument_of(other, "laser");
+  InstrumentDescription laser = find_instrument(other, "laser");
   const std::string head = to_text(measured(other, laser));
   const auto joints = [](const std::string& t) {
     const std::size_t from = t.find("# [[joint]]"), to = t.find("# [[set_up]]");
@@ -73,10 +73,10 @@ std::string constant(Readings r, double value) {
 }
 
 std::string with_noise(Readings r) {
-  for (std::size_t i = 0; i < r.plan.looks.size(); ++i) {
-    const auto& look = r.plan.looks[i];
+  for (std::size_t i = 0; i < r.plan.measurements.size(); ++i) {
+    const auto& measurement = r.plan.measurements[i];
     const double noise = errors::metrology::standard_deviation(
-        r.plan.set_ups[std::size_t(look.set_up)].channels[std::size_t(look.channel)]);
+        r.plan.set_ups[std::size_t(measurement.set_up)].channels[std::size_t(measurement.channel)]);
     r.value[Eigen::Index(i)] += 300.0 * noise * errors::normal_deviate(99, i);
   }
   return to_text(r);
@@ -85,8 +85,8 @@ std::string with_noise(Readings r) {
 /// Readings of the first two channels of every set-up exchanged.
 std::string with_channels_exchanged(Readings r) {
   bool is_changed = false;
-  for (std::size_t i = 0; i + 1 < r.plan.looks.size(); ++i) {
-    const auto &a = r.plan.looks[i], &b = r.plan.looks[i + 1];
+  for (std::size_t i = 0; i + 1 < r.plan.measurements.size(); ++i) {
+    const auto &a = r.plan.measurements[i], &b = r.plan.measurements[i + 1];
     if (a.set_up != b.set_up || a.channel != 0 || b.channel != 1) continue;
     std::swap(r.value[Eigen::Index(i)], r.value[Eigen::Index(i) + 1]);
     is_changed = true;
@@ -98,9 +98,9 @@ std::string with_channels_exchanged(Readings r) {
 std::string with_axes_exchanged(Readings r) {
   const int x = *r.nominal.find('X'), y = *r.nominal.find('Y');
   bool is_changed = false;
-  for (auto& look : r.plan.looks) {
-    is_changed = is_changed || look.state.q[x] != look.state.q[y];
-    std::swap(look.state.q[x], look.state.q[y]);
+  for (auto& measurement : r.plan.measurements) {
+    is_changed = is_changed || measurement.state.q[x] != measurement.state.q[y];
+    std::swap(measurement.state.q[x], measurement.state.q[y]);
   }
   return is_changed ? to_text(r) : "";
 }
@@ -195,7 +195,7 @@ Outcome outcome_of(const std::filesystem::path& file, const Identified& clean,
 
 Outcome outcome_of_evaluating(const std::filesystem::path& file) {
   try {
-    const Evaluation found = evaluation_of(file);
+    const Evaluation found = evaluate_readings(file);
     return {found.warnings.empty() ? "evaluated" : "warning",
             found.warnings.empty() ? "" : found.warnings.front()};
   } catch (const std::exception& fault) {
@@ -326,7 +326,8 @@ TEST(WrongReadings, ABeliefOfAnotherMachineIsAnInputError) {
   const SceneFolder folder;
   const Scene gantry = read_scene(packaged("gantry_calibration.toml"));
   IdentifyOptions options = options_in(folder, Kind::Laser);
-  identify({folder.write("laser.csv", to_text(measured(gantry, small_instrument(Kind::Laser))))}, options);
+  identify({folder.write("laser.csv", to_text(measured(gantry, small_instrument(Kind::Laser))))},
+           options);
   EXPECT_NO_THROW(
       read_scene(packaged("gantry_dome.toml"), {{"errors", "\"" + options.out.string() + "\""}}));
   try {

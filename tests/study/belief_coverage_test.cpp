@@ -15,18 +15,17 @@
 #include "errors/coefficients.h"
 #include "errors/curve.h"
 #include "errors/identification/model.h"
-#include "sim/calibration/identify.h"
-#include "sim/cut/reach.h"
-#include "sim/machine/compile.h"
+#include "sim/calibration/calibration.h"
+#include "sim/cut/placement.h"
+#include "sim/machine/truth.h"
 #include "sim/measure/measure.h"
 #include "sim/readings/readings_file.h"
-#include "sim/report/belief_text.h"
+#include "sim/report/identification_report.h"
 #include "sim/scene/read_scene.h"
-#include "sim/study/belief_inputs.h"
-#include "sim/study/budget_of.h"
+#include "sim/study/budget_analysis.h"
+#include "sim/study/case_plan.h"
 #include "sim/study/influence.h"
-#include "sim/study/plan.h"
-#include "sim/study/unidentified_effects.h"
+#include "sim/study/study_inputs.h"
 #include "tests/study/farm_runs.h"
 
 namespace abbe::sim::study {
@@ -167,7 +166,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
                    "scene = \"scene.toml\"\nset = { errors = \"belief.toml\" }\n"
                    "responses = [\"rms\", \"pv\"]\n[[inputs]]\nevery = \"covariance\"\n" +
                        prior + "[influence]\nchecks = 0\n"));
-  const ReadyArm ready = ready_arm(study, study.arms.front());
+  const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
   const InfluenceMap influence = influence_map(study, ready);
   constexpr Index machines = 1000;
   const Eigen::MatrixXd x =
@@ -175,7 +174,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   const Eigen::MatrixXd figures = responses(study, ready, influence, x);
   const Eigen::MatrixXd all = maps(influence, x);
   const Job job = placed(prepare(scene));
-  const cutting::Surface truth = cut(job, as_programmed(job)).surface;
+  const cutting::Surface truth = cut(job, uncompensated_commands(job)).surface;
   const Eigen::VectorXd is = responses(study, job, truth, {});
   Trial trial;
   for (Index r = 0; r < is.size(); ++r) {
@@ -194,7 +193,7 @@ Trial trial_of(const Campaign& campaign, std::uint64_t seed, const std::string& 
   }
   trial.vertices_within = double(within) / std::max(1, cut_vertices);
   if (prior.empty()) {
-    ArmBudget budget;
+    ConfigurationBudget budget;
     budget.arm = study.arms.front();
     budget.unidentified = unidentified_effects(study, ready);
     trial.warning = unidentified_warning(study, budget);

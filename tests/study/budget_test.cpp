@@ -11,17 +11,14 @@
 
 #include "kinematics/text.h"
 #include "sim/files/output.h"
-#include "sim/study/picture_names.h"
-#include "sim/study/ranking.h"
 #include "sim/study/run_study.h"
-#include "sim/study/text_style.h"
-#include "sim/study/words.h"
+#include "sim/study/study_text.h"
 #include "tests/study/synthetic_budget.h"
 
 namespace abbe::sim::study {
 namespace {
 
-using test::budget_of;
+using test::compute_budget;
 using test::Synthetic;
 
 /// A table as RFC 4180 has it, read by the letter.
@@ -73,7 +70,7 @@ Budget bare() {
   b.study.inputs.resize(2);
   b.study.inputs[0].name = "first";
   b.study.inputs[1].name = "second";
-  ArmBudget arm;
+  ConfigurationBudget arm;
   arm.responses.resize(1);
   arm.responses[0].base = 1e-3;
   b.arms = {arm};
@@ -81,7 +78,7 @@ Budget bare() {
 }
 
 TEST(BudgetJson, HasItsKeysAndTellsMicrometres) {
-  const Budget b = budget_of();
+  const Budget b = compute_budget();
   const nlohmann::ordered_json j = to_json(b);
   for (const char* key : {"study", "engine", "seed", "cases", "failed_cases", "inputs",
                           "correlations", "arms", "proofs", "sweeps", "warnings"})
@@ -109,7 +106,7 @@ TEST(BudgetJson, HasItsKeysAndTellsMicrometres) {
 }
 
 TEST(BudgetJson, ComesBackFromItsText) {
-  const nlohmann::ordered_json j = to_json(budget_of());
+  const nlohmann::ordered_json j = to_json(compute_budget());
   EXPECT_EQ(nlohmann::ordered_json::parse(j.dump()), j);
   const nlohmann::ordered_json empty = to_json(bare());
   EXPECT_EQ(nlohmann::ordered_json::parse(empty.dump()), empty);
@@ -128,7 +125,7 @@ TEST(BudgetJson, WhatIsNotFiniteIsNull) {
 }
 
 TEST(BudgetCsv, HasARowForEveryArmResponseAndInputWithUnitsInItsHeads) {
-  const auto table = read_csv(to_csv(budget_of()));
+  const auto table = read_csv(to_csv(compute_budget()));
   ASSERT_EQ(table.size(), 1u + 2 * 3 * 46);
   for (const auto& row : table) EXPECT_EQ(row.size(), table.front().size());
   const std::size_t low = column(table, "low_um"), percent = column(table, "low_percent");
@@ -144,7 +141,7 @@ TEST(BudgetCsv, HasARowForEveryArmResponseAndInputWithUnitsInItsHeads) {
 }
 
 TEST(BudgetCsv, NumbersReadBackTheSameBits) {
-  Budget b = budget_of();
+  Budget b = compute_budget();
   b.arms[0].responses[0].contributions[3].low = -1.0 / 3.0 * 1e-3;
   b.arms[0].responses[0].contributions[3].high = 5e-324;
   b.arms[0].responses[0].contributions[4].high = 1e300;
@@ -162,7 +159,7 @@ TEST(BudgetCsv, NumbersReadBackTheSameBits) {
 }
 
 TEST(BudgetCsv, HostileNamesComeBack) {
-  Budget b = budget_of({.inputs = 2});
+  Budget b = compute_budget({.inputs = 2});
   b.study.inputs[1].name = hostile;
   b.arms[0].arm.name = "";
   b.arms[1].arm.name = hostile;
@@ -180,7 +177,7 @@ TEST(BudgetCsv, OfABareBudgetIsItsHead) {
 }
 
 TEST(BudgetMarkdown, NamesTheInputsInTheOrderOfWhatTheyContribute) {
-  const std::string text = to_markdown(budget_of());
+  const std::string text = to_markdown(compute_budget());
   EXPECT_EQ(text.find("# gantry dome"), 0u);
   const std::size_t arm = text.find("## uncompensated");
   const std::size_t table = text.find("| input |", arm);
@@ -197,7 +194,7 @@ TEST(BudgetMarkdown, NamesTheInputsInTheOrderOfWhatTheyContribute) {
 }
 
 TEST(BudgetMarkdown, TablesHaveOneNumberOfColumns) {
-  Budget b = budget_of({.inputs = 20, .arms = 3});
+  Budget b = compute_budget({.inputs = 20, .arms = 3});
   b.study.inputs[2].name = b.arms[1].arm.name = hostile;
   const std::string text = to_markdown(b);
   std::size_t columns = 0, rows = 0;
@@ -223,12 +220,12 @@ TEST(BudgetMarkdown, TablesHaveOneNumberOfColumns) {
 }
 
 TEST(BudgetMarkdown, SaysWhatDominatesWhatToSpendOnAndTheFloor) {
-  const std::string text = to_markdown(budget_of());
+  const std::string text = to_markdown(compute_budget());
   EXPECT_NE(text.find("What dominates"), std::string::npos);
   EXPECT_NE(text.find("What to spend on"), std::string::npos);
   EXPECT_NE(text.find("Without any spread PV is 3.20 µm"), std::string::npos);
   EXPECT_NE(text.find("| 0.30 |"), std::string::npos);  // the tightest factor
-  Budget b = budget_of();
+  Budget b = compute_budget();
   b.arms[0].allocation->attainable = false;
   EXPECT_NE(to_markdown(b).find("Not attainable"), std::string::npos);
 }
@@ -253,12 +250,12 @@ TEST(BudgetMarkdown, OfABareBudgetLeavesOutWhatIsNotThere) {
 }
 
 TEST(BudgetRanking, SharesAddToOneAndTheLargestComesFirst) {
-  const Budget b = budget_of();
+  const Budget b = compute_budget();
   for (const Ranking& r :
        {ranking(b.arms[0].responses[0], 46), change_ranking(b.arms[0].responses[0], 46),
         map_ranking(b.arms[0], 46)}) {
-    EXPECT_NEAR(r.shares.sum() + r.apart, 1.0, 1e-12);
-    EXPECT_GE(r.apart, 0.0);
+    EXPECT_NEAR(r.shares.sum() + r.length_mismatch_text, 1.0, 1e-12);
+    EXPECT_GE(r.length_mismatch_text, 0.0);
     EXPECT_EQ(std::set<int>(r.order.begin(), r.order.end()).size(), 46u);
     for (std::size_t k = 1; k < r.order.size(); ++k)
       EXPECT_GE(r.weights[r.order[k - 1]], r.weights[r.order[k]]);
@@ -275,7 +272,7 @@ TEST(BudgetRanking, NegativeAndMissingFiguresWeighNothing) {
   const Ranking order = ranking(r, 4);
   EXPECT_EQ(order.order, (std::vector<int>{2, 0, 1, 3}));
   EXPECT_EQ(order.shares, Eigen::Vector4d(0, 0, 0, 0));
-  EXPECT_EQ(order.apart, 1.0) << "it acts with others alone";
+  EXPECT_EQ(order.length_mismatch_text, 1.0) << "it acts with others alone";
 }
 
 double sum_of(const std::vector<ParetoBar>& bars) {
@@ -285,7 +282,7 @@ double sum_of(const std::vector<ParetoBar>& bars) {
 }
 
 TEST(BudgetRanking, ParetoBarsAddUpToTheWholeAndInteractionsStandApart) {
-  const Budget b = budget_of();
+  const Budget b = compute_budget();
   const ResponseBudget& response = b.arms[0].responses[0];
   for (const Ranking& r :
        {ranking(response, 46), change_ranking(response, 46), map_ranking(b.arms[0], 46)})
@@ -318,7 +315,7 @@ ResponseBudget drawn(const std::vector<double>& effects, double correlation) {
 }
 
 Budget budget_of_drawn(const std::vector<double>& effects, double correlation) {
-  Budget b = budget_of({.inputs = int(effects.size()), .arms = 1, .prefix = "E"});
+  Budget b = compute_budget({.inputs = int(effects.size()), .arms = 1, .prefix = "E"});
   b.study.responses.resize(1);
   b.arms[0].responses = {drawn(effects, correlation)};
   b.arms[0].allocation.reset();
@@ -330,21 +327,21 @@ TEST(BudgetRanking, AWeakCorrelationIsNobodysAndAnEvenResponseIsItsInputs) {
   const Ranking weak = ranking(drawn({0.0, 0.006, 0.0}, -0.08), 3);
   EXPECT_EQ(weak.basis, Ranking::Basis::MainEffect);
   EXPECT_EQ(weak.shares.sum(), 0.0);
-  EXPECT_EQ(weak.apart, 1.0);
-  EXPECT_TRUE(dominating(weak).empty());
+  EXPECT_EQ(weak.length_mismatch_text, 1.0);
+  EXPECT_TRUE(dominant_inputs(weak).empty());
   // even in its inputs: no correlation, all of the variance
   const Ranking even = ranking(drawn({0.2, 0.75, 0.0}, 0.0), 3);
-  EXPECT_EQ(dominating(even), (std::vector<int>{1, 0}));
-  EXPECT_NEAR(even.apart, 0.05, 1e-12);
+  EXPECT_EQ(dominant_inputs(even), (std::vector<int>{1, 0}));
+  EXPECT_NEAR(even.length_mismatch_text, 0.05, 1e-12);
   // a large share of what inputs make alone is none of the whole
-  EXPECT_TRUE(dominating(ranking(drawn({0.05, 0.04, 0.03}, 0.2), 3)).empty());
+  EXPECT_TRUE(dominant_inputs(ranking(drawn({0.05, 0.04, 0.03}, 0.2), 3)).empty());
 }
 
 TEST(BudgetRanking, ChangesBelowTheNumericalFloorAreNobodys) {
   ResponseBudget r;
   r.contributions = {{0, 1e-9, -2e-9, {}, {}, {}}, {1, 0.0, 1e-12, {}, {}, {}}};
   EXPECT_EQ(change_ranking(r, 2).shares.sum(), 0.0);
-  EXPECT_TRUE(dominating(change_ranking(r, 2)).empty());
+  EXPECT_TRUE(dominant_inputs(change_ranking(r, 2)).empty());
 }
 
 TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
@@ -371,7 +368,7 @@ TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
 }
 
 TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
-  const std::string text = to_text(budget_of({.inputs = 20, .arms = 2}));
+  const std::string text = to_text(compute_budget({.inputs = 20, .arms = 2}));
   for (const char* mark : {"**", "|", "##", "---:"})
     EXPECT_EQ(text.find(mark), std::string::npos) << mark;
   std::istringstream lines(text);
@@ -383,12 +380,12 @@ TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
       EXPECT_LE(columns_of(row), columns_of(line)) << row;
   }
   EXPECT_GE(tables, 4u);
-  EXPECT_NE(to_markdown(budget_of()).find("| input |"), std::string::npos)
+  EXPECT_NE(to_markdown(compute_budget()).find("| input |"), std::string::npos)
       << "the file has Markdown";
 }
 
 TEST(BudgetUnits, EveryFigureSaysItsUnit) {
-  Budget b = budget_of({.inputs = 3, .arms = 1});  // um, urad, and a pure number
+  Budget b = compute_budget({.inputs = 3, .arms = 1});  // um, urad, and a pure number
   const auto json = to_json(b);
   EXPECT_EQ(json["inputs"][2]["unit"], "1");
   b.study.inputs[2].element = "EXX";
@@ -444,7 +441,7 @@ class BudgetPictures : public testing::Test {
     write_pictures(ResultFolder(folder_, {}), budget);
     std::set<std::string> names;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
-      if (entry.path().filename() != mark_name) names.insert(entry.path().filename().string());
+      if (entry.path().filename() != manifest_name) names.insert(entry.path().filename().string());
     return names;
   }
 
@@ -460,8 +457,8 @@ class BudgetPictures : public testing::Test {
 };
 
 TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {
-  Budget b = budget_of({.inputs = 3, .arms = 2, .prefix = "EXX "});
-  for (ArmBudget& arm : b.arms) arm.responses.resize(1);
+  Budget b = compute_budget({.inputs = 3, .arms = 2, .prefix = "EXX "});
+  for (ConfigurationBudget& arm : b.arms) arm.responses.resize(1);
   b.study.responses.resize(1);
   b.sweeps[0].answers = {{b.sweeps[0].answers[0][0]}, {b.sweeps[0].answers[1][0]}};
   EXPECT_EQ(written(b),
@@ -476,7 +473,7 @@ TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {
 }
 
 TEST_F(BudgetPictures, OfAwkwardBudgetsAreDrawn) {
-  Budget b = budget_of({.inputs = 2, .arms = 1, .prefix = hostile});
+  Budget b = compute_budget({.inputs = 2, .arms = 1, .prefix = hostile});
   ResponseBudget& r = b.arms[0].responses[0];
   b.arms[0].responses.resize(1);
   b.study.responses.resize(1);
@@ -495,7 +492,7 @@ TEST_F(BudgetPictures, OfAwkwardBudgetsAreDrawn) {
 }
 
 TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
-  Budget b = budget_of({.inputs = 46, .arms = 1, .map = false});
+  Budget b = compute_budget({.inputs = 46, .arms = 1, .map = false});
   b.sweeps.clear();  // no other picture
   for (ResponseBudget& r : b.arms[0].responses) {
     r.convergence.reset();
@@ -506,7 +503,7 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
     }
   }
   const double chance = 4.0 / std::sqrt(double(b.arms[0].responses[0].answers->cases));
-  const auto correlated = [&](int inputs) {
+  const auto factor_covariance = [&](int inputs) {
     for (ResponseBudget& r : b.arms[0].responses)
       for (Contribution& c : r.contributions) {
         c.correlation = (c.input < inputs ? 1.01 : -0.99) * chance;
@@ -515,12 +512,12 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
     return written(b).count("correlation-uncompensated.png") > 0;
   };
   const auto height = [&] { return png_height(folder_ / "correlation-uncompensated.png"); };
-  EXPECT_FALSE(correlated(0));
-  ASSERT_TRUE(correlated(2));
+  EXPECT_FALSE(factor_covariance(0));
+  ASSERT_TRUE(factor_covariance(2));
   const int of_two = height();
-  ASSERT_TRUE(correlated(12));
+  ASSERT_TRUE(factor_covariance(12));
   const int of_twelve = height();
-  ASSERT_TRUE(correlated(46));
+  ASSERT_TRUE(factor_covariance(46));
   std::cout << "2 rows " << of_two << " px, 12 rows " << of_twelve << " px, 25 of 46 rows "
             << height() << " px\n";
   // the pixels of a row; a picture is as high as four rows at least
@@ -529,9 +526,9 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
 }
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
-  EXPECT_THROW(
-      write_pictures(ResultFolder("/dev/null/pictures", {}), budget_of({.inputs = 1, .arms = 1})),
-      OutputFailure);
+  EXPECT_THROW(write_pictures(ResultFolder("/dev/null/pictures", {}),
+                              compute_budget({.inputs = 1, .arms = 1})),
+               OutputFailure);
 }
 
 #endif

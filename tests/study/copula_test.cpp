@@ -1,4 +1,4 @@
-#include "sim/study/copula.h"
+#include "sim/study/sampling.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,9 @@
 #include <gtest/gtest.h>
 #include <Eigen/Core>
 
-#include "kinematics/least_squares.h"
+#include "kinematics/decompositions.h"
 #include "kinematics/units.h"
-#include "sim/study/answers.h"
-#include "sim/study/sequence.h"
+#include "sim/study/response_statistics.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -93,7 +92,7 @@ TEST(Copula, CovarianceOfCorrelatedDrawsIsWithinTheBandOfItsSample) {
         root(i, j) = (i % 2 ? 1e-3 : 1e-6) * normal_score(u(i, j));
     root.row(4).setZero();  // zero by convention
     const Eigen::MatrixXd covariance = root * root.transpose();
-    const Correlated belief = correlated(covariance);
+    const CovarianceFactors belief = factor_covariance(covariance);
     const Eigen::MatrixXd z =
         scores(belief.copula, points({Sampling::Random, 12, seed + 1}, 0, 200000));
     const Eigen::MatrixXd draws = belief.standard_deviation.asDiagonal() * z;
@@ -209,7 +208,7 @@ TEST(Copula, MatricesThatAreNoneAreRefused) {
   const auto covariance = [](std::initializer_list<double> numbers) {
     Eigen::MatrixXd two(2, 2);
     std::ranges::copy(numbers, two.data());
-    return refusal([&] { correlated(two); });
+    return refusal([&] { factor_covariance(two); });
   };
   EXPECT_EQ(covariance({1e-12, 0, 0, 0}), "nothing was refused");
   EXPECT_EQ(covariance({1e-12, 1e-18, 1e-18, 1e-24}), "nothing was refused");

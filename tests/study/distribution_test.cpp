@@ -1,4 +1,4 @@
-#include "sim/study/distribution.h"
+#include "sim/study/sampling.h"
 
 #include <cmath>
 #include <iostream>
@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/numbers.h"
+#include "kinematics/units.h"
 #include "tests/study/openturns.h"
 
 namespace abbe::sim::study {
@@ -114,7 +114,7 @@ TEST(Distribution, QuantilesOfAnyCutDistributionHoldTheirBound) {
   int tried = 0;
   for (int i = 0; i < 20000; ++i) {
     const Distribution d = any.next();
-    if (fault_of(d)) continue;
+    if (distribution_error(d)) continue;
     ++tried;
     double before = d.low;
     const double middle = any.unit();
@@ -139,7 +139,7 @@ TEST(Distribution, CumulativeSharesHoldTheirBoundAndUndoQuantiles) {
   double worst = 0.0;
   for (int i = 0; i < 20000; ++i) {
     const Distribution d = any.next();
-    if (fault_of(d)) continue;
+    if (distribution_error(d)) continue;
     const auto all = double(share_between(d, d.low, d.high));
     const double p = any.unit();
     const double value = quantile(d, p);
@@ -174,7 +174,7 @@ TEST(Distribution, ACutThirtySevenStandardDeviationsOutStillHasQuantiles) {
   for (const double side : {1.0, -1.0}) {
     Distribution d{Kind::Normal, 0, 1};
     (side > 0 ? d.low : d.high) = 37.0 * side;
-    ASSERT_EQ(fault_of(d), nullptr);
+    ASSERT_EQ(distribution_error(d), nullptr);
     for (const double p : {1e-6, 0.3, 0.999})
       EXPECT_LT(fault_of_quantile(d, p, quantile(d, p)), 1e-13) << p << " " << quantile(d, p);
     // The tail is all but exponential: its moments are series in 1/37
@@ -193,11 +193,12 @@ TEST(Distribution, AScoreHasTheSameShareBelowAsItsValue) {
   const Distribution triangle{Kind::Triangular, -1.0, 0.5};
   for (const Distribution& d : {cut, triangle, Distribution{Kind::LogNormal, 2, 0.3, 1.5, 8}})
     for (const double score : {-3.0, -0.7, 0.0, 0.4, 2.5})
-      EXPECT_NEAR(at_score(d, score), quantile(d, 0.5 * std::erfc(-score / std::sqrt(2.0))), 1e-13);
-  EXPECT_EQ(at_score({Kind::Normal, 3, 2}, 20.0), 43.0);  // where a share is rounded to 1
-  EXPECT_DOUBLE_EQ(at_score({Kind::LogNormal, 3, 0.1}, 20.0), 3 * std::exp(2.0));
-  EXPECT_NEAR(at_score({Kind::Triangular, 0, 1}, 12.0), 1.0, 1e-15);
-  EXPECT_EQ(at_score(cut, 50.0), 4.0);
+      EXPECT_NEAR(value_at_score(d, score), quantile(d, 0.5 * std::erfc(-score / std::sqrt(2.0))),
+                  1e-13);
+  EXPECT_EQ(value_at_score({Kind::Normal, 3, 2}, 20.0), 43.0);  // where a share is rounded to 1
+  EXPECT_DOUBLE_EQ(value_at_score({Kind::LogNormal, 3, 0.1}, 20.0), 3 * std::exp(2.0));
+  EXPECT_NEAR(value_at_score({Kind::Triangular, 0, 1}, 12.0), 1.0, 1e-15);
+  EXPECT_EQ(value_at_score(cut, 50.0), 4.0);
   EXPECT_EQ(normal_score(0.5), 0.0);
   EXPECT_EQ(normal_score(0.0), -infinity);
   EXPECT_EQ(normal_score(1.0), infinity);
@@ -209,12 +210,12 @@ TEST(Distribution, ManyAtOnceAreTheSameBits) {
   const Eigen::VectorXd scores = Eigen::VectorXd::LinSpaced(41, -9.0, 9.0);
   for (int i = 0; i < 500; ++i) {
     const Distribution d = any.next();
-    if (fault_of(d)) continue;
+    if (distribution_error(d)) continue;
     const Eigen::VectorXd values = quantiles(d, p);
-    const Eigen::VectorXd others = at_scores(d, scores);
+    const Eigen::VectorXd others = values_at_scores(d, scores);
     for (Eigen::Index k = 0; k < p.size(); ++k) {
       ASSERT_EQ(values(k), quantile(d, p(k))) << parameters_of(d);
-      ASSERT_EQ(others(k), at_score(d, scores(k))) << parameters_of(d);
+      ASSERT_EQ(others(k), value_at_score(d, scores(k))) << parameters_of(d);
     }
   }
 }
@@ -289,7 +290,7 @@ TEST(Distribution, MomentsAreThoseOfTheValuesThatQuantilesGive) {
     if (!std::isfinite(d.low) && d.kind != Kind::LogNormal) d.low = d.centre - 3 * d.spread;
     if (!std::isfinite(d.high))
       d.high = d.kind == Kind::LogNormal ? 5 * d.centre : d.centre + 2.9 * d.spread;
-    if (fault_of(d)) continue;
+    if (distribution_error(d)) continue;
     const int n = 200000;  // midpoints; p = t^2 (3 - 2 t) makes the ends, which are steep, harmless
     const double from = quantile(d, 0.5);
     double sum = 0.0;
@@ -313,7 +314,7 @@ TEST(Distribution, ANarrowWindowIsUniform) {
   for (const Distribution& d : {Distribution{Kind::Normal, 0, 1, 1.0, 1.0 + 1e-9},
                                 Distribution{Kind::Triangular, 1, 1, 0.5, 0.5 + 1e-9},
                                 Distribution{Kind::LogNormal, 1, 1, 2.0, 2.0 + 1e-9}}) {
-    ASSERT_EQ(fault_of(d), nullptr);
+    ASSERT_EQ(distribution_error(d), nullptr);
     const double width = d.high - d.low;
     EXPECT_NEAR(moments(d).standard_deviation / width, std::sqrt(1.0 / 12.0), 1e-8);
     EXPECT_NEAR((moments(d).mean - d.low) / width, 0.5, 1e-6);
@@ -334,7 +335,7 @@ TEST(Distribution, AWholeOneHasItsTextbookMoments) {
 
 TEST(Distribution, WhatIsNoneIsRefusedInWords) {
   const auto says = [](const Distribution& d, const std::string& text) {
-    const char* fault = fault_of(d);
+    const char* fault = distribution_error(d);
     ASSERT_NE(fault, nullptr) << text;
     EXPECT_NE(std::string(fault).find(text), std::string::npos) << fault;
   };
@@ -356,9 +357,9 @@ TEST(Distribution, WhatIsNoneIsRefusedInWords) {
   says({Kind::LogNormal, 1, 1, -2, 0}, "some share");
   says({Kind::Normal, 0, 1, infinity, infinity}, "a low limit below");
   says({Kind::Uniform, 1e308, 1e308}, "finite");
-  EXPECT_EQ(fault_of({}), nullptr);
-  EXPECT_EQ(fault_of({Kind::Normal, 0, 1e-12, 0}), nullptr);
-  EXPECT_EQ(fault_of({Kind::LogNormal, 1e-9, 0.1, -5, 1}), nullptr);
+  EXPECT_EQ(distribution_error({}), nullptr);
+  EXPECT_EQ(distribution_error({Kind::Normal, 0, 1e-12, 0}), nullptr);
+  EXPECT_EQ(distribution_error({Kind::LogNormal, 1e-9, 0.1, -5, 1}), nullptr);
 }
 
 TEST(Distribution, OpenTurnsAgreesOnCutDistributions) {

@@ -93,7 +93,7 @@ void note(const fs::path& file, const std::string& text) {
 }
 
 /// Parallel within the case, so that a thread that waits here would like to have other work.
-std::vector<double> answers_of(std::uint64_t index) {
+std::vector<double> scaled_responses(std::uint64_t index) {
   std::vector<double> parts(64);
   tbb::parallel_for(std::size_t(0), parts.size(), [&](std::size_t k) {
     parts[k] = std::sin(1e-3 * double(index * 64 + k)) / double(k + 1);
@@ -109,7 +109,7 @@ Row row_of(std::uint64_t index, const Study& study) {
   if (std::int64_t(index) == study.fail_at) fail(study.failure);
   std::this_thread::sleep_for(std::chrono::microseconds(study.pause_us));
   if (index % 11 == 3) return {index, {}, fmt::format("case {}: µm out of reach", index)};
-  return {index, answers_of(index), ""};
+  return {index, scaled_responses(index), ""};
 }
 
 /// @throws std::logic_error if this thread is in the midst of another batch
@@ -171,9 +171,9 @@ void run(const Line& line, const Ranks& here) {
     journal.emplace(journal_of(line), fmt::format("{} cases by {}", study.cases, study.batch));
     finished = journal->finished();
   }
-  finished = from_rank_0(here, finished);
+  finished = broadcast_from_rank_0(here, finished);
   const std::vector<Batch> batches =
-      unfinished(of_shard(batches_of(study), line.shard.value_or(Shard{})), finished);
+      unfinished(shard_batches(batches_of(study), line.shard.value_or(Shard{})), finished);
   const auto take = [&](const Batch& batch, std::vector<Row> rows) {
     journal->add(rows);
     note(line.out / "added.log", fmt::format("{} {}\n", batch.first, batch.last));
@@ -218,6 +218,6 @@ int main(int argc, char** argv) {
   sim::watch_interrupts();
   const int code = exit_code_of(argc, argv);
   std::fflush(stderr);
-  leave_ranks(code);
+  finalize_ranks(code);
   return code;
 }

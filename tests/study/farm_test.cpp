@@ -19,9 +19,8 @@
 #include "sim/compensation/plug_in.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
-#include "sim/scene/bad_scene.h"
 #include "sim/scene/scene.h"
-#include "sim/study/messages.h"
+#include "sim/scene/toml.h"
 #include "tests/study/farm_runs.h"
 
 namespace abbe::sim::study {
@@ -56,12 +55,12 @@ TEST(OfShard, EveryBatchIsInOneShard) {
       const std::vector<Batch> all = batches_of(cases, 3);
       std::vector<std::uint64_t> found;
       for (int i = 0; i < count; ++i)
-        for (const Batch& batch : of_shard(all, {i, count})) found.push_back(batch.first);
+        for (const Batch& batch : shard_batches(all, {i, count})) found.push_back(batch.first);
       std::sort(found.begin(), found.end());
       EXPECT_EQ(found, firsts(all)) << cases << " cases, " << count << " shards";
     }
   for (const Shard& none : {Shard{0, 0}, Shard{3, 3}, Shard{-1, 3}, Shard{0, -1}})
-    EXPECT_THROW(of_shard({}, none), std::invalid_argument) << none.index << "/" << none.count;
+    EXPECT_THROW(shard_batches({}, none), std::invalid_argument) << none.index << "/" << none.count;
 }
 
 TEST(Unfinished, IsEveryBatchWithACaseThatIsNotThere) {
@@ -158,21 +157,21 @@ TEST(Farm, NothingIsTakenAfterTakingFailed) {
 // ---------------------------------------------------------------- messages
 
 TEST(Messages, RowsComeBackBitForBit) {
-  const Finished sent{{5, 8},
-                      {{5, {std::nan("7"), -0.0}, ""}, {6, {}, "a fault\n µ"}, {7, {1}, ""}}};
+  const BatchResult sent{{5, 8},
+                         {{5, {std::nan("7"), -0.0}, ""}, {6, {}, "a fault\n µ"}, {7, {1}, ""}}};
   const std::string bytes = to_bytes(sent);
-  const Finished found = finished_in(bytes);
+  const BatchResult found = parse_batch_result(bytes);
   EXPECT_EQ(found.batch.first, 5u);
   EXPECT_EQ(found.batch.last, 8u);
   EXPECT_EQ(found.rows, sent.rows);
   for (std::size_t size = 0; size < bytes.size(); ++size)
-    EXPECT_THROW(finished_in(bytes.substr(0, size)), std::runtime_error) << size;
+    EXPECT_THROW(parse_batch_result(bytes.substr(0, size)), std::runtime_error) << size;
 }
 
 template <typename Failure>
 std::string there_and_back(const Failure& failure) {
   try {
-    std::rethrow_exception(failure_in(to_bytes(std::make_exception_ptr(failure))));
+    std::rethrow_exception(parse_failure(to_bytes(std::make_exception_ptr(failure))));
   } catch (const Failure& found) {
     return found.what();
   } catch (...) {
@@ -190,7 +189,7 @@ TEST(Messages, AFailureKeepsItsTypeAndText) {
   EXPECT_EQ(there_and_back(compensation::PlugInFailure("crashed")), "crashed");
   EXPECT_EQ(there_and_back(std::bad_alloc()), std::bad_alloc().what());
   EXPECT_EQ(there_and_back(std::runtime_error("singular")), "singular");
-  EXPECT_EQ(failure_in(to_bytes(std::exception_ptr())), nullptr);
+  EXPECT_EQ(parse_failure(to_bytes(std::exception_ptr())), nullptr);
 }
 
 // ---------------------------------------------------------------- whole programs
@@ -258,7 +257,7 @@ TEST(FarmProgram, KilledTwentyTimesAtRandomItEndsWithTheSameBytes) {
   const fs::path study = folder.write("study.txt", farm_study(8000));
   fs::path out = folder.folder("0");
   int killed = 0, studies = 0;
-  std::size_t most_at_once = 0, before = 0, unreported = 0;
+  std::size_t max_at_once = 0, before = 0, unreported = 0;
   while (killed < 20) {
     Process process(command(study, out), folder / "log");
     wait_ms(moment_ms(random));
@@ -279,11 +278,11 @@ TEST(FarmProgram, KilledTwentyTimesAtRandomItEndsWithTheSameBytes) {
     EXPECT_LE(kept.size() - reported.size(), unreported + 3)
         << "but for the batch it was killed in";
     unreported = kept.size() - reported.size();
-    most_at_once = std::max(most_at_once, kept.size() - before);
+    max_at_once = std::max(max_at_once, kept.size() - before);
     before = kept.size();
   }
   std::cout << "killed " << killed << " times, " << before << " of 200 cases then, at most "
-            << most_at_once << " between two kills, " << studies << " studies ended before\n";
+            << max_at_once << " between two kills, " << studies << " studies ended before\n";
   EXPECT_EQ(run(command(study, out), folder / "log"), 0) << text_of(folder / "log");
   EXPECT_EQ(text_of(out / "table.txt"), undisturbed_table());
 }

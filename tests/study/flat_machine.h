@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/study/response_function.h"
+#include "sim/study/influence.h"
 
 namespace abbe::sim::study {
 
@@ -64,11 +64,11 @@ inline FlatMachine random_machine(Study study, Eigen::Index n, unsigned seed) {
   const auto field = [&](Eigen::Index) { return unit(random); };
   InfluenceMap map;
   map.first = {0};
-  std::vector<Eigen::Index> rivals;
+  std::vector<Eigen::Index> competing_passes;
   for (Eigen::Index v = 0; v < n; ++v) {
     const bool uncut = v % 17 == 3;
-    rivals.push_back(uncut ? 0 : 1 + Eigen::Index(std::abs(field(v)) * 2.99));
-    map.first.push_back(map.first.back() + rivals.back());
+    competing_passes.push_back(uncut ? 0 : 1 + Eigen::Index(std::abs(field(v)) * 2.99));
+    map.first.push_back(map.first.back() + competing_passes.back());
     map.status.push_back(uncut ? cutting::VertexStatus::Uncut : cutting::VertexStatus::Cut);
   }
   const Eigen::Index m = map.first.back();

@@ -11,10 +11,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "kinematics/units.h"
-#include "sim/commands/identify_command.h"
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
@@ -146,7 +145,7 @@ class HistoriesOfDays : public testing::Test {
     study.file = folder_.path() / "study.toml";
     study.scene = scene_;
     study.histories = Histories{train, test};
-    return with_scene(study);
+    return load_scene(study);
   }
 
   SceneFolder folder_;
@@ -180,7 +179,7 @@ TEST_F(HistoriesOfDays, ABeliefHoldsWhereItsDaySawWhatWarms) {
     EXPECT_EQ(results[k].uncompensated_rms, results[k % 5].uncompensated_rms);
   }
   const std::vector<bool> own = {true, false, false, false, false, false, true, false, true, false};
-  for (std::size_t k = 0; k < 10; ++k) EXPECT_EQ(results[k].own_day, own[k]) << k;
+  for (std::size_t k = 0; k < 10; ++k) EXPECT_EQ(results[k].is_own_day, own[k]) << k;
   EXPECT_TRUE(std::ranges::is_sorted(fractions));
   EXPECT_EQ(fractions.back(), 1.0);
 
@@ -292,7 +291,7 @@ TEST(Histories, TablesReadBackTheSameBits) {
   first.sensors = {"a,b", "say \"c\""};
   first.warnings = {"w"};
   second.train = "30 min";
-  second.own_day = true;
+  second.is_own_day = true;
   const std::vector<HistoryResult> results = {first, second};
 
   const auto json = nlohmann::ordered_json::parse(to_json(results).dump());

@@ -1,4 +1,4 @@
-#include "sim/study/indices.h"
+#include "sim/study/response_statistics.h"
 
 #include <chrono>
 #include <cmath>
@@ -12,7 +12,7 @@
 #include <Eigen/Geometry>
 
 #include "kinematics/units.h"
-#include "sim/study/sequence.h"
+#include "sim/study/sampling.h"
 #include "tests/study/openturns.h"
 
 namespace abbe::sim::study {
@@ -48,8 +48,8 @@ Known linear_known() {
   return {"linear", linear, share, share};
 }
 
-Eigen::MatrixXd answers_of(double (*f)(const Eigen::VectorXd&), const Sequence& sequence,
-                           Eigen::Index base_points) {
+Eigen::MatrixXd scaled_responses(double (*f)(const Eigen::VectorXd&), const Sequence& sequence,
+                                 Eigen::Index base_points) {
   const Eigen::MatrixXd u = points(sequence, 0, base_points);
   Eigen::MatrixXd result(base_points, u.rows() / 2 + 2);
   for (Eigen::Index k = 0; k < base_points; ++k)
@@ -67,7 +67,7 @@ TEST(SobolIndices, IshigamisAreTheKnownFigures) {
 TEST(SobolIndices, OfSobolPointsAreWithinTheirBandsAtEverySize) {
   for (const Known& known : {ishigami_known(), linear_known()})
     for (const std::uint64_t seed : {1u, 2u, 3u}) {
-      const auto steps = convergence(answers_of(known.of, {Sampling::Sobol, 6, seed}, 16384));
+      const auto steps = convergence(scaled_responses(known.of, {Sampling::Sobol, 6, seed}, 16384));
       ASSERT_EQ(steps.base_points.size(), 12u);
       EXPECT_EQ(steps.base_points.front(), 8);
       for (std::size_t s = 3; s < steps.base_points.size(); ++s) {
@@ -102,10 +102,10 @@ Coverage coverage(const Known& known, Sampling sampling, Eigen::Index base_point
   std::vector<Coverage> each(static_cast<std::size_t>(studies));
   tbb::parallel_for(0, studies, [&](int k) {
     const Sequence sequence{sampling, 6, 1000 + std::uint64_t(k)};
-    const auto indices = sobol_indices(answers_of(known.of, sequence, base_points));
+    const auto indices = sobol_indices(scaled_responses(known.of, sequence, base_points));
     for (int j = 0; j < 6; ++j) {
       const SobolIndex& index = indices[std::size_t(j % 3)];
-      const Banded& band = j < 3 ? index.first : index.total;
+      const IntervalEstimate& band = j < 3 ? index.first : index.total;
       const double truth = j < 3 ? known.first(j) : known.total(j - 3);
       each[std::size_t(k)].share(j) = band.low <= truth && truth <= band.high;
       each[std::size_t(k)].width(j) = band.high - band.low;
@@ -159,7 +159,7 @@ TEST(SobolIndices, BandsOfSobolPointsAreOnTheSafeSide) {
 
 TEST(SobolIndices, OpenTurnsAgreesOnTheSameAnswers) {
   const Eigen::Index n = 1024;
-  const Eigen::MatrixXd answers = answers_of(ishigami, {Sampling::Random, 6, 12}, n);
+  const Eigen::MatrixXd answers = scaled_responses(ishigami, {Sampling::Random, 6, 12}, n);
   // A, B and A with one column of B under one another, as they order them
   const auto theirs = oracle::openturns(
       R"(
@@ -193,7 +193,7 @@ print(*ot.JansenSensitivityAlgorithm(inputs, out, n).getTotalOrderIndices())
               << "), total differs by " << total / variance_a - (*theirs)[std::size_t(6 + i)]
               << "\n";
     // Their Saltelli is another estimator of the same thing.
-    const Banded& band = ours[std::size_t(i)].first;
+    const IntervalEstimate& band = ours[std::size_t(i)].first;
     EXPECT_NEAR(band.value, (*theirs)[std::size_t(3 + i)], 0.75 * (band.high - band.low));
   }
 }
@@ -212,7 +212,7 @@ TEST(SobolIndices, ByHandOfEightBasePoints) {
 }
 
 TEST(SobolIndices, UnitsAndOffsetsDoNotMatter) {
-  const Eigen::MatrixXd answers = answers_of(ishigami, {Sampling::Random, 6, 3}, 128);
+  const Eigen::MatrixXd answers = scaled_responses(ishigami, {Sampling::Random, 6, 3}, 128);
   const auto plain = sobol_indices(answers);
   for (const auto& [scale, offset] :
        {std::pair{1e-9, 0.0}, {1e100, 0.0}, {1e-150, 0.0}, {1.0, 1e6}}) {
@@ -229,7 +229,7 @@ TEST(SobolIndices, UnitsAndOffsetsDoNotMatter) {
 TEST(SobolIndices, AResponseThatDoesNotVaryHasNone) {
   const auto indices = sobol_indices(Eigen::MatrixXd::Constant(20, 4, 0.1));
   for (const SobolIndex& index : indices)
-    for (const Banded& band : {index.first, index.total}) {
+    for (const IntervalEstimate& band : {index.first, index.total}) {
       EXPECT_EQ(band.value, 0.0);
       EXPECT_EQ(band.low, 0.0);
       EXPECT_EQ(band.high, 0.0);
@@ -237,7 +237,7 @@ TEST(SobolIndices, AResponseThatDoesNotVaryHasNone) {
 }
 
 TEST(SobolIndices, BasePointsWithGapsAreLeftOut) {
-  const Eigen::MatrixXd whole = answers_of(ishigami, {Sampling::Random, 6, 3}, 40);
+  const Eigen::MatrixXd whole = scaled_responses(ishigami, {Sampling::Random, 6, 3}, 40);
   Eigen::MatrixXd gaps(42, 5);
   gaps << whole.topRows(7), Eigen::RowVectorXd::Constant(5, 1.0), whole.bottomRows(33),
       Eigen::RowVectorXd::Constant(5, 2.0);
@@ -253,7 +253,7 @@ TEST(SobolIndices, BasePointsWithGapsAreLeftOut) {
 }
 
 TEST(SobolIndices, EqualBitsWheneverAskedAndOtherBandsOfAnotherSeed) {
-  const Eigen::MatrixXd answers = answers_of(ishigami, {Sampling::Random, 6, 3}, 300);
+  const Eigen::MatrixXd answers = scaled_responses(ishigami, {Sampling::Random, 6, 3}, 300);
   const auto one = sobol_indices(answers, 5);
   const auto other = sobol_indices(answers, 6);
   for (int again = 0; again < 5; ++again) {

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/study/base_run.h"
+#include "sim/study/influence_map.h"
 #include "tests/study/small_studies.h"
 
 namespace abbe::sim::study {

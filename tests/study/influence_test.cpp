@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "cutting/residual.h"
+#include "cutting/map/residual.h"
 #include "tests/sim/refusal.h"
 #include "tests/study/small_studies.h"
 
@@ -34,7 +34,7 @@ struct Agreement {
   double unseen = 0.0;  ///< the same that is not flagged
 };
 
-Agreement agreement(const Study& study, const ReadyArm& ready, const InfluenceMap& map,
+Agreement agreement(const Study& study, const PreparedConfiguration& ready, const InfluenceMap& map,
                     const Eigen::MatrixXd& x) {
   const Eigen::MatrixXd estimated = maps(map, x), figures = responses(study, ready, map, x);
   const double area = map.design.area.sum();
@@ -410,7 +410,7 @@ TEST(Influence, AHollowCutterIsRefused) {
   const Study study = read_study(folder.write("study.toml", "scene = \"scene.toml\"\n" +
                                                                 by_path("setup.EA_urad", 0.0, 1.0) +
                                                                 "[monte_carlo]\ncases = 64\n"));
-  const ReadyArm ready = ready_arm(study, study.arms.front());
+  const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
   const std::string said = refusal_by([&] { influence_map(study, ready); });
   EXPECT_NE(said.find("a convex tool for influence maps"), std::string::npos) << said;
   EXPECT_NE(said.find("tool.kind = \"profile\""), std::string::npos) << said;
@@ -426,7 +426,7 @@ TEST(Influence, TwoHundredRandomGantryDomesAreTheirFullRuns) {
         fmt::format("scene = \"{}\"\nset = {{ part.vertices = 10000 }}\n{}\n[monte_carlo]\n"
                     "cases = 200\n[influence]\nchecks = 4\n",
                     file_of("gantry_dome.toml"), every(what))));
-    const ReadyArm ready = ready_arm(study, study.arms.front());
+    const PreparedConfiguration ready = prepare_configuration(study, study.arms.front());
     const InfluenceMap map = influence_map(study, ready);
     const Agreement a = agreement(study, ready, map, some_machines(study, 200));
     std::cout << fmt::format(

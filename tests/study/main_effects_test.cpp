@@ -1,13 +1,12 @@
-#include "sim/study/main_effects.h"
+#include "sim/study/response_statistics.h"
 
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
 
-#include "sim/study/indices.h"
-#include "sim/study/ranks.h"
-#include "sim/study/sequence.h"
+#include "sim/study/farm.h"
+#include "sim/study/sampling.h"
 
 namespace abbe::sim::study {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/study/plan.h"
+#include "sim/study/case_plan.h"
 
 #include <algorithm>
 #include <cmath>

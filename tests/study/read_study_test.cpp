@@ -5,10 +5,10 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/bad_scene.h"
 #include "sim/scene/read_scene.h"
+#include "sim/scene/toml.h"
+#include "sim/study/configuration.h"
 #include "sim/study/study.h"
-#include "sim/study/study_warnings.h"
 #include "tests/injured.h"
 #include "tests/sim/refusal.h"
 #include "tests/study/small_study.h"
@@ -134,7 +134,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_EQ(study.uncertainty->confidence, 0.8);
   EXPECT_EQ(study.uncertainty->machines, 500u);
   EXPECT_DOUBLE_EQ(study.influence.reach, 0.07);
-  EXPECT_EQ(study.influence.most_rivals, 3);
+  EXPECT_EQ(study.influence.max_rivals, 3);
   EXPECT_EQ(study.influence.checks, 1);
   EXPECT_DOUBLE_EQ(study.influence.flag, 5e-4);
   EXPECT_FALSE(study.influence.sheet);
@@ -550,7 +550,7 @@ TEST_F(ReadStudy, ReadsOrRefusesAnInjuredStudy) {
       EXPECT_TRUE(centre(study).allFinite() && spreads(study).allFinite());
       ++read;
     } catch (const BadScene& bad) {
-      EXPECT_FALSE(bad.faults.empty());
+      EXPECT_FALSE(bad.input_errors.empty());
       ++refused;
     }
   }

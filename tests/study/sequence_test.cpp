@@ -1,4 +1,4 @@
-#include "sim/study/sequence.h"
+#include "sim/study/sampling.h"
 
 #include <chrono>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "sim/study/slurm.h"
+#include "sim/study/run_study.h"
 
 #include <chrono>
 #include <iostream>

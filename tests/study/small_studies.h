@@ -7,8 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "sim/study/case_plan.h"
 #include "sim/study/influence.h"
-#include "sim/study/plan.h"
 #include "tests/sim/small_scene.h"
 
 /// Studies of a few hundred vertices, each machine of them cut in some hundredths of a second.
@@ -38,7 +38,7 @@ struct SmallStudy {
 struct MadeStudy {
   explicit MadeStudy(const SmallStudy& small)
       : study(read(small)),
-        ready(ready_arm(study, study.arms.front())),
+        ready(prepare_configuration(study, study.arms.front())),
         map(influence_map(study, ready)) {}
 
   Study read(const SmallStudy& small) const {
@@ -51,7 +51,7 @@ struct MadeStudy {
 
   SceneFolder folder;
   Study study;
-  ReadyArm ready;
+  PreparedConfiguration ready;
   InfluenceMap map;
 };
 

@@ -12,9 +12,15 @@ namespace abbe::sim::study {
 inline std::string small_scene() {
   const std::string scenes = (std::filesystem::path(ABBE_SOURCE_DIR) / "scenes").string();
   return "title = \"small dome\"\n"
-         "machine = \"" + scenes + "/machines/gantry_cxyza.toml\"\n"
-         "errors = \"" + scenes + "/errors/gantry_typical.toml\"\n"
-         "tool = \"" + scenes + "/tools/ball_r5.toml\"\n"
+         "machine = \"" +
+         scenes +
+         "/machines/gantry_cxyza.toml\"\n"
+         "errors = \"" +
+         scenes +
+         "/errors/gantry_typical.toml\"\n"
+         "tool = \"" +
+         scenes +
+         "/tools/ball_r5.toml\"\n"
          "[part]\nsurface = \"sphere_cap\"\nradius_mm = 20\nrim_radius_mm = 6\n"
          "at_mm = [40, 25, 80]\nvertices = 300\ntolerance_um = 20\n"
          "[program]\ngenerator = \"raster\"\nstep_over_mm = 0.8\nstep_mm = 2\nlead_deg = 36\n"

@@ -9,8 +9,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/study/case_plan.h"
 #include "sim/study/journal.h"
-#include "sim/study/plan.h"
 #include "sim/study/study.h"
 #include "tests/study/small_disk.h"
 #include "tests/study/small_study.h"
@@ -87,7 +87,7 @@ class StudyProgram : public testing::Test {
     return {code, text_of(log)};
   }
   /// What the program calls a study: an empty shard begins a journal and computes nothing.
-  static std::string identity_of(const fs::path& study) {
+  static std::string study_identity(const fs::path& study) {
     const fs::path own = out(" identity");
     EXPECT_EQ(ran(words(study, own, {"--shard", "9999/10000"})).code, 0);
     return recorded(own / "journal-9999-of-10000.sqlite").identity;
@@ -249,7 +249,7 @@ TEST_F(StudyProgram, RefusesTheJournalOfAnotherBuild) {
 TEST_F(StudyProgram, RefusesTheJournalOfAnotherStudyAndLeavesItAlone) {
   const fs::path study = study_of("influence"), out = this->out("");
   fs::create_directories(out);
-  { Journal(out / "journal.sqlite", identity_of(study)).add({{0, {1e-3, 1e-3}, ""}}); }
+  { Journal(out / "journal.sqlite", study_identity(study)).add({{0, {1e-3, 1e-3}, ""}}); }
   const std::string before = text_of(out / "journal.sqlite");
   for (const std::vector<std::string>& more : {std::vector<std::string>{"--seed", "9"},
                                                {"--seed", "9", "--show"},
@@ -268,7 +268,7 @@ TEST_F(StudyProgram, ShowsNothingHalfAndAllOfIt) {
   const fs::path study = study_of("influence"), out = this->out("");
   EXPECT_EQ(ran(words(study, out, {"--show"})).code, 3) << "no journal";
   EXPECT_FALSE(fs::exists(out)) << "looking makes nothing";
-  const std::string identity = identity_of(study);
+  const std::string identity = study_identity(study);
   const std::uint64_t cases = plan_of(read_study(study)).cases;
   fs::create_directories(out);
   std::uint64_t added = 0;

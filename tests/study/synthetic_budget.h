@@ -16,12 +16,14 @@ struct Synthetic {
   bool map = true;
 };
 
-inline Banded band(double value, double half) { return {value, value - half, value + half}; }
+inline IntervalEstimate band(double value, double half) {
+  return {value, value - half, value + half};
+}
 
 /// Influence of an input: falls from the first to the last.
 inline double effect(int input) { return 4e-3 * std::pow(0.8, input); }
 
-inline Answers answers_of(const Eigen::VectorXd& v) {
+inline Answers scaled_responses(const Eigen::VectorXd& v) {
   Answers a;
   const double mean = v.mean();
   const double sd = std::sqrt((v.array() - mean).square().sum() / double(v.size() - 1));
@@ -106,10 +108,10 @@ inline ResponseBudget response_of(Response response, const Synthetic& options, d
   std::normal_distribution<double> normal(r.base + 0.5 * std::sqrt(squares),
                                           0.6 * std::sqrt(squares));
   r.values = Eigen::VectorXd::NullaryExpr(2000, [&] { return std::abs(normal(random)); });
-  r.answers = answers_of(r.values);
+  r.answers = scaled_responses(r.values);
   if (response == Response::Pv) {
     r.limit = 12e-3;
-    r.share_within = Banded{0.913, 0.9, 0.925};
+    r.fraction_within = IntervalEstimate{0.913, 0.9, 0.925};
     r.capability = 0.72;
   }
   return r;
@@ -131,14 +133,14 @@ inline Allocation allocation_of(int inputs) {
 }
 
 /// A budget that has everything.
-inline Budget budget_of(const Synthetic& options = {}) {
+inline Budget compute_budget(const Synthetic& options = {}) {
   Budget b;
   b.study = study_of(options);
   b.cases = 52345;
   b.failed = 3;
   for (int k = 0; k < options.arms; ++k) {
     const double scale = k == 0 ? 1.0 : 0.35;
-    ArmBudget arm;
+    ConfigurationBudget arm;
     arm.arm = b.study.arms[std::size_t(k)];
     for (const Response response : b.study.responses)
       arm.responses.push_back(
@@ -146,8 +148,7 @@ inline Budget budget_of(const Synthetic& options = {}) {
     double sum = 0.0;
     for (int i = 0; i < options.inputs; ++i) sum += effect(i) * effect(i);
     for (int i = 0; options.map && i < options.inputs; ++i)
-      arm.maps.push_back(
-          {0.2 * scale * effect(i), scale * effect(i), effect(i) * effect(i) / sum});
+      arm.maps.push_back({0.2 * scale * effect(i), scale * effect(i), effect(i) * effect(i) / sum});
     if (options.map) {
       arm.map_rms = 1.4e-3 * scale;
       arm.map_mean_rms = 0.4e-3 * scale;
@@ -159,7 +160,7 @@ inline Budget budget_of(const Synthetic& options = {}) {
   b.proofs = {{"uncompensated", Response::Pv, 50, 0, 0.23},
               {"uncompensated", Response::Rms, 50, 0, 0.11}};
   b.study.sweeps = {{0, Eigen::VectorXd::LinSpaced(9, -4.0, 4.0)}};
-  Sweeping sweep;
+  SweepResult sweep;
   for (int k = 0; k < options.arms; ++k) {
     std::vector<Eigen::VectorXd> answers;
     for (const Response response : b.study.responses) {

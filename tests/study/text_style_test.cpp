@@ -1,4 +1,4 @@
-#include "sim/study/text_style.h"
+#include "sim/study/study_text.h"
 
 #include <sstream>
 

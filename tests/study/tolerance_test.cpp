@@ -1,4 +1,4 @@
-#include "sim/study/tolerance.h"
+#include "sim/study/uncertainty.h"
 
 #include <atomic>
 #include <cmath>
@@ -9,7 +9,7 @@
 #include <tbb/global_control.h>
 #include <boost/math/distributions/chi_squared.hpp>
 
-#include "sim/study/plan.h"
+#include "sim/study/case_plan.h"
 #include "tests/study/flat_machine.h"
 
 namespace abbe::sim::study {
@@ -60,7 +60,7 @@ void tell(const char* what, const Allocation& a) {
 
 /// Fresh machines agree with the confidence: their band, widened by what the machines that the
 /// factors were found on leave open (0.2 % of share).
-void expect_verified(const Banded& share, double confidence = 0.95) {
+void expect_verified(const IntervalEstimate& share, double confidence = 0.95) {
   EXPECT_LT(share.low - 0.002, confidence);
   EXPECT_GT(share.high + 0.002, confidence);
 }
@@ -217,11 +217,11 @@ TEST(Tolerance, AFreshMonteCarloOfARealMapAgreesAndTradesDoNotPay) {
     const auto share_of = [&](const VectorXd& factors, std::uint64_t seed, int machines) {
       const Eigen::MatrixXd z =
           drawn(machine.study, points({Sampling::Random, p, seed}, 0, machines));
-      return share_below(function.values(factors.asDiagonal() * z), limit);
+      return fraction_below(function.values(factors.asDiagonal() * z), limit);
     };
     SCOPED_TRACE("seeds 1001 .. 1002");
-    const Banded share = share_of(a.cheapest, 1001, 40000);
-    const Banded equal = share_of(a.equal, 1001, 40000);
+    const IntervalEstimate share = share_of(a.cheapest, 1001, 40000);
+    const IntervalEstimate equal = share_of(a.equal, 1001, 40000);
     std::cout << "  40000 machines of the test's own: cheapest " << 100.0 * share.value
               << " %, equal " << 100.0 * equal.value << " %\n";
     EXPECT_NEAR(share.value, 0.95, 0.007);
@@ -250,10 +250,10 @@ TEST(Tolerance, TheSameBitsForAnyNumberOfThreads) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
     return allocated(machine);
   };
-  const Allocation one = with(1), four = with(4);
-  EXPECT_EQ(one.cheapest, four.cheapest);
-  EXPECT_EQ(one.equal, four.equal);
-  EXPECT_EQ(one.cheapest_share.value, four.cheapest_share.value);
+  const Allocation one = with(1), vector4 = with(4);
+  EXPECT_EQ(one.cheapest, vector4.cheapest);
+  EXPECT_EQ(one.equal, vector4.equal);
+  EXPECT_EQ(one.cheapest_share.value, vector4.cheapest_share.value);
 }
 
 /// A hundred inputs that matter alike: a few hundred machines near the limit could not tell them

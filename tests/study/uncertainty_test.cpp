@@ -7,7 +7,7 @@
 #include <tbb/global_control.h>
 #include <boost/math/distributions/chi_squared.hpp>
 
-#include "sim/study/plan.h"
+#include "sim/study/case_plan.h"
 #include "tests/study/flat_machine.h"
 
 namespace abbe::sim::study {
@@ -144,12 +144,12 @@ TEST(Uncertainty, BitsDoNotDependOnThreads) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
     return uncertainty_map(machine.study, machine.influence);
   };
-  const UncertaintyMap one = with(1), four = with(4);
+  const UncertaintyMap one = with(1), vector4 = with(4);
   for (Eigen::Index v = 0; v < 300; ++v) {
     if (v % 17 == 3) continue;
-    ASSERT_EQ(one.low[v], four.low[v]);
-    ASSERT_EQ(one.high[v], four.high[v]);
-    ASSERT_EQ(one.drawn[v], four.drawn[v]);
+    ASSERT_EQ(one.low[v], vector4.low[v]);
+    ASSERT_EQ(one.high[v], vector4.high[v]);
+    ASSERT_EQ(one.drawn[v], vector4.drawn[v]);
   }
 }
 

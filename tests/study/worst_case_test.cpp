@@ -9,8 +9,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "kinematics/numbers.h"
-#include "sim/study/worst_bound.h"
+#include "kinematics/units.h"
 #include "tests/study/flat_machine.h"
 
 namespace abbe::sim::study {
@@ -68,7 +67,7 @@ struct Quality {
   double bound = 1.0;  ///< largest bound over it
 };
 
-void judge(const FlatMachine& machine, Response response, Quality& quality) {
+void judge(const FlatMachine& machine, Response response, Quality& quality_range) {
   const Box box = box_of(machine.study, 3.0);
   const ResponseFunction function = function_of(machine.influence, response);
   const Corner corner = worst_corner(box, machine.influence, response, function);
@@ -80,30 +79,31 @@ void judge(const FlatMachine& machine, Response response, Quality& quality) {
   EXPECT_LE(inside, corner.bound + 1e-15);
   for (Eigen::Index i = 0; i < box.low.size(); ++i)
     EXPECT_TRUE(corner.inputs[i] == box.low[i] || corner.inputs[i] == box.high[i]);
-  quality.found = std::min(quality.found, corner.response / worst);
-  quality.bound = std::max(quality.bound, corner.bound / worst);
+  quality_range.found = std::min(quality_range.found, corner.response / worst);
+  quality_range.bound = std::max(quality_range.bound, corner.bound / worst);
 }
 
-Quality judged(Response response, bool rivals, int least_inputs, int most_inputs) {
-  Quality quality;
+Quality judged(Response response, bool competing_passes, int min_inputs, int max_inputs) {
+  Quality quality_range;
   for (unsigned seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE(testing::Message() << name_of(response) << " seed " << seed);
-    Study study = study_of(normals(least_inputs + int(seed) % (most_inputs - least_inputs + 1)));
+    Study study = study_of(normals(min_inputs + int(seed) % (max_inputs - min_inputs + 1)));
     study.inputs[1].distribution = {Kind::Uniform, 0.5, 1.0, -0.1, 1.2};
     FlatMachine machine = random_machine(std::move(study), 150, seed);
-    if (!rivals) {
+    if (!competing_passes) {
       Eigen::MatrixXd first(machine.influence.slope.rows(), 150);
       for (Eigen::Index v = 0; v < 150; ++v)
         first.col(v) = machine.influence.slope.col(
             std::min(machine.influence.first[std::size_t(v)], machine.influence.slope.cols() - 1));
       machine = flat(machine.study, first);
     }
-    judge(machine, response, quality);
+    judge(machine, response, quality_range);
   }
-  std::cout << name_of(response) << (rivals ? ", rivals, " : ", linear, ") << least_inputs << " .. "
-            << most_inputs << " inputs: found at least " << 100.0 * quality.found
-            << " % of the worst of all corners, bound at most " << 100.0 * quality.bound << " %\n";
-  return quality;
+  std::cout << name_of(response) << (competing_passes ? ", rivals, " : ", linear, ") << min_inputs
+            << " .. " << max_inputs << " inputs: found at least " << 100.0 * quality_range.found
+            << " % of the worst of all corners, bound at most " << 100.0 * quality_range.bound
+            << " %\n";
+  return quality_range;
 }
 
 constexpr std::array bounded = {Response::Pv, Response::Rms, Response::Mean, Response::Std,
@@ -111,25 +111,26 @@ constexpr std::array bounded = {Response::Pv, Response::Rms, Response::Mean, Res
 
 TEST(WorstCase, PvOfOneRivalIsTheWorstOfAllCornersAndItsBoundIsThat) {
   for (const int inputs : {2, 13}) {
-    const Quality quality = judged(Response::Pv, false, inputs, inputs + (inputs == 2 ? 10 : 1));
-    EXPECT_NEAR(quality.found, 1.0, 1e-12);
-    EXPECT_NEAR(quality.bound, 1.0, 1e-12);
+    const Quality quality_range =
+        judged(Response::Pv, false, inputs, inputs + (inputs == 2 ? 10 : 1));
+    EXPECT_NEAR(quality_range.found, 1.0, 1e-12);
+    EXPECT_NEAR(quality_range.bound, 1.0, 1e-12);
   }
 }
 
 TEST(WorstCase, OfAFewInputsTheCornerIsTheWorstAndTheBoundHolds) {
   for (const Response response : bounded) {
-    const Quality quality = judged(response, true, 2, 12);
-    EXPECT_NEAR(quality.found, 1.0, 1e-12) << name_of(response);
-    EXPECT_LT(quality.bound, response == Response::Mean ? 3.0 : 1.5) << name_of(response);
+    const Quality quality_range = judged(response, true, 2, 12);
+    EXPECT_NEAR(quality_range.found, 1.0, 1e-12) << name_of(response);
+    EXPECT_LT(quality_range.bound, response == Response::Mean ? 3.0 : 1.5) << name_of(response);
   }
 }
 
 TEST(WorstCase, OfMoreInputsTheSearchComesNearTheWorstCorner) {
   for (const Response response : bounded) {
-    const Quality quality = judged(response, true, 13, 14);
-    EXPECT_GE(quality.found, 0.999) << name_of(response);
-    EXPECT_LT(quality.bound, response == Response::Mean ? 4.0 : 1.6) << name_of(response);
+    const Quality quality_range = judged(response, true, 13, 14);
+    EXPECT_GE(quality_range.found, 0.999) << name_of(response);
+    EXPECT_LT(quality_range.bound, response == Response::Mean ? 4.0 : 1.6) << name_of(response);
   }
 }
 
@@ -158,7 +159,8 @@ TEST(WorstCase, CountedResponsesHaveNoGradient) {
   const FlatMachine machine = flat(study_of(normals(1)), Eigen::MatrixXd::Ones(1, 3));
   for (const Response filtered : {Response::FormPv, Response::TextureSq}) {
     EXPECT_THROW(gradients(machine.influence, filtered, VectorXd::Zero(1)), std::invalid_argument);
-    EXPECT_EQ(bound_over(machine.influence, box_of(machine.study, 3.0), filtered, 1.0), infinity)
+    EXPECT_EQ(response_bound(machine.influence, box_of(machine.study, 3.0), filtered, 1.0),
+              infinity)
         << "nothing is promised of a filtered map";
   }
   EXPECT_THROW(gradients(machine.influence, Response::P95Abs, VectorXd::Zero(1)),

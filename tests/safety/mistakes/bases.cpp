@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "sim/commands/measure_command.h"
+#include "sim/commands/calibration_commands.h"
 
 namespace abbe::safety {
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "sim/calibration/identify.h"
+#include "sim/calibration/calibration.h"
 #include "tests/safety/program_run.h"
 
 /// Mistakes that users make, one a row: a number in another unit, a sign, a name, a file of another

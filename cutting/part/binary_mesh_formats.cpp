@@ -1,0 +1,538 @@
+#include "cutting/part/binary_mesh_formats.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cutting/part/mesh_file.h"
+#include "kinematics/text.h"
+
+namespace abbe::cutting {
+
+using Eigen::Vector3d;
+
+namespace {
+
+enum class PlyForm { Ascii, Little, Big };
+
+struct PlyType {
+  std::size_t size = 0;
+  char kind = 'i';  ///< i signed, u unsigned, f floating
+};
+
+struct PlyProperty {
+  std::string name;
+  PlyType type;
+  std::optional<PlyType> list_count;
+
+  /// 0, 1, 2 for red, green, blue; none of another.
+  std::optional<std::size_t> channel() const {
+    constexpr std::array<std::string_view, 3> names = {"red", "green", "blue"};
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end() || list_count) return std::nullopt;
+    return std::size_t(found - names.begin());
+  }
+  /// Numbers of the vertices of a face.
+  bool is_corners() const { return name == "vertex_indices" || name == "vertex_index"; }
+  bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
+};
+
+struct PlyElement {
+  std::string name;
+  std::int64_t count = 0;
+  std::vector<PlyProperty> properties;
+  int line = 0;
+
+  bool has_colour() const {
+    return std::ranges::any_of(properties,
+                               [](const PlyProperty& p) { return p.channel().has_value(); });
+  }
+};
+
+struct PlyHeader {
+  PlyForm form = PlyForm::Ascii;
+  std::vector<PlyElement> elements;  ///< as their data follow one another
+  std::size_t vertex = 0, face = 0;  ///< indices of two of them
+  std::size_t end = 0;               ///< offset of the data
+  int lines = 0;
+};
+
+PlyType ply_type(const Words& words, const Word& word) {
+  static const std::map<std::string_view, PlyType> types = {
+      {"char", {1, 'i'}},  {"int8", {1, 'i'}},    {"uchar", {1, 'u'}},  {"uint8", {1, 'u'}},
+      {"short", {2, 'i'}}, {"int16", {2, 'i'}},   {"ushort", {2, 'u'}}, {"uint16", {2, 'u'}},
+      {"int", {4, 'i'}},   {"int32", {4, 'i'}},   {"uint", {4, 'u'}},   {"uint32", {4, 'u'}},
+      {"float", {4, 'f'}}, {"float32", {4, 'f'}}, {"double", {8, 'f'}}, {"float64", {8, 'f'}}};
+  const auto found = types.find(word.text);
+  if (found == types.end()) words.refuse("a PLY type (uchar, int, float, double ...)", word);
+  return found->second;
+}
+
+PlyProperty ply_property(Words& words) {
+  PlyProperty property;
+  Word word = words.next_in_line();
+  if (word.text == "list") {
+    property.list_count = ply_type(words, words.next_in_line());
+    if (property.list_count->kind == 'f')
+      words.refuse("an integer type for the length of a list", word);
+    word = words.next_in_line();
+  }
+  property.type = ply_type(words, word);
+  property.name = std::string(words.next_in_line().text);
+  return property;
+}
+
+PlyForm ply_form(Words& words) {
+  words.expect("format");
+  const Word form = words.next_in_line();
+  words.expect("1.0", words.next_in_line());
+  if (form.text == "ascii") return PlyForm::Ascii;
+  if (form.text == "binary_little_endian") return PlyForm::Little;
+  if (form.text == "binary_big_endian") return PlyForm::Big;
+  words.refuse("'ascii', 'binary_little_endian' or 'binary_big_endian'", form);
+}
+
+std::size_t index_of(const MeshSource& source, const PlyHeader& header, std::string_view name) {
+  const auto found = std::ranges::find(header.elements, name, &PlyElement::name);
+  if (found == header.elements.end())
+    source.refuse(fmt::format("element '{}'", name), "none", header.lines, 1);
+  return std::size_t(found - header.elements.begin());
+}
+
+/// Places and corners are there once; whatever else there is is passed over.
+void check_properties(const MeshSource& source, const PlyElement& vertex, const PlyElement& face) {
+  for (const std::string name : {"x", "y", "z"}) {
+    const auto& all = vertex.properties;
+    if (std::count_if(all.begin(), all.end(),
+                      [&](const auto& p) { return p.name == name && !p.list_count; }) != 1)
+      source.refuse("vertices with one property " + name, "another number of them", vertex.line, 1);
+  }
+  int lists = 0;
+  for (const PlyProperty& p : face.properties) {
+    if (!p.is_corners()) continue;
+    if (!p.list_count || p.type.kind == 'f')
+      source.refuse("faces with one list of integers, vertex_indices", in_quotes(p.name), face.line,
+                    1);
+    ++lists;
+  }
+  if (lists != 1)
+    source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), face.line, 1);
+}
+
+/// Refuses half a colour.
+void check_colour(const MeshSource& source, const PlyElement& element) {
+  std::array<int, 3> count{};
+  int fractions = 0;
+  for (const PlyProperty& p : element.properties) {
+    if (!p.channel()) continue;
+    ++count[*p.channel()];
+    fractions += p.type.kind == 'f';
+  }
+  const std::string expected = "one property each of red, green and blue, of one kind of number";
+  if (element.has_colour() && count != std::array{1, 1, 1})
+    source.refuse(expected, fmt::format("{}, {} and {}", count[0], count[1], count[2]),
+                  element.line, 1);
+  if (fractions % 3 != 0)
+    source.refuse(expected, "whole numbers beside fractions", element.line, 1);
+}
+
+PlyHeader ply_header(const MeshSource& source) {
+  Words words(source, '\0');
+  words.expect("ply");
+  PlyHeader header;
+  header.form = ply_form(words);
+  PlyElement* element = nullptr;
+  for (;;) {
+    const Word word = words.next();
+    if (word.text == "end_header") break;
+    if (word.text == "element") {
+      const Word name = words.next_in_line();
+      const bool again =
+          std::ranges::find(header.elements, name.text, &PlyElement::name) != header.elements.end();
+      const bool early =
+          name.text == "face" && std::ranges::find(header.elements, std::string_view("vertex"),
+                                                   &PlyElement::name) == header.elements.end();
+      if (name.text.empty() || again || early)
+        words.refuse("element vertex, then face, once each", name);
+      element = &header.elements.emplace_back();
+      element->name = std::string(name.text);
+      element->line = word.line;
+      const Word count = words.next_in_line();
+      element->count = words.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
+                                     "a count that fits the size of the file");
+    } else if (word.text == "property") {
+      if (element == nullptr) words.refuse("an element before its properties", word);
+      element->properties.push_back(ply_property(words));
+    } else if (word.text != "comment" && word.text != "obj_info") {
+      words.refuse("a line of a PLY header", word);
+    }
+    words.skip_line();
+  }
+  words.skip_line();
+  header.end = std::min(words.offset() + 1, source.bytes.size());
+  header.lines = words.line();
+  header.vertex = index_of(source, header, "vertex");
+  header.face = index_of(source, header, "face");
+  const PlyElement& face = header.elements[header.face];
+  check_properties(source, header.elements[header.vertex], face);
+  source.check_triangles(face.count);
+  return header;
+}
+
+/// Values of a PLY body one after the other, whatever its form.
+class PlyValues {
+ public:
+  PlyValues(const MeshSource& source, const PlyHeader& header)
+      : source_(source),
+        form_(header.form),
+        words_(source, '\0', header.end, header.lines + 1),
+        at_(header.end) {}
+
+  double next(const PlyType& type) {
+    if (form_ == PlyForm::Ascii) return words_.number(word_ = words_.next());
+    require(type.size);
+    std::array<unsigned char, 8> raw{};
+    std::memcpy(raw.data(), source_.bytes.data() + at_, type.size);
+    at_ += type.size;
+    const bool host_is_little = std::endian::native == std::endian::little;
+    if ((form_ == PlyForm::Little) != host_is_little)
+      std::reverse(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(type.size));
+    return value_of(raw, type);
+  }
+  /// Passes over what nobody needs, whatever its value is.
+  void skip(const PlyProperty& p) {
+    double count = 1.0;
+    if (p.list_count) {
+      count = next(*p.list_count);
+      if (!(count >= 0.0) || count != std::floor(count))
+        refuse("the length of a list", fmt::format("{}", count));
+    }
+    if (form_ != PlyForm::Ascii) {
+      if (count > double(source_.bytes.size())) require(source_.bytes.size());
+      require(std::size_t(count) * p.type.size);
+      at_ += std::size_t(count) * p.type.size;
+      return;
+    }
+    for (; count > 0.0; --count)
+      if ((word_ = words_.next()).text.empty()) words_.refuse("data for all elements", word_);
+  }
+  bool at_end() { return form_ == PlyForm::Ascii ? words_.at_end() : at_ == source_.bytes.size(); }
+
+  [[noreturn]] void refuse(const std::string& expected, const std::string& seen) const {
+    const bool text = form_ == PlyForm::Ascii;
+    source_.refuse(expected, seen + (text ? "" : fmt::format(" before byte {}", at_)),
+                   text ? word_.line : 0, text ? word_.column : 0);
+  }
+  int line() const { return word_.line; }
+
+ private:
+  void require(std::size_t bytes) const {
+    if (source_.bytes.size() - at_ < bytes)
+      source_.refuse("data for all elements of the header",
+                     fmt::format("the end of the file at byte {}", source_.bytes.size()));
+  }
+  template <class T>
+  static double as(const std::array<unsigned char, 8>& raw) {
+    T value;
+    std::memcpy(&value, raw.data(), sizeof value);
+    return static_cast<double>(value);
+  }
+  static double value_of(const std::array<unsigned char, 8>& raw, const PlyType& type) {
+    if (type.kind == 'f') return type.size == 4 ? as<float>(raw) : as<double>(raw);
+    const bool is_signed = type.kind == 'i';
+    if (type.size == 1) return is_signed ? as<std::int8_t>(raw) : as<std::uint8_t>(raw);
+    if (type.size == 2) return is_signed ? as<std::int16_t>(raw) : as<std::uint16_t>(raw);
+    return is_signed ? as<std::int32_t>(raw) : as<std::uint32_t>(raw);
+  }
+
+  const MeshSource& source_;
+  PlyForm form_;
+  Words words_;
+  Word word_;
+  std::size_t at_;
+};
+
+/// Takes the values of a colour one after the other, in any order.
+struct PlyColour {
+  std::optional<FaceColour> colour;
+
+  void take(const PlyValues& values, const PlyProperty& p, double value) {
+    if (!colour) colour = FaceColour{};
+    const bool fraction = p.type.kind == 'f';
+    if (!(value >= 0.0 && value <= (fraction ? 1.0 : 255.0)) ||
+        (!fraction && value != std::floor(value)))
+      values.refuse(fraction ? "a channel from 0 to 1" : "a channel, 0 .. 255",
+                    fmt::format("{} as {}", value, p.name));
+    colour->digits = fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
+    colour->channels[*p.channel()] = int(std::lround(fraction ? 255.0 * value : value));
+  }
+};
+
+/// A file as it is read, with the marks that are asked for.
+class PlyReader {
+ public:
+  PlyReader(const MeshSource& source, const MarkSelection& wanted)
+      : source_(source),
+        wanted_(wanted),
+        header_(ply_header(source)),
+        values_(source, header_),
+        marker_(source) {
+    if (!wanted_.colours) return;
+    check_colour(source, face_);
+    if (!face_.has_colour()) check_colour(source, vertex_);
+  }
+
+  TriangleSoup read() {
+    for (const PlyElement& element : header_.elements)
+      for (std::int64_t i = 0; i < element.count; ++i) {
+        if (&element == &vertex_)
+          add_vertex();
+        else if (&element == &face_)
+          add_face();
+        else
+          for (const PlyProperty& p : element.properties) values_.skip(p);
+      }
+    if (!values_.at_end())
+      values_.refuse("the end of the file after the elements of its header", "more");
+    soup_.marks = marker_.marks();
+    return std::move(soup_);
+  }
+
+ private:
+  void add_vertex() {
+    const bool wants_colour = wanted_.colours && !face_.has_colour() && vertex_.has_colour();
+    Vector3d point = Vector3d::Zero();
+    PlyColour colour;
+    for (const PlyProperty& p : vertex_.properties) {
+      const std::size_t axis = p.name.size() == 1 ? std::string_view("xyz").find(p.name) : 3;
+      const bool is_colour = wants_colour && p.channel();
+      if (p.list_count || (axis > 2 && !is_colour)) {
+        values_.skip(p);
+        continue;
+      }
+      const double value = values_.next(p.type);
+      if (is_colour) colour.take(values_, p, value);
+      if (axis > 2) continue;
+      if (!std::isfinite(value)) values_.refuse("finite numbers", fmt::format("{}", value));
+      point[Eigen::Index(axis)] = value;
+    }
+    soup_.points.push_back(point);
+    if (wants_colour) colours_.push_back(colour.colour);
+  }
+
+  void add_face() {
+    Polygon face;
+    PlyColour colour;
+    FaceMark mark;
+    const auto& properties = face_.properties;
+    for (std::size_t k = 0; k < properties.size(); ++k) {
+      const PlyProperty& p = properties[k];
+      if (p.is_corners()) {
+        face.corners = corners(p);
+        continue;
+      }
+      const bool is_colour = wanted_.colours && p.channel();
+      if (!is_colour && !(wanted_.groups && p.is_group())) {
+        values_.skip(p);
+        continue;
+      }
+      const double value = values_.next(p.type);
+      if (is_colour) colour.take(values_, p, value);
+      if (wanted_.groups && p.is_group()) mark.names.push_back(group(k, value));
+    }
+    if (header_.form == PlyForm::Ascii) face.line = values_.line();
+    soup_ = with_face(std::move(soup_), face, source_);
+    if (!wanted_.any()) return;
+    mark.colour = colour.colour ? colour.colour : common_corner_colour(colours_, face.corners);
+    marker_.mark(soup_.faces.size(), mark);
+  }
+
+  std::vector<int> corners(const PlyProperty& p) {
+    const double count = values_.next(*p.list_count);
+    if (!(count >= 3.0 && count <= max_corners))
+      values_.refuse(fmt::format("faces of 3 to {} corners", max_corners),
+                     fmt::format("one of {}", count));
+    std::vector<int> corners(static_cast<std::size_t>(count));
+    for (int& corner : corners) {
+      const double i = values_.next(p.type);
+      if (!(i >= 0.0 && i < double(vertex_.count)) || i != std::floor(i))
+        values_.refuse(fmt::format("number of a vertex (0 .. {})", vertex_.count - 1),
+                       fmt::format("{}", i));
+      corner = static_cast<int>(i);
+    }
+    return corners;
+  }
+
+  /// The set of names of a value of a property.
+  int group(std::size_t property, double value) {
+    const auto [place, is_new] = groups_.emplace(std::pair(property, value), -1);
+    const std::string& name = face_.properties[property].name;
+    if (is_new) place->second = marker_.set_of({fmt::format("{} {}", name, value)});
+    return place->second;
+  }
+
+  const MeshSource& source_;
+  MarkSelection wanted_;
+  PlyHeader header_;
+  const PlyElement &vertex_ = header_.elements[header_.vertex],
+                   &face_ = header_.elements[header_.face];
+  PlyValues values_;
+  FaceMarkCollector marker_;
+  TriangleSoup soup_;
+  std::vector<std::optional<FaceColour>> colours_;  // of the vertices, if faces have none
+  std::map<std::pair<std::size_t, double>, int> groups_;
+};
+
+}  // namespace
+
+TriangleSoup read_ply(const MeshSource& source, const MarkSelection& wanted) {
+  return PlyReader(source, wanted).read();
+}
+
+namespace {
+
+constexpr std::size_t stl_header = 84, stl_facet = 50;
+
+std::uint64_t binary_stl_size(const std::string& bytes) {
+  std::uint32_t count = 0;
+  if (bytes.size() >= stl_header) std::memcpy(&count, bytes.data() + 80, 4);
+  return stl_header + stl_facet * std::uint64_t{count};
+}
+
+bool is_binary_stl(const std::string& bytes) {
+  return bytes.size() >= stl_header && bytes.size() == binary_stl_size(bytes);
+}
+
+void add_triangle(TriangleSoup& soup, const std::array<Vector3d, 3>& corners) {
+  const int first = static_cast<int>(soup.points.size());
+  soup.points.insert(soup.points.end(), corners.begin(), corners.end());
+  soup.faces.push_back({first, first + 1, first + 2});
+}
+
+/// How a binary STL writes the colour of a facet in the 16 bits of its attribute.
+struct StlColours {
+  bool of_magics = false;           ///< blue is highest, and a set 16th bit means the whole's
+  std::optional<FaceColour> whole;  ///< of the header
+
+  std::optional<FaceColour> of(std::uint16_t attribute) const {
+    const bool is_set = (attribute & 0x8000) != 0;
+    if (is_set == of_magics) return whole;
+    const auto five_bits = [&](int shift) { return int(attribute >> shift) & 31; };
+    Rgb channels = {five_bits(10), five_bits(5), five_bits(0)};
+    if (of_magics) std::swap(channels[0], channels[2]);
+    return FaceColour{channels, FaceColour::Digits::FiveBits};
+  }
+};
+
+StlColours stl_colours(const MeshSource& source) {
+  constexpr std::string_view begin = "COLOR=";
+  const std::string_view header = std::string_view(source.bytes).substr(0, stl_header - 4);
+  const std::size_t at = header.find(begin);
+  if (at == std::string_view::npos) return {};
+  const std::string_view rgba = header.substr(at + begin.size()).substr(0, 4);
+  if (rgba.size() < 4)
+    source.refuse("four bytes of a colour after COLOR= in the header of an STL",
+                  fmt::format("its end after {}", rgba.size()));
+  StlColours colours{true, FaceColour{}};
+  for (std::size_t k = 0; k < 3; ++k)
+    colours.whole->channels[k] = static_cast<unsigned char>(rgba[k]);
+  return colours;
+}
+
+TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& wanted) {
+  const std::size_t count = (source.bytes.size() - stl_header) / stl_facet;
+  source.check_triangles(static_cast<std::int64_t>(count));
+  const StlColours colours = wanted.colours ? stl_colours(source) : StlColours{};
+  FaceMarkCollector marker(source);
+  TriangleSoup soup;
+  for (std::size_t t = 0; t < count; ++t) {
+    std::array<float, 12> values;
+    std::memcpy(values.data(), source.bytes.data() + stl_header + stl_facet * t, sizeof values);
+    // the normal, which comes first, is not needed: exporters write nan there
+    for (const float v : std::span(values).subspan(3))
+      if (!std::isfinite(v))
+        source.refuse("finite numbers", fmt::format("{} in facet {} (counted from 1)", v, t + 1));
+    const auto corner = [&](int k) {
+      const auto i = static_cast<std::size_t>(3 + 3 * k);
+      return Vector3d(values[i], values[i + 1], values[i + 2]);
+    };
+    add_triangle(soup, {corner(0), corner(1), corner(2)});
+    if (!wanted.colours) continue;
+    std::array<unsigned char, 2> attribute;  // the lower byte first
+    std::memcpy(attribute.data(), source.bytes.data() + stl_header + stl_facet * (t + 1) - 2, 2);
+    marker.mark(soup.faces.size(),
+                {{}, colours.of(std::uint16_t(attribute[0] | attribute[1] << 8))});
+  }
+  soup.marks = marker.marks();
+  return soup;
+}
+
+/// The rest of a facet after its first word.
+std::array<Vector3d, 3> ascii_facet(Words& words) {
+  words.expect("normal");
+  for (int k = 0; k < 3; ++k) words.next();
+  words.expect("outer");
+  words.expect("loop");
+  std::array<Vector3d, 3> corners;
+  for (Vector3d& corner : corners) {
+    words.expect("vertex");
+    corner = words.point();
+  }
+  words.expect("endloop");
+  words.expect("endfacet");
+  return corners;
+}
+
+TriangleSoup read_ascii_stl(const MeshSource& source, const MarkSelection& wanted) {
+  Words words(source, '\0');
+  FaceMarkCollector marker(source);
+  TriangleSoup soup;
+  do {
+    words.expect("solid");
+    const std::string name(words.rest_of_line().text);
+    FaceMark mark;
+    if (wanted.groups && !name.empty()) mark.names = {marker.set_of({name})};
+    for (;;) {
+      const Word word = words.next();
+      if (lower(word.text) == "endsolid") break;
+      if (lower(word.text) != "facet") words.refuse("'facet' or 'endsolid'", word);
+      add_triangle(soup, ascii_facet(words));
+      soup.line.push_back(word.line);
+      source.check_triangles(static_cast<std::int64_t>(soup.faces.size()));
+      if (wanted.any()) marker.mark(soup.faces.size(), mark);
+    }
+    words.skip_line();
+  } while (!words.at_end());
+  soup.marks = marker.marks();
+  return soup;
+}
+
+}  // namespace
+
+TriangleSoup read_stl(const MeshSource& source, const MarkSelection& wanted) {
+  if (is_binary_stl(source.bytes)) return read_binary_stl(source, wanted);
+  Words words(source, '\0');
+  if (lower(words.next().text) == "solid") return read_ascii_stl(source, wanted);
+  const std::string expected = "an ascii STL ('solid ...') or a binary one of 84 + 50 n bytes";
+  if (source.bytes.size() < stl_header)
+    source.refuse(expected, fmt::format("{} bytes that begin {}", source.bytes.size(),
+                                        in_quotes(source.bytes)));
+  const std::uint64_t claimed = binary_stl_size(source.bytes);
+  source.refuse(expected + fmt::format(", {} by its header of n = {}", claimed,
+                                       (claimed - stl_header) / stl_facet),
+                fmt::format("{} bytes", source.bytes.size()));
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <numeric>
+#include <vector>
+
+namespace abbe::cutting {
+
+/// Values in rising order without repeats.
+template <typename Value>
+std::vector<Value> sorted_unique(std::vector<Value> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
+}
+
+/// Sets that are joined two by two; the least member names a set.
+class DisjointSets {
+ public:
+  explicit DisjointSets(std::size_t n) : parent_(n) {
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
+
+  int name_of(int i) {
+    while (parent_[std::size_t(i)] != i) {
+      int& above = parent_[std::size_t(i)];
+      above = parent_[std::size_t(above)];
+      i = above;
+    }
+    return i;
+  }
+  void join(int a, int b) {
+    a = name_of(a);
+    b = name_of(b);
+    parent_[std::size_t(std::max(a, b))] = std::min(a, b);
+  }
+
+ private:
+  std::vector<int> parent_;
+};
+
+}  // namespace abbe::cutting

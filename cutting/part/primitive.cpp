@@ -1,0 +1,454 @@
+#include "cutting/part/primitive.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include <fmt/format.h>
+
+namespace abbe::cutting {
+
+using Eigen::Vector2d;
+
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using ProfilePiece = RevolvedProfile::Piece;
+using std::numbers::pi;
+
+constexpr double join_tolerance = 1e-9;    // mm: pieces that meet better than 1 pm are connected
+constexpr double smooth_tolerance = 1e-9;  // rad: below it two normals at a join are one
+
+// --- dimensions -------------------------------------------------------------------------------
+
+void demand(bool holds, const std::string& what, double seen) {
+  if (!holds) throw std::invalid_argument(fmt::format("{}, seen {}", what, seen));
+}
+
+void require_positive(double value, const std::string& name) {
+  demand(std::isfinite(value) && value > 0.0, name + " must be positive and finite", value);
+}
+
+double top_radius(const Cone& cone) {
+  const double top = cone.base_radius - cone.height * std::tan(cone.half_apex_angle);
+  return std::abs(top) < 1e-12 * cone.base_radius ? 0.0 : top;
+}
+
+void validate(const RectanglePlane& p) {
+  require_positive(p.length_x, "length_x of the rectangle");
+  require_positive(p.length_y, "length_y of the rectangle");
+}
+void validate(const Disc& p) {
+  require_positive(p.radius, "radius of the disc");
+  demand(p.inner_radius >= 0.0 && p.inner_radius < p.radius,
+         "inner_radius of the disc must be from 0 to below its radius", p.inner_radius);
+}
+void validate(const Cylinder& p) {
+  require_positive(p.radius, "radius of the cylinder");
+  require_positive(p.height, "height of the cylinder");
+}
+void validate(const Cone& p) {
+  require_positive(p.base_radius, "base_radius of the cone");
+  require_positive(p.height, "height of the cone");
+  demand(p.half_apex_angle > 0.0 && p.half_apex_angle < pi / 2,
+         "half_apex_angle of the cone must be between 0 and pi/2", p.half_apex_angle);
+  demand(top_radius(p) >= 0.0, "height of the cone must end at or below its apex", p.height);
+}
+void validate(const SphereCap& p) {
+  require_positive(p.radius, "radius of the sphere");
+  demand(p.rim_radius > 0.0 && p.rim_radius <= p.radius,
+         "rim_radius of the sphere must be above 0 and at most its radius", p.rim_radius);
+}
+void validate(const Torus& p) {
+  require_positive(p.radius, "radius of the torus");
+  require_positive(p.tube_radius, "tube_radius of the torus");
+  demand(p.tube_radius <= p.radius, "tube_radius of the torus must be at most its radius",
+         p.tube_radius);
+}
+void validate(const RevolvedProfile& p) {
+  if (p.pieces.empty()) throw std::invalid_argument("profile must have at least one piece");
+  for (std::size_t i = 0; i < p.pieces.size(); ++i) {
+    const ProfilePiece& piece = p.pieces[i];
+    const std::string name = fmt::format("piece {} of the profile", i);
+    if (!piece.from.allFinite() || !piece.to.allFinite() || !std::isfinite(piece.arc_radius))
+      throw std::invalid_argument(name + " must have finite numbers only");
+    const double chord = (piece.to - piece.from).norm();
+    demand(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
+    demand(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
+    demand(piece.to.x() >= piece.from.x(), name + " must not come back to the axis: r at its end",
+           piece.to.x());
+    demand(chord > join_tolerance, name + " must have a length", chord);
+    demand(piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
+           name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
+           piece.arc_radius);
+    const Section s = section(piece);
+    const double least = std::min(s.tangent.x(), at(s, s.length).normal.y());
+    demand(least >= -1e-9, name + " must not bulge beyond its ends: cosine of its steepest slope",
+           least);
+    if (i > 0)
+      demand((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
+             name + " must start where the one before ends: gap in mm",
+             (piece.from - p.pieces[i - 1].to).norm());
+  }
+}
+
+void validate_any(const Primitive& primitive) {
+  std::visit([](const auto& p) { validate(p); }, primitive);
+}
+
+// --- irregular spacing --------------------------------------------------------------------------
+
+double fraction(double x) { return x - std::floor(x); }
+
+/// Where knot i of n intervals of [0, 1] stands: golden-ratio jitter of a quarter interval each way
+/// over a slow stretch, so that no two spacings agree and no step of a program fits them all.
+double irregular(int i, int n) {
+  if (i <= 0) return 0.0;
+  if (i >= n) return 1.0;
+  const double jitter = 0.5 * (fraction(i * 0.6180339887498949) - 0.5);
+  const double x = (i + jitter) / n;
+  return x + 0.1 * x * (1.0 - x);
+}
+
+// --- revolved surfaces --------------------------------------------------------------------------
+
+struct Ring {
+  Station station;
+  int count = 0;        ///< vertices
+  int phase = 0;        ///< index of its turn; the two rings of a kink share it
+  bool starts = false;  ///< no triangles to the ring before
+};
+
+int ring_count(double r, double spacing) {
+  if (r == 0.0) return 1;
+  return std::max(6, static_cast<int>(std::lround(2.0 * pi * r / spacing)));
+}
+
+std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
+  std::vector<Ring> result;
+  int phase = 0;
+  for (std::size_t p = 0; p < sections.size(); ++p) {
+    const Section& s = sections[p];
+    // an arc is never coarser than an eighth of a turn
+    const int least = 1 + static_cast<int>(std::abs(s.curvature) * s.length / (0.2501 * pi));
+    const int intervals = std::max(least, static_cast<int>(std::lround(s.length / spacing)));
+    bool kink = true;
+    if (p > 0) {
+      const Vector2d before = result.back().station.normal;
+      kink = (at(s, 0.0).normal - before).norm() > smooth_tolerance;
+    }
+    for (int i = kink ? 0 : 1; i <= intervals; ++i) {
+      Station here = at(s, i == intervals ? s.length : s.length * irregular(i, intervals));
+      // an apex has no normal: the mesh starts a little below it, closed by a small flat
+      if (i == 0 && here.point.x() == 0.0) {
+        if (std::abs(here.normal.x()) > smooth_tolerance)
+          here = at(s, 0.35 * s.length * irregular(1, intervals));
+        else
+          here.normal = Vector2d(0.0, 1.0);
+      }
+      if (!(p > 0 && i == 0)) ++phase;
+      result.push_back({here, ring_count(here.point.x(), spacing), phase, i == 0});
+    }
+  }
+  return result;
+}
+
+long total(const std::vector<Ring>& all) {
+  long sum = 0;
+  for (const Ring& ring : all) sum += ring.count;
+  return sum;
+}
+
+double true_area(const std::vector<Section>& sections) {
+  double area = 0.0;
+  for (const Section& s : sections) {
+    const double k = s.curvature;
+    const Vector2d n0 = left_of(s.tangent);
+    const Vector2d n1 = at(s, s.length).normal;
+    // Pappus; the mean radius over an arc is that of its centre plus the mean of the normal
+    const double mean_r = k == 0.0
+                              ? 0.5 * (s.from.x() + s.to.x())
+                              : s.from.x() - n0.x() / k + (n0.y() - n1.y()) / (k * k * s.length);
+    area += 2.0 * pi * mean_r * s.length;
+  }
+  return area;
+}
+
+std::vector<Ring> rings_for(const std::vector<Section>& sections, int wanted) {
+  double spacing = std::sqrt(true_area(sections) / wanted);
+  std::vector<Ring> best = rings(sections, spacing);
+  for (int i = 0; i < 30; ++i) {
+    const double ratio = double(total(best)) / wanted;
+    if (std::abs(ratio - 1.0) < 0.02) break;
+    spacing *= std::pow(ratio, i < 10 ? 0.5 : 0.2);
+    std::vector<Ring> next = rings(sections, spacing);
+    if (std::abs(std::log(double(total(next)) / wanted)) < std::abs(std::log(ratio)) || i < 10)
+      best = std::move(next);
+  }
+  return best;
+}
+
+double vertex_azimuth(const Ring& ring, int k) {
+  return 2.0 * pi * (k + fraction(ring.phase * 0.6180339887498949)) / ring.count;
+}
+
+/// Triangles between two rings: always the step that comes first in azimuth.
+void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
+         std::vector<Eigen::Vector3i>& triangles) {
+  const int n = inner.count, m = outer.count;
+  const auto inside = [&](int i) { return first_inner + ((i % n) + n) % n; };
+  const auto outside = [&](int j) { return first_outer + ((j % m) + m) % m; };
+  if (n == 1) {
+    for (int j = 0; j < m; ++j) triangles.push_back({first_inner, outside(j), outside(j + 1)});
+    return;
+  }
+  // start the inner walk at the vertex next to the outer ring's first one
+  const int start = static_cast<int>(std::lround(vertex_azimuth(outer, 0) / (2.0 * pi) * n -
+                                                 fraction(inner.phase * 0.6180339887498949)));
+  int i = 0, j = 0;
+  while (i < n || j < m) {
+    const double next_i = vertex_azimuth(inner, start + i) + vertex_azimuth(inner, start + i + 1);
+    const double next_j = vertex_azimuth(outer, j) + vertex_azimuth(outer, j + 1);
+    if (j < m && (i >= n || next_j <= next_i)) {
+      triangles.push_back({inside(start + i), outside(j), outside(j + 1)});
+      ++j;
+    } else {
+      triangles.push_back({inside(start + i), outside(j), inside(start + i + 1)});
+      ++i;
+    }
+  }
+}
+
+Design finished(Points vertices, Points normals, const std::vector<Eigen::Vector3i>& triangles) {
+  Design design;
+  design.vertices = std::move(vertices);
+  design.normals = std::move(normals);
+  design.triangles.resize(static_cast<Eigen::Index>(triangles.size()), 3);
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    design.triangles.row(static_cast<Eigen::Index>(t)) = triangles[t];
+  design.area = vertex_area(design.vertices, design.triangles);
+  design.facet_error = Eigen::VectorXd::Zero(design.vertices.rows());
+  design.judged.assign(static_cast<std::size_t>(design.vertices.rows()), 1);
+  return design;
+}
+
+Design tessellated(const RevolvedProfile& outline, int wanted) {
+  std::vector<Section> sections;
+  for (const ProfilePiece& piece : outline.pieces) sections.push_back(section(piece));
+  const std::vector<Ring> all = rings_for(sections, wanted);
+
+  Points vertices(total(all), 3);
+  Points normals(total(all), 3);
+  std::vector<Eigen::Vector3i> triangles;
+  int first = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const Ring& ring = all[k];
+    const Station& s = ring.station;
+    for (int i = 0; i < ring.count; ++i) {
+      const double c = std::cos(vertex_azimuth(ring, i)), sine = std::sin(vertex_azimuth(ring, i));
+      vertices.row(first + i) << s.point.x() * c, s.point.x() * sine, s.point.y();
+      normals.row(first + i) << s.normal.x() * c, s.normal.x() * sine, s.normal.y();
+    }
+    if (k > 0 && !ring.starts) zip(all[k - 1], first - all[k - 1].count, ring, first, triangles);
+    const bool apex = k == 0 && sections[0].from.x() == 0.0 && ring.count > 1;
+    if (apex)
+      for (int i = 1; i + 1 < ring.count; ++i)
+        triangles.push_back({first, first + i, first + i + 1});
+    first += ring.count;
+  }
+  return finished(std::move(vertices), std::move(normals), triangles);
+}
+
+// --- the rectangle ------------------------------------------------------------------------------
+
+Design tessellated(const RectanglePlane& plane, int wanted) {
+  const double aspect = plane.length_x / plane.length_y;
+  const int columns = std::max(2, static_cast<int>(std::lround(std::sqrt(wanted * aspect))));
+  const int rows = std::max(2, static_cast<int>(std::lround(double(wanted) / columns)));
+  Points vertices(static_cast<Eigen::Index>(columns) * rows, 3);
+  Points normals(vertices.rows(), 3);
+  normals.rowwise() = Eigen::RowVector3d::UnitZ();
+  for (int j = 0; j < rows; ++j)
+    for (int i = 0; i < columns; ++i) {
+      // inner vertices leave the lines of the grid as well; the corners of the sheet stay
+      const int index = j * columns + i;
+      const bool inner_x = i > 0 && i + 1 < columns;
+      const bool inner_y = j > 0 && j + 1 < rows;
+      const double u = (i + (inner_x ? 0.4 * (fraction(index * 0.7548776662466927) - 0.5) : 0.0)) /
+                       (columns - 1);
+      const double v =
+          (j + (inner_y ? 0.4 * (fraction(index * 0.5698402909980532) - 0.5) : 0.0)) / (rows - 1);
+      vertices.row(index) << plane.length_x * (u - 0.5), plane.length_y * (v - 0.5), 0.0;
+    }
+  std::vector<Eigen::Vector3i> triangles;
+  for (int j = 0; j + 1 < rows; ++j)
+    for (int i = 0; i + 1 < columns; ++i) {
+      const int a = j * columns + i, b = a + 1, c = b + columns, d = a + columns;
+      const double ac = (vertices.row(a) - vertices.row(c)).squaredNorm();
+      const double bd = (vertices.row(b) - vertices.row(d)).squaredNorm();
+      if (ac <= bd) {
+        triangles.push_back({a, b, c});
+        triangles.push_back({a, c, d});
+      } else {
+        triangles.push_back({a, b, d});
+        triangles.push_back({b, c, d});
+      }
+    }
+  return finished(std::move(vertices), std::move(normals), triangles);
+}
+
+// --- enlarged -----------------------------------------------------------------------------------
+
+/// The radius that a piece can be continued to beyond `r`: an arc ends where it stands upright.
+double reachable(const Section& s, double r) {
+  if (s.curvature == 0.0) return std::max(0.0, r);
+  const double n0 = left_of(s.tangent).x();
+  const double a = s.from.x() + (1.0 - n0) / s.curvature;
+  const double b = s.from.x() + (-1.0 - n0) / s.curvature;
+  return std::max(0.0, std::clamp(r, std::min(a, b), std::max(a, b)));
+}
+
+Vector2d continued(const Section& s, double arc, double by) {
+  const Station end = at(s, arc);
+  const bool upright = std::abs(end.normal.y()) < 1e-9;
+  if (upright && s.curvature != 0.0) return end.point;
+  if (upright) return end.point + by * s.tangent;
+  return at_radius(s, reachable(s, end.point.x() + by)).point;
+}
+
+RevolvedProfile continued(RevolvedProfile outline, double margin) {
+  const Section first = section(outline.pieces.front());
+  const Section last = section(outline.pieces.back());
+  if (first.from.x() > 0.0) outline.pieces.front().from = continued(first, 0.0, -margin);
+  outline.pieces.back().to = continued(last, last.length, margin);
+  return outline;
+}
+
+}  // namespace
+
+Design tessellate(const Primitive& primitive, const TessellateOptions& options) {
+  validate_any(primitive);
+  demand(options.vertices >= 100 && options.vertices <= 50'000'000,
+         "number of vertices must be from 100 to 50 million", options.vertices);
+  if (const auto* plane = std::get_if<RectanglePlane>(&primitive))
+    return tessellated(*plane, options.vertices);
+  return tessellated(profile(primitive), options.vertices);
+}
+
+std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y) {
+  if (const auto* plane = std::get_if<RectanglePlane>(&primitive)) {
+    validate(*plane);
+    const bool inside =
+        std::abs(x) <= 0.5 * plane->length_x && std::abs(y) <= 0.5 * plane->length_y;
+    if (!inside) return std::nullopt;
+    return Contact{Vector3d(x, y, 0.0), Vector3d::UnitZ()};
+  }
+  const double r = std::hypot(x, y);
+  std::optional<Station> highest;
+  for (const ProfilePiece& piece : profile(primitive).pieces) {
+    const bool upright = piece.to.x() == piece.from.x();
+    if (upright || !(r >= piece.from.x() && r <= piece.to.x())) continue;
+    const Station here = at_radius(section(piece), r);
+    if (!highest || here.point.y() > highest->point.y() + join_tolerance) highest = here;
+  }
+  if (!highest) return std::nullopt;
+  const Vector2d n = highest->normal;
+  if (r == 0.0) return Contact{Vector3d(0.0, 0.0, highest->point.y()), Vector3d::UnitZ()};
+  return Contact{Vector3d(x, y, highest->point.y()), Vector3d(n.x() * x / r, n.x() * y / r, n.y())};
+}
+
+Primitive enlarged(const Primitive& primitive, double margin) {
+  demand(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative", margin);
+  validate_any(primitive);
+  return std::visit(
+      [&](const auto& p) -> Primitive {
+        using Kind = std::decay_t<decltype(p)>;
+        if constexpr (std::is_same_v<Kind, RectanglePlane>)
+          return RectanglePlane{p.length_x + 2.0 * margin, p.length_y + 2.0 * margin};
+        else if constexpr (std::is_same_v<Kind, Disc>)
+          return Disc{p.radius + margin, std::max(0.0, p.inner_radius - margin)};
+        else if constexpr (std::is_same_v<Kind, SphereCap>)
+          return SphereCap{p.radius, std::min(p.radius, p.rim_radius + margin)};
+        else if constexpr (std::is_same_v<Kind, Torus>)
+          return p;
+        else
+          return continued(profile(p), margin);
+      },
+      primitive);
+}
+
+RevolvedProfile profile(const Primitive& primitive) {
+  validate_any(primitive);
+  return std::visit(
+      [](const auto& p) -> RevolvedProfile {
+        using Kind = std::decay_t<decltype(p)>;
+        if constexpr (std::is_same_v<Kind, RectanglePlane>) {
+          throw std::invalid_argument(
+              "a rectangle has no profile: it is not a surface of revolution");
+        } else if constexpr (std::is_same_v<Kind, Disc>) {
+          return {{{{p.inner_radius, 0.0}, {p.radius, 0.0}}}};
+        } else if constexpr (std::is_same_v<Kind, Cylinder>) {
+          return {{{{p.radius, p.height}, {p.radius, 0.0}}}};
+        } else if constexpr (std::is_same_v<Kind, Cone>) {
+          return {{{{top_radius(p), p.height}, {p.base_radius, 0.0}}}};
+        } else if constexpr (std::is_same_v<Kind, SphereCap>) {
+          const double r = p.rim_radius;
+          const double depth = r * r / (p.radius + std::sqrt((p.radius - r) * (p.radius + r)));
+          return {{{{0.0, 0.0}, {r, -depth}, p.radius}}};
+        } else if constexpr (std::is_same_v<Kind, Torus>) {
+          const Vector2d crest(p.radius, p.tube_radius);
+          return {{{{p.radius - p.tube_radius, 0.0}, crest, p.tube_radius},
+                   {crest, {p.radius + p.tube_radius, 0.0}, p.tube_radius}}};
+        } else {
+          return p;
+        }
+      },
+      primitive);
+}
+
+namespace {
+
+Vector2d turned(const Vector2d& v, double angle) {
+  const double c = std::cos(angle), s = std::sin(angle);
+  return {c * v.x() - s * v.y(), s * v.x() + c * v.y()};
+}
+
+}  // namespace
+
+Section section(const RevolvedProfile::Piece& piece) {
+  const Vector2d chord = piece.to - piece.from;
+  const double c = chord.norm();
+  const Vector2d along = chord / c;
+  if (piece.arc_radius == 0.0) return {piece.from, piece.to, along, 0.0, c};
+  const double half = std::asin(std::min(1.0, c / (2.0 * std::abs(piece.arc_radius))));
+  const double sign = piece.arc_radius > 0.0 ? 1.0 : -1.0;
+  return {piece.from, piece.to, turned(along, sign * half), 1.0 / piece.arc_radius,
+          2.0 * half * std::abs(piece.arc_radius)};
+}
+
+Station at(const Section& s, double arc) {
+  const double angle = arc * s.curvature;
+  const Vector2d normal = left_of(turned(s.tangent, -angle));
+  if (arc <= 0.0) return {s.from, normal};
+  if (arc >= s.length) return {s.to, normal};
+  if (s.curvature == 0.0) return {s.from + arc * s.tangent, normal};
+  const double chord = 2.0 * std::sin(0.5 * angle) / s.curvature;
+  return {s.from + chord * turned(s.tangent, -0.5 * angle), normal};
+}
+
+Station at_radius(const Section& s, double r) {
+  const Vector2d n0 = left_of(s.tangent);
+  const double dr = r - s.from.x();
+  const double n_r = std::clamp(n0.x() + s.curvature * dr, -1.0, 1.0);
+  const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
+  if (dr == 0.0) return {s.from, n0};
+  return {{r, s.from.y() - dr * (n_r + n0.x()) / (n_z + std::max(0.0, n0.y()))}, {n_r, n_z}};
+}
+
+Vector2d left_of(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }
+
+}  // namespace abbe::cutting

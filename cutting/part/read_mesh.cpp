@@ -1,0 +1,343 @@
+#include "cutting/part/read_mesh.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
+
+#include "cutting/part/binary_mesh_formats.h"
+#include "cutting/part/index_sets.h"
+#include "cutting/part/mesh_file.h"
+#include "cutting/part/text_mesh_formats.h"
+#include "kinematics/text.h"
+
+namespace abbe::cutting {
+
+using Eigen::Vector3d;
+
+/// A triangle's edge from `from` to `to`; `across` is its third corner.
+struct HalfEdge {
+  int from, to, across;
+};
+
+/// All of a soup, in the order of `from`, then `to`.
+std::vector<HalfEdge> half_edges(const TriangleSoup& soup);
+
+/// Whether every edge has one triangle on either side.
+bool is_closed(const std::vector<HalfEdge>& edges);
+
+/// Refuses what is no surface: degenerate triangles, more than two at an edge or more than one fan
+/// at a vertex, triangles turned both ways, a rim unless `open`, a closed body turned inside out.
+/// OpenMesh must agree. Every point must be used.
+/// @param edges  those of `soup`
+/// @throws BadInput with the place
+void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector<HalfEdge>& edges,
+           bool open);
+
+namespace {
+
+void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
+  if (soup.faces.empty()) source.refuse("a mesh of triangles", "none");
+  for (std::size_t f = 0; f < soup.faces.size(); ++f) {
+    const Vector3d& a = soup.points[static_cast<std::size_t>(soup.faces[f][0])];
+    const Vector3d& b = soup.points[static_cast<std::size_t>(soup.faces[f][1])];
+    const Vector3d& c = soup.points[static_cast<std::size_t>(soup.faces[f][2])];
+    const double longest =
+        std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    const double twice_area = (b - a).cross(c - a).norm();
+    if (!std::isfinite(longest) || longest > 1e30)
+      source.refuse("coordinates below 1e15", place_text(a), soup.line.empty() ? 0 : soup.line[f],
+                    1);
+    if (!(twice_area > 1e-7 * longest))
+      source.refuse("triangles with an area (height above 1e-7 of the longest edge)",
+                    fmt::format("a degenerate one, number {}, at {}", f + 1, place_text(a)),
+                    soup.line.empty() ? 0 : soup.line[f], 1);
+  }
+}
+
+auto range(const std::vector<HalfEdge>& edges, int from, int to) {
+  const auto before = [](const HalfEdge& a, const HalfEdge& b) {
+    return std::pair(a.from, a.to) < std::pair(b.from, b.to);
+  };
+  return std::equal_range(edges.begin(), edges.end(), HalfEdge{from, to, 0}, before);
+}
+
+/// Refuses edges that are no edges of a surface; the rim is allowed if `open`. Returns its length.
+std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
+                        const std::vector<HalfEdge>& edges, bool open) {
+  std::size_t rim = 0;
+  const HalfEdge* first_of_rim = nullptr;
+  const auto place = [&](const HalfEdge& e) {
+    return place_text(soup.points[static_cast<std::size_t>(e.from)]) + " - " +
+           place_text(soup.points[static_cast<std::size_t>(e.to)]);
+  };
+  for (const HalfEdge& edge : edges) {
+    const auto same = range(edges, edge.from, edge.to);
+    const auto opposite = range(edges, edge.to, edge.from);
+    const auto along = same.second - same.first, against = opposite.second - opposite.first;
+    if (along + against > 2)
+      source.refuse("at most two triangles at an edge",
+                    fmt::format("{} at the edge {}: not manifold", along + against, place(edge)));
+    if (along == 2)
+      source.refuse("all triangles turned the same way",
+                    fmt::format("two that disagree at the edge {}", place(edge)));
+    if (against == 0 && rim++ == 0) first_of_rim = &edge;
+  }
+  if (rim > 0 && !open)
+    throw MeshWithRim(source.name, 0, 0, "a closed mesh",
+                      fmt::format("{} open edges, the first at {}", rim, place(*first_of_rim)));
+  return rim;
+}
+
+/// Refuses vertices at which two fans of triangles touch.
+void check_fans(const MeshSource& source, const TriangleSoup& soup,
+                const std::vector<HalfEdge>& edges) {
+  for (std::size_t first = 0; first < edges.size();) {
+    const int vertex = edges[first].from;
+    std::size_t last = first;
+    while (last < edges.size() && edges[last].from == vertex) ++last;
+    // walk once around: across(v -> a) is the b of the next v -> b; begin where nothing leads to
+    const auto next = [&](const HalfEdge& e) {
+      const auto found = range(edges, vertex, e.across);
+      return found.first == found.second ? nullptr : &*found.first;
+    };
+    const HalfEdge* start = &edges[first];
+    for (std::size_t i = first; i < last; ++i) {
+      const auto before = range(edges, edges[i].to, vertex);
+      if (before.first == before.second) start = &edges[i];
+    }
+    std::size_t walked = 1;
+    for (const HalfEdge* e = next(*start); e != nullptr && e != start; e = next(*e)) ++walked;
+    if (walked != last - first)
+      source.refuse("one fan of triangles at a vertex",
+                    fmt::format("two that touch at {}: not manifold",
+                                place_text(soup.points[static_cast<std::size_t>(vertex)])));
+    first = last;
+  }
+}
+
+using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<>;
+
+/// The same surface as OpenMesh's half-edges, which must take every triangle and count the same
+/// rim: a second opinion on the edges and fans above. Its own readers are not used: they keep float
+/// only, drop or double what is not manifold in silence, and ask for absurd memory on sound files
+/// (an OFF with a comment under its first line).
+void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, std::size_t rim) {
+  omerr().disable();  // what it has to say is reported below, with the place
+  HalfEdgeMesh mesh;
+  mesh.reserve(soup.points.size(), soup.points.size() + soup.faces.size(), soup.faces.size());
+  for (std::size_t i = 0; i < soup.points.size(); ++i) mesh.add_vertex({});
+  const auto handle = [](int i) { return OpenMesh::VertexHandle(i); };
+  for (const TriangleSoup::Face& f : soup.faces)
+    if (!mesh.add_face(handle(f[0]), handle(f[1]), handle(f[2])).is_valid())
+      source.refuse("triangles that join to a surface",
+                    fmt::format("one at {} that does not: not manifold",
+                                place_text(soup.points[static_cast<std::size_t>(f[0])])));
+  for (const auto v : mesh.vertices())
+    if (!mesh.is_manifold(v))
+      source.refuse("one fan of triangles at a vertex",
+                    fmt::format("more at {}: not manifold",
+                                place_text(soup.points[static_cast<std::size_t>(v.idx())])));
+  const auto open_edges = std::count_if(mesh.edges_begin(), mesh.edges_end(),
+                                        [&](const auto& e) { return mesh.is_boundary(e); });
+  if (static_cast<std::size_t>(open_edges) != rim)
+    source.refuse(fmt::format("{} open edges", rim), fmt::format("{} in OpenMesh", open_edges));
+}
+
+struct Shell {
+  double volume = 0.0;  ///< signed
+  Eigen::AlignedBox3d box;
+};
+
+std::vector<Shell> shells(const TriangleSoup& soup) {
+  DisjointSets sets(soup.points.size());
+  for (const TriangleSoup::Face& f : soup.faces)
+    for (std::size_t k = 1; k < 3; ++k) sets.join(f[0], f[k]);
+
+  const Vector3d origin = soup.points[static_cast<std::size_t>(soup.faces[0][0])];
+  std::vector<int> number(soup.points.size(), -1);
+  std::vector<Shell> result;
+  for (const TriangleSoup::Face& f : soup.faces) {
+    int& id = number[static_cast<std::size_t>(sets.name_of(f[0]))];
+    if (id < 0) {
+      id = static_cast<int>(result.size());
+      result.emplace_back();
+    }
+    Shell& shell = result[static_cast<std::size_t>(id)];
+    std::array<Vector3d, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) {
+      shell.box.extend(soup.points[static_cast<std::size_t>(f[k])]);
+      p[k] = soup.points[static_cast<std::size_t>(f[k])] - origin;
+    }
+    shell.volume += p[0].cross(p[1]).dot(p[2]) / 6.0;
+  }
+  return result;
+}
+
+void check_outward(const MeshSource& source, const TriangleSoup& soup) {
+  const std::vector<Shell> all = shells(soup);
+  double volume = 0.0;
+  for (const Shell& shell : all) volume += shell.volume;
+  const std::string expected =
+      "triangles that are counter-clockwise seen from outside (volume above 0)";
+  if (!(volume > 0.0))
+    source.refuse(expected,
+                  fmt::format("a flipped mesh, volume {:.6g} in units of the file", volume));
+  for (const Shell& cavity : all) {
+    if (cavity.volume > 0.0) continue;
+    const bool inside = std::any_of(all.begin(), all.end(), [&](const Shell& body) {
+      return body.volume > 0.0 && body.box.contains(cavity.box);
+    });
+    if (!inside)
+      source.refuse(expected,
+                    fmt::format("a flipped shell between {} and {}", place_text(cavity.box.min()),
+                                place_text(cavity.box.max())));
+  }
+}
+
+}  // namespace
+
+std::vector<HalfEdge> half_edges(const TriangleSoup& soup) {
+  std::vector<HalfEdge> edges;
+  edges.reserve(3 * soup.faces.size());
+  for (const TriangleSoup::Face& f : soup.faces)
+    for (std::size_t k = 0; k < 3; ++k) edges.push_back({f[k], f[(k + 1) % 3], f[(k + 2) % 3]});
+  std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
+    return std::pair(a.from, a.to) < std::pair(b.from, b.to);
+  });
+  return edges;
+}
+
+bool is_closed(const std::vector<HalfEdge>& edges) {
+  return std::all_of(edges.begin(), edges.end(), [&](const HalfEdge& edge) {
+    const auto same = range(edges, edge.from, edge.to);
+    const auto opposite = range(edges, edge.to, edge.from);
+    return same.second - same.first == 1 && opposite.second - opposite.first == 1;
+  });
+}
+
+void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector<HalfEdge>& edges,
+           bool open) {
+  check_triangles(source, soup);
+  const std::size_t rim = check_edges(source, soup, edges, open);
+  check_fans(source, soup, edges);
+  check_half_edge_mesh(source, soup, rim);
+  if (rim == 0) check_outward(source, soup);
+}
+
+namespace {
+
+void check_options(const ReadMeshOptions& options) {
+  const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
+  if (!positive(options.unit_mm))
+    throw std::invalid_argument("read_mesh: unit_mm must be positive");
+  if (!positive(options.travel_ratio) || options.travel_ratio < 1.0)
+    throw std::invalid_argument("read_mesh: travel_ratio must be at least 1");
+  if (options.travel && !(options.travel->allFinite() && options.travel->maxCoeff() > 0.0))
+    throw std::invalid_argument("read_mesh: travel must be positive and finite");
+}
+
+TriangleSoup read_soup(const MeshSource& source, const std::string& kind,
+                       const MarkSelection& wanted) {
+  if (kind == "stl") return read_stl(source, wanted);
+  if (kind == "obj") return read_obj(source, wanted);
+  if (kind == "ply") return read_ply(source, wanted);
+  if (kind == "off") return read_off(source, wanted);
+  source.refuse("a mesh file ending in .stl, .obj, .ply or .off", in_quotes("." + kind));
+}
+
+/// The triangles as a surface. Equal points are one vertex, but not in a body that is closed as it
+/// is indexed: bodies that touch share points and are closed without each other.
+struct Indexed {
+  TriangleSoup soup;
+  std::vector<HalfEdge> edges;
+};
+
+Indexed indexed(const TriangleSoup& as_written, const std::string& kind) {
+  if (kind != "stl") {
+    TriangleSoup soup = drop_unused_points(as_written);
+    std::vector<HalfEdge> edges = half_edges(soup);
+    if (is_closed(edges)) return {std::move(soup), std::move(edges)};
+  }
+  TriangleSoup soup = drop_unused_points(merged(as_written));
+  std::vector<HalfEdge> edges = half_edges(soup);
+  return {std::move(soup), std::move(edges)};
+}
+
+Design design_of(const MeshSource& source, const TriangleSoup& soup, double unit_mm) {
+  Design design;
+  design.vertices.resize(static_cast<Eigen::Index>(soup.points.size()), 3);
+  design.triangles.resize(static_cast<Eigen::Index>(soup.faces.size()), 3);
+  for (std::size_t i = 0; i < soup.points.size(); ++i)
+    design.vertices.row(static_cast<Eigen::Index>(i)) = unit_mm * soup.points[i].transpose();
+  for (std::size_t f = 0; f < soup.faces.size(); ++f)
+    for (int k = 0; k < 3; ++k)
+      design.triangles(static_cast<Eigen::Index>(f), k) =
+          soup.faces[f][static_cast<std::size_t>(k)];
+  design.normals = vertex_normals(design.vertices, design.triangles);
+  design.area = vertex_area(design.vertices, design.triangles);
+  design.facet_error = facet_error(design.vertices, design.normals, design.triangles);
+  design.judged.assign(soup.points.size(), 1);
+  for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
+    if (!(design.normals.row(i).norm() > 0.5))
+      source.refuse("a normal at every vertex",
+                    "triangles that cancel at " + place_text(design.vertices.row(i).transpose()));
+  return design;
+}
+
+void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
+                const ReadMeshOptions& options) {
+  if (!options.travel) return;
+  const double part = box.sizes().maxCoeff();
+  const double travel = options.travel->maxCoeff();
+  if (part <= options.travel_ratio * travel) return;
+  static const std::array<std::pair<double, const char*>, 5> units = {
+      {{1.0, "mm"}, {25.4, "inches"}, {10.0, "cm"}, {1e-3, "um"}, {1000.0, "m"}}};
+  std::string guess = "no usual unit explains it";
+  for (const auto& [unit_mm, name] : units)
+    if (const double other = part / options.unit_mm * unit_mm; other <= travel) {
+      guess = fmt::format("read in {} it would be {:.4g} mm long", name, other);
+      break;
+    }
+  source.refuse(
+      fmt::format(
+          "a part of at most {:.4g} mm, {:.4g} times the travel of {:.4g} mm (set its unit)",
+          travel * options.travel_ratio, options.travel_ratio, travel),
+      fmt::format("{:.4g} x {:.4g} x {:.4g} mm: {}", box.sizes().x(), box.sizes().y(),
+                  box.sizes().z(), guess));
+}
+
+}  // namespace
+
+Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options) {
+  return read_marked_mesh(file, options, {}).design;
+}
+
+MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
+                            const MarkSelection& wanted) {
+  check_options(options);
+  const std::string ending = lower(file.extension().string());
+  const std::string kind = ending.empty() ? ending : ending.substr(1);
+  // corners are counted in int
+  const MeshSource source = mesh_source(file, options.max_bytes,
+                                        std::min<std::int64_t>(options.max_triangles, 700'000'000));
+  TriangleSoup as_written = read_soup(source, kind, wanted);
+  FaceMarks marks = std::exchange(as_written.marks, {});
+  const auto [soup, edges] = indexed(as_written, kind);
+  audit(source, soup, edges, options.open);
+  Design design = design_of(source, soup, options.unit_mm);
+  Eigen::AlignedBox3d box;
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i)
+    box.extend(design.vertices.row(i).transpose());
+  check_size(source, box, options);
+  return {std::move(design), std::move(marks)};
+}
+
+}  // namespace abbe::cutting

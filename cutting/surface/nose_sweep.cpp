@@ -1,0 +1,365 @@
+#include "cutting/surface/nose_sweep.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/pose.h"
+#include "kinematics/units.h"
+
+namespace abbe::cutting {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+constexpr double max_revolutions = 20e6;
+
+void check(const NoseMotion& motion) {
+  const auto n = Eigen::Index(motion.T_slow.size());
+  require(motion.spindle.size() == n && motion.time_s.size() == n &&
+              Eigen::Index(motion.line.size()) == n,
+          "nose motion: expected as many spindle angles, times and lines as poses");
+  require(
+      motion.spindle.allFinite() && motion.time_s.allFinite() && motion.spindle_point.allFinite(),
+      "nose motion: expected finite numbers");
+  require(std::abs(motion.spindle_direction.norm() - 1.0) <= 1e-9,
+          "nose motion: expected a unit spindle direction");
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Isometry3d& T = motion.T_slow[std::size_t(i)];
+    require(T.matrix().allFinite(), "nose motion: expected finite poses");
+    require((T.linear().transpose() * T.linear() - Matrix3d::Identity()).norm() <= 1e-9 &&
+                T.linear().determinant() > 0.0,
+            "nose motion: expected rotations");
+    require(i == 0 || motion.time_s[i] > motion.time_s[i - 1],
+            "nose motion: expected strictly increasing times");
+  }
+  double turned = 0.0;
+  for (Eigen::Index i = 1; i < n; ++i) {
+    turned += std::abs(motion.spindle[i] - motion.spindle[i - 1]);
+  }
+  require(turned <= max_revolutions * 2.0 * pi, "nose motion: expected at most 20e6 revolutions");
+}
+
+Matrix3d spindle_axes(const Vector3d& direction) {
+  const Vector3d other = std::abs(direction.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY();
+  Matrix3d R;
+  R.col(0) = direction.normalized();
+  R.col(1) = (other - other.dot(R.col(0)) * R.col(0)).normalized();
+  R.col(2) = R.col(0).cross(R.col(1));
+  return R;
+}
+
+Matrix3d slow_rotation(const NoseInterval& interval, double u) {
+  if (interval.turn == 0.0) return interval.R;
+  return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
+}
+
+NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const NoseSweep& sweep) {
+  const Eigen::Isometry3d& T0 = motion.T_slow[i];
+  const Eigen::Isometry3d& T1 = motion.T_slow[i + 1];
+  const auto k = Eigen::Index(i);
+  NoseInterval interval;
+  interval.centre = sweep.R_ws.transpose() * (T0.translation() - sweep.p_ws);
+  interval.centre_step = sweep.R_ws.transpose() * (T1.translation() - T0.translation());
+  interval.R = sweep.R_ws.transpose() * T0.linear();
+  const Vector3d turn = kinematics::rotation_vector(T0.linear().transpose() * T1.linear());
+  interval.turn = turn.norm() < 1e-15 ? 0.0 : turn.norm();
+  interval.turn_axis = interval.turn == 0.0 ? Vector3d::UnitX() : Vector3d(turn / interval.turn);
+  interval.angle = motion.spindle[k];
+  interval.angle_step = motion.spindle[k + 1] - motion.spindle[k];
+  interval.time_s = motion.time_s[k];
+  interval.time_step = motion.time_s[k + 1] - motion.time_s[k];
+  interval.line = motion.line[i + 1];
+  return interval;
+}
+
+/// The rake plane at one instant, as a NosePiece states it.
+struct Rake {
+  double angle, height, tilt;
+  bool free;
+};
+
+Rake rake(const NoseInterval& interval, double u, double previous_angle) {
+  const Vector3d normal = slow_rotation(interval, u).col(1);
+  const double across = std::hypot(normal.y(), normal.z());
+  if (across < 0.5) return {previous_angle, 0.0, 0.0, true};
+  const double angle =
+      std::atan2(normal.z(), normal.y()) + interval.angle + u * interval.angle_step;
+  // Continuous along an interval that turns by less than a revolution and hardly tilts: the nearest
+  // of its values to where the spindle alone would have brought it.
+  const double unwrapped = angle + 2.0 * pi * std::round((previous_angle - angle) / (2.0 * pi));
+  const double height = normal.dot(interval.centre + u * interval.centre_step);
+  return {unwrapped, height / across, normal.x() / across, false};
+}
+
+void append_pieces(NoseSweep& sweep, int index, double& angle) {
+  const NoseInterval& interval = sweep.intervals[std::size_t(index)];
+  const int parts = std::max(1, int(std::ceil(std::abs(interval.angle_step) / (2.0 * pi) - 1e-9)));
+  Rake from = rake(interval, 0.0, angle);
+  for (int part = 0; part < parts; ++part) {
+    const double u0 = double(part) / parts;
+    const double u1 = double(part + 1) / parts;
+    const Rake to = rake(interval, u1, from.angle + interval.angle_step / parts);
+    sweep.pieces.push_back({index, u0, u1, from.angle, to.angle, from.height, to.height, from.tilt,
+                            to.tilt, from.free || to.free});
+    from = to;
+  }
+  angle = from.angle;
+}
+
+NoseNode bounds(const NoseSweep& sweep, int first) {
+  const NosePiece& piece = sweep.pieces[std::size_t(first)];
+  const NoseInterval& interval = sweep.intervals[std::size_t(piece.interval)];
+  const Vector3d a = interval.centre + piece.u0 * interval.centre_step;
+  const Vector3d b = interval.centre + piece.u1 * interval.centre_step;
+  const Vector2d a_r = a.tail<2>();
+  const Vector2d step_r = b.tail<2>() - a_r;
+  const double nearest = step_r.squaredNorm() > 0.0
+                             ? std::clamp(-a_r.dot(step_r) / step_r.squaredNorm(), 0.0, 1.0)
+                             : 0.0;
+  // Between its ends a turning rake plane leaves the straight course of angle, height and tilt by
+  // less than the turn itself does.
+  const double turn = 10.0 * interval.turn * (piece.u1 - piece.u0);
+  const double far = std::max(a.norm(), b.norm());
+  NoseNode node;
+  node.x_low = std::min(a.x(), b.x());
+  node.x_high = std::max(a.x(), b.x());
+  node.r_low = (a_r + nearest * step_r).norm();
+  node.r_high = std::max(a_r.norm(), b.tail<2>().norm());
+  node.angle_low = std::min(piece.angle0, piece.angle1) - turn;
+  node.angle_high = std::max(piece.angle0, piece.angle1) + turn + (piece.free ? 2.0 * pi : 0.0);
+  node.height =
+      std::max(std::abs(piece.height0), std::abs(piece.height1)) + turn * ((b - a).norm() + far);
+  node.tilt = std::max(std::abs(piece.tilt0), std::abs(piece.tilt1)) + turn;
+  node.first = first;
+  node.count = 1;
+  node.right = 0;
+  return node;
+}
+
+int append_nodes(NoseSweep& sweep, int first, int count) {
+  const int index = int(sweep.nodes.size());
+  if (count == 1) {
+    sweep.nodes.push_back(bounds(sweep, first));
+    return index;
+  }
+  sweep.nodes.emplace_back();
+  append_nodes(sweep, first, count / 2);
+  const int right = append_nodes(sweep, first + count / 2, count - count / 2);
+  const NoseNode& a = sweep.nodes[std::size_t(index) + 1];
+  const NoseNode& b = sweep.nodes[std::size_t(right)];
+  sweep.nodes[std::size_t(index)] = {std::min(a.x_low, b.x_low),
+                                     std::max(a.x_high, b.x_high),
+                                     std::min(a.r_low, b.r_low),
+                                     std::max(a.r_high, b.r_high),
+                                     std::min(a.angle_low, b.angle_low),
+                                     std::max(a.angle_high, b.angle_high),
+                                     std::max(a.height, b.height),
+                                     std::max(a.tilt, b.tilt),
+                                     first,
+                                     count,
+                                     right};
+  return index;
+}
+
+void append_faces(NoseSweep& sweep) {
+  const int n = int(sweep.intervals.size());
+  double sense = 0.0;
+  sweep.faces.push_back({0, 0.0});
+  for (int i = 0; i < n; ++i) {
+    const double step = sweep.intervals[std::size_t(i)].angle_step;
+    if (step * sense < 0.0) sweep.faces.push_back({i, 0.0});
+    if (step != 0.0) sense = step;
+  }
+  sweep.faces.push_back({n - 1, 1.0});
+}
+
+}  // namespace
+
+NoseSweep nose_sweep(const NoseMotion& motion) {
+  check(motion);
+  NoseSweep sweep;
+  sweep.R_ws = spindle_axes(motion.spindle_direction);
+  sweep.p_ws = motion.spindle_point;
+  if (motion.T_slow.size() < 2) return sweep;
+  for (std::size_t i = 0; i + 1 < motion.T_slow.size(); ++i) {
+    sweep.intervals.push_back(interval_between(motion, i, sweep));
+  }
+  double angle = sweep.intervals.front().angle;
+  for (int i = 0; i < int(sweep.intervals.size()); ++i) append_pieces(sweep, i, angle);
+  sweep.nodes.reserve(2 * sweep.pieces.size());
+  append_nodes(sweep, 0, int(sweep.pieces.size()));
+  append_faces(sweep);
+  return sweep;
+}
+
+RayInTool ray_in_tool(const NoseInterval& interval, double u, const Vector3d& q,
+                      const Vector3d& n) {
+  const double angle = interval.angle + u * interval.angle_step;
+  const double c = std::cos(angle);
+  const double s = std::sin(angle);
+  const auto turned_back = [&](const Vector3d& v) {
+    return Vector3d(v.x(), c * v.y() + s * v.z(), c * v.z() - s * v.y());
+  };
+  const Vector3d p = turned_back(q);
+  const Vector3d d = turned_back(n);
+  const Vector3d v = p - (interval.centre + u * interval.centre_step);
+  const Matrix3d R = slow_rotation(interval, u);
+  const Vector3d y = R.col(1);
+  return {
+      {R.col(0).dot(v), R.col(2).dot(v)}, {R.col(0).dot(d), R.col(2).dot(d)}, y.dot(v), y.dot(d),
+      y.y() * p.z() - y.z() * p.y(),      y.y() * d.z() - y.z() * d.y()};
+}
+
+NoseRaySegment stretch_of(const Vector3d& q, const Vector3d& n, double from, double to) {
+  NoseRaySegment stretch;
+  stretch.q = q;
+  stretch.n = n;
+  stretch.from = from;
+  stretch.to = to;
+  const double r_from = radius(stretch.at(from));
+  const double r_to = radius(stretch.at(to));
+  stretch.radius_step = (r_to - r_from) / (to - from);
+  stretch.radius0 = r_from - from * stretch.radius_step;
+  stretch.radius_min = std::min(r_from, r_to);
+  // r^2 = a + 2 b s + c s^2 is convex in s, so it hangs below its chord, lowest where the slopes
+  // agree.
+  const double a = q.y() * q.y() + q.z() * q.z();
+  const double b = q.y() * n.y() + q.z() * n.z();
+  const double c = n.y() * n.y() + n.z() * n.z();
+  const double m = stretch.radius_step;
+  stretch.sag = 1e-9;
+  const double steep = c - m * m;
+  if (steep > 0.0) {
+    const double w = std::copysign(std::sqrt(m * m * std::max(0.0, a * c - b * b) / steep), m);
+    const double s = std::clamp((w - b) / c, from, to);
+    stretch.sag += std::max(0.0, stretch.radius0 + s * m - radius(stretch.at(s)));
+  }
+  // The end that stands on the axis has no azimuth; then the other end has that of all the rest.
+  const bool starts_on_axis = r_from < on_axis;
+  stretch.azimuth = azimuth(stretch.at(starts_on_axis ? to : from));
+  stretch.azimuth_spread =
+      stretch.radius_min < on_axis ? 0.0 : angle_between(stretch.at(from), stretch.at(to));
+  stretch.x_max = std::max(std::abs(stretch.at(from).x()), std::abs(stretch.at(to).x()));
+  return stretch;
+}
+
+std::optional<double> nearest_to_axis(const Vector3d& q, const Vector3d& n, double band) {
+  const double c = n.y() * n.y() + n.z() * n.z();
+  const double s = -(q.y() * n.y() + q.z() * n.z());
+  if (c < 1e-20 || std::abs(s) >= band * c) return std::nullopt;
+  return s / c;
+}
+
+namespace {
+
+constexpr double rounding = 1e-9;  // mm
+
+Matrix3d turned_to(const NoseInterval& interval, double u) {
+  if (interval.turn == 0.0) return interval.R;
+  return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
+}
+
+/// Across the spindle line, in the rake plane and to the side of the tool.
+Vector3d up_in(const Matrix3d& R, const Vector3d& centre) {
+  const Vector3d across = Vector3d::UnitX().cross(R.col(1));
+  if (across.norm() < 0.5) return Vector3d::UnitY();  // then the bound is wide, but holds
+  return (across.dot(centre) < 0.0 ? -1.0 : 1.0) * across.normalized();
+}
+
+}  // namespace
+
+ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
+    : R_(sweep.intervals.empty() ? Matrix3d(Matrix3d::Identity()) : sweep.intervals.front().R),
+      up_(up_in(R_, sweep.intervals.empty() ? Vector3d(Vector3d::Zero())
+                                            : sweep.intervals.front().centre)),
+      beside_(Vector3d::UnitX().cross(up_)),
+      outer_radius_(profile.outer_radius) {
+  // of the point (x, z) of the profile in the meridian half-plane
+  Eigen::Matrix2d meridian;
+  meridian << R_(0, 0), R_(0, 2), up_.dot(R_.col(0)), up_.dot(R_.col(2));
+  const auto reach = [&](const Vector2d& direction_t) {
+    return direction_t.dot(extreme_point(profile, direction_t));
+  };
+  const auto add = [&](const Vector2d& normal_t) {
+    const Vector2d normal = (meridian * normal_t).normalized();
+    sides_.push_back({normal, reach(meridian.transpose() * normal)});
+  };
+  constexpr double between = 0.25;  // rad, of the tangents of an arc: 1% of its radius off it
+  for (const OutlinePiece& piece : profile.pieces) {
+    if (!piece.is_arc) add(piece.normal_from);
+    if (!piece.is_arc || piece.radius == 0.0) continue;
+    const double angle = std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
+    const int parts = int(std::ceil(angle / between));
+    for (int i = 0; i <= parts; ++i)
+      add(Eigen::Rotation2Dd(angle * i / std::max(parts, 1)) * piece.normal_from);
+  }
+  down_ = reach(meridian.transpose() * Vector2d(0, -1));
+  const Vector2d sideways(beside_.dot(R_.col(0)), beside_.dot(R_.col(2)));
+  wide_ = std::max(reach(sideways), reach(-sideways));
+
+  extents_.resize(sweep.nodes.size());
+  for (std::size_t i = sweep.nodes.size(); i-- > 0;) {  // children come after their parents
+    const NoseNode& node = sweep.nodes[i];
+    if (node.count == 1) {
+      extents_[i] = extent_of(sweep, sweep.pieces[std::size_t(node.first)]);
+      continue;
+    }
+    const Extent &a = extents_[i + 1], &b = extents_[std::size_t(node.right)];
+    extents_[i] = {std::min(a.up_low, b.up_low), std::max(a.up_high, b.up_high),
+                   std::max(a.off, b.off), std::max(a.beside, b.beside)};
+  }
+}
+
+ProfileBound::Extent ProfileBound::extent_of(const NoseSweep& sweep, const NosePiece& piece) const {
+  const NoseInterval& interval = sweep.intervals[std::size_t(piece.interval)];
+  Extent extent{infinity, -infinity, 0.0, 0.0};
+  for (const double u : {piece.u0, piece.u1}) {
+    const Vector3d centre = interval.centre + u * interval.centre_step;
+    extent.up_low = std::min(extent.up_low, up_.dot(centre));
+    extent.up_high = std::max(extent.up_high, up_.dot(centre));
+    extent.beside = std::max(extent.beside, std::abs(beside_.dot(centre)));
+    extent.off = std::max(extent.off, (turned_to(interval, u) - R_).norm());
+  }
+  extent.off = outer_radius_ * (extent.off + interval.turn * (piece.u1 - piece.u0));
+  extent.beside += wide_ + extent.off;
+  return extent;
+}
+
+// A point of a tool at (x, up, beside) comes by turning to the meridian at the radius
+// hypot(up, beside): not below `up`, and not above it by more than `beside` and twice what the tool
+// reaches beyond the spindle line.
+double ProfileBound::first_reach(int index, const NoseNode& node, const NoseRaySegment& ray) const {
+  if (!can_face(node, ray)) return infinity;
+  const Extent& extent = extents_[std::size_t(index)];
+  const double past = std::max(0.0, down_ + extent.off - extent.up_low);
+  const double above = 2.0 * past + extent.beside + ray.sag;
+  double enter = ray.from, leave = ray.to;
+  for (const Side& side : sides_) {
+    const Vector2d& n = side.normal;
+    const double most =
+        side.reach + extent.off + rounding + n.x() * (n.x() > 0.0 ? node.x_high : node.x_low) +
+        n.y() * (n.y() > 0.0 ? extent.up_high : extent.up_low) + std::max(0.0, n.y()) * above;
+    const double off = n.x() * ray.q.x() + n.y() * ray.radius0 - most;
+    const double away = n.x() * ray.n.x() + n.y() * ray.radius_step;
+    if (std::abs(away) < 1e-14) {
+      if (off > 0.0) return infinity;
+    } else if (away > 0.0) {
+      leave = std::min(leave, -off / away);
+    } else {
+      enter = std::max(enter, -off / away);
+    }
+  }
+  return enter > leave ? infinity : enter - rounding;
+}
+
+}  // namespace abbe::cutting

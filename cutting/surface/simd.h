@@ -1,0 +1,142 @@
+#pragma once
+
+#include <experimental/simd>
+
+#include "cutting/surface/outline.h"
+
+/// Eight numbers in single precision at a time, and eight vectors of three.
+namespace abbe::cutting {
+
+namespace stdx = std::experimental;
+using Float8 = stdx::simd<float, stdx::simd_abi::deduce_t<float, 8>>;
+using Mask8 = Float8::mask_type;
+
+inline constexpr float tiny = 1e-30f;  ///< keeps quotients of zero lengths finite
+
+inline Float8 load(const float* values) { return Float8(values, stdx::element_aligned); }
+
+struct Vector8 {
+  Float8 x, y, z;
+};
+
+inline Vector8 load(const float (&v)[3][8]) { return {load(v[0]), load(v[1]), load(v[2])}; }
+inline Vector8 spread(const float (&v)[3]) { return {Float8(v[0]), Float8(v[1]), Float8(v[2])}; }
+[[gnu::always_inline]] inline Vector8 operator-(const Vector8& a, const Vector8& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+[[gnu::always_inline]] inline Vector8 operator+(const Vector8& a, const Vector8& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+[[gnu::always_inline]] inline Vector8 operator*(const Float8& s, const Vector8& a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
+[[gnu::always_inline]] inline Float8 dot(const Vector8& a, const Vector8& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+[[gnu::always_inline]] inline Vector8 cross(const Vector8& a, const Vector8& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+/// Never zero, for the squares of tiny parts may vanish: then too large.
+[[gnu::always_inline]] inline Float8 length_of(const Vector8& a) {
+  return stdx::sqrt(dot(a, a) + tiny);
+}
+[[gnu::always_inline]] inline Vector8 clamp(const Vector8& p, const Vector8& low,
+                                            const Vector8& high) {
+  return {stdx::min(stdx::max(p.x, low.x), high.x), stdx::min(stdx::max(p.y, low.y), high.y),
+          stdx::min(stdx::max(p.z, low.z), high.z)};
+}
+
+/// Lane i of the mask as bit i.
+[[gnu::always_inline]] inline unsigned bits(const Mask8& mask) {
+  return unsigned(mask.__to_bitset().to_ulong());  // libstdc++'s own: one instruction
+}
+
+// The outline of a tool in single precision, for several places or directions at a time.
+
+/// Signed distance from an outline without its top, with its gradient.
+struct OutlineDistance8 {
+  Float8 value;          ///< mm
+  Float8 radial, axial;  ///< unit
+  Float8 curvature;      ///< 1/mm, in the half plane, of what is as far
+};
+
+// What an arc adds to its first point is counted from there, so that large radii cost no digits.
+
+[[gnu::always_inline]] inline OutlineDistance8 distance(const ToolOutline& outline, const Float8& x,
+                                                        const Float8& y) {
+  OutlineDistance8 most{Float8(-1e30f), Float8(0.0f), Float8(-1.0f), Float8(0.0f)};
+  const auto take = [&](const Float8& value, const Float8& radial, const Float8& axial,
+                        const Float8& curvature) __attribute__((always_inline)) {
+    const auto more = value > most.value;
+    stdx::where(more, most.value) = value;
+    stdx::where(more, most.radial) = radial;
+    stdx::where(more, most.axial) = axial;
+    stdx::where(more, most.curvature) = curvature;
+  };
+  for (const OutlinePiece& piece : outline.pieces) {
+    const float nx = float(piece.normal_from.x()), ny = float(piece.normal_from.y());
+    const Float8 vx = x - float(piece.from.x()), vy = y - float(piece.from.y());
+    const Float8 off = nx * vx + ny * vy;
+    if (!piece.is_arc) {
+      if (piece.normal_from.y() < 1.0) take(off, Float8(nx), Float8(ny), Float8(0.0f));
+      continue;
+    }
+    const float r = float(piece.radius);
+    const float mx = float(piece.normal_to.x()), my = float(piece.normal_to.y());
+    const Float8 wx = x - float(piece.to.x()), wy = y - float(piece.to.y());
+    const auto beside = nx * vy - ny * vx >= 0.0f && wx * my - wy * mx >= 0.0f;
+    const Float8 cx = vx + r * nx, cy = vy + r * ny;
+    const Float8 far = stdx::sqrt(cx * cx + cy * cy + tiny);
+    const Float8 per_far = Float8(1.0f) / far;
+    Float8 value = (vx * vx + vy * vy + 2.0f * r * off) / (far + r);
+    stdx::where(!beside, value) = Float8(-1e30f);
+    take(value, cx * per_far, cy * per_far, per_far);
+    // beyond its ends an arc goes on along their tangents
+    Float8 before = off, beyond = mx * wx + my * wy;
+    stdx::where(beside, before) = Float8(-1e30f);
+    stdx::where(beside, beyond) = Float8(-1e30f);
+    take(before, Float8(nx), Float8(ny), Float8(0.0f));
+    take(beyond, Float8(mx), Float8(my), Float8(0.0f));
+  }
+  return most;
+}
+
+/// How far an outline reaches in a direction, and where.
+struct Reach {
+  Float8 most;  ///< mm times the direction's length; too large by 1e-9 of an arc's radius at most
+  Float8 x, y;  ///< mm, about
+};
+
+[[gnu::always_inline]] inline Reach reach(const ToolOutline& outline, const Float8& across,
+                                          const Float8& rise) {
+  constexpr float margin = 3e-5f;  // rad: an arc counts so far beyond its ends
+  const Float8 length = stdx::sqrt(across * across + rise * rise + tiny);
+  const float base = float(bottom(outline));
+  Reach reach{Float8(base * rise), Float8(0.0f), Float8(base)};
+  for (const OutlinePiece& piece : outline.pieces) {
+    const float tx = float(piece.to.x()), ty = float(piece.to.y());
+    const Float8 at_end = tx * across + ty * rise;
+    const auto more = at_end > reach.most;
+    stdx::where(more, reach.most) = at_end;
+    stdx::where(more, reach.x) = Float8(tx);
+    stdx::where(more, reach.y) = Float8(ty);
+    if (!piece.is_arc || piece.radius == 0.0) continue;
+    const float r = float(piece.radius);
+    const float nx = float(piece.normal_from.x()), ny = float(piece.normal_from.y());
+    const float mx = float(piece.normal_to.x()), my = float(piece.normal_to.y());
+    const float fx = float(piece.from.x()), fy = float(piece.from.y());
+    const Float8 beyond = nx * rise - ny * across;
+    const Float8 before = across * my - rise * mx;
+    const Float8 facing = nx * across + ny * rise;
+    const Float8 bulge = r * beyond * beyond / (length + facing + tiny);
+    const Float8 on_arc = fx * across + fy * rise + bulge;
+    const auto lies = on_arc > reach.most && beyond >= -margin * length &&
+                      before >= -margin * length && facing > -0.99f * length;
+    stdx::where(lies, reach.most) = on_arc;
+    stdx::where(lies, reach.x) = fx + r * (across / length - nx);
+    stdx::where(lies, reach.y) = fy + r * (rise / length - ny);
+  }
+  return reach;
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,405 @@
+#include "cutting/surface/surface_search.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "kinematics/bad_input.h"
+
+namespace abbe::cutting {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+/// Of a cell number in the grid of `hilbert_code`.
+inline constexpr int hilbert_bits = 10;
+inline constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< a side
+
+/// Place of a cell along the Hilbert curve of a grid of 2^bits cells a side, so that neighbours
+/// along the curve are neighbours in space.
+/// @param x, y, z  cell numbers, below 2^bits
+/// @return 3 bits for each of them
+/// Source: J. Skilling, Programming the Hilbert curve, AIP Conf. Proc. 707 (2004) 381.
+template <int bits = hilbert_bits>
+constexpr std::uint64_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+  static_assert(bits > 0 && 3 * bits <= 64);
+  constexpr std::uint32_t top = 1u << (bits - 1);
+  std::uint32_t axis[3] = {x, y, z};
+  for (std::uint32_t bit = top; bit > 1; bit >>= 1) {
+    const std::uint32_t below = bit - 1;
+    for (std::uint32_t& a : axis) {
+      if (a & bit) {
+        axis[0] ^= below;
+      } else {
+        const std::uint32_t swapped = (axis[0] ^ a) & below;
+        axis[0] ^= swapped;
+        a ^= swapped;
+      }
+    }
+  }
+  axis[1] ^= axis[0];
+  axis[2] ^= axis[1];
+  std::uint32_t gray = 0;
+  for (std::uint32_t bit = top; bit > 1; bit >>= 1)
+    if (axis[2] & bit) gray ^= bit - 1;
+  std::uint64_t code = 0;
+  for (int bit = bits - 1; bit >= 0; --bit)
+    for (const std::uint32_t a : axis) code = (code << 1) | (((a ^ gray) >> bit) & 1u);
+  return code;
+}
+
+namespace {
+
+constexpr double unit_tolerance = 1e-9;  // 0.5 nm on a cutter of 500 mm
+
+void require_milled(bool holds, const std::string& what) {
+  if (!holds) throw std::invalid_argument("milled surface: " + what);
+}
+
+std::string sample(Index i) { return " of sample " + std::to_string(i); }
+
+bool is_unit(const Vector3d& v) { return std::abs(v.norm() - 1) <= unit_tolerance; }
+
+void check(const Cutter& cutter) {
+  const auto& [radius, corner, flank, outline] = cutter;
+  require_milled(std::isfinite(radius) && radius > 0,
+                 "the cutter's radius is not positive and finite");
+  require_milled(corner >= 0 && corner <= radius,
+                 "the corner radius is not between 0 and the radius");
+  require_milled(std::isfinite(flank) && flank >= corner && flank > 0,
+                 "the flank length is not positive, finite and at least the corner radius");
+}
+
+void check(const CutterMotion& motion) {
+  const Index n = motion.tip.rows();
+  require_milled(
+      motion.axis.rows() == n && motion.time_s.size() == n && Index(motion.line.size()) == n,
+      "the arrays of the motion differ in size");
+  for (Index i = 0; i < n; ++i) {
+    require_milled(motion.tip.row(i).allFinite() && std::isfinite(motion.time_s[i]),
+                   "tip or time" + sample(i) + " is not finite");
+    require_milled(is_unit(motion.axis.row(i)), "axis" + sample(i) + " is not a unit vector");
+    if (i == 0) continue;
+    require_milled(motion.time_s[i] >= motion.time_s[i - 1], "time" + sample(i) + " goes back");
+    require_milled(
+        (motion.axis.row(i) + motion.axis.row(i - 1)).norm() > 1e-6,
+        "axis" + sample(i) + " is opposite to the one before, so its way is not defined");
+  }
+}
+
+}  // namespace
+
+void check_design(const Design& design) {
+  const Index n = design.vertices.rows();
+  require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
+  require_milled(design.judged.empty() || Index(design.judged.size()) == n,
+                 "the design has not one judgement a vertex");
+  tbb::parallel_for(tbb::blocked_range<Index>(0, n, 4096), [&](const auto& range) {
+    for (Index i = range.begin(); i < range.end(); ++i) {
+      if (!is_judged(design, i)) continue;
+      if (!design.vertices.row(i).allFinite())
+        require_milled(false, "vertex " + std::to_string(i) + " is not finite");
+      if (!is_unit(design.normals.row(i)))
+        require_milled(false,
+                       "the normal of vertex " + std::to_string(i) + " is not a unit vector");
+    }
+  });
+}
+
+void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
+                  double band) {
+  require_milled(std::isfinite(band) && band > 0, "the band is not positive and finite");
+  check(cutter);
+  check(motion);
+  check_design(design);
+}
+
+void check_turned(const Design& design, double band) {
+  const Index n = design.vertices.rows();
+  require(design.normals.rows() == n, "design: expected as many normals as vertices");
+  require(design.judged.empty() || Index(design.judged.size()) == n,
+          "design: expected as many judged flags as vertices, or none");
+  require(design.vertices.allFinite() && design.normals.allFinite(),
+          "design: expected finite vertices and normals");
+  require(std::isfinite(band) && band > 0.0, "band: expected a positive length");
+}
+
+void check_pass_options(const CompetingPassOptions& options) {
+  require(std::isfinite(options.reach) && options.reach >= 0,
+          "rivals: expected a reach of 0 or more");
+  require(options.most >= 1, "rivals: expected one or more of a vertex");
+  require(std::isfinite(options.stencil) && options.stencil > 0,
+          "rivals: expected a positive length of the stencil");
+}
+
+bool is_judged(const Design& design, Index vertex) {
+  return design.judged.empty() || design.judged[vertex];
+}
+
+namespace {
+
+/// A vertex on its curve.
+struct Place {
+  std::uint32_t code, vertex;
+};
+
+/// By their codes, of equal ones as they stand: a digit of as many bits as a cell number at a time.
+void sort_by_code(std::vector<Place>& places) {
+  std::vector<Place> sorted(places.size());
+  for (int shift = 0; shift < 3 * hilbert_bits; shift += hilbert_bits) {
+    std::array<std::size_t, hilbert_cells + 1> begin{};
+    const auto digit = [&](const Place& one) { return (one.code >> shift) % hilbert_cells; };
+    for (const Place& one : places) ++begin[digit(one) + 1];
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    for (const Place& one : places) sorted[begin[digit(one)]++] = one;
+    places.swap(sorted);
+  }
+}
+
+}  // namespace
+
+std::vector<Index> judged_along_curve(const Design& design) {
+  std::vector<Index> judged;
+  Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Vector3d high = -low;
+  for (Index i = 0; i < design.vertices.rows(); ++i) {
+    if (!is_judged(design, i)) continue;
+    judged.push_back(i);
+    low = low.cwiseMin(design.vertices.row(i).transpose());
+    high = high.cwiseMax(design.vertices.row(i).transpose());
+  }
+  constexpr double last_cell = hilbert_cells - 1;
+  const double size = judged.empty() ? 1.0 : std::max((high - low).maxCoeff(), 1e-9);
+  std::vector<Place> places(judged.size());
+  const auto blocks = tbb::blocked_range<std::size_t>(0, places.size(), 4096);
+  tbb::parallel_for(blocks, [&](const auto& range) {
+    for (std::size_t k = range.begin(); k < range.end(); ++k) {
+      const Vector3d cell = (design.vertices.row(judged[k]).transpose() - low) * (last_cell / size);
+      places[k] = {std::uint32_t(hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()),
+                                              std::uint32_t(cell.z()))),
+                   std::uint32_t(judged[k])};
+    }
+  });
+  sort_by_code(places);
+  std::ranges::transform(places, judged.begin(), [](const Place& one) { return one.vertex; });
+  return judged;
+}
+
+namespace {
+
+/// The stretch of a vertex's normal from `from` to `to`, mm.
+ShiftedRay stretch(const Design& design, Index vertex, double from, double to) {
+  const Eigen::Vector3d normal = design.normals.row(vertex);
+  const double shift = 0.5 * (from + to);
+  return {{design.vertices.row(vertex).transpose() + shift * normal, normal, 0.5 * (to - from)},
+          shift};
+}
+
+/// Whether a place that was removed below an intact skin is nearer to another place of the part by
+/// a tenth: then it was cut from there.
+bool is_cut_from_elsewhere(const Design& design, const Thickness& thickness, Index vertex,
+                           double s) {
+  constexpr double share = 0.9;
+  const Eigen::Vector3d place = design.vertices.row(vertex) + s * design.normals.row(vertex);
+  return thickness.comes_within(place, share * std::abs(s));
+}
+
+/// A vertex whose ray starts in removed material or meets none, and how far inwards it is followed.
+struct GougeSearch {
+  int vertex = 0;
+  bool buried = false;   // it starts in removed material
+  bool thin = false;     // the part is thinner there than two bands: the outer band is searched too
+  double deepest = 0.0;  // mm below the design
+};
+
+/// Along what a vertex is followed.
+ShiftedRay ray_of(const GougeSearch& look, const Design& design, double band) {
+  return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
+}
+
+struct Second {
+  VertexStatus status = VertexStatus::Uncut;
+  FirstCut cut;
+  Gouge gouge;
+};
+
+/// @param cut  along its ray
+Second judged(const GougeSearch& look, const Design& design, const Thickness& thickness,
+              double band, std::optional<FirstCut> cut) {
+  const auto& [vertex, buried, thin, deepest] = look;
+  if (!cut && buried && !thin)  // it begins at -band, to rounding
+    return {VertexStatus::Gouged, {-band, 0.0, 0}, {vertex, band, false}};
+  if (!cut) return {};
+  const ShiftedRay along = ray_of(look, design, band);
+  cut->s = cut->s <= -along.ray.band ? -deepest : cut->s + along.shift;
+  if (!buried && is_cut_from_elsewhere(design, thickness, vertex, cut->s)) return {};
+  if (thin && cut->s > -deepest) return {VertexStatus::Cut, *cut, {}};
+  return {VertexStatus::Gouged, *cut, {vertex, -cut->s, cut->s <= -deepest}};
+}
+
+template <class Each>
+void each_in_parallel(std::size_t count, const Each& each) {
+  const auto range_of_all = tbb::blocked_range<std::size_t>(0, count, 64);
+  tbb::parallel_for(range_of_all, [&](const auto& range) {
+    for (std::size_t k = range.begin(); k < range.end(); ++k) each(k);
+  });
+}
+
+bool is_doubtful(VertexStatus status) {
+  return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
+}
+
+/// Every doubtful vertex that has more of the part to look at, in their order.
+std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& design,
+                                        const Thickness& body, double band) {
+  std::vector<GougeSearch> looks;
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
+    if (is_doubtful(surface.status[i]))
+      looks.push_back({int(i), surface.status[i] == VertexStatus::Gouged});
+  const double most = gouge_bands * band;
+  each_in_parallel(looks.size(), [&](std::size_t k) {
+    const int v = looks[k].vertex;
+    const auto behind = body.behind(design.vertices.row(v), design.normals.row(v), 2.0 * most);
+    looks[k].deepest = behind ? 0.5 * *behind : most;
+    looks[k].thin = looks[k].deepest <= band;
+  });
+  std::erase_if(looks, [](const GougeSearch& look) { return look.thin && !look.buried; });
+  return looks;
+}
+
+/// The map once those vertices are called Gouged, Uncut or, where the part is thin, Cut.
+/// @param cuts  (looks) first cuts along their rays
+Surface with_gouge_status(Surface surface, const Design& design, const Thickness& body, double band,
+                          const std::vector<GougeSearch>& looks,
+                          const std::vector<std::optional<FirstCut>>& cuts) {
+  std::vector<Second> seconds(looks.size());
+  each_in_parallel(looks.size(), [&](std::size_t k) {
+    seconds[k] = judged(looks[k], design, body, band, cuts[k]);
+  });
+  for (std::size_t k = 0; k < looks.size(); ++k) {
+    const Index v = looks[k].vertex;
+    const Second& second = seconds[k];
+    surface.status[std::size_t(v)] = second.status;
+    if (second.status == VertexStatus::Uncut) continue;
+    surface.cut_time_s[v] = second.cut.time_s;
+    surface.cut_line[std::size_t(v)] = second.cut.line;
+    if (second.status == VertexStatus::Cut) surface.residual[v] = second.cut.s;
+    if (second.status == VertexStatus::Gouged) surface.gouges.push_back(second.gouge);
+  }
+  return surface;
+}
+
+}  // namespace
+
+std::optional<ShiftedRay> ThinPartRays::of(Index vertex) const {
+  std::call_once(once_, [&] { thickness_.emplace(design_); });
+  const auto behind =
+      thickness_->behind(design_.vertices.row(vertex), design_.normals.row(vertex), 2.0 * band_);
+  if (!behind) return std::nullopt;
+  return stretch(design_, vertex, -0.5 * *behind, band_);
+}
+
+Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
+                          const FirstCutFunction& first_cut) {
+  const FirstCutsFunction each = [&](std::size_t count,
+                                     const std::function<Ray(std::size_t)>& ray) {
+    std::vector<std::optional<FirstCut>> cuts(count);
+    each_in_parallel(count, [&](std::size_t k) { cuts[k] = first_cut(ray(k)); });
+    return cuts;
+  };
+  return with_gouge_depths(std::move(surface), design, options, each);
+}
+
+Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
+                          const FirstCutsFunction& first_cuts) {
+  if (std::ranges::none_of(surface.status, is_doubtful)) return surface;
+  const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
+  const std::vector<GougeSearch> looks = gouge_searches(surface, design, *body, options.band);
+  if (looks.empty()) return surface;
+  const auto cuts = first_cuts(
+      looks.size(), [&](std::size_t k) { return ray_of(looks[k], design, options.band).ray; });
+  return with_gouge_status(std::move(surface), design, *body, options.band, looks, cuts);
+}
+
+namespace {
+
+constexpr double none = std::numeric_limits<double>::quiet_NaN();
+
+void take_earlier(std::optional<FirstCut>& first, const FirstCut& cut) {
+  if (!first || std::tuple(cut.s, cut.time_s) < std::tuple(first->s, first->time_s)) first = cut;
+}
+
+}  // namespace
+
+FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
+  const Index next = std::min<Index>(removal.move + 1, motion.tip.rows() - 1);
+  const double start = motion.time_s[removal.move];
+  return {removal.s, start + removal.t * (motion.time_s[next] - start), motion.line[next]};
+}
+
+std::vector<SweepTree> sweep_trees(const Cutter& cutter, const CutterMotion& motion) {
+  std::vector<SweepTree> trees;
+  for (const Cutter& part : convex_parts(cutter)) trees.emplace_back(part, motion);
+  return trees;
+}
+
+std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const CutterMotion& motion,
+                                  const Ray& ray) {
+  std::optional<FirstCut> first;
+  for (const SweepTree& tree : trees) {
+    SweepTree::Hint hint;
+    if (const std::optional<Removal> removal = tree.first_removal(ray, hint))
+      take_earlier(first, cut_of(*removal, motion));
+  }
+  return first;
+}
+
+std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
+                                                const CutterMotion& motion, const Design& design,
+                                                std::span<const Index> vertices, double band) {
+  std::vector<Ray> rays;
+  rays.reserve(vertices.size());
+  for (const Index v : vertices)
+    rays.push_back({design.vertices.row(v), design.normals.row(v), band});
+  std::vector<std::optional<FirstCut>> cuts(rays.size());
+  for (const SweepTree& tree : trees) {
+    SweepTree::Hint hint;
+    std::vector<std::optional<Removal>> removals(rays.size());
+    tree.first_removals(rays, removals, hint);
+    for (std::size_t i = 0; i < cuts.size(); ++i)
+      if (removals[i]) take_earlier(cuts[i], cut_of(*removals[i], motion));
+  }
+  return cuts;
+}
+
+Surface uncut_surface(const Design& design, std::span<const Index> judged) {
+  const Index n = design.vertices.rows();
+  Surface surface{.residual = Eigen::VectorXd::Constant(n, none),
+                  .cut_time_s = Eigen::VectorXd::Constant(n, none),
+                  .cut_line = std::vector<int>(std::size_t(n), 0),
+                  .status = std::vector<VertexStatus>(std::size_t(n), VertexStatus::Outside)};
+  for (const Index v : judged) surface.status[std::size_t(v)] = VertexStatus::Uncut;
+  return surface;
+}
+
+void keep_first(Surface& surface, Index vertex, const FirstCut& cut, double band) {
+  VertexStatus& status = surface.status[std::size_t(vertex)];
+  if (status == VertexStatus::Cut && surface.residual[vertex] <= cut.s) return;
+  const bool gouged = !(cut.s > -band);
+  status = gouged ? VertexStatus::Gouged : VertexStatus::Cut;
+  surface.residual[vertex] = gouged ? none : cut.s;
+  surface.cut_time_s[vertex] = gouged ? none : cut.time_s;
+  surface.cut_line[std::size_t(vertex)] = gouged ? 0 : cut.line;
+}
+
+}  // namespace abbe::cutting

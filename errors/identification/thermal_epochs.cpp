@@ -1,0 +1,451 @@
+#include "errors/identification/thermal_epochs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+
+namespace abbe::errors::identification {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using kinematics::Motion;
+using metrology::Measurement;
+using metrology::Readings;
+using metrology::SetUp;
+
+constexpr std::size_t max_epochs = 200;
+
+// ---- epochs
+
+Epoch empty_epoch() { return {INFINITY, -INFINITY}; }
+
+void take(Epoch& epoch, double time_s) {
+  epoch.from_s = std::min(epoch.from_s, time_s);
+  epoch.to_s = std::max(epoch.to_s, time_s);
+}
+
+std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
+  std::vector<Epoch> epochs(std::size_t(starts), empty_epoch());
+  for (const DayLog& log : logs) {
+    if (log.starts == 1) continue;
+    if (log.starts != starts)
+      throw std::invalid_argument(
+          fmt::format("expected the same starts (start_h) of every instrument, seen {} and {} of "
+                      "{}",
+                      starts, log.starts, log.readings->plan.instrument));
+    for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i)
+      take(epochs[std::size_t(log.start_of(i))], log.time_s(i));
+  }
+  for (std::size_t k = 1; k < epochs.size(); ++k)
+    if (!(epochs[k].from_s > epochs[k - 1].to_s))
+      throw std::invalid_argument(fmt::format(
+          "expected a start when all instruments have read from the one before, seen one at "
+          "{:.2f} h while they read until {:.2f} h",
+          epochs[k].from_s / 3600.0, epochs[k - 1].to_s / 3600.0));
+  return epochs;
+}
+
+std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
+  std::set<double> instants;
+  for (const DayLog& log : logs)
+    for (const Measurement& measurement : log.readings->plan.measurements)
+      instants.insert(measurement.state.time_s);
+  const std::size_t each = (instants.size() + max_epochs - 1) / max_epochs;
+  std::vector<Epoch> epochs;
+  std::size_t count = 0;
+  for (const double instant : instants) {
+    if (count++ % each == 0) epochs.push_back(empty_epoch());
+    take(epochs.back(), instant);
+  }
+  return epochs;
+}
+
+// ---- what changed since the first epoch
+
+/// A place at which a channel read, and the way it was come to; the angle of a nose says nothing.
+using Place = std::vector<double>;
+struct MeasuringPoint {
+  std::string set_up;
+  int channel = 0;
+  Place place;
+  auto operator<=>(const MeasuringPoint&) const = default;
+};
+
+MeasuringPoint measuring_point(const Readings& readings, const Measurement& measurement) {
+  MeasuringPoint spot{
+      readings.plan.set_ups[std::size_t(measurement.set_up)].name, measurement.channel, {}};
+  const auto& joints = readings.nominal.joints();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joints[j].motion == Motion::Spindle) continue;
+    spot.place.push_back(measurement.state.q[Index(j)]);
+    spot.place.push_back(measurement.state.direction[j]);
+  }
+  return spot;
+}
+
+struct Mean {
+  double sum = 0.0;
+  int count = 0;
+  double value() const { return sum / count; }
+};
+using Means = std::map<MeasuringPoint, Mean>;
+
+bool reads(const Readings& readings, const Measurement& measurement) {
+  return measurement.channel >= 0 && readings.value.size() > 0;
+}
+
+Means point_means(const DayLog& log, const Epoch& epoch) {
+  Means means;
+  for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i) {
+    const Measurement& measurement = log.readings->plan.measurements[i];
+    if (!reads(*log.readings, measurement) || !epoch.holds(log.time_s(i))) continue;
+    Mean& mean = means[measuring_point(*log.readings, measurement)];
+    mean.sum += log.readings->value[Index(i)];
+    ++mean.count;
+  }
+  return means;
+}
+
+/// A set-up as a difference of two readings sees it: what stands drops out, what was laid twice
+/// errs twice.
+SetUp difference_set_up(SetUp set_up, bool stands) {
+  const double twice = std::sqrt(2.0);
+  for (auto& channel : set_up.channels) {
+    channel.noise *= twice;
+    channel.resolution *= twice;
+  }
+  const double again = stands ? 0.0 : twice;
+  for (double* sigma :
+       {&set_up.rotation_sigma, &set_up.point_of_sigma, &set_up.point_in_sigma,
+        &set_up.normal_sigma, &set_up.eccentricity_sigma, &set_up.scale_sigma, &set_up.drift_sigma})
+    *sigma *= again;
+  if (stands) set_up.zero_unknown = false;
+  return set_up;
+}
+
+/// What the nominal machine would show, and beside it what has changed since the first epoch: the
+/// readings of a machine that was perfect then.
+Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
+  const Readings& all = *log.readings;
+  Readings some{{all.plan.instrument, all.plan.kind, {}, {}, 0.0}, all.nominal, {}, {}, {}};
+  std::map<int, int> kept;  // set-ups
+  std::vector<double> values;
+  for (std::size_t i = 0; i < all.plan.measurements.size(); ++i) {
+    Measurement measurement = all.plan.measurements[i];
+    if (!reads(all, measurement) || !epoch.holds(measurement.state.time_s)) continue;
+    const auto before = first.find(measuring_point(all, measurement));
+    if (before == first.end()) continue;
+    const SetUp& set_up = all.plan.set_ups[std::size_t(measurement.set_up)];
+    const auto bodies = metrology::nominal_bodies(all.nominal, measurement.state.q);
+    values.push_back(all.value[Index(i)] - before->second.value() +
+                     metrology::reading(set_up, measurement.channel, {}, bodies, bodies,
+                                        metrology::spindle_angle(all.nominal, measurement.state)));
+    const auto [at, is_new] = kept.emplace(measurement.set_up, int(some.plan.set_ups.size()));
+    if (is_new) some.plan.set_ups.push_back(difference_set_up(set_up, log.starts == 1));
+    measurement.set_up = at->second;
+    some.plan.measurements.push_back(measurement);
+  }
+  if (values.empty())
+    throw std::invalid_argument(
+        fmt::format("expected {} to read in every epoch where it read in the first, seen none from "
+                    "{:.2f} to {:.2f} h",
+                    all.plan.instrument, epoch.from_s / 3600.0, epoch.to_s / 3600.0));
+  some.value = Eigen::Map<const VectorXd>(values.data(), Index(values.size()));
+  return some;
+}
+
+}  // namespace
+
+std::vector<int> start_numbers(const metrology::Plan& plan) {
+  std::vector<int> starts;
+  std::map<std::string, int> seen;
+  for (const SetUp& set_up : plan.set_ups) starts.push_back(seen[set_up.name]++);
+  return starts;
+}
+
+std::vector<Readings> split_by_start(const Readings& readings) {
+  const std::vector<int> start = start_numbers(readings.plan);
+  const metrology::Plan& plan = readings.plan;
+  std::vector<Readings> result;
+  std::vector<int> place;  // of every set-up in its start
+  for (std::size_t s = 0; s < start.size(); ++s) {
+    const auto k = std::size_t(start[s]);
+    if (k == result.size())
+      result.push_back(
+          {{plan.instrument, plan.kind, {}, {}, 0.0}, readings.nominal, {}, readings.sensors, {}});
+    place.push_back(int(result[k].plan.set_ups.size()));
+    result[k].plan.set_ups.push_back(plan.set_ups[s]);
+  }
+  std::vector<std::vector<Index>> rows(result.size());
+  for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
+    const auto s = std::size_t(plan.measurements[i].set_up), k = std::size_t(start[s]);
+    rows[k].push_back(Index(i));
+    result[k].plan.measurements.push_back(plan.measurements[i]);
+    result[k].plan.measurements.back().set_up = place[s];
+  }
+  for (std::size_t k = 0; k < result.size(); ++k) {
+    if (readings.value.size() > 0) result[k].value = readings.value(rows[k]);
+    result[k].T_C = readings.T_C(rows[k], Eigen::all);
+  }
+  return result;
+}
+
+std::vector<Index> sensor_columns(const std::vector<std::string>& sensors,
+                                  const std::vector<std::string>& logged) {
+  std::vector<Index> columns;
+  for (const std::string& name : sensors) {
+    const auto found = std::ranges::find(logged, name);
+    if (found == logged.end())
+      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+    columns.push_back(found - logged.begin());
+  }
+  return columns;
+}
+
+MatrixXd temperature_rise_K(std::span<const Readings> readings,
+                            const std::vector<std::string>& sensors) {
+  const std::vector<Index> columns = sensor_columns(sensors, readings.front().sensors);
+  MatrixXd T_C(Index(readings.size()), Index(sensors.size()));
+  for (Index i = 0; i < T_C.rows(); ++i)
+    for (Index k = 0; k < T_C.cols(); ++k)
+      T_C(i, k) = readings[std::size_t(i)].T_C.col(columns[std::size_t(k)]).mean();
+  return T_C.rowwise() - T_C.row(0).eval();
+}
+
+DayLog day_log(const Readings& readings) {
+  DayLog log{&readings, start_numbers(readings.plan), 1};
+  for (const int start : log.start) log.starts = std::max(log.starts, start + 1);
+  return log;
+}
+
+std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs) {
+  int starts = 1;
+  for (const DayLog& log : logs) starts = std::max(starts, log.starts);
+  std::vector<Epoch> epochs = starts > 1 ? start_epochs(logs, starts) : instant_epochs(logs);
+  if (epochs.size() < 3)
+    throw std::invalid_argument(fmt::format(
+        "expected readings from at least 3 starts (start_h) or instants, seen {}", epochs.size()));
+  return epochs;
+}
+
+std::vector<std::vector<Readings>> changes_of(const std::vector<DayLog>& logs,
+                                              const std::vector<Epoch>& epochs) {
+  std::vector<std::vector<Readings>> changes(epochs.size());
+  for (const DayLog& log : logs) {
+    if (log.readings->value.size() == 0) continue;
+    const Means first = point_means(log, epochs.front());
+    for (std::size_t k = 0; k < epochs.size(); ++k)
+      changes[k].push_back(changed(log, epochs[k], first));
+  }
+  if (changes.front().empty())
+    throw std::invalid_argument("expected readings of the machine beside the temperatures");
+  return changes;
+}
+
+std::vector<std::string> common_sensors(const std::vector<DayLog>& logs) {
+  std::vector<std::string> common = logs.front().readings->sensors;
+  for (const DayLog& log : logs)
+    std::erase_if(common, [&](const std::string& name) {
+      return std::ranges::count(log.readings->sensors, name) == 0;
+    });
+  if (common.empty())
+    throw std::invalid_argument("expected temperatures beside the readings, seen no sensor");
+  return common;
+}
+
+MatrixXd temperature_rise_K(const std::vector<DayLog>& logs, const std::vector<Epoch>& epochs,
+                            const std::vector<std::string>& sensors) {
+  MatrixXd sum = MatrixXd::Zero(Index(epochs.size()), Index(sensors.size()));
+  VectorXd count = VectorXd::Zero(Index(epochs.size()));
+  for (const DayLog& log : logs) {
+    const std::vector<Index> columns = sensor_columns(sensors, log.readings->sensors);
+    for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i) {
+      const auto epoch =
+          std::ranges::find_if(epochs, [&](const Epoch& one) { return one.holds(log.time_s(i)); });
+      if (epoch == epochs.end()) continue;
+      const auto k = Index(epoch - epochs.begin());
+      sum.row(k) += log.readings->T_C.row(Index(i))(columns);
+      count[k] += 1.0;
+    }
+  }
+  const MatrixXd mean = sum.array().colwise() / count.array();
+  return mean.rowwise() - mean.row(0).eval();
+}
+
+bool is_moved(const std::vector<DayLog>& logs, int joint) {
+  std::optional<double> place;
+  for (const DayLog& log : logs)
+    for (const Measurement& measurement : log.readings->plan.measurements) {
+      if (!reads(*log.readings, measurement)) continue;
+      if (place && *place != measurement.state.q[joint]) return true;
+      place = measurement.state.q[joint];
+    }
+  return false;
+}
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
+  require(!runs.empty(), "a composite needs runs");
+  require(options.degree >= 1 && options.degree <= 12, "degree of a cold curve lies in 1 .. 12");
+  for (const CompositeRun& run : runs) {
+    require(run.p.size() == run.delta.size(), "positions and deviations of a run differ in number");
+    require(run.dT_K.size() == runs.front().dT_K.size() && run.dT_K.size() >= 1,
+            "runs differ in their temperatures");
+    require(run.p.allFinite() && run.delta.allFinite() && run.dT_K.allFinite(),
+            "a run holds a number that is not finite");
+  }
+}
+
+double polynomial(const VectorXd& c, double p) {
+  double value = 0;
+  for (Index k = c.size(); k-- > 0;) value = value * p + c(k);
+  return value;
+}
+
+/// All cold runs as one, which is what makes the cold curve.
+CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
+  CompositeRun all;
+  for (const CompositeRun& run : runs) {
+    if (!run.cold) continue;
+    VectorXd p(all.p.size() + run.p.size()), delta(p.size());
+    p << all.p, run.p;
+    delta << all.delta, run.delta;
+    all.p = p;
+    all.delta = delta;
+  }
+  return all;
+}
+
+/// Powers of p / scale, so that a fourth power of 500 mm does not drown the first.
+bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
+  const double largest = cold.p.size() ? cold.p.cwiseAbs().maxCoeff() : 0.0;
+  fit.curve_scale = largest > 0 ? largest : 1.0;
+  MatrixXd powers(cold.p.size(), degree);
+  for (Index i = 0; i < cold.p.size(); ++i)
+    for (int k = 0; k < degree; ++k) powers(i, k) = std::pow(cold.p(i) / fit.curve_scale, k + 1);
+  fit.curve = fit_regression(powers, cold.delta);
+  if (fit.curve.status != RegressionStatus::Ok) return false;
+  fit.geometric.resize(degree + 1);
+  fit.geometric(0) = fit.curve.constant;
+  for (int k = 0; k < degree; ++k)
+    fit.geometric(k + 1) = fit.curve.beta(k) / std::pow(fit.curve_scale, k + 1);
+  return true;
+}
+
+/// Straight line through a later run minus the cold curve.
+Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool free_offset) {
+  VectorXd rest = run.delta;
+  for (Index i = 0; i < rest.size(); ++i) rest(i) -= polynomial(geometric, run.p(i));
+  RegressionOptions options;
+  options.constant = free_offset;
+  return fit_regression(run.p, rest, options);
+}
+
+/// Where every slope is known: what they owe to the temperatures.
+void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
+                      CompositeFit& fit) {
+  MatrixXd dT(static_cast<Index>(fit.later.size()), runs.front().dT_K.size());
+  for (Index i = 0; i < dT.rows(); ++i)
+    dT.row(i) = runs[static_cast<std::size_t>(fit.later[static_cast<std::size_t>(i)])].dT_K;
+  RegressionOptions regression;
+  regression.constant = options.slope_constant;
+  fit.slope_fit = fit_regression(dT, fit.slope, regression);
+  if (fit.slope_fit.status != RegressionStatus::Ok) {
+    fit.status = CompositeStatus::SlopeNotDetermined;
+    return;
+  }
+  fit.thermal = fit.slope_fit.beta;
+  fit.thermal_constant = fit.slope_fit.constant;
+}
+
+double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& fit) {
+  double squares = 0;
+  Index rows = 0, later = 0;
+  for (const CompositeRun& run : runs) {
+    const double offset = run.cold ? 0.0 : fit.offset(later++);
+    for (Index i = 0; i < run.p.size(); ++i) {
+      // A cold run has dT = 0, but a constant of the slope belongs to the later runs.
+      const double thermal = run.cold ? 0.0 : fit.thermal_constant + fit.thermal.dot(run.dT_K);
+      const double law = polynomial(fit.geometric, run.p(i)) + thermal * run.p(i) + offset;
+      squares += (run.delta(i) - law) * (run.delta(i) - law);
+    }
+    rows += run.p.size();
+  }
+  return std::sqrt(squares / static_cast<double>(rows));
+}
+
+/// The first run that makes a separation meaningless.
+CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) {
+  bool any_cold = false;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (!runs[i].cold) {
+      fit.later.push_back(static_cast<int>(i));
+      continue;
+    }
+    any_cold = true;
+    if (!runs[i].dT_K.isZero(0)) {
+      fit.run = static_cast<int>(i);
+      return CompositeStatus::ColdRunWarm;
+    }
+  }
+  if (!any_cold) return CompositeStatus::NoColdRun;
+  return fit.later.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
+}
+
+}  // namespace
+
+CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
+  validate(runs, options);
+  CompositeFit fit;
+  fit.status = check(runs, fit);
+  if (fit.status != CompositeStatus::Ok) return fit;
+  if (!fit_curve(cold_runs(runs), options.degree, fit)) {
+    fit.status = CompositeStatus::CurveNotDetermined;
+    return fit;
+  }
+  const auto count = static_cast<Index>(fit.later.size());
+  fit.slope = fit.slope_error = fit.offset = VectorXd::Zero(count);
+  for (Index i = 0; i < count; ++i) {
+    const int index = fit.later[static_cast<std::size_t>(i)];
+    const Regression line =
+        fit_slope(runs[static_cast<std::size_t>(index)], fit.geometric, options.free_offset);
+    if (line.status != RegressionStatus::Ok) {
+      fit.status = CompositeStatus::SlopeNotDetermined;
+      fit.run = index;
+      return fit;
+    }
+    fit.slope(i) = line.beta(0);
+    fit.slope_error(i) = line.standard_error(line.standard_error.size() - 1);
+    fit.offset(i) = line.constant;
+  }
+  fit_temperatures(runs, options, fit);
+  if (fit.status == CompositeStatus::Ok) fit.rms = composite_rms(runs, fit);
+  return fit;
+}
+
+double value(const CompositeFit& fit, double p, const VectorXd& dT_K) {
+  return polynomial(fit.geometric, p) + (fit.thermal_constant + fit.thermal.dot(dT_K)) * p;
+}
+
+double run_slope(const CompositeRun& run) {
+  const Regression line = fit_regression(run.p, run.delta);
+  require(line.status == RegressionStatus::Ok, "a slope needs two positions");
+  return line.beta(0);
+}
+
+}  // namespace abbe::errors::identification

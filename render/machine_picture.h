@@ -1,0 +1,93 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/part/mesh.h"
+#include "kinematics/pose.h"
+#include "render/picture.h"
+
+namespace abbe::render {
+
+/// Edges at which a surface bends by more than can be a facet, or ends: pairs of rows of `points`.
+std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
+                                            const cutting::Triangles& triangles);
+
+/// A block about the origin of its frame.
+struct BlockShape {
+  Eigen::Vector3d size = Eigen::Vector3d::Constant(100.0);  ///< mm
+};
+/// A cylinder about the z axis of its frame, from z = 0 to z = height.
+struct CylinderShape {
+  double radius = 50.0;   ///< mm
+  double height = 100.0;  ///< mm
+};
+
+/// Any closed surface.
+struct SolidShape {
+  cutting::Points vertices;      ///< (n x 3) mm
+  cutting::Triangles triangles;  ///< (m x 3)
+};
+
+/// A carriage, the bed, a tool: drawn as a plain solid with its edges.
+struct Body {
+  std::string label;                                  ///< written beside it; may be empty
+  kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of the picture
+  std::variant<BlockShape, CylinderShape, SolidShape> shape;
+  Colour colour{0.80, 0.83, 0.87};
+  double opacity = 1.0;
+  bool close = false;  ///< drawn at the right, too
+};
+
+/// A line through points: a tool path, nominal or actual.
+struct Polyline {
+  std::string name;  ///< for the legend; empty: not in it
+  cutting::Points points;
+  Colour colour = colours::ink;
+  double width_px = 2.0;
+};
+
+/// A frame shown by its three directions: X red, Y green, Z blue.
+struct Frame {
+  std::string name;
+  kinematics::Pose T = kinematics::Pose::Identity();
+};
+
+struct MachinePicture {
+  std::string title;
+  std::vector<Body> bodies;
+  std::string part_name = "part";  ///< for the legend
+  Colour part_colour{0.93, 0.80, 0.55};
+  cutting::Points part_vertices;  ///< (n x 3), may be empty
+  cutting::Triangles part_triangles;
+  std::vector<Polyline> paths;
+  std::vector<Frame> frames;
+  double magnification = 1.0;  ///< of the errors in the paths that show them; said
+  std::vector<std::string> caption;
+};
+
+struct MachineOptions {
+  int width = 1600;   ///< px
+  int height = 1000;  ///< px
+  Eigen::Vector3d from =
+      Eigen::Vector3d(-0.5, -1.0, 0.6);  ///< direction from the machine to the eye
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+};
+
+/// Draws the machine as a whole with part and paths at the left, part, paths and close bodies alone
+/// at the right,
+/// each with a scale bar, and says by how much errors are magnified.
+/// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or the
+/// triangles
+///         name vertices that are not there
+/// @throws std::system_error with the path if the file cannot be written
+void write_machine(const std::filesystem::path& path, const MachinePicture& picture,
+                   const MachineOptions& options = {});
+
+}  // namespace abbe::render

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/part/mesh.h"
+#include "render/residual_map.h"
+
+namespace abbe::render {
+
+struct ComparisonOptions {
+  std::string title;
+  int width = 1600;  ///< px; the height follows from the number of cases and their shape
+  std::optional<double> range_um;  ///< as of a map; else the largest of the cases'
+  Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+  std::vector<std::string> caption;  ///< further lines below all
+};
+
+/// Draws every case on one colour scale and one length scale, its title above and its figures,
+/// share in tolerance and caption lines ("−92 % RMS") below; a case whose own scale ends below 40 %
+/// of the common one a second time beside it on its own. Each panel has its colour bar.
+/// @throws std::invalid_argument if there is no case, sizes do not fit, or the range is not
+/// positive
+/// @throws std::system_error with the path if the file cannot be written
+void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
+                      const ComparisonOptions& options = {});
+
+/// One of many maps of the same design.
+struct SheetMap {
+  std::string title;
+  std::string figures;               ///< one or two, below the title: "RMS 1.23 µm   PV 5.6 µm"
+  Eigen::VectorXd values_um;         ///< (n) NaN where there is none
+  std::optional<double> range_um{};  ///< end of its scale; else fitted as that of a map
+};
+
+struct SheetOptions {
+  std::string title{};
+  std::optional<std::string> values{};  ///< what they are, in the caption; else a residual's signs
+  int columns = 0;                      ///< 0: as many as make the sheet about 4 : 3
+  int width = 2400;                     ///< px; the height follows
+  bool common_range = false;            ///< the largest range for all maps
+  Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< as of a map
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+  std::vector<std::string> caption{};  ///< further lines
+};
+
+inline constexpr std::size_t max_sheet_maps = 256;
+
+/// Draws small maps side by side, seen alike, each with title, figures and a colour bar of its own
+/// scale: symmetric about zero, or from zero where no value is negative (a standard deviation).
+/// A fine design is drawn on fewer vertices, so that memory stays below about 2 GB, and the sheet
+/// says so.
+/// @throws std::invalid_argument for no map or more than 256, sizes that do not fit, a range that
+///         is not positive, a design that is none, or a sheet higher than 16384 px
+/// @throws std::system_error with the path if the file cannot be written
+void write_sheet(const std::filesystem::path& path, const cutting::Design& design,
+                 const std::vector<SheetMap>& maps, const SheetOptions& options = {});
+
+}  // namespace abbe::render

@@ -1,0 +1,426 @@
+#include "render/vtk_reader.h"
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <string_view>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <vtkBase64Utilities.h>
+#include <vtkCallbackCommand.h>
+#include <vtkCommand.h>
+#include <vtkLZ4DataCompressor.h>
+#include <vtkNew.h>
+#include <vtkZLibDataCompressor.h>
+
+#include "kinematics/bad_input.h"
+
+namespace abbe::render {
+
+VtkFile::VtkFile(const std::filesystem::path& path, const std::string& kind,
+                 std::uintmax_t max_bytes)
+    : path_(path.string()) {
+  std::error_code failure;
+  if (!std::filesystem::is_regular_file(path, failure)) throw_file_error(kind, "no such file");
+  const std::uintmax_t size = std::filesystem::file_size(path, failure);
+  if (failure || size > max_bytes)
+    throw_file_error(fmt::format("at most {} MiB", max_bytes >> 20), fmt::format("{} bytes", size));
+  std::ifstream stream(path, std::ios::binary);
+  text_.assign(std::istreambuf_iterator<char>(stream), {});
+  if (!stream) throw_file_error("a file that can be read", "an error while reading");
+}
+
+void VtkFile::throw_file_error(const std::string& expected, const std::string& seen) const {
+  throw BadInput(path_, 0, 0, expected, seen);
+}
+
+void VtkFile::refuse(std::size_t at, const std::string& expected, const std::string& seen) const {
+  const auto end = text_.begin() + std::ptrdiff_t(std::min(at, text_.size()));
+  throw BadInput(path_, 1 + int(std::count(text_.begin(), end, '\n')), 0, expected, seen);
+}
+
+std::optional<VtkTag> VtkTags::next() {
+  for (;;) {
+    at_ = text_.find('<', at_);
+    if (at_ == std::string_view::npos) return std::nullopt;
+    if (text_.substr(at_).starts_with("<!--")) {
+      skip_to("-->");
+    } else if (text_.substr(at_).starts_with("<?") || text_.substr(at_).starts_with("<!")) {
+      skip_to(">");
+    } else {
+      return tag();
+    }
+  }
+}
+
+void VtkTags::skip_to(std::string_view end) {
+  const std::size_t found = text_.find(end, at_);
+  if (found == std::string_view::npos)
+    source_.refuse(at_, "the end of a comment", shown(text_.substr(at_)));
+  at_ = found + end.size();
+}
+
+VtkTag VtkTags::tag() {
+  VtkTag tag;
+  tag.at = at_++;
+  const std::size_t name_end = std::min(text_.find_first_of(" \t\r\n>", at_), text_.size());
+  tag.name = text_.substr(at_, name_end - at_);
+  if (tag.name.size() > 1 && tag.name.ends_with('/')) tag.name.remove_suffix(1);
+  at_ = name_end;
+  while (read_attribute(tag)) {
+  }
+  tag.inner = text_.substr(at_, text_.find('<', at_) - at_);
+  return tag;
+}
+
+bool VtkTags::read_attribute(VtkTag& tag) {
+  at_ = text_.find_first_not_of(" \t\r\n/?", at_);
+  if (at_ == std::string_view::npos) source_.refuse(tag.at, "the end of a tag", "the file's end");
+  if (text_[at_] == '>') {
+    ++at_;
+    return false;
+  }
+  const std::size_t equals = text_.find_first_of("=>", at_);
+  const bool quoted = equals != std::string_view::npos && text_[equals] == '=' &&
+                      equals + 1 < text_.size() &&
+                      (text_[equals + 1] == '"' || text_[equals + 1] == '\'');
+  const std::size_t end =
+      quoted ? text_.find(text_[equals + 1], equals + 2) : std::string_view::npos;
+  if (end == std::string_view::npos)
+    source_.refuse(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
+  const std::string_view name = text_.substr(at_, equals - at_);
+  if (tag.attributes.size() > 100) source_.refuse(tag.at, "at most 100 attributes", "more");
+  if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
+    source_.refuse(tag.at, "every attribute once", shown(name));
+  at_ = end + 1;
+  return true;
+}
+
+std::string_view attribute(const VtkTag& tag, std::string_view name, std::string_view otherwise) {
+  const auto found = tag.attributes.find(name);
+  return found == tag.attributes.end() ? otherwise : found->second;
+}
+
+std::size_t whole_number(const VtkFile& source, const VtkTag& tag, std::string_view name) {
+  const std::string_view text = attribute(tag, name, "");
+  std::size_t value = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (fault != std::errc{} || end != text.data() + text.size())
+    source.refuse(tag.at, fmt::format("a whole number as {} of {}", name, tag.name), shown(text));
+  return value;
+}
+
+std::string shown(std::string_view text) {
+  std::string printable;
+  for (const char c : text.substr(0, 40)) printable += c >= ' ' && c <= '~' ? c : '?';
+  return "\"" + printable + (text.size() > 40 ? "...\"" : "\"");
+}
+
+// Of VTK only the decoders are used here, each with as many bytes as are there.
+
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+constexpr std::size_t max_deflation = 1100;  // neither zlib nor lz4 packs tighter
+
+/// Where the two arrays are and how the file writes them.
+struct FileLayout {
+  std::size_t header_bytes = 4;  ///< of one number before binary data
+  enum class Packing { None, ZLib, Lz4 } packing = Packing::None;
+  std::size_t nodes = 0;
+  std::optional<VtkTag> points, tensors;
+  std::string_view appended;  ///< after the underscore
+  bool appended_raw = false;
+};
+
+void read_file_tag(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
+  const auto expect = [&](std::string_view name, std::string_view value) {
+    const std::string_view seen = attribute(tag, name, value);
+    if (seen != value) source.refuse(tag.at, fmt::format("{}=\"{}\"", name, value), shown(seen));
+  };
+  if (!tag.attributes.contains("type"))
+    source.refuse(tag.at, "type=\"UnstructuredGrid\"", "no type");
+  expect("type", "UnstructuredGrid");
+  expect("byte_order", "LittleEndian");
+  const std::string_view header = attribute(tag, "header_type", "UInt32");
+  if (header != "UInt32") expect("header_type", "UInt64");
+  layout.header_bytes = header == "UInt64" ? 8 : 4;
+  const std::string_view packing = attribute(tag, "compressor", "");
+  if (packing == "vtkZLibDataCompressor") {
+    layout.packing = FileLayout::Packing::ZLib;
+  } else if (packing == "vtkLZ4DataCompressor") {
+    layout.packing = FileLayout::Packing::Lz4;
+  } else if (!packing.empty()) {
+    source.refuse(tag.at, "no compressor, vtkZLibDataCompressor or vtkLZ4DataCompressor",
+                  shown(packing));
+  }
+}
+
+void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
+  const std::string_view encoding = attribute(tag, "encoding", "");
+  if (encoding != "base64" && encoding != "raw")
+    source.refuse(tag.at, "appended data as base64 or raw", shown(encoding));
+  layout.appended_raw = encoding == "raw";
+  const std::size_t start = tag.inner.find_first_not_of(xml_blank);
+  if (start == std::string_view::npos || tag.inner[start] != '_')
+    source.refuse(tag.at, "an underscore before the appended data", shown(tag.inner));
+  // raw bytes may hold anything, so they go on to the end of the file
+  layout.appended =
+      source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
+}
+
+FileLayout read_layout(const VtkFile& source, const std::string& array) {
+  FileLayout layout;
+  VtkTags tags(source, source.text());
+  std::string_view section;
+  std::string seen;
+  bool vtk_file = false;
+  int pieces = 0;
+  while (const std::optional<VtkTag> tag = tags.next()) {
+    if (tag->name == "VTKFile") {
+      vtk_file = true;
+      read_file_tag(source, *tag, layout);
+    } else if (tag->name == "Piece") {
+      if (++pieces > 1) source.refuse(tag->at, "a grid in one piece", "another Piece");
+      layout.nodes = whole_number(source, *tag, "NumberOfPoints");
+    } else if (tag->name == "DataArray") {
+      const std::string_view name = attribute(*tag, "Name", "");
+      if (section == "Points") layout.points = *tag;
+      if (section == "PointData" && name == array) layout.tensors = *tag;
+      if (section == "PointData" && seen.size() < 200) seen += " " + shown(name);
+    } else if (tag->name == "AppendedData") {
+      read_appended(source, *tag, layout);
+      break;
+    } else if (tag->name == "Points" || tag->name == "PointData") {
+      section = tag->name;
+    } else if (tag->name.starts_with('/') && tag->name.substr(1) == section) {
+      section = {};
+    }
+  }
+  if (!vtk_file) source.throw_file_error("a VTK XML file", "no VTKFile tag");
+  if (pieces == 0 || layout.nodes == 0) source.throw_file_error("a grid with points", "none");
+  if (!layout.points) source.throw_file_error("an array of Points", "none");
+  if (!layout.tensors)
+    source.throw_file_error("a point array \"" + array + "\"",
+                            seen.empty() ? "none" : "only" + seen);
+  return layout;
+}
+
+std::size_t base64_length(std::size_t bytes) { return (bytes + 2) / 3 * 4; }
+
+/// Binary data of one array, in whatever encoding: bytes from a place on.
+class Stream {
+ public:
+  Stream(const VtkFile& source, const VtkTag& tag, const FileLayout& layout)
+      : source_(source), tag_(tag), raw_(false) {
+    if (attribute(tag, "format", "") == "binary") {
+      text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(xml_blank), tag.inner.size()));
+      return;
+    }
+    raw_ = layout.appended_raw;
+    const std::size_t offset = whole_number(source, tag, "offset");
+    if (offset > layout.appended.size())
+      source.refuse(tag.at, "an offset within the appended data", fmt::format("{}", offset));
+    text_ = layout.appended.substr(offset);
+  }
+
+  /// The next bytes; those that follow are encoded again, as VTK does after a header.
+  std::string take(std::size_t bytes) {
+    // first against the text that is there, so that no claim is believed and nothing overflows
+    if (bytes > text_.size() || (!raw_ && base64_length(bytes) > text_.size()))
+      source_.refuse(tag_.at, fmt::format("{} bytes of data", bytes), "the end of the data");
+    if (raw_) {
+      std::string result(text_.substr(0, bytes));
+      text_.remove_prefix(bytes);
+      return result;
+    }
+    const std::string_view encoded = text_.substr(0, base64_length(bytes));
+    std::string result(encoded.size(), '\0');
+    const std::size_t decoded = vtkBase64Utilities::DecodeSafely(
+        reinterpret_cast<const unsigned char*>(encoded.data()), encoded.size(),
+        reinterpret_cast<unsigned char*>(result.data()), result.size());
+    if (decoded < bytes)
+      source_.refuse(tag_.at, fmt::format("{} bytes of data", bytes), "data that is not base64");
+    result.resize(bytes);
+    text_.remove_prefix(encoded.size());
+    return result;
+  }
+
+  /// The next bytes without going on.
+  std::string peek(std::size_t bytes) const { return Stream(*this).take(bytes); }
+
+ private:
+  const VtkFile& source_;
+  const VtkTag& tag_;
+  bool raw_;
+  std::string_view text_;
+};
+
+std::uint64_t header_number(const std::string& bytes, std::size_t index, std::size_t width) {
+  std::uint64_t value = 0;
+  std::memcpy(&value, bytes.data() + index * width, width);
+  return value;
+}
+
+std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                        std::size_t bytes) {
+  Stream stream(source, tag, layout);
+  const std::size_t width = layout.header_bytes;
+  const std::uint64_t stated = header_number(stream.peek(width), 0, width);
+  if (stated != bytes)
+    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} stated", stated));
+  return stream.take(width + bytes).substr(width);
+}
+
+bool unpack(FileLayout::Packing packing, const std::string& from, char* to, std::size_t bytes) {
+  // with an observer VTK does not print what it thinks of the data
+  vtkNew<vtkCallbackCommand> quiet;
+  const auto run = [&](vtkDataCompressor& compressor) {
+    compressor.AddObserver(vtkCommand::ErrorEvent, quiet);
+    return compressor.Uncompress(reinterpret_cast<const unsigned char*>(from.data()), from.size(),
+                                 reinterpret_cast<unsigned char*>(to), bytes);
+  };
+  if (packing == FileLayout::Packing::ZLib) return run(*vtkNew<vtkZLibDataCompressor>()) == bytes;
+  return run(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
+}
+
+/// Blocks: their number, the size of a full one and of a last one that is not full (else 0), the
+/// packed size of each; then the blocks.
+std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                         std::size_t bytes) {
+  Stream stream(source, tag, layout);
+  const std::size_t width = layout.header_bytes;
+  const auto refuse = [&](const std::string& expected, std::uint64_t seen) {
+    source.refuse(tag.at, expected, fmt::format("{}", seen));
+  };
+  const std::uint64_t blocks = header_number(stream.peek(width), 0, width);
+  if (blocks == 0 || blocks > bytes) refuse("a number of blocks that the data can have", blocks);
+  const std::string header = stream.take((3 + blocks) * width);
+  const std::uint64_t full = header_number(header, 1, width);
+  const std::uint64_t last = header_number(header, 2, width);
+  if (full == 0 || (blocks > 1 && full > bytes) || last > full)
+    refuse("a size of blocks that the data has", full);
+  const std::uint64_t stated = (blocks - 1) * full + (last > 0 ? last : full);
+  if (stated != bytes) refuse(fmt::format("{} bytes of data", bytes), stated);
+  std::uint64_t packed = 0;
+  for (std::size_t i = 0; i < blocks; ++i) {
+    const std::uint64_t size = header_number(header, 3 + i, width);
+    if (size > source.text().size()) refuse("packed data that the file has room for", size);
+    packed += size;
+  }
+  if (bytes / max_deflation > packed) refuse("packed data of a likely size", packed);
+  const std::string data = stream.take(packed);
+  std::string result(bytes, '\0');
+  std::size_t from = 0;
+  for (std::size_t i = 0; i < blocks; ++i) {
+    const std::size_t size = header_number(header, 3 + i, width);
+    const std::size_t to = i * full;
+    if (!unpack(layout.packing, data.substr(from, size), result.data() + to,
+                std::min<std::size_t>(full, bytes - to)))
+      source.refuse(tag.at, "data that can be unpacked", fmt::format("a broken block {}", i + 1));
+    from += size;
+  }
+  return result;
+}
+
+std::vector<double> ascii_numbers(const VtkFile& source, const VtkTag& tag, std::size_t n) {
+  std::vector<double> numbers;
+  std::string_view text = tag.inner;
+  for (;;) {
+    text.remove_prefix(std::min(text.find_first_not_of(xml_blank), text.size()));
+    if (text.empty()) break;
+    double x = 0.0;
+    const std::size_t end = std::min(text.find_first_of(xml_blank), text.size());
+    const auto [stop, fault] = std::from_chars(text.data(), text.data() + end, x);
+    if (fault != std::errc{} || stop != text.data() + end)
+      source.refuse(tag.at, "numbers", shown(text.substr(0, end)));
+    numbers.push_back(x);
+    text.remove_prefix(end);
+  }
+  if (numbers.size() != n)
+    source.refuse(tag.at, fmt::format("{} numbers", n), fmt::format("{}", numbers.size()));
+  return numbers;
+}
+
+template <typename T>
+std::vector<double> numbers_of(const std::string& bytes) {
+  std::vector<T> values(bytes.size() / sizeof(T));
+  std::memcpy(values.data(), bytes.data(), bytes.size());
+  return {values.begin(), values.end()};
+}
+
+/// All numbers of an array, `components` at each node.
+std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
+                            std::size_t components) {
+  const std::string_view type = attribute(tag, "type", "");
+  if (type != "Float32" && type != "Float64")
+    source.refuse(tag.at, "numbers of type Float32 or Float64", shown(type));
+  // every node takes a packed byte at least; guards the products below too
+  if (layout.nodes > source.text().size() * max_deflation)
+    source.refuse(tag.at, "as many points as the file has room for",
+                  fmt::format("{}", layout.nodes));
+  const std::size_t n = layout.nodes * components;
+  const std::string_view format = attribute(tag, "format", "");
+  if (format == "ascii") return ascii_numbers(source, tag, n);
+  if (format != "binary" && format != "appended")
+    source.refuse(tag.at, "a format ascii, binary or appended", shown(format));
+  const std::size_t bytes = n * (type == "Float32" ? 4 : 8);
+  const std::string data = layout.packing == FileLayout::Packing::None
+                               ? plain_bytes(source, tag, layout, bytes)
+                               : packed_bytes(source, tag, layout, bytes);
+  return type == "Float32" ? numbers_of<float>(data) : numbers_of<double>(data);
+}
+
+void check_finite(const VtkFile& source, const VtkTag& tag, const std::vector<double>& values,
+                  std::size_t components) {
+  const auto bad =
+      std::find_if(values.begin(), values.end(), [](double x) { return !std::isfinite(x); });
+  if (bad == values.end()) return;
+  const std::size_t node = std::size_t(bad - values.begin()) / components + 1;
+  source.refuse(tag.at, "finite numbers", fmt::format("{} at node {}", *bad, node));
+}
+
+Eigen::Matrix3d tensor(const double* v, std::size_t components) {
+  Eigen::Matrix3d T;
+  if (components == 9) {
+    T << v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8];
+  } else {
+    T << v[0], v[3], v[5], v[3], v[1], v[4], v[5], v[4], v[2];
+  }
+  return T;
+}
+
+}  // namespace
+
+PointTensors read_vtu(const std::filesystem::path& path, const std::string& array) {
+  const VtkFile source(path, "a .vtu file", max_vtu_bytes);
+  const FileLayout layout = read_layout(source, array);
+  const VtkTag& points = *layout.points;
+  const VtkTag& tensors = *layout.tensors;
+  if (whole_number(source, points, "NumberOfComponents") != 3)
+    source.refuse(points.at, "three coordinates a point", "another number");
+  const std::size_t components = whole_number(source, tensors, "NumberOfComponents");
+  if (components != 9 && components != 6)
+    source.refuse(tensors.at, fmt::format("9 or 6 components of \"{}\"", array),
+                  fmt::format("{}", components));
+  const std::vector<double> xyz = numbers(source, points, layout, 3);
+  const std::vector<double> values = numbers(source, tensors, layout, components);
+  check_finite(source, points, xyz, 3);
+  check_finite(source, tensors, values, components);
+  PointTensors result;
+  result.points =
+      Eigen::Map<const decltype(result.points)>(xyz.data(), Eigen::Index(layout.nodes), 3);
+  result.tensors.reserve(layout.nodes);
+  for (std::size_t i = 0; i < layout.nodes; ++i)
+    result.tensors.push_back(tensor(values.data() + i * components, components));
+  return result;
+}
+
+}  // namespace abbe::render

@@ -1,9 +1,0 @@
-#pragma once
-
-#include "sim/commands/command.h"
-
-namespace abbe::sim {
-
-Command explain_command();
-
-}  // namespace abbe::sim

@@ -1,0 +1,285 @@
+#include "sim/commands/help_commands.h"
+
+#include <algorithm>
+#include <memory>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "sim/commands/command.h"
+#include "sim/files/output.h"
+#include "sim/files/terminal.h"
+#include "sim/report/key_reference.h"
+#include "sim/scene/scene_fields.h"
+#include "sim/study/study_fields.h"
+
+namespace abbe::sim {
+
+/// What one has to know to read a figure of abbe.
+struct HelpTopic {
+  std::string name, summary, text;
+};
+
+const std::vector<HelpTopic>& help_topics();
+
+namespace {
+
+/// The part of a prefix behind the path of a table, where another follows it; else empty.
+std::string next_key_part(const std::string& table, const std::string& prefix) {
+  if (!prefix.starts_with(table)) return "";
+  const std::size_t end = prefix.find('.', table.size());
+  return end == std::string::npos ? "" : prefix.substr(table.size(), end - table.size());
+}
+
+bool has_key(const std::vector<Key>& keys, const std::string& name) {
+  return std::ranges::any_of(keys, [&](const Key& key) {
+    return key.name == name || std::ranges::any_of(key.words, [&](const Word& word) {
+             return has_key(word.keys, name);
+           });
+  });
+}
+
+/// The index or name of one table of a list that a prefix has, with a dot; else empty.
+std::string table_selector(const Key& list, const std::string& path, const std::string& prefix) {
+  const std::string part = next_key_part(path, prefix);
+  return part.empty() || has_key(list.keys, part) ? "" : part + ".";
+}
+
+/// The name of a key: of those that are many the one that the prefix has.
+std::string matching_name(const Key& key, const std::string& table, const std::string& prefix) {
+  const std::string part = next_key_part(table, prefix);
+  const bool one =
+      !key.pattern.empty() && !part.empty() && std::regex_match(part, std::regex(key.pattern));
+  return one ? part : key.name;
+}
+
+/// Paths of keys and of those below them, in order; those that words bring come after their word.
+std::vector<std::string> key_paths(const std::vector<Key>& keys, const std::string& table,
+                                   const std::string& prefix) {
+  std::vector<std::string> paths;
+  const auto append = [&](const std::vector<std::string>& more) {
+    paths.insert(paths.end(), more.begin(), more.end());
+  };
+  for (const Key& key : keys) {
+    const std::string path = table + matching_name(key, table, prefix);
+    if (key.keys.empty() || key.or_file) paths.push_back(path);
+    std::string below = path + ".";
+    if (key.kind == Key::Kind::Tables) below += table_selector(key, below, prefix);
+    append(key_paths(key.keys, below, prefix));
+    for (const Word& word : key.words) append(key_paths(word.keys, table, prefix));
+  }
+  return paths;
+}
+
+}  // namespace
+
+std::vector<Key> all_keys() {
+  std::vector<Key> keys = scene_keys();
+  Key study;
+  study.name = "study";
+  study.sentence = "a study, in a file of its own";
+  study.kind = Key::Kind::Table;
+  study.keys = study::study_keys();
+  keys.push_back(std::move(study));
+  return keys;
+}
+
+std::vector<Key> keys_of(const std::string& section) {
+  std::vector<Key> keys = keys_at(all_keys(), section);
+  if (keys.empty())
+    throw BadUsage("--of", "expected scene, study or a section of them, seen " + section);
+  return keys;
+}
+
+std::vector<std::string> settable_keys(const std::string& prefix) {
+  const std::vector<Key> keys = prefix.starts_with("study") ? all_keys() : scene_keys();
+  std::vector<std::string> found;
+  std::set<std::string> seen;
+  for (const std::string& path : key_paths(keys, "", prefix))
+    if (path.starts_with(prefix) && seen.insert(path).second) found.push_back(path);
+  return found;
+}
+
+namespace {
+
+constexpr const char* frames = R"(Frames and axes
+
+A structural code names the moving parts from the workpiece over the bed to the tool: w C' b X Y Z A s t.
+  w  workpiece    b  bed    s  spindle nose    t  tool tip    capitals: the carriages of the axes
+
+T_bt is the pose of frame t in frame b. Letters cancel: T_wt = T_wb * T_bt is the tool in the workpiece,
+which is what cuts. The z axis of t is the tool axis, from the tip to the spindle.
+
+A primed axis carries the workpiece. A positive command moves the tool in the positive direction
+relative to the workpiece (ISO 841), so a primed carriage itself goes the other way.
+
+Inside everything is in mm, rad, s, N and K; any other unit stands in the name: residual_um, lead_deg.
+More: kinematics/README.md; abbe check SCENE prints the chain of a machine, abbe pose SCENE its poses.
+)";
+
+constexpr const char* signs = R"(Signs of errors
+
+A deviation is actual minus nominal of the carriage itself, at the commanded position. Elements have the
+names of ISO 230-1: EXX is the positioning of X, EYX its straightness in Y, ECX its yaw about Z; EC0Y is a
+location error, the squareness of Y to X.
+
+What the tip sees, standing in the workpiece: of an axis on the tool's side the displacement itself, of
+a primed axis minus it, turned into the frame of the workpiece. EXX = +5 um: an X carriage on the tool's
+side goes too far, and the tip stands at +5 um in the workpiece; a primed one leaves it at -5 um.
+
+More: errors/README.md pins the sign of every element; abbe pose SCENE --elements shows each at a pose.
+)";
+
+constexpr const char* residual = R"(The residual
+
+A residual is the distance along the outward normal of the design from the design surface to the machined
+one: plus is material left, minus is gouged.
+
+alignment says what is taken out first, and every picture says it too:
+  none    nothing           offset  the mean           rigid  a displacement and a rotation
+
+PV, RMS and mean are of the vertices that are cut within the search band. How many were not cut, and
+how many are gouged deeper than the band, is said beside them and warned of.
+
+More: scenes/README.md, cutting/README.md; abbe explain part.alignment says what the key takes.
+)";
+
+constexpr const char* cases = R"(Cases
+
+error_free     the machine without its errors: what sampling and cusps leave
+uncompensated  the machine with them, as programmed
+BELIEF-STRATEGY-CHANNEL  a compensator, as in perfect-iterated-ideal
+  belief    what it holds the machine to be: perfect, identified, thermal, composite, force, part, fused
+  strategy  how corrections follow from that: position, decoupled, iterated
+  channel   how they reach the axes: ideal, program, pulses, open, origin, table, piezo
+A name with a dot or a slash is the file of a compensator of your own: ./mine.py
+
+[compare] cases lists those of a scene, abbe run --case NAME cuts one, abbe --cases SCENE prints the names.
+More: scenes/README.md, [belief] and [compare]; sim/compensation/README.md for compensators of your own.
+)";
+
+constexpr const char* files = R"(Files
+
+A scene (TOML) names machine, errors, tool, part and program, each in the scene or in a file of its own.
+A file name is relative to the file that has it; library:NAME means a file that comes with abbe.
+--set KEY=VALUE changes any value by its path. Of a list, instrument.kind=... changes every entry,
+instrument.0.kind=... the first (counted from 0), instrument.NAME.kind=... the one of that name.
+
+Results go into the folder of --out (out/SCENE), which is new, empty or abbe's own; --force takes another.
+No file that a run reads is ever written over. In it lie:
+  summary.json     figures, warnings, versions        residual.vtp   the map of a case, for ParaView
+  comparison.json  figures of every case              comparison.png the maps on one colour scale
+  scene.toml       the scene with every value; it gives the same bits again
+A mistake in a file is answered by FILE:LINE:COLUMN, what was expected and what was seen, and exit code 3.
+More: scenes/README.md, scenes/studies/README.md; abbe --keys lists the keys of a scene.
+)";
+
+}  // namespace
+
+const std::vector<HelpTopic>& help_topics() {
+  static const std::vector<HelpTopic> topics{
+      {"frames", "frames, axes and units", frames},
+      {"signs", "which way an error points", signs},
+      {"residual", "what the map of a part shows", residual},
+      {"cases", "names of cases: belief-strategy-channel", cases},
+      {"files", "what is read, and where results go", files}};
+  return topics;
+}
+
+namespace {
+
+std::string row(const std::string& name, const std::string& summary) {
+  return fmt::format("  {:<10} {}\n", name, summary);
+}
+
+std::string topic_list(const std::string& commands) {
+  std::string text = "Topics, abbe help TOPIC:\n";
+  std::vector<HelpTopic> topics(help_topics().begin(), help_topics().end());
+  std::ranges::sort(topics, {}, &HelpTopic::name);
+  for (const HelpTopic& topic : topics) text += row(topic.name, topic.summary);
+  return text + "\nCommands, abbe help COMMAND:\n" + commands;
+}
+
+Exit print_help(const std::string& name, const std::string& commands) {
+  const auto topic = std::ranges::find(help_topics(), name, &HelpTopic::name);
+  print("{}", Lines(topic == help_topics().end() ? topic_list(commands) : topic->text));
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command help_command(const std::vector<Command>& others) {
+  const std::string summary = "Explain a topic or a command; without one, list both";
+  const auto name = std::make_shared<std::string>();
+  std::vector<std::string> names;
+  std::string commands;
+  for (const HelpTopic& topic : help_topics()) names.push_back(topic.name);
+  for (const Command& command : others) {
+    names.push_back(command.name);
+    commands += row(command.name, command.summary);
+  }
+  return {"help",
+          summary,
+          {"abbe help", "abbe help residual", "abbe help run"},
+          {{"TOPIC", name.get(), "a topic or a command", OneOf{names}, OptionalArgument{}}},
+          [name, text = commands + row("help", summary)] { return print_help(*name, text); }};
+}
+
+namespace {
+
+/// @throws BadUsage with the nearest key
+Exit print_explanation(const std::string& question) {
+  const std::vector<Key> keys = all_keys();
+  const std::vector<KeyRow> rows = explained(keys, question);
+  if (rows.empty()) {
+    std::set<std::string> known;
+    const bool dotted = question.find('.') != std::string::npos;
+    for (const KeyRow& row : key_rows(keys))
+      known.insert(dotted ? row.path : row.path.substr(row.path.rfind('.') + 1));
+    const auto meant = nearest(question, known);
+    throw BadUsage("KEY", fmt::format("expected a key of a scene or study{}, seen {}",
+                                      meant ? " (nearest: " + *meant + ")" : "", question));
+  }
+  print("{}", Lines(to_text(rows)));
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command explain_command() {
+  const auto key = std::make_shared<std::string>();
+  return {"explain",
+          "Say what a key of a scene or study is: unit, range, default",
+          {"abbe explain part.radius_mm", "abbe explain study.monte_carlo"},
+          {{"KEY", key.get(),
+            "part.radius_mm, a section such as view, study.monte_carlo, or radius_mm"}},
+          [key] { return print_explanation(*key); }};
+}
+
+namespace {
+
+Exit print_schema(const std::string& section) {
+  const std::vector<Key> keys = section == "scene" ? scene_keys() : keys_of(section);
+  print("{}", Lines(json_text(schema(keys, "abbe: " + section))));
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command schema_command() {
+  const auto section = std::make_shared<std::string>("scene");
+  return {"schema",
+          "Print the JSON Schema of a scene or of a file for one of its sections, for editors",
+          {"abbe schema", "abbe schema --of study"},
+          {{"--of", section.get(),
+            "scene, study, or a section that may be a file: machine, errors, tool, belief.force"}},
+          [section] { return print_schema(*section); },
+          "An editor that knows TOML (Taplo, Even Better TOML) completes keys and marks mistakes "
+          "where the first line of a scene is  #:schema FILE"};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,348 @@
+#include "sim/commands/run_commands.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <stdexcept>
+#include <string_view>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "sim/files/output.h"
+#include "sim/files/program_file.h"
+#include "sim/files/terminal.h"
+#include "sim/report/picture_files.h"
+#include "sim/report/sensor_choice_report.h"
+#include "sim/report/summary.h"
+#include "sim/scene/cases.h"
+#include "sim/study/farm.h"
+#include "sim/study/run_study.h"
+
+namespace abbe::sim {
+
+namespace {
+
+/// A word as a shell takes it.
+std::string quoted(const std::string& word) {
+  const bool is_plain = word.find_first_not_of(
+                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                            "_-./=:,+") == std::string::npos;
+  if (is_plain && !word.empty()) return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+/// A warning without its numbers: by what is left two warnings have one cause.
+std::string cause(const std::string& warning) {
+  std::string text;
+  for (const char c : warning)
+    if (std::string_view("0123456789.-").find(c) == std::string_view::npos) text += c;
+  return text;
+}
+
+std::vector<std::string> distinct_warnings(const Summary& figures) { return figures.warnings; }
+
+/// The warnings of a comparison, each cause once with the figures of the first case that has it;
+/// its files tell them all.
+std::vector<std::string> distinct_warnings(const Comparison& all) {
+  struct SharedWarning {
+    std::string first, text;
+    std::vector<std::string> others;
+  };
+  std::vector<std::string> lines;
+  std::vector<SharedWarning> causes;
+  for (const std::string& warning : all.warnings) {
+    const std::size_t colon = std::min(warning.find(": "), warning.size());
+    const std::string name = warning.substr(0, colon);
+    if (std::ranges::find(all.cases, name, &CaseStatistics::name) == all.cases.end()) {
+      lines.push_back(warning);
+      continue;
+    }
+    const std::string text = warning.substr(colon);
+    const auto known = std::ranges::find(causes, cause(text),
+                                         [](const SharedWarning& one) { return cause(one.text); });
+    if (known == causes.end())
+      causes.push_back({name, text, {}});
+    else
+      known->others.push_back(name);
+  }
+  for (const SharedWarning& one : causes) {
+    const std::size_t n = one.others.size();
+    const std::string others = n == 0   ? ""
+                               : n == 1 ? " and " + one.others.front()
+                                        : fmt::format(" and {} other cases", n);
+    lines.push_back(one.first + others + one.text);
+  }
+  return lines;
+}
+
+}  // namespace
+
+Option compensator_option(std::vector<std::filesystem::path>& files) {
+  return {"--compensator", &files,
+          "one of your own: a program that speaks JSON lines or a C library "
+          "(sim/compensation/README.md)",
+          TypeName{"FILE"}};
+}
+
+Option save_option(std::vector<std::string>& formats) {
+  return {"--save", &formats,
+          "files of the map, residual.FORMAT, in place of residual.vtp alone: ply for MeshLab and "
+          "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is; track: "
+          "where the tool was at every sample, "
+          "track.npz",
+          OneOf{map_formats()}, CommaSeparated{}};
+}
+
+Option report_option(bool& report) {
+  return {"--report", &report, "besides, report.html: the maps and the machine to be turned"};
+}
+
+Option language_option(std::string& language) {
+  return {"--language", &language, "in which the report opens", OneOf{{"en", "zh"}}};
+}
+
+void request_report(RunOptions& options, const CommonOptions& common, const std::string& command,
+                    const std::string& language) {
+  options.report_language = language;
+  options.command = "abbe " + command + " " + quoted(common.scene.string());
+  for (const std::string& one : common.set) options.command += " --set " + quoted(one);
+  if (common.seed) options.command += " --seed " + std::to_string(*common.seed);
+  for (const std::filesystem::path& file : options.plug_ins)
+    options.command += " --compensator " + quoted(file.string());
+}
+
+RunOptions run_options(const CommonOptions& common,
+                       const std::vector<std::filesystem::path>& compensators,
+                       const std::vector<std::string>& formats) {
+  RunOptions options;
+  options.overrides = overrides(common);
+  options.folder = result_folder(common);
+  options.permissions = common.permissions;
+  options.plug_ins = compensators;
+  if (!formats.empty()) options.formats = formats;
+  for (const std::filesystem::path& file : compensators) {
+    try {
+      plug_in_case(file);
+    } catch (const std::invalid_argument& fault) {
+      throw BadUsage("--compensator", fault.what());
+    }
+  }
+  return options;
+}
+
+Exit print_outcome(const CommonOptions& common, const RunOptions& options, const Outcome& outcome) {
+  const bool many = std::holds_alternative<Comparison>(outcome.figures);
+  std::visit(
+      [&](const auto& figures) {
+        print("{}", Lines(common.json ? json_text(to_json(figures)) : to_text(figures)));
+      },
+      outcome.figures);
+  if (!common.json)
+    print("{}files in {}{}\n", Lines(many ? "\n" : ""), options.folder.string(),
+          many && can_draw_pictures() ? "; comparison.png shows all cases on one scale" : "");
+  if (!common.json && outcome.sensors) print("{}", Lines(sensor_choices_text(*outcome.sensors)));
+  std::visit(
+      [](const auto& figures) {
+        print_assumptions(figures.assumptions);
+        print_warnings(distinct_warnings(figures));
+      },
+      outcome.figures);
+  if (!can_draw_pictures())
+    print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
+  const std::string font =
+      std::visit([](const auto& figures) { return font_warning(figures.scene); }, outcome.figures);
+  if (!font.empty()) print(stderr, "abbe: warning: {}\n", font);
+  for (const std::string& limit : outcome.exceeded_limits) print(stderr, "abbe: {}\n", limit);
+  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
+  if (!outcome.failed.empty()) return Exit::PlugIn;
+  return outcome.exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
+}
+
+namespace {
+
+struct RunArguments {
+  std::string case_name;
+  std::vector<std::filesystem::path> compensators;
+  std::vector<std::string> formats;
+  bool report = false;
+  std::string language = "en";
+};
+
+Exit run(const CommonOptions& common, const RunArguments& words) {
+  RunOptions options = run_options(common, words.compensators, words.formats);
+  options.case_name = words.case_name;
+  if (options.plug_ins.size() > 1 || (!options.case_name.empty() && !options.plug_ins.empty()))
+    throw BadUsage("--compensator", "expected one case, a --case or a --compensator");
+  if (!options.case_name.empty() && options.case_name != "error_free" &&
+      options.case_name != "uncompensated")
+    check_case(options.case_name);
+  if (words.report)
+    request_report(options, common,
+                   words.case_name.empty() ? "run" : "run --case " + words.case_name,
+                   words.language);
+  return print_outcome(common, options, run(common.scene, options));
+}
+
+}  // namespace
+
+Command run_command(CommonOptions& common) {
+  const auto words = std::make_shared<RunArguments>();
+  return {"run",
+          "Cut one case of a scene (uncompensated unless --case)",
+          {"abbe run scenes/gantry_dome.toml --case perfect-iterated-ideal --out out/best",
+           "abbe run scenes/gantry_dome.toml --set errors.scale=2 --out out/twice",
+           "abbe run scenes/gantry_dome.toml --save vtp,ply,npz --out out/saved"},
+          scene_options(common, {result_folder_option(common),
+                                 force_option(common),
+                                 memory_option(common),
+                                 {"--case", &words->case_name,
+                                  "error_free, uncompensated or belief-strategy-channel"},
+                                 trust_option(common),
+                                 compensator_option(words->compensators),
+                                 save_option(words->formats),
+                                 report_option(words->report),
+                                 language_option(words->language)}),
+          [words, &common] { return run(common, *words); }};
+}
+
+namespace {
+
+struct CompareArguments {
+  std::vector<std::filesystem::path> compensators;
+  std::vector<std::string> formats;
+  bool report = false;
+  std::string language = "en";
+};
+
+}  // namespace
+
+Command compare_command(CommonOptions& common) {
+  const auto words = std::make_shared<CompareArguments>();
+  return {
+      "compare",
+      "Cut error-free, uncompensated and every compensator of the scene",
+      {"abbe compare scenes/gantry_dome.toml --out out/dome",
+       "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
+       "out/own",
+       "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
+      scene_options(common, {result_folder_option(common), force_option(common),
+                             memory_option(common), trust_option(common),
+                             compensator_option(words->compensators), save_option(words->formats),
+                             report_option(words->report), language_option(words->language)}),
+      [words, &common] {
+        RunOptions options = run_options(common, words->compensators, words->formats);
+        if (words->report) request_report(options, common, "compare", words->language);
+        return print_outcome(common, options, compare(common.scene, options));
+      }};
+}
+
+namespace {
+
+/// What `study` takes besides what is common.
+struct StudyArguments {
+  bool show = false;
+  bool merge = false;
+  bool resume = true;
+  bool slurm = false;
+  bool report = false;
+  std::string language = "en";
+  std::string shard;
+  study::SlurmOptions job;
+};
+
+study::Shard parse_shard(const std::string& text) {
+  study::Shard shard;
+  int end = 0;
+  if (std::sscanf(text.c_str(), "%d/%d%n", &shard.index, &shard.count, &end) != 2 ||
+      std::size_t(end) != text.size() || shard.index < 0 || shard.count < 1 ||
+      shard.index >= shard.count)
+    throw BadUsage("--shard", "expected i/n with i from 0 to n - 1, seen " + text);
+  return shard;
+}
+
+Exit print_slurm_script(const CommonOptions& common, const StudyArguments& words,
+                        const study::StudyOptions& options) {
+  study::SlurmOptions job = words.job;
+  job.study = common.scene;
+  job.out = options.folder;
+  job.program = std::filesystem::canonical(program_file());
+  job.trust = common.permissions.trust;
+  // a mistake is reported now, not by every shard
+  study::read_trusted_study(common.scene, options.overrides, common.permissions);
+  print("{}", Lines(study::slurm_script(job)));
+  return Exit::Ok;
+}
+
+Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc, char**& argv) {
+  study::StudyOptions options;
+  options.overrides = overrides(common);
+  options.folder = result_folder(common);
+  options.permissions = common.permissions;
+  if (words.report) options.report_language = words.language;
+  if (!words.shard.empty()) options.shard = parse_shard(words.shard);
+  if (words.slurm) return print_slurm_script(common, words, options);
+  const auto print_text = [&](const study::StudyResult& result) {
+    if (common.json)
+      print("{}", Lines(json_text(result.json)));
+    else
+      print("{}", Lines(result.text));
+    print_warnings(result.warnings);
+    return Exit::Ok;
+  };
+  if (words.show) return print_text(study::show_study(common.scene, options));
+  if (words.merge) return print_text(study::merge_study(common.scene, options));
+  const study::Ranks ranks = study::ranks(argc, argv);
+  if (ranks.rank == 0) return print_text(study::run_study(common.scene, options, ranks));
+  try {
+    study::run_study(common.scene, options, ranks);
+    return Exit::Ok;
+  } catch (const std::exception&) {
+    return Exit::Numerical;  // rank 0 reports it, and ends all with its own code
+  }
+}
+
+}  // namespace
+
+Command study_command(CommonOptions& common, int& argc, char**& argv) {
+  const auto words = std::make_shared<StudyArguments>();
+  study::SlurmOptions& job = words->job;
+  return {
+      "study",
+      "Try thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)",
+      {"abbe study scenes/studies/gantry_dome_budget.toml --out out/budget",
+       "abbe study scenes/studies/gantry_dome_budget.toml --out out/budget --show"},
+      {{"STUDY", &common.scene, "study file (TOML); its format is in scenes/studies/README.md"},
+       set_option(common, "change a value of the study: --set monte_carlo.cases=100 (repeatable)"),
+       seed_option(common, "seed of everything that the study draws"),
+       threads_option(common, "most threads to use (all); results do not depend on it"),
+       memory_option(common),
+       json_option(common),
+       {"--out", &common.out,
+        "folder for every file (out/STUDY); cases that are in its journal are not computed again"},
+       force_option(common),
+       trust_option(common),
+       {"--resume", &words->resume,
+        "go on where the journal ends; the default, another --out starts from the beginning"},
+       {"--shard", &words->shard, "compute part i of n, i from 0: for job arrays; then --merge"},
+       {"--merge", &words->merge, "write the tables of all shards in --out", Excludes{{"--shard"}}},
+       {"--show", &words->show, "print how far it is and what it says so far; computes nothing",
+        Excludes{{"--shard", "--merge"}}},
+       {"--report", &words->report,
+        "besides, report.html: tables and charts with the values under the cursor",
+        Excludes{{"--shard", "--show"}}},
+       language_option(words->language),
+       {"--slurm", &words->slurm, "print a script for Slurm that runs the study as a job array",
+        Excludes{{"--shard", "--merge", "--show", "--report"}}},
+       {"--shards", &job.shards, "with --slurm: jobs of the array (8)", Between{1, 100000},
+        RequiresOption{"--slurm"}},
+       {"--cpus", &job.cpus, "with --slurm: processors of each (4)", Between{1, 1024},
+        RequiresOption{"--slurm"}},
+       {"--time", &job.time, "with --slurm: limit of each (24:00:00)", RequiresOption{"--slurm"}}},
+      [words, &common, &argc, &argv] { return execute(common, *words, argc, argv); },
+      "Several machines:  mpirun -n 8 abbe study STUDY.toml   or   --slurm"};
+}
+
+}  // namespace abbe::sim

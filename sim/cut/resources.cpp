@@ -1,0 +1,35 @@
+#include "sim/cut/resources.h"
+
+#include <algorithm>
+#include <optional>
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+namespace abbe::sim {
+
+double memory_bytes() {
+  const auto limit_of = [](int resource) -> std::optional<double> {
+    ::rlimit limit{};
+    if (::getrlimit(resource, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return std::nullopt;
+    return double(limit.rlim_cur);
+  };
+  const double all = double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGE_SIZE));
+  double bytes = limit_of(RLIMIT_RSS).value_or(all);
+  for (const auto resource : {RLIMIT_AS, RLIMIT_DATA})
+    bytes = std::min(bytes, limit_of(resource).value_or(bytes));
+  return bytes;
+}
+
+void limit_memory(double bytes) {
+  // of what is resident; Linux keeps it for the asking and does not enforce it, so that an estimate
+  // a little too low ends no run
+  ::rlimit limit{};
+  if (::getrlimit(RLIMIT_RSS, &limit) != 0) return;
+  limit.rlim_cur = std::min(::rlim_t(bytes), limit.rlim_max);
+  ::setrlimit(RLIMIT_RSS, &limit);
+}
+
+std::size_t max_move_bytes() { return std::size_t(memory_bytes() / 3.0); }
+
+}  // namespace abbe::sim

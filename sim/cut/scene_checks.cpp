@@ -1,0 +1,548 @@
+#include "sim/cut/scene_checks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/cut/part.h"
+#include "sim/cut/tool_motion.h"
+#include "sim/cut/tool_use.h"
+#include "sim/scene/document.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/tool_forms.h"
+
+namespace abbe::sim {
+
+namespace {
+
+constexpr double max_points = 5e6;
+// measured: a dome of 60 531 points, 707 657 samples and few vertices takes 0.54 GB; a million
+// vertices under 5.6 million samples 7.3 GB in all
+constexpr double bytes_per_point = 1500.0, bytes_per_sample = 750.0, bytes_per_vertex = 1500.0;
+constexpr double max_unreported_points = 3e5, max_unreported_vertices = 1e6;
+
+const Node* at_path(const Node& tree, const std::string& dotted) {
+  const Node* node = &tree;
+  for (std::size_t from = 0; node && from <= dotted.size();) {
+    const std::size_t dot = std::min(dotted.find('.', from), dotted.size());
+    node = node->find(dotted.substr(from, dot - from));
+    from = dot + 1;
+  }
+  return node;
+}
+
+double number_in(const Node& node) {
+  if (const auto* whole = std::get_if<std::int64_t>(&node.value)) return double(*whole);
+  const auto* real = std::get_if<double>(&node.value);
+  return real ? *real : HUGE_VAL;
+}
+
+std::string listed(const std::vector<std::string>& keys) {
+  std::string text;
+  for (const std::string& key : keys) text += (text.empty() ? "" : ", ") + key;
+  return text;
+}
+
+/// Three figures that a person can read: 12.3 million.
+std::string about(double count) {
+  if (count < 1e6) return fmt::format("{:.0f}", count);
+  return count < 1e12 ? fmt::format("{:.3g} million", count / 1e6) : fmt::format("{:.1e}", count);
+}
+
+/// Keys that set what takes most of the memory: the vertices of the part, else the program.
+std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work) {
+  const double of_vertices = bytes_per_vertex * work.vertices;
+  if (!work.by.empty() && of_vertices < 0.5 * work.bytes) return work.by;
+  return {std::holds_alternative<MeshFile>(scene.part.shape) ? "part.file" : "part.vertices"};
+}
+
+}  // namespace
+
+BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
+                           const std::string& expected, const std::string& seen) {
+  const Place* place = nullptr;
+  double least = 0.0;
+  for (const std::string& key : keys) {
+    const Node* node = scene.tree ? at_path(*scene.tree, key) : nullptr;
+    if (!node) continue;
+    const double value = number_in(*node);
+    const bool rather = !place || (node->place.typed && !place->typed) ||
+                        (node->place.typed == place->typed && value < least);
+    if (!rather) continue;
+    place = &node->place;
+    least = value;
+  }
+  if (!place && scene.tree && !keys.empty())
+    if (const Node* section = at_path(*scene.tree, keys.front().substr(0, keys.front().find('.'))))
+      place = &section->place;
+  const std::string what = expected + " (" + listed(keys) + ")";
+  if (!place || !place->file) return BadInput(scene.file.string(), 0, 0, what, seen);
+  return BadInput(*place->file, place->line, place->column, what, seen);
+}
+
+std::string windows_obstacle_text(const std::string& windows_obstacle) {
+  if (windows_obstacle.empty()) return {};
+  return fmt::format("; with {} it cannot be run in windows", windows_obstacle);
+}
+
+std::size_t max_program_samples() {
+  return std::size_t(std::min(50e6, 0.8 * memory_bytes() / bytes_per_sample));
+}
+
+Work estimate_work(const Scene& scene, const Part& part) {
+  Work work;
+  work.vertices = double(part.design_m.vertices.rows());
+  const Eigen::Vector2d range = work.range = part.upper - part.lower;
+  if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
+    work.passes = range.y() / raster->step_over + 1;
+    work.points = work.passes * (range.x() / raster->step + 1);
+    work.samples = std::max(work.points, work.passes * range.x() / scene.max_step);
+    work.by = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
+  } else if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
+    work.passes = 1;
+    const double around = std::numbers::pi * range.maxCoeff();
+    work.points = around / flank->step + 1;
+    work.samples = std::max(work.points, around / scene.max_step);
+    work.by = {"program.step_mm", "sampling.max_step_mm"};
+  } else if (const auto* spiral = std::get_if<program::Spiral>(&scene.program.source)) {
+    const double revolutions = 0.5 * range.maxCoeff() / spiral->feed_per_revolution + 1;
+    work.passes = 1;
+    work.points = revolutions * 2 * std::numbers::pi / spiral->spindle_speed / spiral->interval + 1;
+    work.samples = std::max(work.points, revolutions);
+    work.by = {"program.feed_um_per_rev", "program.interval_s", "program.speed_rpm"};
+  }
+  work.bytes = bytes_per_point * work.points + bytes_per_sample * work.samples +
+               bytes_per_vertex * work.vertices;
+  return work;
+}
+
+Work windowed_work(Work work) {
+  work.bytes -= bytes_per_sample * work.samples;
+  work.samples = 0.0;
+  return work;
+}
+
+void check_work(const Scene& scene, const Work& work) {
+  if (work.points > max_points)
+    throw scene_limit_error(
+        scene, work.by, fmt::format("a program of at most {} points", about(max_points)),
+        fmt::format("about {} in {} passes over {:.3g} x {:.3g} mm of the part", about(work.points),
+                    about(work.passes), work.range.x(), work.range.y()));
+  if (work.samples > double(max_program_samples()))
+    throw scene_limit_error(
+        scene, work.by,
+        fmt::format("a program of at most {} samples, which the memory holds",
+                    about(double(max_program_samples()))),
+        fmt::format("{} and more in {} passes over {:.3g} x {:.3g} mm of the part",
+                    about(work.samples), about(work.passes), work.range.x(), work.range.y()));
+  const double most = memory_bytes();
+  if (work.bytes > most)
+    throw scene_limit_error(
+        scene, dominant_byte_keys(scene, work),
+        fmt::format("points and vertices that {:.1f} GB of memory hold", most / 1e9),
+        fmt::format("{:.1f} GB for about {} points, {} samples and {} vertices", work.bytes / 1e9,
+                    about(work.points), about(work.samples), about(work.vertices)));
+}
+
+std::string remark(const Work& work) {
+  if (work.points < max_unreported_points && work.vertices < max_unreported_vertices) return "";
+  return fmt::format("about {} points of the program in {} passes, {} vertices, at least {:.1f} GB",
+                     about(work.points), about(work.passes), about(work.vertices),
+                     work.bytes / 1e9);
+}
+
+namespace {
+
+using kinematics::Motion;
+using program::Block;
+using program::Interpolation;
+
+// F of an axis in m/min is a thousandth of its number in mm/min: the slowest that mills finish with
+// is about 20 mm/min.
+constexpr double slowest_mm_per_min = 5.0;
+// below it a tooth rubs; diamonds are fed by 1 um a turn and more
+constexpr double min_per_turn = 0.5 * units::um;
+// of the cutter's width, and never doubted below 1 mm: face mills of many teeth are fed by that
+constexpr double max_per_turn = 0.5, max_unquestioned_feed_per_turn = 1.0;
+
+/// Blocks of one kind.
+struct Count {
+  int blocks = 0;
+  int first_line = 0;
+  double value = 0.0;  ///< of the first
+
+  void add(const Block& block, double of_block = 0.0) {
+    if (blocks++ > 0) return;
+    first_line = block.line;
+    value = of_block;
+  }
+};
+
+struct FeedCounts {
+  int feeds = 0;
+  double fastest = 0.0;  ///< rad/s
+  Count standing, reversed, slow, rubbing, coarse;
+};
+
+/// mm, of the tip or the slides; 0 of a block that an axis turns in.
+double length_of(const program::Path& path, const Block& block, const kinematics::Chain& chain) {
+  double squared = 0.0;
+  for (int j = 0; j < chain.size(); ++j) {
+    const double step = block.end[j] - block.start[j];
+    const Motion motion = chain.joints()[std::size_t(j)].motion;
+    if (motion == Motion::Rotary && step != 0.0) return 0.0;
+    if (motion == Motion::Linear) squared += step * step;
+  }
+  if (block.interpolation != Interpolation::Arc) return std::sqrt(squared);
+  const program::Arc& arc = path.arcs[block.shape];
+  return std::abs(arc.radius * arc.sweep);
+}
+
+double cutter_width(const Scene& scene) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  return cutter == nullptr ? 0.0 : 2.0 * cutter->radius;
+}
+
+void count_feed(const Block& block, double length, double rate, double width, FeedCounts& counts) {
+  const double seconds = block.end_s - block.start_s;
+  if (!(length > 1e-6) || !(seconds > 0.0) || block.inverse_time) return;
+  const double mm_per_min = length / seconds * 60.0;
+  if (mm_per_min < slowest_mm_per_min) return counts.slow.add(block, mm_per_min);
+  if (rate == 0.0) return;
+  const double per_turn = length / seconds * 2 * pi / std::abs(rate);
+  if (per_turn < min_per_turn) counts.rubbing.add(block, per_turn);
+  if (per_turn > std::max(max_per_turn * width, max_unquestioned_feed_per_turn))
+    counts.coarse.add(block, per_turn);
+}
+
+FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program::Path& path,
+                       int spindle) {
+  FeedCounts counts;
+  // without [cutting] nothing says that a cutter is left-handed
+  const bool clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
+  for (const Block& block : path.blocks) {
+    const bool straight_or_arc =
+        block.interpolation == Interpolation::Line || block.interpolation == Interpolation::Arc;
+    const double seconds = block.end_s - block.start_s;
+    if (!straight_or_arc || !(seconds > 0.0)) continue;
+    ++counts.feeds;
+    const double rate = (block.end[spindle] - block.start[spindle]) / seconds;
+    counts.fastest = std::max(counts.fastest, std::abs(rate));
+    if (rate == 0.0) counts.standing.add(block);
+    if (!machine.workpiece_spindle) {
+      if (rate != 0.0 && (rate > 0.0) != clockwise) counts.reversed.add(block);
+      count_feed(block, length_of(path, block, machine.nominal), rate, cutter_width(scene), counts);
+    }
+  }
+  return counts;
+}
+
+std::string standing_text(const FeedCounts& counts) {
+  const Count& standing = counts.standing;
+  if (standing.blocks == 0) return {};
+  if (standing.blocks == counts.feeds)
+    return fmt::format(
+        "the spindle never turns: the program feeds from line {} on and has no S with M3 before it",
+        standing.first_line);
+  return fmt::format("the spindle stands in {} of {} blocks that feed, first line {}: S and M3?",
+                     standing.blocks, counts.feeds, standing.first_line);
+}
+
+std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
+  const Count& reversed = counts.reversed;
+  if (reversed.blocks == 0) return {};
+  const bool clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
+  return fmt::format(
+      "the spindle turns {} in {} of {} blocks that feed, first line {}: the teeth do not cut that "
+      "way, M{} or cutting.rotation = \"{}\"?",
+      clockwise ? "counter-clockwise (M4)" : "clockwise (M3)", reversed.blocks, counts.feeds,
+      reversed.first_line, clockwise ? 3 : 4, clockwise ? "counter_clockwise" : "clockwise");
+}
+
+/// Returns what is said of a vibration whose amplitude is stated at a speed far from any that cuts.
+std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
+  constexpr double max_times = 5.0,
+                   min_times = 1.0 / 30;  // 60 and 9.55 are 1/s and rad/s for rpm
+  for (const errors::Vibration& vibration : scene.vibrations) {
+    const double times = counts.fastest / vibration.reference_speed;
+    if (vibration.exponent == 0.0 || times == 0.0 || (times >= min_times && times <= max_times))
+      continue;
+    return fmt::format(
+        "the spindle cuts at up to {:.4g} rpm, {:.3g} times the speed at which the vibration {} is "
+        "stated (at_rpm = {:.4g}): one of the two looks like 1/s, rad/s or 1000 rpm",
+        counts.fastest / units::rpm, times, errors::to_string(vibration.name),
+        vibration.reference_speed / units::rpm);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
+                                       const program::Path& path) {
+  const auto spindle = spindle_of(machine);
+  if (!spindle) return {};
+  const FeedCounts counts = feed_counts(scene, machine, path, *spindle);
+  std::vector<std::string> warnings;
+  const auto add = [&](std::string text) {
+    if (!text.empty()) warnings.push_back(std::move(text));
+  };
+  add(standing_text(counts));
+  add(reversed_text(scene, counts));
+  add(vibration_text(scene, counts));
+  if (const Count& slow = counts.slow; slow.blocks > 0)
+    add(fmt::format(
+        "the program feeds at {:.3g} mm/min on line {}, and below {:g} mm/min in {} of {} blocks: "
+        "F is mm/min under G94, looks like m/min, mm/s or mm a turn",
+        slow.value, slow.first_line, slowest_mm_per_min, slow.blocks, counts.feeds));
+  if (const Count& rubbing = counts.rubbing; rubbing.blocks > 0)
+    add(
+        fmt::format("the program feeds by {:.3g} um a turn of the spindle on line {} ({} of {} "
+                    "blocks): a tooth "
+                    "rubs at that; F or S looks like another unit",
+                    rubbing.value / units::um, rubbing.first_line, rubbing.blocks, counts.feeds));
+  if (const Count& coarse = counts.coarse; coarse.blocks > 0)
+    add(fmt::format(
+        "the program feeds by {:.3g} mm a turn of the spindle on line {} ({} of {} blocks) under a "
+        "cutter {:.4g} mm wide: F or S looks like another unit, S is in rpm",
+        coarse.value, coarse.first_line, coarse.blocks, counts.feeds, cutter_width(scene)));
+  return warnings;
+}
+
+std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
+                      const std::vector<std::string>& more_files) {
+  if (pole.turned < min_reported_pole_turn) return {};
+  const auto letter = [&](int joint) { return chain.joints()[std::size_t(joint)].name; };
+  return fmt::format(
+      "the tool passes a pole of the machine, where it lies along {} and {} turns nothing, "
+      "by {:.3g} deg ({}; the pole is at {} {:.4g}): nearer than {:.4g} deg {} turns by "
+      "{:.4g} deg in all, at up to {:.4g} deg/min as programmed",
+      letter(pole.axis), letter(pole.axis), pole.angle / units::deg,
+      program::line_text(more_files, pole.line, pole.file), letter(pole.other),
+      pole.at / units::deg + 0.0, within / units::deg, letter(pole.axis), pole.turned / units::deg,
+      pole.fastest / units::deg * 60.0);
+}
+
+std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
+                                       const program::Path& path) {
+  const auto* given = std::get_if<ProgramFile>(&scene.program.source);
+  const bool tip = std::ranges::any_of(path.blocks, [](const program::Block& block) {
+    return block.coordinates == program::Coordinates::Tip;
+  });
+  if (given == nullptr || !(given->pole_warning > 0.0) || !tip) return {};
+  const program::NcOptions control = nc_options(scene, machine);
+  program::PathMeter meter(machine.control,
+                           {.rapid_speed = scene.machine.rapid_speed,
+                            .rapid_turn = scene.machine.rapid_turn,
+                            .pole = given->pole_warning},
+                           &control.control_of_h);
+  meter.add(path);
+  const auto pole = meter.figures().pole;
+  if (!pole) return {};
+  std::string text = pole_text(*pole, machine.control, given->pole_warning, path.more_files);
+  if (text.empty()) return {};
+  return {std::move(text)};
+}
+
+namespace {
+
+/// A mesh whose facets sag by more than the tolerance, or that has hardly a smooth place.
+std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
+  if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
+  const cutting::Coarseness coarse = cutting::coarseness(design_w);
+  if (2 * coarse.sharp > coarse.judged)
+    return fmt::format(
+        "the mesh is too coarse to be judged: {} of {} judged vertices lie on edges of more than "
+        "30 "
+        "degrees, where a normal is a mean of faces",
+        coarse.sharp, coarse.judged);
+  const std::optional<double> half = narrowest_half_width(scene.part);
+  if (half && coarse.facet_error > *half)
+    return fmt::format(
+        "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
+        "{:.4g} um, the tolerance is ±{:.4g} um",
+        coarse.facet_error / units::um, *half / units::um);
+  return {};
+}
+
+bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
+  return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
+}
+
+/// A design on which a gouge can lie between the places where it is judged.
+std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
+  const JudgedVertices places = judged_vertices(design_w);
+  if (!is_sparse(places, scene.tool)) return {};
+  if (places.vertices < min_judged)
+    return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
+                       places.vertices, places.vertices == 1 ? "vertex" : "vertices");
+  return fmt::format(
+      "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
+      "a gouge between them is in no figure",
+      places.length_mismatch_text, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
+}
+
+std::string no_feed_text(const program::Path& path) {
+  const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
+  if (feeds || path.motion_blocks == 0) return {};
+  return fmt::format("no block of the program feeds: all {} that move are rapids",
+                     path.motion_blocks);
+}
+
+/// A program that counts in two units, or says two.
+std::string unit_change_text(const program::Path& path) {
+  if (path.unit_words.size() < 2) return {};
+  int inches = 0, moves = 0;
+  for (const program::Block& block : path.blocks) {
+    if (block.interpolation == program::Interpolation::Dwell) continue;
+    ++moves;
+    inches += block.inch;
+  }
+  std::string words;
+  for (std::size_t i = 0; i < std::min<std::size_t>(path.unit_words.size(), 4); ++i) {
+    const program::UnitWord& word = path.unit_words[i];
+    words +=
+        fmt::format("{}{} on line {}", i == 0 ? "" : ", ", word.inch ? "G20" : "G21", word.line);
+  }
+  return fmt::format(
+      "the program says two units, {}: {} of its {} moves count in inches, the others in mm; take "
+      "the wrong word out",
+      words, inches, moves);
+}
+
+/// A holder that stands where the cutter or the spindle is, or that leaves a piece of the tool out.
+void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& texts) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
+  if (cutter == nullptr || !tool.holder) return;
+  constexpr double least = 0.01;  // mm
+  const double begin = (*tool.holder)(0, 1), end = (*tool.holder)(tool.holder->rows() - 1, 1);
+  const std::string whose = tool.number ? fmt::format(" of tool {}", *tool.number) : "";
+  if (const double under = cutter->flank_length - begin; under > least)
+    texts.push_back(fmt::format(
+        "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
+        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
+        whose, begin, under, cutter->flank_length));
+  const double over = end - tool.actual_length;
+  if (std::abs(over) > least)
+    texts.push_back(fmt::format(
+        "the holder{} ends {:.6g} mm above the tip, {:.6g} mm {} the nose of the spindle "
+        "(length_mm "
+        "{:.6g}){}",
+        whose, end, std::abs(over), over > 0.0 ? "beyond" : "short of", tool.actual_length,
+        over > 0.0 ? "" : ": what is between them is met by nothing"));
+}
+
+/// Arcs that bulge inwards are cut as chords.
+void add_chord_text(const ToolDescription& tool, std::vector<std::string>& texts) {
+  const double sag = std::max(chord_sag(tool.nominal_form), chord_sag(tool.actual_form));
+  if (sag > 0.0)
+    texts.push_back(fmt::format(
+        "the arcs of the tool{} that bulge inwards are cut as chords: it is larger there by up to "
+        "{:.3g} um",
+        tool.number ? fmt::format(" {}", *tool.number) : "", sag / units::um));
+}
+
+double shank_radius(const Scene& scene, const cutting::Cutter& cutter) {
+  return scene.tool.shank_radius.value_or(cutting::shank_radius(cutter));
+}
+
+}  // namespace
+
+std::optional<double> narrowest_half_width(const PartDescription& part) {
+  std::optional<double> half;
+  const auto add = [&](const Tolerance& tolerance) {
+    const double own = 0.5 * (tolerance.upper - tolerance.lower);
+    half = std::min(half.value_or(own), own);
+  };
+  if (part.tolerance) add(*part.tolerance);
+  for (const PartRegion& region : part.regions)
+    if (region.tolerance) add(*region.tolerance);
+  return half;
+}
+
+JudgedVertices judged_vertices(const cutting::Design& design) {
+  JudgedVertices places;
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) places.vertices += is_judged(design, i);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
+      if (is_judged(design, a) && is_judged(design, b))
+        places.length_mismatch_text = std::max(
+            places.length_mismatch_text, (design.vertices.row(a) - design.vertices.row(b)).norm());
+    }
+  return places;
+}
+
+bool is_sparse(const JudgedVertices& places, const ToolDescription& tool) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
+  return places.vertices < min_judged ||
+         (cutter != nullptr && places.length_mismatch_text > 2.0 * cutter->radius);
+}
+
+std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
+                                          const program::Path& path,
+                                          const program::Unreached& unreached) {
+  std::vector<std::string> warnings = tool_comment_warnings(path, tools_of(scene));
+  for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
+                           coarse_text(scene, design_w), sparse_text(scene, design_w)})
+    if (!text.empty()) warnings.push_back(std::move(text));
+  for (const ToolDescription& tool : tools_of(scene)) {
+    add_holder_texts(tool, warnings);
+    add_chord_text(tool, warnings);
+  }
+  return warnings;
+}
+
+ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w,
+                             const NominalRun& run) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  if (cutter == nullptr) return {};
+  const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.samples);
+  ShankContacts found;
+  found.shank = cutting::shank_contact(
+      design_w, *cutter, motion,
+      {.length = scene.tool.length, .band = scene.band, .radius = shank_radius(scene, *cutter)});
+  if (scene.tool.holder)
+    found.holder = cutting::non_cutting_contact(
+        design_w, cutting::non_cutting_pieces(*scene.tool.holder), motion, scene.band);
+  return found;
+}
+
+ShankContacts joined(const ShankContacts& a, const ShankContacts& b) {
+  const auto both = [](const std::optional<cutting::ShankContact>& first,
+                       const std::optional<cutting::ShankContact>& second) {
+    if (!first || !second) return first ? first : second;
+    cutting::ShankContact contact = second->deepest > first->deepest ? *second : *first;
+    contact.vertices = std::max(first->vertices, second->vertices);
+    contact.first_line = first->first_line;
+    return std::optional(contact);
+  };
+  return {both(a.shank, b.shank), both(a.holder, b.holder), true};
+}
+
+std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts& contacts) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  std::vector<std::string> warnings;
+  const auto add = [&](const std::string& what,
+                       const std::optional<cutting::ShankContact>& contact) {
+    if (!contact) return;
+    warnings.push_back(fmt::format(
+        "{} goes more than {:.4g} mm into the design at {} vertices{}, {} {:.3f} mm deep (line {}, "
+        "first line {})",
+        what, contact->passed, contact->vertices, contacts.in_windows ? " or more" : "",
+        contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
+        contact->first_line));
+  };
+  if (cutter == nullptr) return warnings;
+  const double radius = shank_radius(scene, *cutter);
+  add(fmt::format("the shank above the flank ({:.4g} mm above the tip{})", cutter->flank_length,
+                  radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius)),
+      contacts.shank);
+  add("the holder", contacts.holder);
+  return warnings;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,645 @@
+#include "sim/dialects/control_table_files.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/control_table.h"
+#include "sim/dialects/read_options.h"
+
+namespace abbe::sim::dialects {
+
+/// A table of Heidenhain: a table with columns, as `control_tables.h` says; faults are noted in it.
+void read_heidenhain_table(TableReading& reading);
+
+/// A table of Siemens: $TC_DP and $P_UIFR, as `control_tables.h` says; faults are noted in it.
+void read_siemens_table(TableReading& reading);
+
+namespace {
+
+constexpr std::size_t max_columns = 256;
+
+/// A column by its name, and where it begins and ends in every line.
+struct TableColumn {
+  std::string name;
+  std::size_t from = 0, to = 0;
+};
+
+std::string next_word(Cursor& line) {
+  line.skip_blanks();
+  std::string word;
+  while (!line.at_end() && !is_blank(line.here())) word += upper(line.text[line.at++]);
+  return word;
+}
+
+/// BEGIN TOOL .T MM
+void head_of_table(TableReading& reading, Cursor& line) {
+  const std::string_view wanted = reading.kind == TableKind::Tools ? ".T" : ".PR";
+  bool kind = false, unit = false;
+  if (next_word(line) != "BEGIN") line.refuse(0, "BEGIN, with which a table begins");
+  for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
+    const std::size_t from = line.at;
+    const std::string word = next_word(line);
+    kind = kind || word.ends_with(wanted);
+    if (word != "MM" && word != "INCH") continue;
+    unit = true;
+    reading.state_unit(word == "MM" ? 1.0 : units::inch, line, from);
+  }
+  if (!kind) line.refuse(0, fmt::format("a table named {}", wanted));
+  if (!unit) line.refuse(0, "MM or INCH in the first line of a table");
+}
+
+std::vector<TableColumn> columns_of(TableReading& reading, Cursor& line) {
+  std::vector<TableColumn> columns;
+  for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
+    const std::size_t from = line.at;
+    const std::string name = next_word(line);
+    if (!columns.empty()) columns.back().to = from;
+    const auto same = [&](const TableColumn& one) { return one.name == name; };
+    if (std::any_of(columns.begin(), columns.end(), same))
+      line.refuse(from, "columns of different names");
+    columns.push_back({name, from, std::string_view::npos});
+    if (columns.size() > max_columns) line.refuse(from, "at most 256 columns");
+  }
+  if (!columns.empty()) columns.front().from = 0;
+  const auto has = [&](std::string_view name) {
+    return std::any_of(columns.begin(), columns.end(),
+                       [&](const TableColumn& one) { return one.name == name; });
+  };
+  const bool tools = reading.kind == TableKind::Tools;
+  if (tools ? !has("T") || !has("L") || !has("R") : !has("NR") && !has("NO"))
+    line.refuse(0, tools ? "columns named T, L and R" : "a column named NR");
+  return columns;
+}
+
+/// The cell of a column without the blanks around it, as a cursor that stands at it.
+std::optional<Cursor> cell_in(const TableColumn& column, const Cursor& line) {
+  const std::string_view text = line.text;
+  const std::size_t to = std::min(column.to, text.size());
+  if (column.from > 0 && column.from < text.size() && !is_blank(text[column.from]) &&
+      !is_blank(text[column.from - 1]))
+    line.refuse(column.from, "a blank before the column " + column.name);
+  if (column.from >= to) return std::nullopt;
+  Cursor cell{text.substr(0, to), line.place, column.from};
+  cell.skip_blanks();
+  return cell.at_end() ? std::nullopt : std::optional(cell);
+}
+
+double cell_number(Cursor cell, const std::string& name) {
+  const double value = table_number(cell, name);
+  cell.skip_blanks();
+  if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the value of " + name);
+  return value;
+}
+
+/// A cell without effect, as text: other than nothing, zero, - and a word for no.
+bool has_content(const Cursor& cell) {
+  return cell.text.substr(cell.at).find_first_not_of("+-0. ") != std::string_view::npos;
+}
+
+struct ToolRow {
+  std::optional<int> number;
+  bool indexed = false;
+  double length = 0.0, radius = 0.0, more_length = 0.0, more_radius = 0.0;
+  std::string name;
+};
+
+void tool_cell(TableReading& reading, const TableColumn& column, const Cursor& cell, ToolRow& row) {
+  const std::string& name = column.name;
+  double* const to = name == "L"    ? &row.length
+                     : name == "R"  ? &row.radius
+                     : name == "DL" ? &row.more_length
+                     : name == "DR" ? &row.more_radius
+                                    : nullptr;
+  if (to != nullptr) {
+    *to = cell_number(cell, name) * *reading.unit;
+  } else if (name == "T") {
+    Cursor at = cell;
+    const std::size_t point = cell.text.find('.', cell.at);
+    if (point != std::string_view::npos) {
+      row.indexed = true;
+      at.text = at.text.substr(0, point);
+    }
+    row.number = table_whole(at, 0, 32'767, "T");
+    at.skip_blanks();
+    if (!at.at_end()) at.refuse(at.at, "nothing behind the number of the tool");
+  } else if (name == "NAME") {
+    std::string_view text = cell.text.substr(cell.at);
+    text = text.substr(0, text.find_last_not_of(" \t") + 1);
+    row.name = std::string(text);
+  } else if (has_content(cell)) {
+    reading.leave_out(name);
+  }
+}
+
+void tool_row(TableReading& reading, const std::vector<TableColumn>& columns, const Cursor& line) {
+  ToolRow row;
+  for (const TableColumn& column : columns)
+    if (const auto cell = cell_in(column, line)) tool_cell(reading, column, *cell, row);
+  if (!row.number) line.refuse(0, "the number of a tool in the column T", "none");
+  if (row.indexed) return reading.leave_out("tools with an index, as 5.1");
+  const TableTool tool{row.length + row.more_length,
+                       row.radius + row.more_radius,
+                       row.more_length,
+                       row.more_radius,
+                       row.name,
+                       line.place.line};
+  if (!reading.table.tools.emplace(*row.number, tool).second)
+    line.refuse(0, "a tool that the table does not have already", fmt::format("{}", *row.number));
+}
+
+void preset_cell(TableReading& reading, const TableColumn& column, const Cursor& cell,
+                 TableOffset& offset) {
+  const std::string& name = column.name;
+  const bool axis =
+      name.size() == 1 && std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
+  const bool turned =
+      name == "ROT" || name == "SPA" || name == "SPB" || name == "SPC" || name.ends_with("_OFFS");
+  const std::string_view text = cell.text.substr(cell.at);
+  if (text.substr(0, text.find_last_not_of(' ') + 1) == "-") return;  // not set
+  if (axis) {
+    const bool turns = name[0] >= 'A' && name[0] <= 'C';
+    offset.axes[name[0]] = {cell_number(cell, name) * (turns ? 1.0 : *reading.unit),
+                            cell.place.line, int(cell.at) + 1};
+  } else if (turned && cell_number(cell, name) != 0.0) {
+    cell.refuse(cell.at,
+                "0 for " + name + ": a preset that is not turned, without offsets of axes");
+  } else if (!turned && name != "DOC" && has_content(cell)) {
+    reading.leave_out(name);
+  }
+}
+
+int preset_number(Cursor cell, const std::string& name) {
+  const int number = table_whole(cell, 0, 99'999, name);
+  cell.skip_blanks();
+  if (!cell.at_end()) cell.refuse(cell.at, "nothing behind the number of the preset");
+  return number;
+}
+
+void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
+                const Cursor& line) {
+  std::optional<int> number;
+  for (const TableColumn& column : columns)
+    if (auto cell = cell_in(column, line); cell && (column.name == "NR" || column.name == "NO"))
+      number = preset_number(*cell, column.name);
+  if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
+  if (*number < 1 || *number > max_preset)
+    return reading.leave_out(fmt::format("presets other than 1 to {}", max_preset));
+  TableOffset offset;
+  const int system = preset_system(*number);
+  const auto read_cells = [&] {
+    for (const TableColumn& column : columns)
+      if (const auto cell = cell_in(column, line);
+          cell && column.name != "NR" && column.name != "NO")
+        preset_cell(reading, column, *cell, offset);
+  };
+  if (*number <= 6)
+    read_cells();
+  else
+    reading.read_beyond(system, read_cells);
+  if (!reading.table.offsets.emplace(system, offset).second)
+    line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
+}
+
+}  // namespace
+
+void read_heidenhain_table(TableReading& reading) {
+  std::vector<TableColumn> columns;
+  bool begun = false, ended = false, is_aborted = false;
+  int last = 1;
+  each_line(reading, [&](Cursor& line) {
+    last = line.place.line;
+    line.skip_blanks();
+    if (line.at_end()) return true;
+    line.at = 0;
+    if (!begun) {
+      begun = is_aborted = true;
+      head_of_table(reading, line);
+      is_aborted = false;
+    } else if (is_aborted) {
+      return false;
+    } else if (columns.empty()) {
+      is_aborted = true;
+      columns = columns_of(reading, line);
+      is_aborted = false;
+    } else if (line.take("[END]")) {
+      ended = true;
+      return false;
+    } else if (reading.kind == TableKind::Tools) {
+      tool_row(reading, columns, line);
+    } else {
+      preset_row(reading, columns, line);
+    }
+    return true;
+  });
+  if (!ended && !is_aborted)
+    reading.input_errors.add(
+        BadInput(reading.table.file, last, 1, "[END] behind the last row", "the end of the file"));
+}
+
+namespace {
+
+/// Values of a tool as the file has them, until all are known: the radius and length are sums.
+struct EdgeParts {
+  double length = 0.0, wear = 0.0, base = 0.0, radius = 0.0, radius_wear = 0.0;
+  std::string name;
+  int line = 0;
+  bool edge = false;  // a $TC_DP of its first cutting edge
+};
+using Edges = std::map<int, EdgeParts>;
+
+/// What stands before an =.
+struct Assigned {
+  std::string name;                // $TC_DP3
+  std::vector<std::string> index;  // 1, X, TR
+  std::size_t from = 0;
+};
+
+Assigned assigned_in(Cursor& line) {
+  Assigned to{{}, {}, line.at};
+  while (!line.at_end() && line.here() != '[' && line.here() != '=' && !is_blank(line.here()))
+    to.name += upper(line.text[line.at++]);
+  line.skip_blanks();
+  if (line.here() == '[') {
+    const std::size_t close = line.text.find(']', line.at);
+    if (close == std::string_view::npos) line.refuse(line.at, "a ] that closes the index");
+    to.index.emplace_back();
+    for (++line.at; line.at < close; ++line.at) {
+      const char c = line.here();
+      if (c == ',')
+        to.index.emplace_back();
+      else if (!is_blank(c))
+        to.index.back() += upper(c);
+    }
+    line.at = close + 1;
+  }
+  line.skip_blanks();
+  if (line.here() != '=') line.refuse(line.at, "= behind " + to.name);
+  ++line.at;
+  return to;
+}
+
+int table_index(const Assigned& to, std::size_t i, int most, const Cursor& line) {
+  const std::string& text = i < to.index.size() ? to.index[i] : std::string();
+  int value = -1;
+  if (!text.empty() && text.size() <= 8 &&
+      text.find_first_not_of("0123456789") == std::string::npos)
+    value = std::stoi(text);
+  if (value < 0 || value > most)
+    line.refuse(to.from, fmt::format("an index from 0 to {} in {}", most, to.name));
+  return value;
+}
+
+/// Passes over a value whatever it is: a text, or all up to the next blank. @return it is zero
+bool pass_value(Cursor& line) {
+  line.skip_blanks();
+  const std::size_t from = line.at;
+  if (line.here() == '"') {
+    const std::size_t close = line.text.find('"', from + 1);
+    if (close == std::string_view::npos) line.refuse(from, "a \" that closes the text");
+    line.at = close + 1;
+    return close == from + 1;
+  }
+  while (!line.at_end() && !is_blank(line.here())) ++line.at;
+  const std::string_view value = line.text.substr(from, line.at - from);
+  if (value.empty()) line.refuse(from, "a value behind =");
+  return value.find_first_not_of("+-0.") == std::string_view::npos;
+}
+
+std::string text_value(Cursor& line) {
+  line.skip_blanks();
+  const std::size_t from = line.at;
+  if (line.here() != '"') line.refuse(from, "a name in \"\"");
+  pass_value(line);
+  return std::string(line.text.substr(from + 1, line.at - from - 2));
+}
+
+void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgeParts& tool,
+                Cursor& line) {
+  const std::size_t from = line.at;
+  const double value = table_number(line, to.name);
+  const auto mm = [&] { return value == 0.0 ? 0.0 : value * reading.unit_at(line, from); };
+  tool.edge = true;
+  switch (parameter) {
+    case 1:
+      if (value != 0.0 && !(value >= 100.0 && value < 300.0))
+        line.refuse(from, "a milling cutter or drill, of type 100 to 299");
+      return;
+    case 3:
+      tool.length = mm();
+      return;
+    case 6:
+      tool.radius = mm();
+      return;
+    case 12:
+      tool.wear = mm();
+      return;
+    case 15:
+      tool.radius_wear = mm();
+      return;
+    case 21:
+      tool.base = mm();
+      return;
+    case 4:
+    case 5:
+    case 13:
+    case 14:
+    case 22:
+    case 23:
+      if (value != 0.0)
+        line.refuse(from, "0 for length 2 and 3: the length of a tool lies along it");
+      return;
+    default:
+      if (value != 0.0) reading.leave_out(fmt::format("$TC_DP{}", parameter));
+  }
+}
+
+/// Number behind $TC_DP; none for another name.
+std::optional<int> edge_parameter(const std::string& name) {
+  constexpr std::string_view head = "$TC_DP";
+  if (!name.starts_with(head) || name.size() <= head.size() || name.size() > head.size() + 3 ||
+      name.find_first_not_of("0123456789", head.size()) != std::string::npos)
+    return std::nullopt;
+  return std::stoi(name.substr(head.size()));
+}
+
+void tool_value(TableReading& reading, const Assigned& to, Edges& edges, Cursor& line) {
+  const auto parameter = edge_parameter(to.name);
+  if (!parameter && to.name != "$TC_TP2") {
+    if (!pass_value(line)) reading.leave_out(to.name);
+    return;
+  }
+  const int number = table_index(to, 0, 999'999, line);
+  if (parameter && table_index(to, 1, 12, line) != 1) {
+    if (!pass_value(line)) reading.leave_out("$TC_DP of cutting edges other than 1");
+    return;
+  }
+  EdgeParts& tool = edges[number];
+  if (tool.line == 0) tool.line = line.place.line;
+  if (parameter)
+    edge_value(reading, to, *parameter, tool, line);
+  else
+    tool.name = text_value(line);
+}
+
+char axis_letter(const std::string& name, const Cursor& line, std::size_t from) {
+  if (name.size() != 1 || std::string_view("XYZABCUVW").find(name[0]) == std::string_view::npos)
+    line.refuse(from, "an axis X Y Z A B C U V or W", name.empty() ? "none" : name);
+  return name[0];
+}
+
+void add_to_offset(TableReading& reading, int system, char axis, double value, std::size_t from,
+                   const Cursor& line) {
+  const bool turns = axis >= 'A' && axis <= 'C';
+  const double unit = turns || value == 0.0 ? 1.0 : reading.unit_at(line, from);
+  TableOffset::Value& to = reading.table.offsets[system].axes[axis];
+  to = {to.value + value * unit, line.place.line, int(from) + 1};
+}
+
+/// CTRANS(X,10,Y,20):CFINE(X,0.1)
+void frame_value(TableReading& reading, int system, Cursor& line) {
+  while (true) {
+    line.skip_blanks();
+    const std::size_t from = line.at;
+    if (!line.take_word("CTRANS") && !line.take_word("CFINE"))
+      line.refuse(from,
+                  "CTRANS or CFINE: a work offset that is neither turned, scaled nor mirrored");
+    line.skip_blanks();
+    if (line.here() != '(') line.refuse(line.at, "( and axes with their values");
+    do {
+      ++line.at;
+      line.skip_blanks();
+      const std::size_t at = line.at;
+      std::string name;
+      while (is_letter(line.here())) name += upper(line.text[line.at++]);
+      const char axis = axis_letter(name, line, at);
+      line.skip_blanks();
+      if (line.here() != ',') line.refuse(line.at, "a comma and the value of the axis");
+      ++line.at;
+      const double value = table_number(line, name);
+      add_to_offset(reading, system, axis, value, at, line);
+      line.skip_blanks();
+    } while (line.here() == ',');
+    if (line.here() != ')') line.refuse(line.at, "a ) that closes the frame");
+    ++line.at;
+    line.skip_blanks();
+    if (line.here() != ':') return;
+    ++line.at;
+  }
+}
+
+void offset_value(TableReading& reading, const Assigned& to, int system, Cursor& line) {
+  if (to.index.size() == 1) return frame_value(reading, system, line);
+  if (to.index.size() != 3)
+    line.refuse(to.from, "an index of number, axis and TR, FI, RT, SC or MI");
+  line.skip_blanks();
+  const std::size_t from = line.at;
+  const double value = table_number(line, to.name);
+  const std::string& part = to.index[2];
+  const char axis = axis_letter(to.index[1], line, to.from);
+  if (part == "TR" || part == "FI") return add_to_offset(reading, system, axis, value, from, line);
+  if (part != "RT" && part != "SC" && part != "MI") line.refuse(to.from, "TR, FI, RT, SC or MI");
+  if (value != (part == "SC" ? 1.0 : 0.0))
+    line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
+}
+
+/// $P_UIFR[n]: n to 6 as the table must have them, those beyond as far as they can be read.
+void numbered_offset(TableReading& reading, const Assigned& to, Cursor& line) {
+  const int number = table_index(to, 0, 99, line), system = 500 + number;
+  if (number <= 6) return offset_value(reading, to, number, line);
+  const std::size_t value = line.at;
+  reading.read_beyond(system, [&] { offset_value(reading, to, system, line); });
+  if (reading.unread.contains(system))  // what it refused may stand on in the line
+    line.at = std::min(line.text.find('$', value), line.text.size());
+}
+
+bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
+  line.skip_blanks();
+  if (line.here() == '%') return true;  // %_N_TO1_TOA
+  for (; !line.at_end() && line.here() != ';'; line.skip_blanks()) {
+    const std::size_t from = line.at;
+    const char c = upper(line.here());
+    if ((c == 'N' || c == 'M') && is_digit(line.next())) {
+      ++line.at;
+      table_whole(line, 0, 1'000'000'000, "a block or M number");
+      continue;
+    }
+    if (line.take("CHANDATA(")) {
+      table_whole(line, 1, 99, "a channel");
+      if (line.here() != ')') line.refuse(from, "CHANDATA and a channel in ()");
+      ++line.at;
+      continue;
+    }
+    if (c != '$') line.refuse(from, "$ and the name of a value, as $TC_DP3[1,1]=");
+    const Assigned to = assigned_in(line);
+    const bool is_tool = to.name.starts_with("$TC_"), is_offset = to.name == "$P_UIFR";
+    if (is_tool && reading.kind == TableKind::Tools) {
+      tool_value(reading, to, edges, line);
+    } else if (is_offset && reading.kind == TableKind::Offsets) {
+      numbered_offset(reading, to, line);
+    } else {
+      if (!pass_value(line)) reading.leave_out(to.name);
+    }
+  }
+  return true;
+}
+
+/// G500 is no offset of a scene.
+void check_g500(TableReading& reading) {
+  const auto found = reading.table.offsets.find(0);
+  if (found == reading.table.offsets.end()) return;
+  for (const auto& [axis, value] : found->second.axes)
+    if (value.value != 0.0)
+      reading.input_errors.add(BadInput(reading.table.file, value.line, value.column,
+                                        "0 for $P_UIFR[0], which G500 calls",
+                                        fmt::format("{}", value.value)));
+  reading.table.offsets.erase(found);
+}
+
+}  // namespace
+
+void read_siemens_table(TableReading& reading) {
+  Edges edges;
+  each_line(reading, [&](Cursor& line) { return siemens_line(reading, edges, line); });
+  for (const auto& [number, tool] : edges)
+    if (tool.edge)
+      reading.table.tools[number] = {tool.length + tool.wear + tool.base,
+                                     tool.radius + tool.radius_wear,
+                                     tool.wear,
+                                     tool.radius_wear,
+                                     tool.name,
+                                     tool.line};
+  check_g500(reading);
+}
+
+namespace {
+
+constexpr std::size_t max_table_bytes = std::size_t(64) << 20;
+constexpr int max_lines_for_sign = 2000;
+
+bool has_number_behind(std::string_view line, char letter) {
+  return line.size() > 1 && upper(line[0]) == letter && is_digit(line[1]);
+}
+
+/// Whose table has such a line.
+std::optional<Dialect> control_by_line(std::string_view line, TableKind kind) {
+  if (line.starts_with("BEGIN ")) return Dialect::Heidenhain;
+  for (const std::string_view sign : {"%_N_", "$TC_", "$P_UIFR"})
+    if (line.find(sign) != std::string_view::npos) return Dialect::Siemens;
+  if (line[0] == ';' || line[0] == '(' || line[0] == '%') return std::nullopt;
+  if (line.find("G10") != std::string_view::npos || has_number_behind(line, 'O'))
+    return Dialect::Fanuc;
+  const bool is_linuxcnc =
+      kind == TableKind::Tools ? has_number_behind(line, 'T') : is_digit(line[0]);
+  return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
+}
+
+std::optional<Dialect> control_of(std::string_view text, TableKind kind) {
+  Lines lines(text);
+  while (const auto line = lines.next()) {
+    if (lines.number() > max_lines_for_sign) break;
+    const std::size_t from = std::min(line->find_first_not_of(" \t"), line->size());
+    if (from == line->size()) continue;
+    if (const auto found = control_by_line(line->substr(from), kind)) return found;
+  }
+  return std::nullopt;
+}
+
+std::string unused_text(const TableReading& reading) {
+  std::string names;
+  for (const auto& [name, count] : reading.unused)
+    names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", name, count);
+  return fmt::format("{} has values without effect, other than zero: {}", reading.table.file,
+                     names);
+}
+
+void read_as(Dialect control, TableReading& reading) {
+  reading.table.control = control;
+  switch (control) {
+    case Dialect::Fanuc:
+      return read_fanuc_table(reading);
+    case Dialect::Siemens:
+      return read_siemens_table(reading);
+    case Dialect::Heidenhain:
+      return read_heidenhain_table(reading);
+    default:
+      return read_linuxcnc_table(reading);
+  }
+}
+
+}  // namespace
+
+std::string offset_name(Dialect control, int system) {
+  if (control == Dialect::Heidenhain)
+    return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
+  if (control == Dialect::Siemens && system > 4)
+    return fmt::format("G{}", system > 500 ? system : 500 + system);
+  if (system == 0) return "the external offset";
+  if (system > 100) return fmt::format("G54.1 P{}", system - 100);
+  return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
+}
+
+std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
+                                        const std::set<int>& called) {
+  std::vector<std::string> warnings = table.notes;
+  const std::string_view control = name_of(table.control);
+  if (read_as.empty()) {
+    warnings.push_back(
+        fmt::format("{} is without effect: a table of times has no tools and offsets", table.file));
+    return warnings;
+  }
+  if (!read_as.starts_with(control)) {
+    warnings.push_back(fmt::format("{} is a table of {}, and the program is read as {}", table.file,
+                                   control, read_as));
+    return warnings;
+  }
+  std::string lacking;
+  for (const int system : called)
+    if (!table.offsets.empty() && !table.offsets.contains(system))
+      lacking += (lacking.empty() ? "" : ", ") + offset_name(table.control, system);
+  if (!lacking.empty())
+    warnings.push_back(
+        fmt::format("{} has no {}, which the program calls: zero unless the program sets it",
+                    table.file, lacking));
+  return warnings;
+}
+
+ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
+                                std::optional<double> unit) {
+  const bool tools = kind == TableKind::Tools;
+  if (text.size() > max_table_bytes)
+    throw BadProgram({BadInput(file, 0, 0, fmt::format("at most {} bytes", max_table_bytes),
+                               fmt::format("{}", text.size()))});
+  const auto control = control_of(text, kind);
+  if (!control)
+    throw BadProgram(
+        {BadInput(file, 1, 1,
+                  tools ? "a tool table of LinuxCNC (T1 Z D), Fanuc (G10), Siemens ($TC_DP) or "
+                          "Heidenhain (BEGIN)"
+                        : "work offsets of LinuxCNC (5221), Fanuc (G10), Siemens ($P_UIFR) or "
+                          "Heidenhain (BEGIN)",
+                  "no line that has a sign of one")});
+  TableReading reading{text, kind, unit};
+  reading.table.file = file;
+  read_as(*control, reading);
+  for (const int system : reading.unread) reading.table.offsets.erase(system);
+  const bool empty = tools ? reading.table.tools.empty() : reading.table.offsets.empty();
+  if (empty && reading.input_errors.empty())
+    reading.input_errors.add(BadInput(file, 1, 1, tools ? "a tool" : "a work offset", "none"));
+  if (!reading.input_errors.empty()) throw BadProgram(reading.input_errors.list());
+  if (!reading.unused.empty()) reading.table.notes.push_back(unused_text(reading));
+  return std::move(reading.table);
+}
+
+ControlTable read_control_table_file(const std::filesystem::path& file, TableKind kind,
+                                     std::optional<double> unit) {
+  return read_control_table(read_text(file, max_table_bytes), file.string(), kind, unit);
+}
+
+}  // namespace abbe::sim::dialects

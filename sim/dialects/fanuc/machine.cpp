@@ -1,0 +1,686 @@
+#include "sim/dialects/fanuc/machine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/cursor.h"
+#include "sim/dialects/tool_compensation.h"
+
+namespace abbe::sim::dialects::fanuc {
+
+using kinematics::AxisVector;
+using program::Feed;
+using program::FeedMode;
+
+namespace {
+
+constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+
+std::string_view one_shot_letters(int code) {
+  switch (code) {
+    case 40:
+      return "XUP";
+    case 100:
+      return "LPR";
+    case 300:
+      return "P";
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
+Machine::Machine(ProgramRun& run)
+    : run_(run),
+      canon_(run.canon),
+      turning_(run.turning()),
+      diameters_(run.has_initial_diameters(true)),
+      compensation_(run),
+      vector_lines_(run),
+      zero_(AxisVector::Zero(run.canon.position().size())) {
+  const program::NcOptions& options = canon_.options();
+  for (const auto& [h, mm] : options.tool_length) lengths_[h].value = mm;
+  for (const auto& [d, mm] : options.tool_radius) radii_[d].value = mm;
+  const auto take_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
+    for (const auto& [number, mm] : wear) {
+      Geometry& one = offsets[number];
+      if (one.value) one.value = *one.value - mm;
+      one.wear = mm;
+    }
+  };
+  take_wear(lengths_, options.length_wear);
+  take_wear(radii_, options.radius_wear);
+  for (std::size_t i = 0; i < options.work_offset.size(); ++i)
+    systems_[int(i) + 1] = options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_;
+  external_ = g92_ = g52_ = zero_;
+  for (const auto& [number, offset] : options.more_offset) {
+    if (number == 0) external_ = offset;
+    if (number > 100) systems_[number] = offset;
+  }
+  canon_.enable_table_rollover();
+  apply_frame();
+  if (!turning_) return;
+  plane_ = 180;
+  canon_.set_feed_mode(FeedMode::PerRevolution);
+  note_turning_control();
+  apply_tool_offset({1, {}});
+}
+
+double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
+
+double Machine::argument(const Word& word) {
+  return counted(word, min_increment(word.letter, canon_.inch()));
+}
+
+double Machine::angle_in_degrees(const Word& word) {
+  return counted(word, min_increment('A', false));
+}
+
+/// A number without a decimal point counts in increments.
+double Machine::counted(const Word& word, double increment) {
+  if (word.pointed || word.value == 0.0) return word.value;
+  const double value = word.value * increment;
+  if (!warned_of_point_) {
+    warned_of_point_ = true;
+    run_.warn_once(fmt::format(
+        "{}:{}: {} has no decimal point and is {:g}: such numbers count in the least input "
+        "increment, 0.001 mm, 0.001 degrees or 0.0001 inch (parameter 3401.0 DPI = 0, IS-B)",
+        canon_.place().file, canon_.line(), shown(word.text), value));
+  }
+  return value;
+}
+
+double Machine::axis_word(int j, const Word& word) {
+  if (!canon_.is_linear(j)) return angle_in_degrees(word) * units::deg;
+  return length(word) * (diameters_ && j == joint(0) ? 0.5 : 1.0);
+}
+
+Machine::Words Machine::axis_words(const Block& block) const {
+  Words words;
+  for (const char letter : word_letters())
+    if (const Word& word = block[letter])
+      words.push_back({joint_of_word(letter), &word, is_increment(letter)});
+  return words;
+}
+
+const Word* Machine::first_axis_word(const Block& block) const {
+  const Word* first = nullptr;
+  for (const char letter : word_letters())
+    if (const Word& word = block[letter]; word && (!first || word.column < first->column))
+      first = &word;
+  return first;
+}
+
+Cause Machine::cause_of(const Block& block) const {
+  for (const Group group : {Group::Motion, Group::OneShot, Group::Cycle})
+    if (const Code& code = block[group]) return code.word;
+  if (const Word* axis = first_axis_word(block)) return *axis;
+  for (const char letter : {'R', 'I', 'J', 'K'})
+    if (block[letter]) return block[letter];
+  return {1, {}};
+}
+
+/// Letters beside axis words that the codes of a block take.
+std::string Machine::letters_taken(const Block& block) const {
+  const int once = block.tenths(Group::OneShot);
+  std::string taken(one_shot_letters(once));
+  if (block[Group::MirrorEnd]) return taken;
+  const int rotation = block.tenths(Group::Rotation);
+  if (rotation == 682) return taken + "IJKP";
+  if (rotation == 680) return taken + "RIJK";
+  const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  const int cycle = block[Group::Motion]  ? 800
+                    : block[Group::Cycle] ? block.tenths(Group::Cycle)
+                                          : cycle_code_;
+  if (once < 0 && cycle != 800) taken += "RQPKL";
+  if (once < 0 && cycle == 800 && (code == 20 || code == 30)) taken += "IJKR";
+  if (once < 0 && turning_ && (code == 900 || code == 940)) taken += "R";
+  if (once == 100 && turning_) taken += "Q";
+  const int length = block[Group::ToolLength] ? block.tenths(Group::ToolLength) : length_mode_;
+  if (once < 0 && length == 435) taken += "IJK";
+  const int offset = block.tenths(Group::WorkOffset);
+  if (offset == 540 || offset == 541) taken += "P";
+  if (block[Group::SpeedMode]) taken += "P";
+  if (block[Group::Call]) taken += "PL";
+  return taken;
+}
+
+/// Words that make sense only beside others.
+void Machine::check_words(const Block& block) const {
+  const Code& once = block[Group::OneShot];
+  if (turning_) check_corner_words(block);
+  for (const char letter : word_letters())
+    if (const Word& word = block[letter]; word && joint_of_word(letter) < 0 &&
+                                          !(once.tenths == 40 && (letter == 'U' || letter == 'X')))
+      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+  const std::string taken = letters_taken(block);
+  for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
+    const Word& word = block[letter];
+    if (!word || taken.find(letter) != std::string::npos) continue;
+    if (block.skipped)
+      run_.unknown(word, "a word of Fanuc's milling controls");
+    else
+      refuse(word, fmt::format("a code that takes {}", letter));
+  }
+  const Word* axis = first_axis_word(block);
+  if (axis && block.skipped.letter == 'G')
+    refuse(*axis, "no axis words beside a code that is skipped: what it makes of them is not known",
+           fmt::format("{} beside {}", shown(axis->text), shown(block.skipped.text)));
+  if (axis && block.wordless)
+    refuse(*axis,
+           fmt::format("no axis words beside {}, which takes none", shown(block.wordless.text)));
+  check_owners(block);
+}
+
+/// Axis words belong to one code of the block at most. A code of motion beside a code of group 00
+/// is in force from the next block on (B-63944EN, "G codes of different groups").
+void Machine::check_owners(const Block& block) const {
+  const Code* owner = nullptr;
+  for (const Group group : {Group::OneShot, Group::Rotation, Group::MirrorEnd}) {
+    const Code& code = block[group];
+    if (!code) continue;
+    if (owner != nullptr) refuse(code.word, "a block of its own beside " + shown(owner->word.text));
+    owner = &code;
+  }
+  if (const Code& cycle = block[Group::Cycle]; cycle && cycle.tenths != 800 && owner != nullptr)
+    refuse(cycle.word, "no cycle beside " + shown(owner->word.text));
+}
+
+void Machine::set_feed(const Block& block) {
+  if (const Code& code = block[Group::FeedMode]) {
+    // G94 and G95 are G98 and G99 of a turning control
+    const FeedMode mode = code.tenths == 930                         ? FeedMode::InverseTime
+                          : code.tenths == 940 || code.tenths == 980 ? FeedMode::PerMinute
+                                                                     : FeedMode::PerRevolution;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
+  }
+  if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
+  const Word& f = block['F'];
+  if (!f) return;
+  if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+  if (!f.pointed && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
+    refuse(f, turning_
+                  ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
+                  : "a decimal point in F under G20, G93 and G95: where it is without one is a "
+                    "parameter");
+  canon_.set_feed(Feed{f.value, unit()});
+}
+
+void Machine::set_spindle(const Block& block) {
+  const Word& s = block['S'];
+  const int once = block.tenths(Group::OneShot);
+  const bool limits = once == 920 || (turning_ && once == 500);
+  if (const Code& code = block[Group::SpeedMode]) {
+    const bool surface = code.tenths == 960;
+    if (surface && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (surface && !surface_m_per_min_ && (!s || limits))
+      refuse(code.word, "S (surface speed) beside G96", "none");
+    surface_speed_ = surface;
+  }
+  if (s) {
+    const double speed = whole(canon_, s, 10'000'000);
+    if (limits) {
+      max_rpm_ = speed;
+    } else {
+      speed_ = speed;
+      if (surface_speed_)
+        surface_m_per_min_ = canon_.inch() ? speed * 0.3048 : speed;  // ft/min in inches
+      else
+        canon_.set_spindle_speed(speed);
+    }
+  }
+  if (block[Group::RigidTap]) rigid_ = true;
+  if (const Code& code = block[Group::Spindle])
+    canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+  if (surface_speed_)
+    canon_.set_surface_speed(program::SurfaceSpeed{surface_m_per_min_.value_or(0.0), max_rpm_});
+  else
+    canon_.set_surface_speed({});
+}
+
+void Machine::call_tools(const Block& block) {
+  if (turning_) call_tool_and_offset(block);
+  const bool changes(block[Group::ToolChange]);
+  static const Word no_tool;
+  const Word& t = turning_ ? no_tool : block['T'];
+  if (t) selected_ = whole(canon_, t, 99'999'999);
+  if (changes && selected_ >= 0) tool_ = selected_;
+  if (t || changes) canon_.call_tool(t ? selected_ : -1.0, changes);
+  std::string text = t ? fmt::format("T{}", selected_) : "";
+  const auto add = [&](bool has, const char* word) {
+    if (has) text += std::string(text.empty() ? "" : " ") + word;
+  };
+  add(changes, "M6");
+  add(block.tenths(Group::Coolant) == 70, "M7");
+  add(block.tenths(Group::Coolant) == 80, "M8");
+  if (!text.empty()) canon_.aside(std::move(text));
+}
+
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {
+      {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
+      {Group::Plane, StartMode::Plane},          {Group::FeedMode, StartMode::Feed},
+      {Group::Motion, StartMode::Motion},        {Group::Cycle, StartMode::Motion},
+      {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (!first_axis_word(block) || block.tenths(Group::OneShot) == 40) return;
+  run_.assume_mode(StartMode::Units, "mm (G21)");
+  if (!run_.turning()) run_.assume_mode(StartMode::Distance, "absolute (G90)");  // else U and W
+  if (block[Group::OneShot]) return;
+  const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  run_.assume_mode(StartMode::Motion, "rapid (G0)");
+  if (motion == 20 || motion == 30)
+    run_.assume_mode(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
+                                       : plane_ == 190 ? "plane Y Z (G19)"
+                                                       : "plane X Y (G17)");
+  if (motion > 0)
+    run_.assume_mode(StartMode::Feed,
+                     canon_.feed_mode() == FeedMode::PerRevolution
+                         ? (turning_ ? "F per turn (G99)" : "F per turn (G95)")
+                         : (turning_ ? "F per minute (G98)" : "F per minute (G94)"));
+  run_.assume_offset(system_, "work offset G54");
+}
+
+void Machine::set_modes(const Block& block) {
+  if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
+  set_feed(block);
+  set_spindle(block);
+  call_tools(block);
+  if (const Code& code = block[Group::Plane]) {
+    if (compensation_.on() && code.tenths != plane_)
+      refuse(code.word, "no change of the plane under G41 or G42");
+    plane_ = code.tenths;
+  }
+  if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
+  if (const Code& code = block[Group::ReturnLevel]) to_r_ = code.tenths == 990;
+  if (turning_) {
+    if (const Code& code = block[Group::CutterRadius]) set_nose_compensation(code);
+    if (block['D']) refuse(block['D'], "T with four digits, tool and offset: no D on a lathe");
+  } else if (block[Group::CutterRadius] || block['D']) {
+    set_compensation(block);
+  }
+  if (block[Group::WorkOffset]) choose_system(block);
+  if (!turning_ && (block[Group::ToolLength] || block['H'])) set_tool_length(block);
+  if (const Code& code = block[Group::Polar]) {
+    polar_ = {.on = code.tenths == 160};
+    if (polar_.on && tilted_) refuse(code.word, "G69 before G16");
+  }
+}
+
+void Machine::dwell(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  const Word* time = nullptr;
+  for (const char letter : {'X', 'U', 'P'})
+    if (const Word& word = block[letter]) {
+      if (time) refuse(word, "one of X, U and P beside G4");
+      time = &word;
+    }
+  if (!time) refuse(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
+  for (const char letter : axis_letters)
+    if (const Word& word = block[letter]; word && &word != time)
+      refuse(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
+  const bool worked_out = time->text.find_first_of("#[") != std::string_view::npos;
+  if (time->letter == 'P' && time->pointed && !worked_out)
+    refuse(*time, "milliseconds without a decimal point after P, or X in seconds");
+  const double seconds = time->letter == 'P' || !time->pointed ? time->value * 1e-3 : time->value;
+  if (!(seconds >= 0 && seconds <= 1e6)) refuse(*time, "0 to 1e6 seconds beside G4");
+  compensation_.after(
+      [this, seconds, cause = Cause{time->column, {}}] { canon_.dwell(seconds, cause); });
+}
+
+void Machine::one_shot(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  if (code.tenths == 40) return dwell(block);
+  if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  switch (code.tenths) {
+    case 100:
+      return store_data(block);
+    case 280:
+    case 300:
+      return reference(block);
+    case 500:
+    case 503:
+    case 520:
+    case 920:
+    case 921:
+      return shift_origin(block);
+    case 530:
+      return to_axes(block);
+    default:
+      return turn_to_plane(block);
+  }
+}
+
+void Machine::end_cycle() {
+  cycle_.begun = rigid_ = false;
+  cycle_.q = cycle_.dwell_s = 0.0;
+  cycle_code_ = 800;
+}
+
+/// A code of motion ends a cycle, a cycle leaves the code of motion.
+void Machine::set_motion(const Block& block) {
+  const Code &cycle = block[Group::Cycle], &motion = block[Group::Motion];
+  if (motion || cycle.tenths == 800) end_cycle();
+  if (motion) motion_ = motion.tenths;
+  if (motion) turning_cycle_ = {};
+  if (cycle && cycle.tenths != 800) cycle_code_ = cycle.tenths;
+}
+
+/// The words of G5 and its kind say nothing about other codes.
+void Machine::check_alone(const Block& block) const {
+  const std::string own = shown(block[Group::Alone].word.text);
+  for (const Code& code : block.codes)
+    if (code && &code != &block[Group::Alone]) refuse(code.word, "a block of its own for " + own);
+  for (const char letter : {'D', 'F', 'H', 'S', 'T'})
+    if (block[letter]) refuse(block[letter], "a block of its own for " + own);
+}
+
+bool Machine::execute(const Block& block) {
+  moved_ = false;
+  for (const std::string_view text : block.comments) canon_.comment(text);
+  if (block[Group::Alone]) return check_alone(block), true;
+  check_words(block);
+  note_start_modes(block);
+  set_modes(block);
+  set_motion(block);
+  if (const Code& code = block[Group::Rotation]) {
+    if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+    set_rotation(block);
+  } else if (block[Group::OneShot]) {
+    one_shot(block);
+  } else if (!block[Group::MirrorEnd]) {
+    move(block);
+  }
+  if (block.tenths(Group::Coolant) == 90) canon_.aside("M9");
+  const Code& stop = block[Group::Stop];
+  if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
+  for (const Group group : {Group::Spindle, Group::Coolant, Group::ToolChange, Group::Stop})
+    if (block[group]) last_m_ = block.tenths(group) / 10;
+  return !(stop && (stop.tenths == 20 || stop.tenths == 300));
+}
+
+// Words that a turning control reads otherwise than a milling control: G-code system A.
+
+namespace {
+
+constexpr int geometry_offsets = 10000;  // P of G10 from here on
+constexpr int max_offset = 99;
+
+/// Words of a line as far as signs of turning controls need them.
+struct LineWords {
+  std::array<double, 26> value{};
+  std::array<int, 26> column{};           ///< 0: the line has no such word
+  std::vector<std::pair<double, int>> g;  ///< codes with their columns
+  bool changes_tool = false;              ///< M6
+
+  bool has(char letter) const { return column[std::size_t(letter - 'A')] > 0; }
+  double operator[](char letter) const { return value[std::size_t(letter - 'A')]; }
+  /// Column of a G code; 0 where there is none of that range.
+  int g_within(double first, double last) const {
+    for (const auto& [code, at] : g)
+      if (code >= first && code <= last) return at;
+    return 0;
+  }
+};
+
+LineWords words_of_line(Cursor cursor) {
+  LineWords words;
+  while (!cursor.at_end()) {
+    const char letter = upper(cursor.here());
+    if (letter == '(') {
+      const std::size_t close = cursor.text.find(')', cursor.at);
+      if (close == std::string_view::npos) break;
+      cursor.at = close + 1;
+      continue;
+    }
+    const int column = int(cursor.at) + 1;
+    ++cursor.at;
+    if (!is_letter(letter)) continue;
+    std::optional<double> number;
+    try {
+      number = cursor.number();
+    } catch (const BadInput&) {
+      break;  // reading says what is wrong with it
+    }
+    if (!number) continue;
+    words.value[std::size_t(letter - 'A')] = *number;
+    words.column[std::size_t(letter - 'A')] = column;
+    if (letter == 'G') words.g.emplace_back(*number, column);
+    words.changes_tool = words.changes_tool || (letter == 'M' && *number == 6);
+  }
+  return words;
+}
+
+}  // namespace
+
+std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon) {
+  const bool has_u = canon.joint_of('U') >= 0 || canon.joint_of('W') >= 0;
+  std::optional<TurningSign> tool;
+  bool surface_speed = false, changes = false;
+  Lines lines(text);
+  while (const auto line = lines.next()) {
+    const LineWords words = words_of_line({*line, canon.place()});
+    const auto sign = [&](std::string_view what, int column) {
+      return TurningSign{std::string(what), lines.number(), column};
+    };
+    if (const int at = words.g_within(50, 50); at > 0 && words.has('S'))
+      return sign("G50 with S, the largest spindle speed of a turning control", at);
+    if (const int at = words.g_within(28, 30);
+        at > 0 && !has_u && (words.has('U') || words.has('W')))
+      return sign("G28 with U or W, increments of a turning control", at);
+    if (const int at = words.g_within(70, 73);
+        at > 0 && !has_u && words.has('P') && words.has('Q') && !words.has('R') && !words.has('Z'))
+      return sign("a cycle of a turning control with P and Q", at);
+    if (!tool && words.has('T') && words['T'] >= 101 && words['T'] <= 9999)
+      tool = sign("T with tool and offset beside G96, as turning controls have it",
+                  words.column['T' - 'A']);
+    surface_speed = surface_speed || words.g_within(96, 96) > 0;
+    changes = changes || words.changes_tool;
+  }
+  return surface_speed && !changes ? tool : std::nullopt;
+}
+
+bool Machine::is_increment(char letter) const {
+  return turning_ && std::string_view("UVWH").find(letter) != std::string_view::npos;
+}
+
+int Machine::joint_of_word(char letter) const {
+  if (!is_increment(letter)) return canon_.joint_of(letter);
+  return canon_.joint_of(letter == 'H' ? 'C' : char(letter - 'U' + 'X'));
+}
+
+/// What the program itself cannot say: the words are those of another control on another machine.
+void Machine::note_turning_control() {
+  if (run_.options().turning.control == ControlKind::FromMachine)
+    canon_.assume(
+        {"as a spindle turns the workpiece, the control is one of a turning machine "
+         "(Fanuc G-code system A): U V W H are increments, G98 and G99 feeds",
+         "program.control", "--control"});
+  if (run_.options().turning.x_words == XWordMeaning::FromControl)
+    canon_.assume({diameters_ ? "X and U words are diameters" : "X and U words are radii",
+                   "program.x_words", "--x-words"});
+}
+
+/// Feeds before a tool is called are those of the only one.
+void Machine::note_uncalled_tool(const Cause& cause) {
+  if (!turning_ || tool_offset_.called || motion_ == 0) return;
+  run_.uncalled_tool(cause, "no T before the first feed");
+  tool_offset_.called = true;
+  tool_offset_.number = 1;
+}
+
+int Machine::tool_in_use() const {
+  return tool_ != 0 ? tool_ : program::only_tool(canon_.options()).value_or(0);
+}
+
+/// C, R, I and K behind a line make a chamfer or a rounding of the corner at its end.
+void Machine::check_corner_words(const Block& block) const {
+  const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  if (code != 10 || block[Group::OneShot] || block[Group::Macro] || block[Group::SpeedMode]) return;
+  for (const char letter : {'C', 'R', 'I', 'K'}) {
+    const Word& word = block[letter];
+    if (word && !(letter == 'C' && joint_of_word('C') >= 0))
+      refuse(word, "lines and arcs as they are: C, R, I and K of corners are not expanded");
+  }
+}
+
+/// T0101: tool and offset. T0100 and T0 end the offset.
+void Machine::call_tool_and_offset(const Block& block) {
+  const Word& t = block['T'];
+  if (!t) return;
+  const int value = whole(canon_, t, 9999);
+  if (value != 0 && value <= max_offset)
+    refuse(t, "T with four digits, tool and offset, such as T0101");
+  if (compensation_.on()) refuse(t, "G40 before another T");
+  const int tool = value / 100;
+  if (!program::knows_tool(canon_.options(), tool)) refuse(t, "a tool of the tool table");
+  tool_offset_.called = true;
+  tool_offset_.number = value % 100;
+  if (tool != 0) {
+    selected_ = tool_ = tool;
+    canon_.call_tool(tool, true);
+    canon_.aside(fmt::format("T{} M6", tool));
+  }
+  apply_tool_offset(t);
+}
+
+std::optional<double> Machine::nose_radius() const {
+  const auto known = radii_.find(tool_in_use());
+  if (known == radii_.end() || !known->second.value) return std::nullopt;
+  return *known->second.value;
+}
+
+AxisVector Machine::programmed_nose_offset() const {
+  return nose_offset(canon_, run_.options().turning.tip, nose_radius());
+}
+
+/// An offset in force has been measured: X Z lead the tip of the tool, X0 being on the spindle
+/// line. Without one they are positions of the slides. Until a program calls a tool, the only one
+/// is taken to be in use with its offset.
+void Machine::apply_tool_offset(const Cause& cause) {
+  const kinematics::Chain* chain = chain_to_tip(canon_.options(), tool_in_use());
+  const bool counts = tool_offset_.called ? tool_offset_.number != 0 : tool_in_use() != 0;
+  if (chain == nullptr || !counts) {
+    if (tool_ != 0) canon_.select_length(-1, cause);
+    return canon_.set_tool_shift({});
+  }
+  AxisVector shift = measured_offset(canon_, *chain, cause);
+  if (!compensation_.on()) shift += programmed_nose_offset();
+  if (const auto wear = tool_offset_.wear.find(tool_offset_.number);
+      wear != tool_offset_.wear.end()) {
+    if (joint(0) >= 0) shift[joint(0)] += wear->second.x;
+    if (joint(2) >= 0) shift[joint(2)] += wear->second.z;
+  }
+  if (tool_ != 0) canon_.select_length(tool_, cause);
+  canon_.set_tool_shift(std::move(shift));
+}
+
+/// G10 P (number) X Z U W R: wear. What is geometry on the control is the scene's tool here.
+void Machine::store_wear(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  const Word& p = block['P'];
+  if (block['L']) refuse(block['L'], "L2 L20, or no L, beside G10");
+  if (!p) refuse(code.word, "P (number of the offset) beside G10", "none");
+  const int number = whole(canon_, p, 2 * geometry_offsets);
+  if (number < 1 || number > max_offset)
+    refuse(p, "wear, P1 to P99: the geometry of tools is that of the scene");
+  if (block['Q']) refuse(block['Q'], "no Q: program.tip says which point of the tool X Z lead");
+  ToolOffset::Wear& wear = tool_offset_.wear[number];
+  for (const auto& [j, word, step] : axis_words(block)) {
+    if (j != joint(0) && j != joint(2)) refuse(*word, "X Z U W or R beside G10 of a tool");
+    double& value = j == joint(0) ? wear.x : wear.z;
+    value = axis_word(j, *word) + (step ? value : 0.0);
+  }
+  if (const Word& r = block['R']) wear.radius = length(r);
+  if (number == tool_offset_.number) apply_tool_offset(code.word);
+}
+
+/// G41 and G42 lead the nose along the contour: the centre of it beside by its radius.
+void Machine::set_nose_compensation(const Code& code) {
+  cutter_ = code.tenths;
+  if (code.tenths == 400) {
+    if (!compensation_.on()) return;
+    compensation_.end();
+    apply_tool_offset(code.word);
+    return compensation_.shift_programmed(programmed_nose_offset());
+  }
+  if (compensation_.on()) {
+    if (code.tenths == side_) return;  // posts say it again
+    refuse(code.word, "G40 between G41 and G42");
+  }
+  side_ = code.tenths;
+  const std::string_view plane = plane_letters();
+  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
+  if (first < 0 || second < 0)
+    refuse(code.word,
+           fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const auto radius = nose_radius();
+  if (!radius)
+    refuse(code.word, "a tool whose nose radius is known",
+           tool_ == 0 ? "none called" : fmt::format("T{:02}", tool_));
+  const auto wear = tool_offset_.wear.find(tool_offset_.number);
+  const double worn = wear == tool_offset_.wear.end() ? 0.0 : wear->second.radius;
+  run_.warn_once(
+      "nose compensation arrives upright beside the start of the contour and goes around outside "
+      "corners in arcs; a control goes around some of them in lines");
+  compensation_.begin(code.tenths == 410, *radius + worn, {first, second});
+  apply_tool_offset(code.word);
+  compensation_.shift_programmed(-programmed_nose_offset());
+}
+
+/// G90 turns along Z, G94 faces along X: rapid to the cut, feed along it and out of it, rapid back.
+/// Words that a block leaves out stay as they were.
+void Machine::turning_cycle(const Block& block) {
+  const Cause cause = cause_of(block);
+  if (compensation_.on()) refuse(cause, "G40 before G90 and G94");
+  note_uncalled_tool(cause);
+  const int x = joint(0), z = joint(2);
+  if (x < 0 || z < 0) refuse(cause, "a machine with X and Z beside G90 and G94");
+  const AxisVector start = canon_.programmed();
+  TurningCycle& cycle = turning_cycle_;
+  for (const auto& [j, word, step] : axis_words(block)) {
+    if (j != x && j != z) refuse(*word, "X Z U W beside G90 and G94");
+    const double to = axis_word(j, *word) + (step ? start[j] : 0.0);
+    (j == x ? cycle.x : cycle.z) = to;
+    (j == x ? cycle.has_x : cycle.has_z) = true;
+  }
+  if (const Word& r = block['R']) cycle.taper = length(r);
+  if (!cycle.has_x || !cycle.has_z)
+    refuse(cause, "X and Z in the first block of G90 and G94", "one of them");
+  moved_ = true;
+  const auto go = [&](double to_x, double to_z, bool rapid) {
+    AxisVector end = start;
+    end[x] = to_x;
+    end[z] = to_z;
+    const AxisVector placed = canon_.placed(std::move(end));
+    AxisVector there = canon_.position();  // a spindle among the joints goes on
+    there[x] = placed[x];
+    there[z] = placed[z];
+    canon_.straight({.end = std::move(there), .cause = cause}, rapid);
+  };
+  const bool along_z = motion_ == 900;
+  if (along_z)
+    go(cycle.x + cycle.taper, start[z], true);
+  else
+    go(start[x], cycle.z + cycle.taper, true);
+  go(cycle.x, cycle.z, false);
+  if (along_z)
+    go(start[x], cycle.z, false);
+  else
+    go(cycle.x, start[z], false);
+  go(start[x], start[z], true);
+}
+
+}  // namespace abbe::sim::dialects::fanuc

@@ -1,0 +1,348 @@
+#include <vector>
+
+#include "sim/dialects/fanuc/block.h"
+#include "sim/dialects/front_ends.h"
+
+namespace abbe::sim::dialects {
+
+namespace fanuc {
+namespace {
+
+using Line = CodeLine<Group>;
+
+constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+
+constexpr Line lines[] = {
+    {"G0 G1", Group::Motion, read, "rapid, in force at first; line"},
+    {"G2 G3", Group::Motion, read,
+     "arc clockwise, counter-clockwise, helix too; I J K from the start, or R"},
+    {"G2.2 G3.2 G2.3 G3.3 G6.2", Group::None, refused,
+     "lines and arcs: involutes, exponential curves and NURBS are not read"},
+    {"G2.4 G3.4", Group::None, refused,
+     "lines, or arcs in a plane: a circle in space through a middle point is not read"},
+    {"G4", Group::OneShot, read, "dwell, X or U in seconds, P in milliseconds, alone in its block"},
+    {"G5 G5.1 G8", Group::Alone, none,
+     "contour control, smoothing and look-ahead: abbe cuts the exact path"},
+    {"G7.1 G107 G12.1 G112", Group::None, refused,
+     "X Y Z as they are: no interpolation on a cylinder or in polar coordinates"},
+    {"G9 G61", Group::Beside, none, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::Beside, none, "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::Beside, none, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::Beside, none, "cutting mode: abbe cuts the exact path"},
+    {"G10", Group::OneShot, read,
+     "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1; L10 L11 L12 L13: length, its wear, "
+     "radius, its wear of a tool; adds under G91"},
+    {"G10.6 G27 G29 G30.1", Group::None, refused, "moves to a reference position by G28 or G30"},
+    {"G11 G13.1 G113", Group::None, none,
+     "end of what G10 and G12.1 begin; axis words beside them are refused"},
+    {"G15 G16", Group::Polar, read,
+     "end of, and polar coordinates: the first axis of the plane is a radius, the second an angle"},
+    {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
+    {"G20 G21", Group::Units, read, "inch, mm"},
+    {"G22 G23", Group::Alone, none, "checks of stored strokes"},
+    {"G25 G26", Group::Alone, none, "checks of fluctuations of the spindle speed"},
+    {"G28 G30", Group::OneShot, read,
+     "beside any code of motion, which is in force behind it: rapid over the point of the words to "
+     "the reference position of these axes, `reference` of the machine, else where they stand at "
+     "first; of G30 too"},
+    {"G31 G37", Group::None, refused,
+     "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"G33", Group::None, refused, "G84 or G1: no thread is cut by a single point on a mill"},
+    {"G40", Group::CutterRadius, read, "cutter compensation off"},
+    {"G41 G42", Group::CutterRadius, read,
+     "cutter compensation left, right, by the radius D: the first move, a line, ends across the "
+     "beginning of the next (type A, 5003.0 SUP = 0), arcs around outside corners (19607.2 CCC = "
+     "1)"},
+    {"G40.1 G41.1 G42.1 G41.2 G42.2 G41.3 G41.4 G42.4 G41.5 G42.5 G41.6 G42.6", Group::None,
+     refused, "G41 or G42: no compensation in space, no control of a normal direction"},
+    {"G43 G44", Group::ToolLength, read,
+     "tool length H added to Z, subtracted; the axes do not move by it alone (5006.6 TOS = 1)"},
+    {"G43.4", Group::ToolLength, read,
+     "X Y Z are the tip of tool H in the workpiece, rotary words axis positions; the axes do not "
+     "move when it is switched"},
+    {"G43.5", Group::ToolLength, read,
+     "the same, but I J K are the direction of the tool at the end of a block, from the tip to the "
+     "spindle"},
+    {"G43.1 G43.3 G43.7 G45 G46 G47 G48", Group::None, refused,
+     "G43, G43.4 or G43.5 for the length of a tool"},
+    {"G49", Group::ToolLength, read, "no tool length; the end of G43.4 and G43.5"},
+    {"G50", Group::None, none,
+     "end of scaling, of which there is none; axis words beside it are refused"},
+    {"G50.1", Group::MirrorEnd, none,
+     "end of mirror images, of which there are none; axis words beside it name axes and move "
+     "nothing"},
+    {"G51 G51.1", Group::None, refused, "coordinates as they are: no scaling, no mirror images"},
+    {"G52", Group::OneShot, read, "shift on top of all coordinate systems"},
+    {"G53", Group::OneShot, read,
+     "rapid to positions of the axes, without offsets, under G90, beside any code of motion"},
+    {"G53.1", Group::OneShot, read,
+     "turns the rotary axes so that the tool is along Z of the tilted plane, slides at rest; of "
+     "two "
+     "solutions the one that turns the first axis less (of head and table: the table)"},
+    {"G53.6", Group::OneShot, read, "the same with the tip at rest"},
+    {"G54 G55 G56 G57 G58 G59", Group::WorkOffset, read, "coordinate system, as the scene says it"},
+    {"G54.1", Group::WorkOffset, read,
+     "coordinate system P 1 to 300, at zero first; G54 P the same"},
+    {"G54.2 G54.4", Group::None, refused, "G54 to G59 or G54.1: no dynamic offsets of a fixture"},
+    {"G60", Group::None, refused, "G0: how far it goes beyond its end is a parameter"},
+    {"G65", Group::Macro, read, "calls program P with arguments, L times"},
+    {"G66", Group::Macro, read, "calls it after every block that moves, until G67"},
+    {"G67", Group::Macro, read, "end of G66", true},
+    {"G66.1", Group::None, refused, "G66: no call for each block"},
+    {"G68", Group::Rotation, read, "turns the coordinate system in the plane by R about a point"},
+    {"G68.2", Group::Rotation, read,
+     "tilted plane: origin X Y Z, Euler angles I about Z, J about the new X, K about the new Z"},
+    {"G68.3 G68.4", Group::None, refused, "G68.2 with Euler angles"},
+    {"G69", Group::Rotation, read, "end of G68 and G68.2", true},
+    {"G70 G71 G72 G75 G77 G78 G79", Group::None, refused,
+     "a milling program: cycles of lathes and grinding machines are not read"},
+    {"G72.1 G72.2", Group::None, refused, "M98: no copies turned or shifted"},
+    {"G73 G83", Group::Cycle, read, "drilling with pecks Q: chips broken; cleared"},
+    {"G74 G84", Group::Cycle, read, "tapping left, right, the spindle reversed at the bottom"},
+    {"G76 G87", Group::Cycle, read,
+     "fine boring, boring from behind: the spindle stands, the tool is shifted by Q along +X"},
+    {"G80", Group::Cycle, read, "end of a cycle"},
+    {"G81 G82", Group::Cycle, read, "drilling; with dwell P"},
+    {"G84.2 G84.3", Group::None, refused, "M29 and G84 or G74 for rigid tapping"},
+    {"G85 G86 G89", Group::Cycle, read,
+     "boring: feed out; spindle stops, rapid out; dwell, feed out"},
+    {"G88", Group::None, refused, "G86 or G89: no operator returns the spindle by hand"},
+    {"G90 G91", Group::Distance, read, "absolute, incremental"},
+    {"G92", Group::OneShot, read,
+     "shift of all coordinate systems, so that the axes stand at the words; with S alone the "
+     "largest speed of G96"},
+    {"G92.1", Group::OneShot, read, "ends what G92 and G52 did to these axes"},
+    {"G93 G94 G95", Group::FeedMode, read,
+     "F: inverse time, in every block; per minute; per turn of the spindle"},
+    {"G96", Group::SpeedMode, read,
+     "S is a surface speed at the radius of X: a block takes as long as at the speeds of its "
+     "points"},
+    {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
+    {"G98 G99", Group::ReturnLevel, read,
+     "cycles return to the level before them, also below R, which is warned of; to R"},
+    {"M0 M1", Group::Stop, none, "stops"},
+    {"M2 M30", Group::Stop, read, "end of the program"},
+    {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
+    {"M6", Group::ToolChange, read, "change to the tool of T"},
+    {"M7 M8 M9 M88 M89", Group::Coolant, none, "coolant, M88 M89 through the tool"},
+    {"M10 M11", Group::Beside, none, "rotary axes clamped, free"},
+    {"M19", Group::Beside, none, "spindle orientation"},
+    {"M29", Group::RigidTap, read, "rigid tapping: the cycle turns the spindle itself"},
+    {"M48 M49", Group::Beside, none, "overrides: abbe runs at 100 %"},
+    {"M96 M97", Group::None, refused, "no interrupts: there is no signal"},
+    {"M98", Group::Call, read,
+     "calls program P, L times; P of up to 8 digits: repeats, then program"},
+    {"M99", Group::Call, read, "return, P to this sequence number; of the main program its end"},
+    {"M198", Group::None, refused, "M98: programs stand in the file or beside it"},
+};
+
+constexpr WordTableEntry other_words[] = {
+    {"O :", read, "number of a program"},
+    {"N", read, "sequence number"},
+    {"F S", read, "feed; spindle speed"},
+    {"T D H", read, "tool; its radius, its length by number"},
+    {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees"},
+    {"1 1.", read,
+     "without a decimal point a length or angle counts in 0.001 mm, 0.001 degrees or 0.0001 inch "
+     "(3401.0 DPI = 0, IS-B); with it as it is, in all its digits"},
+    {"#1...#33 #100...#199 #500...#999", read,
+     "variables of a macro call, of the program; #0 and what is not set are vacant: their words "
+     "are left out"},
+    {"#2001...#2400 #10001...#13999", read,
+     "offsets: wear and length H, wear (#12001...) and radius (#13001...) D"},
+    {"#3000 #3006", read, "alarm, which is a refusal; stop"},
+    {"#3003 #3004", none, "single block and feed hold"},
+    {"#4001...#4130", read, "modes of groups 1 to 10, 12 to 17; D F H M N O S T and P of G54.1"},
+    {"#5001...#5009 #5021...#5029 #5041...#5049", read,
+     "programmed position; of the axes; with the tool's length; X Y Z, then the others by letter"},
+    {"#5081...#5089 #5201...#5329 #7001...#7959", read,
+     "tool length in force; origins of all, G54 to G59 and G54.1 P1 to P48"},
+    {"[ ] + - * / MOD AND OR XOR EQ NE GT GE LT LE", read,
+     "expressions: * / MOD AND first, then + - OR XOR, then comparisons, each from the left"},
+    {"ABS ACOS ASIN ATAN COS EXP FIX FUP LN POW ROUND SIN SQRT TAN", read,
+     "functions, degrees; ATAN[y]/[x] from 0 to 360; ROUND in a word to its least increment"},
+    {"BIN BCD ADP SETVN", refused, "numbers as they are"},
+    {"IF GOTO THEN WHILE DO END", read, "conditions, jumps to N, loops 1 to 3"},
+    {"ELSE ENDIF", refused, "IF with GOTO, or with THEN in one line"},
+    {"( ) ; %", read,
+     "comments, those with the diameter of a tool are noted; end of a block; tape marks. What "
+     "stands behind / is left out"},
+    {"POPEN PCLOS DPRNT BPRNT", none, "output"},
+};
+
+}  // namespace
+
+bool is_beside_motion(Group group) {
+  switch (group) {
+    case Group::None:
+    case Group::Alone:
+    case Group::MirrorEnd:
+    case Group::OneShot:
+    case Group::Rotation:
+    case Group::Macro:
+    case Group::Count:
+      return false;
+    case Group::Beside:
+    case Group::Motion:
+    case Group::Plane:
+    case Group::Distance:
+    case Group::FeedMode:
+    case Group::Units:
+    case Group::CutterRadius:
+    case Group::ToolLength:
+    case Group::Cycle:
+    case Group::ReturnLevel:
+    case Group::SpeedMode:
+    case Group::WorkOffset:
+    case Group::Polar:
+    case Group::Stop:
+    case Group::ToolChange:
+    case Group::Spindle:
+    case Group::Coolant:
+    case Group::Call:
+    case Group::RigidTap:
+      return true;
+  }
+  return false;
+}
+
+const CodeEntry& find_entry(char letter, int tenths) {
+  static const CodeTable<Group> table(lines);
+  return table.find_entry(letter, tenths);
+}
+
+std::string_view word_sentence(std::string_view word) {
+  return find_word(other_words, word)->sentence;
+}
+
+}  // namespace fanuc
+
+std::span<const WordTableEntry> fanuc_words() {
+  static const std::vector<WordTableEntry> all =
+      joined_words<fanuc::Line>(fanuc::lines, fanuc::other_words);
+  return all;
+}
+
+namespace fanuc {
+namespace {
+
+using LatheLine = CodeLine<Group>;
+
+constexpr Use is_read = Use::Read, no_effect = Use::WithoutEffect, is_refused = Use::Refused;
+
+constexpr LatheLine lathe_lines[] = {
+    {"G0 G1", Group::Motion, is_read, "rapid, in force at first; line"},
+    {"G2 G3", Group::Motion, is_read,
+     "arc clockwise, counter-clockwise, seen against Y in G18: I K from the start, I a radius, or "
+     "R"},
+    {"G4", Group::OneShot, is_read, "dwell, X or U in seconds, P in milliseconds"},
+    {"G7.1 G107 G12.1 G112", Group::None, is_refused,
+     "X Z as they are: no interpolation on a cylinder or in polar coordinates"},
+    {"G5 G5.1 G8", Group::Alone, no_effect,
+     "contour control, smoothing and look-ahead: abbe cuts the exact path"},
+    {"G9 G61", Group::Beside, no_effect, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::Beside, no_effect, "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::Beside, no_effect, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::Beside, no_effect, "cutting mode: abbe cuts the exact path"},
+    {"G10", Group::OneShot, is_read,
+     "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1, U W adding; without L: X Z U W R, "
+     "wear "
+     "of an offset P1 to P99"},
+    {"G11 G13.1 G113", Group::None, no_effect,
+     "end of what G10 and G12.1 begin; axis words beside them are refused"},
+    {"G17 G18 G19", Group::Plane, is_read, "plane X Y, Z X, Y Z; G18 is in force at first"},
+    {"G20 G21", Group::Units, is_read, "inch, mm"},
+    {"G22 G23", Group::Alone, no_effect, "checks of stored strokes"},
+    {"G25 G26", Group::Alone, no_effect, "checks of fluctuations of the spindle speed"},
+    {"G27 G29 G30.1", Group::None, is_refused, "moves to a reference position by G28 or G30"},
+    {"G28 G30", Group::OneShot, is_read,
+     "rapid over the point of the words, U0 W0: from where they stand, to the reference position "
+     "of "
+     "these axes, `reference` of the machine, else where they stand at first; of G30 too"},
+    {"G31 G36 G37", Group::None, is_refused,
+     "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"G32 G33 G34 G35 G76 G78 G92", Group::None, is_refused,
+     "G1 with the feed of the lead under G99: threads are not cut in turn with the spindle"},
+    {"G40", Group::CutterRadius, is_read, "nose compensation off"},
+    {"G41 G42", Group::CutterRadius, is_read,
+     "nose compensation left, right: the nose of the tool along the contour"},
+    {"G50", Group::OneShot, is_read,
+     "S: the largest speed of G96; X Z: a shift so that the tool stands at the words; U W: by "
+     "them"},
+    {"G50.3", Group::OneShot, is_read, "ends what G50 and G52 did to these axes"},
+    {"G50.2 G51.2 G250 G251", Group::None, is_refused, "G1: no polygons are turned"},
+    {"G52", Group::OneShot, is_read, "shift on top of all coordinate systems"},
+    {"G53", Group::OneShot, is_read, "rapid to positions of the axes, without offsets"},
+    {"G54 G55 G56 G57 G58 G59", Group::WorkOffset, is_read,
+     "coordinate system, as the scene says it"},
+    {"G54.1", Group::WorkOffset, is_read,
+     "coordinate system P 1 to 300, at zero first; G54 P the same"},
+    {"G65", Group::Macro, is_read, "calls program P with arguments, L times"},
+    {"G66", Group::Macro, is_read, "calls it after every block that moves, until G67"},
+    {"G67", Group::Macro, is_read, "end of G66", true},
+    {"G68", Group::None, is_refused, "one turret: no mirror image for a second one"},
+    {"G69 G69.1", Group::None, no_effect,
+     "end of the mirror image of a second turret; axis words beside it are refused"},
+    {"G70 G71 G72 G73 G74 G75", Group::None, is_refused,
+     "the passes themselves, by G1 to G3, G90 or G94: cycles of roughing, finishing and grooving "
+     "are not expanded"},
+    {"G80", Group::Cycle, is_read, "no cycle"},
+    {"G81 G82 G83 G84 G85 G86 G87 G88 G89", Group::None, is_refused,
+     "the moves themselves: drilling cycles of a turning control are not expanded"},
+    {"G90 G94", Group::Motion, is_read,
+     "turning along Z, facing along X: rapid to the cut, feed along it and out of it, rapid back; "
+     "R "
+     "tapers"},
+    {"G91 G93 G95", Group::None, is_refused,
+     "U V W H for increments, G98 or G99 for feeds: G91, G93 and G95 are of G-code systems B and "
+     "C"},
+    {"G96", Group::SpeedMode, is_read,
+     "S is a surface speed at the radius of X: a block takes as long as at the speeds of its "
+     "points"},
+    {"G97", Group::SpeedMode, is_read, "S is a speed in rpm; without S it stays as it is"},
+    {"G98 G99", Group::FeedMode, is_read, "F is per minute; per turn of the spindle"},
+    {"M0 M1", Group::Stop, no_effect, "stops"},
+    {"M2 M30", Group::Stop, is_read, "end of the program"},
+    {"M3 M4 M5", Group::Spindle, is_read, "spindle clockwise, counter-clockwise, off"},
+    {"M6", Group::Beside, no_effect, "the turret turns by T alone"},
+    {"M7 M8 M9 M88 M89", Group::Coolant, no_effect, "coolant, M88 M89 through the tool"},
+    {"M10 M11", Group::Beside, no_effect, "chuck closed, open"},
+    {"M19", Group::Beside, no_effect, "spindle orientation"},
+    {"M40 M41 M42 M43 M44 M45", Group::Beside, no_effect, "gears of the spindle"},
+    {"M23 M24", Group::Beside, no_effect, "how a thread ends"},
+    {"M48 M49", Group::Beside, no_effect, "overrides: abbe runs at 100 %"},
+    {"M96 M97", Group::None, is_refused, "no interrupts: there is no signal"},
+    {"M98", Group::Call, is_read,
+     "calls program P, L times; P of up to 8 digits: repeats, then program"},
+    {"M99", Group::Call, is_read, "return, P to this sequence number; of the main program its end"},
+    {"M198", Group::None, is_refused, "M98: programs stand in the file or beside it"},
+};
+
+constexpr WordTableEntry other_lathe_words[] = {
+    {"O :", is_read, "number of a program"},
+    {"N", is_read, "sequence number"},
+    {"F S", is_read, "feed; spindle speed"},
+    {"T", is_read,
+     "tool and offset, T0101. With an offset X Z lead the tool's point, X0 being on the spindle "
+     "line: its geometry is that of the scene's tool, program.tip says which point; T0100 ends it"},
+    {"X Z Y C", is_read, "axes of the machine, X a diameter; mm or inch, degrees"},
+    {"U W V H", is_read, "increments of X Z Y C"},
+    {",C ,R", is_refused, "lines and arcs as they are: corners are not expanded"},
+};
+
+}  // namespace
+
+const CodeEntry& find_lathe_entry(char letter, int tenths) {
+  static const CodeTable<Group> table(lathe_lines);
+  return table.find_entry(letter, tenths);
+}
+
+}  // namespace fanuc
+
+std::span<const WordTableEntry> fanuc_lathe_words() {
+  static const std::vector<WordTableEntry> all =
+      joined_words<fanuc::LatheLine>(fanuc::lathe_lines, fanuc::other_lathe_words);
+  return all;
+}
+
+}  // namespace abbe::sim::dialects

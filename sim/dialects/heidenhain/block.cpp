@@ -1,0 +1,388 @@
+#include "sim/dialects/heidenhain/block.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+
+namespace abbe::sim::dialects {
+
+namespace heidenhain {
+namespace {
+
+constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+
+// Parts of one word are held together by no-break spaces.
+constexpr WordTableEntry words[] = {
+    {"BEGIN\u00a0PGM END\u00a0PGM", read,
+     "begin and end of a program, MM or INCH; a called one goes back at END PGM"},
+    {"BLK\u00a0FORM BLK", none, "the blank: that of the scene is cut"},
+    {"; * ~ /", read,
+     "comment, structure of the program, the block goes on in the next line, the block may be "
+     "left out"},
+    {"TOOL\u00a0CALL", read,
+     "tool by number, axis Z, S, F, DL, DR. A name, the axes X and Y are refused. Without M128 and "
+     "PLANE the length counts so that X Y Z are the tip in the workpiece with the rotary axes at "
+     "zero"},
+    {"TOOL\u00a0DEF", read, "length L and radius R of a tool as the control believes them"},
+    {"L", read, "line, X Y Z A B C U V W absolute or with I, R0 RL RR, F, M", true},
+    {"LN", read,
+     "line with TX TY TZ, the direction of the tool under M128; NX NY NZ have no effect, as DL and "
+     "DR must be zero. The rotary axes take the shortest way",
+     true},
+    {"CC", read, "pole: two of X Y Z, absolute or with I, or where the program stands"},
+    {"C CR CT", read,
+     "arc about the pole; of a radius; that goes on in the direction of the last move", true},
+    {"LP CP CTP", read, "line and arcs in polar coordinates PR PA, IPR IPA; CP with Z is a helix",
+     true},
+    {"DR PR PA IPR IPA", read, "direction of an arc; polar radius and angle"},
+    {"RND CHF", read,
+     "corner rounded, bevelled, between two lines in X Y; with arcs it is refused"},
+    {"R0 RL RR", read,
+     "on the path, left, right of it by the radius of the tool, in X Y; begins and ends with L. "
+     "Refused in tilted planes and under M128"},
+    {"APPR DEP", refused, "L with RL, RR or R0: APPR and DEP are not read"},
+    {"FK FPOL FL FC FLT FCT FSELECT", refused, "L, C and CR: free contours are not worked out"},
+    {"F FMAX F\u00a0AUTO FU", read,
+     "mm/min, in inches tenths of an inch a minute; rapid, for its block; that of TOOL CALL; per "
+     "turn"},
+    {"FZ", refused, "F or FU: the teeth of a tool are not known"},
+    {"FT FMAXT", refused, "F: feeds are no times"},
+    {"M0 M1", none, "stops", true},
+    {"STOP", none, "stop; its M words are read"},
+    {"M2 M30", read, "end of the program"},
+    {"M3 M4 M5 M13 M14", read, "spindle clockwise, counter-clockwise, off; with coolant"},
+    {"M6", none, "tool change by hand", true},
+    {"M7 M8 M9", none, "coolant", true},
+    {"M19", none, "spindle orientation", true},
+    {"M89 M99", read, "a cycle is called after every block with axes; after this one"},
+    {"M91", read, "positions of the axes, without datum and tool"},
+    {"M92", refused, "M91: the maker's own zero is not known"},
+    {"M94", read, "whole turns are taken off the position of one rotary axis or of all"},
+    {"M97 M98", refused, "a contour that the tool reaches: M97 and M98 do without corners"},
+    {"M90", none, "smoothing of corners: abbe cuts them as programmed", true},
+    {"M107 M108", none, "messages of sister tools", true},
+    {"M118", none, "handwheel, which moves by the X Y Z behind it at most: there is none", true},
+    {"M120", none, "look-ahead of LA blocks", true},
+    {"M148 M149", none, "lift-off at a stop, of which there is none", true},
+    {"M143", none, "end of a basic rotation, of which there is none", true},
+    {"M103", none, "F behind it is a factor of the feed on plunges, which stays as programmed",
+     true},
+    {"M109 M110 M111", none,
+     "feed of the cutting edge on arcs: F is that of the tool's centre here", true},
+    {"M101 M102", none, "a sister tool after BT, of which there is none", true},
+    {"M117", none, "end of M116, which is refused", true},
+    {"M145", none, "end of M144, which is refused", true},
+    {"M116", refused, "M117: feeds of rotary axes are degrees a minute"},
+    {"M114 M115 M144", refused, "M128 or PLANE"},
+    {"M124 M138 M141 M150 M197", refused, "blocks without it: it changes the path"},
+    {"M126 M127", read, "rotary axes go the short way; as the positions say"},
+    {"M128 M129", read,
+     "X Y Z are the tip in the workpiece, rotary words positions of axes that run in proportion; F "
+     "beside M128 has no effect. M128 from the beginning of its block, M129 from its end"},
+    {"M136 M137", read, "F is mm per turn; per minute"},
+    {"M140", read, "MB: back along the tool, or MB MAX to the end of travel"},
+    {"FUNCTION\u00a0TCPM FUNCTION\u00a0RESET\u00a0TCPM", read,
+     "as M128 and M129, with F TCP, AXIS POS, PATHCTRL AXIS, REFPNT TIP-TIP; F CONT, AXIS SPAT, "
+     "PATHCTRL VECTOR and other points are refused"},
+    {"FUNCTION\u00a0DWELL", read, "TIME, seconds"},
+    {"FUNCTION\u00a0MODE", read, "MILL; others are refused"},
+    {"PLANE\u00a0SPATIAL PLANE\u00a0EULER PLANE\u00a0VECTOR PLANE\u00a0POINTS PLANE\u00a0RELATIV",
+     read,
+     "tilted plane about the datum by SPA SPB SPC about fixed x, y, z; Euler angles; base vector "
+     "and "
+     "normal; three points; one more angle about an axis of the plane in force"},
+    {"PLANE\u00a0RESET", read, "the plane ends; with TURN or MOVE the tool goes upright"},
+    {"STAY TURN MOVE", read,
+     "the rotary axes stay, Q120 to Q122 are where they belong; turn; turn about the tip or a "
+     "point "
+     "DIST in front of it"},
+    {"SEQ SYM", read,
+     "sign of the rotary axis nearest to the tool; without it the shorter way, of equal ones the "
+     "positive. A free axis goes to zero"},
+    {"COORD\u00a0ROT TABLE\u00a0ROT", read,
+     "a free axis goes to zero; turns the plane's x to the machine's"},
+    {"PLANE\u00a0AXIAL PLANE\u00a0PROJECTED", refused,
+     "PLANE SPATIAL: what the axes of its plane are is not known here"},
+    {"CYCL\u00a0DEF\u00a07 TRANS\u00a0DATUM", read, "datum shift; datum tables are refused"},
+    {"CYCL\u00a0DEF\u00a08 CYCL\u00a0DEF\u00a011", read,
+     "end of mirror image and scaling; themselves refused"},
+    {"CYCL\u00a0DEF\u00a09", read, "dwell, seconds"},
+    {"CYCL\u00a0DEF\u00a010 TRANS\u00a0ROTATION", read, "rotation about the datum"},
+    {"CYCL\u00a0DEF\u00a019", read, "as PLANE SPATIAL STAY, of spatial angles"},
+    {"CYCL\u00a0DEF\u00a013", none, "spindle orientation"},
+    {"CYCL\u00a0DEF\u00a032", none, "tolerance: abbe cuts the exact path"},
+    {"CYCL\u00a0DEF\u00a0247 PRESET\u00a0SELECT", read,
+     "presets 1 to 6: G54 to G59 of the scene, or 1 to 9999 of the control's table, `offsets`: "
+     "places in the workpiece frame with and without M128; shift and rotation end"},
+    {"CYCL\u00a0DEF\u00a0200 CYCL\u00a0DEF\u00a0203 CYCL\u00a0DEF\u00a0205", read,
+     "drilling with infeeds; universal; deep holes. Q395=0, Q379=0, Q258=Q259"},
+    {"CYCL\u00a0DEF\u00a0201 CYCL\u00a0DEF\u00a0202 CYCL\u00a0DEF\u00a0240", read,
+     "reaming; boring, Q214; centring with Q343=0"},
+    {"CYCL\u00a0DEF\u00a0206 CYCL\u00a0DEF\u00a0207", read,
+     "tapping with a floating holder; rigid"},
+    {"CYCL\u00a0DEF\u00a01 CYCL\u00a0DEF\u00a02 CYCL\u00a0DEF\u00a03 CYCL\u00a0DEF\u00a04 "
+     "CYCL\u00a0DEF\u00a05 CYCL\u00a0DEF\u00a06 CYCL\u00a0DEF\u00a017 CYCL\u00a0DEF\u00a018",
+     refused, "cycles of 200 and more"},
+    {"CYCL\u00a0DEF\u00a012", refused, "CALL PGM"},
+    {"CYCL\u00a0DEF\u00a014 CYCL\u00a0DEF\u00a020 CYCL\u00a0DEF\u00a021 CYCL\u00a0DEF\u00a022 "
+     "CYCL\u00a0DEF\u00a023 CYCL\u00a0DEF\u00a024 CYCL\u00a0DEF\u00a025 CYCL\u00a0DEF\u00a0270",
+     refused, "the moves themselves: contour cycles are not worked out"},
+    {"CYCL\u00a0DEF\u00a026", refused, "coordinates as they are: nothing is scaled"},
+    {"CYCL\u00a0DEF\u00a027 CYCL\u00a0DEF\u00a028 CYCL\u00a0DEF\u00a029 CYCL\u00a0DEF\u00a039",
+     refused, "rotary axes in words: cylinder surfaces are not unrolled"},
+    {"CYCL\u00a0DEF\u00a0204 CYCL\u00a0DEF\u00a0208 CYCL\u00a0DEF\u00a0209 CYCL\u00a0DEF\u00a0241",
+     refused, "cycles 200 to 203, 205 to 207 or 240"},
+    {"CYCL\u00a0DEF\u00a0220 CYCL\u00a0DEF\u00a0221 PATTERN", refused,
+     "CYCL CALL POS or M99 at every place"},
+    {"CYCL\u00a0DEF\u00a0251 CYCL\u00a0DEF\u00a0252 CYCL\u00a0DEF\u00a0253 CYCL\u00a0DEF\u00a0254 "
+     "CYCL\u00a0DEF\u00a0256 CYCL\u00a0DEF\u00a0257 CYCL\u00a0DEF\u00a0230 CYCL\u00a0DEF\u00a0231 "
+     "CYCL\u00a0DEF\u00a0232 CYCL\u00a0DEF\u00a0233 CYCL\u00a0DEF\u00a0262 CYCL\u00a0DEF\u00a0263 "
+     "CYCL\u00a0DEF\u00a0264 CYCL\u00a0DEF\u00a0265 CYCL\u00a0DEF\u00a0267 CYCL\u00a0DEF\u00a0225",
+     refused, "the moves themselves: milling cycles are not worked out"},
+    {"CYCL\u00a0CALL CYCL\u00a0CALL\u00a0POS", read, "calls the cycle; at a place"},
+    {"TCH", refused, "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"LBL CALL\u00a0LBL REP", read,
+     "label, by number or name; a subprogram until LBL 0; repeats of the blocks before"},
+    {"CALL\u00a0PGM", read, "a program beside this one"},
+    {"SEL CONTOUR DECLARE", refused,
+     "blocks in the program: tables, contours and texts are not read"},
+    {"Q QL QR", read,
+     "parameters: of all programs, of one, lasting; formulas with + - * / ^ % SQ SQRT SIN COS TAN "
+     "ASIN ACOS ATAN EXP LN LOG NEG INT ABS FRAC SGN PI. One that was never set is refused"},
+    {"QS", refused, "Q, QL and QR: texts are not kept"},
+    {"Q108 Q109 Q110 Q113 Q114 Q120 Q121 Q122", read,
+     "radius, axis, spindle, unit and length of the tool; positions A B C of the last plane"},
+    {"FN\u00a00 FN\u00a01 FN\u00a02 FN\u00a03 FN\u00a04 FN\u00a05 FN\u00a06 FN\u00a07 FN\u00a08 "
+     "FN\u00a013",
+     read, "assignment, + - * DIV SQRT SIN COS LEN ANG"},
+    {"FN\u00a09 FN\u00a010 FN\u00a011 FN\u00a012 IF", read, "jumps: IF EQU NE GT LT GOTO LBL"},
+    {"FN\u00a014 FN\u00a015 FN\u00a016 FN\u00a017 FN\u00a018 FN\u00a019 FN\u00a020 FN\u00a026 "
+     "FN\u00a027 FN\u00a028 FN\u00a029 FN\u00a037 FN\u00a038",
+     refused, "FN 0 to FN 13: messages and data of the control there are none"},
+};
+
+}  // namespace
+}  // namespace heidenhain
+
+std::span<const WordTableEntry> heidenhain_words() { return heidenhain::words; }
+
+}  // namespace abbe::sim::dialects
+
+namespace abbe::sim::dialects::heidenhain {
+
+namespace {
+
+constexpr std::size_t max_joined = 1000;  // lines of one block
+
+struct Taken {
+  std::size_t from = 0, to = 0;  ///< bytes of the line without comment and ~
+  std::size_t comment = std::string_view::npos;
+  bool goes_on = false;
+};
+
+/// What of a line is words. A ~ at its end stands behind the comment.
+Taken words_of(std::string_view line) {
+  Taken taken;
+  std::size_t end = line.size();
+  while (end > 0 && is_blank(line[end - 1])) --end;
+  taken.goes_on = end > 0 && line[end - 1] == '~';
+  if (taken.goes_on) --end;
+  bool quoted = false;
+  for (std::size_t i = 0; i < end; ++i) {
+    if (line[i] == '"') quoted = !quoted;
+    if (line[i] != ';' || quoted) continue;
+    taken.comment = i + 1;
+    end = i;
+    break;
+  }
+  taken.to = end;
+  return taken;
+}
+
+/// Behind the number of the block, and / if it has one.
+std::size_t skip_block_number(std::string_view line, bool& skipped) {
+  std::size_t at = 0;
+  const auto blanks = [&] {
+    while (at < line.size() && is_blank(line[at])) ++at;
+  };
+  blanks();
+  if (at < line.size() && line[at] == '/') skipped = true, ++at;
+  blanks();
+  const std::size_t digits = at;
+  while (at < line.size() && is_digit(line[at])) ++at;
+  if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
+      line[at] != '*' && line[at] != ';')
+    at = digits;  // no number of a block
+  blanks();
+  if (at < line.size() && line[at] == '/') skipped = true, ++at;
+  return at;
+}
+
+double modulo(double a, double b) { return std::fmod(a, b); }
+
+const char* zero_divisor_error(double, double b) {
+  return b == 0 ? "a divisor that is not zero" : nullptr;
+}
+
+const char* power_range_error(double a, double b) {
+  if (a < 0 && std::floor(b) != b) return "a whole exponent of a number below zero";
+  return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
+}
+
+constexpr Operator operators[] = {
+    {"^", 3, [](double a, double b) { return std::pow(a, b); }, power_range_error},
+    {"*", 2, [](double a, double b) { return a * b; }},
+    {"/", 2, [](double a, double b) { return a / b; }, zero_divisor_error},
+    {"%", 2, modulo, zero_divisor_error},
+    {"+", 1, [](double a, double b) { return a + b; }},
+    {"-", 1, [](double a, double b) { return a - b; }},
+};
+
+const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
+const char* not_positive(double x) { return x <= 0 ? "a number above zero" : nullptr; }
+
+constexpr Function functions[] = {
+    {"SQRT", [](double x) { return std::sqrt(x); },
+     [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
+    {"SQ", [](double x) { return x * x; }},
+    {"SIN", [](double x) { return std::sin(x * units::deg); }},
+    {"COS", [](double x) { return std::cos(x * units::deg); }},
+    {"TAN", [](double x) { return std::tan(x * units::deg); }},
+    {"ASIN", [](double x) { return std::asin(x) / units::deg; }, beyond_one},
+    {"ACOS", [](double x) { return std::acos(x) / units::deg; }, beyond_one},
+    {"ATAN", [](double x) { return std::atan(x) / units::deg; }},
+    {"EXP", [](double x) { return std::exp(x); }},
+    {"LN", [](double x) { return std::log(x); }, not_positive},
+    {"LOG", [](double x) { return std::log10(x); }, not_positive},
+    {"NEG", [](double x) { return -x; }},
+    {"INT", [](double x) { return std::trunc(x); }},
+    {"ABS", [](double x) { return std::abs(x); }},
+    {"FRAC", [](double x) { return x - std::trunc(x); }},
+    {"SGN", [](double x) { return double((x > 0) - (x < 0)); }},
+};
+
+}  // namespace
+
+const ExpressionGrammar& grammar() {
+  static constexpr ExpressionGrammar all{operators, {}, '(', ')', false};
+  return all;
+}
+
+std::optional<double> function_value(Cursor& cursor, Operands& parameters) {
+  const std::size_t from = cursor.at;
+  if (cursor.take_word("PI")) return pi;
+  for (const Function& function : functions) {
+    if (!cursor.take_word(function.name)) continue;
+    const double argument = value(cursor, grammar(), parameters);
+    if (function.fault != nullptr)
+      if (const char* wanted = function.fault(argument)) cursor.refuse(from, wanted);
+    const double result = function.apply(argument);
+    if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
+    return result;
+  }
+  return std::nullopt;
+}
+
+void read_block(const std::vector<std::string_view>& lines, std::size_t at, Block& block) {
+  block.skipped = false;
+  block.comment = {};
+  block.pieces.clear();
+  block.lines = 1;
+  const std::string_view line = lines[at];
+  const std::size_t begin = skip_block_number(line, block.skipped);
+  Taken taken = words_of(line);
+  std::size_t first = begin;
+  while (first < taken.to && is_blank(line[first])) ++first;
+  if (first < line.size() && line[first] == '*') {
+    block.comment = line.substr(first + 1);
+    block.text = {};
+    return;
+  }
+  if (first >= taken.to && taken.comment != std::string_view::npos)
+    block.comment = line.substr(taken.comment);
+  if (!taken.goes_on) {
+    block.text = line.substr(0, std::max(taken.to, begin));
+    block.pieces.push_back({begin, int(at) + 1, int(begin)});
+    return;
+  }
+  block.joined.clear();
+  std::size_t from = begin;
+  for (std::size_t i = at;; ++i) {
+    const std::string_view text = lines[i];
+    block.pieces.push_back({block.joined.size(), int(i) + 1, int(from)});
+    block.joined += text.substr(from, taken.to > from ? taken.to - from : 0);
+    block.lines = i - at + 1;
+    if (!taken.goes_on || i + 1 >= lines.size() || block.lines == max_joined) break;
+    block.joined += ' ';
+    taken = words_of(lines[i + 1]);
+    from = 0;
+  }
+  block.text = block.joined;
+}
+
+BadInput relocate_error(const Block& block, const BadInput& fault) {
+  if (block.lines == 1 || fault.column < 1) return fault;
+  const std::size_t offset = std::size_t(fault.column - 1);
+  const Block::Piece* piece = &block.pieces.front();
+  for (const Block::Piece& one : block.pieces)
+    if (one.offset <= offset) piece = &one;
+  return {fault.file, piece->line, int(offset - piece->offset) + piece->column + 1, fault.expected,
+          fault.seen};
+}
+
+std::string Words::name() {
+  cursor.skip_blanks();
+  std::string letters;
+  while (is_letter(cursor.here())) letters += upper(cursor.text[cursor.at++]);
+  if (!is_digit(cursor.here())) return letters;
+  for (const std::string_view parameter : {"Q", "QL", "QR", "QS"})
+    if (letters.size() > parameter.size() && letters.ends_with(parameter)) {
+      letters.resize(letters.size() - parameter.size());
+      cursor.at -= parameter.size();
+      break;
+    }
+  return letters;
+}
+
+bool Words::has_value() const {
+  Cursor ahead = cursor;
+  ahead.skip_blanks();
+  while (ahead.here() == '+' || ahead.here() == '-') ++ahead.at;
+  return is_digit(ahead.here()) || ahead.here() == '.' || upper(ahead.here()) == 'Q';
+}
+
+double Words::value() {
+  cursor.skip_blanks();
+  if (!has_value()) cursor.refuse(cursor.at, "a number or a Q parameter");
+  return dialects::value(cursor, grammar(), parameters_);
+}
+
+int Words::whole(int most) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const double number = value();
+  if (number < 0 || number > most || number != std::floor(number))
+    cursor.refuse(from, fmt::format("a whole number of 0 to {}", most));
+  return int(number);
+}
+
+std::string Words::label() {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  if (cursor.here() != '"') return fmt::format("{}", whole(65535));
+  const std::size_t end = cursor.text.find('"', from + 1);
+  if (end == std::string_view::npos || end == from + 1 || end - from > 33)
+    cursor.refuse(from, "a name of 1 to 32 characters in quotes");
+  cursor.at = end + 1;
+  return std::string(cursor.text.substr(from, end + 1 - from));
+}
+
+void Words::ends() {
+  if (!at_end()) cursor.refuse(cursor.at, "nothing more in the block");
+}
+
+}  // namespace abbe::sim::dialects::heidenhain

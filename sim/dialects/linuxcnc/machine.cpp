@@ -1,0 +1,576 @@
+#include "sim/dialects/linuxcnc/machine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+using program::Feed;
+using program::FeedMode;
+
+namespace {
+
+constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+
+bool is_drilling(int motion) {
+  return motion == 730 || motion == 740 || (motion >= 810 && motion <= 890);
+}
+
+/// Letters beside axis words that a code of motion takes.
+std::string_view motion_letters(int motion) {
+  switch (motion) {
+    case 20:
+    case 30:
+      return "IJKRP";
+    case 50:
+      return "IJPQ";
+    case 51:
+      return "IJ";
+    case 52:
+      return "PL";
+    case 330:
+      return "K";
+    case 331:
+      return "KI";
+    case 760:
+      return "PIJRKQHEL";
+    case 730:
+    case 830:
+      return "RQL";
+    case 810:
+    case 850:
+      return "RL";
+    default:
+      return is_drilling(motion) ? "RPL" : "";
+  }
+}
+
+/// Codes of motion that do nothing without axis words.
+bool needs_axes(int motion) {
+  return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
+}
+
+/// Of the codes of overrides and outputs.
+std::string_view override_letters(int code) {
+  if (code >= 500 && code <= 530) return "P";
+  if (code >= 620 && code <= 650) return "P";
+  return code == 670 || code == 680 ? "EQ" : "";
+}
+
+std::string_view one_block_letters(int code) {
+  switch (code) {
+    case 40:
+      return "P";
+    case 100:
+      return "LPRIJQ";
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
+Machine::Machine(ProgramRun& run)
+    : run_(run),
+      canon_(run.canon),
+      parameters_(5602),
+      length_(canon_.options().tool_length),
+      radius_(canon_.options().tool_radius),
+      compensation_(run) {
+  diameter_ = run.has_initial_diameters(false);
+  for (int system = 1; system <= int(system_changed_.size()); ++system) {
+    const AxisVector& offset = program::work_offset(canon_.options(), system);
+    for (int k = 0; k < 9 && offset.size() > 0; ++k)
+      if (const int j = joint(k); j >= 0)
+        parameters_[5221 + 20 * std::size_t(system - 1) + std::size_t(k)] =
+            canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
+  }
+  take_origin(1);
+  parameters_[5220] = 1;
+  parameters_[5599] = 1;  // (debug,) comments are shown
+  const AxisVector& reference = canon_.options().reference;
+  for (int k = 0; k < 9 && reference.size() > 0; ++k)
+    if (const int j = joint(k); j >= 0)
+      parameters_[5161 + std::size_t(k)] = parameters_[5181 + std::size_t(k)] =
+          canon_.is_linear(j) ? reference[j] : reference[j] / units::deg;
+}
+
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {{Group::Units, StartMode::Units},
+                                                {Group::Distance, StartMode::Distance},
+                                                {Group::Plane, StartMode::Plane},
+                                                {Group::FeedMode, StartMode::Feed},
+                                                {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (block[Group::LatheDiameter]) diameter_stated_ = true;
+  if (!first_axis_word(block)) return;
+  if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
+      run_.options().turning.x_words == XWordMeaning::FromControl)
+    canon_.assume(
+        {"X words are radii (G8): no word before says otherwise", "program.x_words", "--x-words"});
+  const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  run_.assume_mode(StartMode::Units, "mm (G21)");
+  run_.assume_mode(StartMode::Distance, "absolute (G90)");
+  if (motion == 20 || motion == 30)
+    run_.assume_mode(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
+                                       : plane_ == 190 ? "plane Y Z (G19)"
+                                                       : "plane X Y (G17)");
+  if (motion > 0)
+    run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
+                                          ? "F per turn (G95)"
+                                          : "F per minute (G94)");
+  if (!block[Group::OneBlock]) run_.assume_offset(system_, "work offset G54");
+}
+
+double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
+
+double Machine::axis_word(int k, const NcWord& word) const {
+  const bool turns = k >= 3 && k <= 5;
+  if (turns) return word.value;
+  return word.value * unit() * (k == 0 && diameter_ ? 0.5 : 1.0);
+}
+
+const NcWord& Machine::first_axis_word(const Block& block) const {
+  static const NcWord none;
+  const NcWord* first = &none;
+  const auto look_at = [&](const NcWord& word) {
+    if (word && (!*first || word.column < first->column)) first = &word;
+  };
+  for (const char letter : axis_letters) look_at(block[letter]);
+  look_at(block.radius());
+  look_at(block.angle());
+  return *first;
+}
+
+Cause Machine::cause_of(const Block& block) const {
+  if (const Code& code = block[Group::Motion]) return code.word;
+  if (const NcWord& axis = first_axis_word(block)) return axis;
+  for (const char letter : {'R', 'I', 'J', 'K', 'P'})
+    if (block[letter]) return block[letter];
+  if (const Code& code = block[Group::OneBlock]) return code.word;
+  return {1, {}};
+}
+
+/// Words that make sense only beside others.
+void Machine::check_words(const Block& block) const {
+  for (const char letter : axis_letters)
+    if (const NcWord& word = block[letter]; word && canon_.joint_of(letter) < 0)
+      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+  const Code& once = block[Group::OneBlock];
+  const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  const bool takes_axes = once && once.tenths != 40 && once.tenths != 530;
+  std::string taken(one_block_letters(once.tenths));
+  const NcWord& axis = first_axis_word(block);
+  const bool is_arc = motion == 20 || motion == 30;
+  const bool centre = is_arc && (block['I'] || block['J'] || block['K']);
+  // letters of a motion in force count in blocks that move
+  if (!takes_axes && (axis || block[Group::Motion] || centre)) taken += motion_letters(motion);
+  const int length = block.tenths(Group::ToolLength);
+  if (length == 430 || length == 432 || length == 434) taken += 'H';
+  if (const int side = block.tenths(Group::CutterRadius); side > 400) taken += "DL";
+  if (block.tenths(Group::SpeedMode) == 960) taken += 'D';
+  if (block.tenths(Group::PathMode) == 640) taken += "PQ";
+  if (block[Group::Override]) taken += override_letters(block.tenths(Group::Override));
+  if (block.tenths(Group::ToolChange) == 610) taken += 'Q';
+  if (block.tenths(Group::Spindle) == 190) taken += "RQP";
+  for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
+    if (!block[letter] || taken.find(letter) != std::string::npos) continue;
+    if (block.skipped)
+      run_.unknown(block[letter], "a word of LinuxCNC");
+    else
+      refuse(block[letter], letter == 'P'   ? "G4 beside P"
+                            : letter == 'H' ? "G43 or G43.4 beside H"
+                            : std::string_view("IJKR").find(letter) != std::string_view::npos
+                                ? "G2 or G3 beside I J K R"
+                                : fmt::format("a code that takes {}", letter));
+  }
+  if (axis && upper(block.skipped.text.empty() ? 'M' : block.skipped.text.front()) == 'G')
+    refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
+           fmt::format("{} beside {}", shown(axis.text), shown(block.skipped.text)));
+  if (block.is_polar()) {
+    const NcWord& word = block.radius() ? block.radius() : block.angle();
+    if (block['X'] || block['Y']) refuse(word, "either X Y or @ ^");
+    if (plane_ != 170 || takes_axes || joint(0) < 0 || joint(1) < 0)
+      refuse(word, "a move in the plane of X and Y beside @ and ^");
+  }
+  if (once.tenths == 40 && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
+  check_motion(block);
+  check_outputs(block);
+  const bool by_words = length == 431;
+  const bool follows = motion < 0 && !run_.input_errors().empty();  // its code may be in that block
+  if (axis && !takes_axes && !by_words && follows)
+    throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
+                                  "a code of motion", "none");
+  if (axis && !takes_axes && !by_words && (motion < 0 || motion == 800))
+    refuse(axis, "G0 G1 G2 or G3 before an axis word");
+  if (once.tenths == 530) {
+    if (!axis) refuse(once.word, "an axis word beside G53", "none");
+    if (motion != 0 && motion != 10) refuse(once.word, "G0 or G1 beside G53");
+  }
+  if (const NcWord& wordless = block.wordless; axis && wordless)
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(wordless.text)));
+  // LinuxCNC moves by them although the code takes them, which nobody means
+  if (axis && (once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923))
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(once.word.text)));
+  const bool stores = once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923;
+  if (takes_axes && !stores && block[Group::Motion] && (axis || motion != 800))
+    refuse(block[Group::Motion].word, "no code of motion beside " + shown(once.word.text));
+  if (const NcWord& tool = block['T'];
+      tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
+    refuse(tool, "a whole tool number");
+}
+
+/// Refuses a code of motion without the words that it needs in its block.
+void Machine::check_motion(const Block& block) const {
+  const Code& code = block[Group::Motion];
+  const bool is_arc = code.tenths == 20 || code.tenths == 30;
+  if (code && needs_axes(code.tenths) && !first_axis_word(block))
+    refuse(code.word, "axis words beside " + shown(code.word.text), "none");
+  if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
+    refuse(code.word, "I J K or R beside " + shown(code.word.text), "none");
+  const bool incremental =
+      block[Group::Distance] ? block.tenths(Group::Distance) == 910 : incremental_;
+  if (const Code& once = block[Group::OneBlock]; once.tenths == 530 && incremental)
+    refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
+}
+
+/// Refuses M19 and outputs of the control without the words that they need in their block.
+void Machine::check_outputs(const Block& block) const {
+  if (const Code& code = block[Group::Override]) {
+    const bool digital = code.tenths >= 620 && code.tenths <= 650;
+    const bool analog = code.tenths == 670 || code.tenths == 680;
+    if ((digital && !block['P']) || (analog && !block['E']))
+      refuse(code.word,
+             fmt::format("{} (number of the output) beside {}", digital ? 'P' : 'E',
+                         shown(code.word.text)),
+             "none");
+    if (const NcWord& output = block[digital ? 'P' : 'E']; (digital || analog) && output.value < 0)
+      refuse(output, "the number of an output, not below zero");
+  }
+  if (block.tenths(Group::Spindle) != 190) return;
+  if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
+    refuse(p, "P0, P1 or P2 beside M19");
+  if (const NcWord& q = block['Q']; q && !(q.value > 0))
+    refuse(q, "Q (seconds) above zero beside M19");
+}
+
+void Machine::set_feed(const Block& block) {
+  if (const Code& code = block[Group::FeedMode]) {
+    const FeedMode mode = code.tenths == 930   ? FeedMode::InverseTime
+                          : code.tenths == 940 ? FeedMode::PerMinute
+                                               : FeedMode::PerRevolution;
+    canon_.set_feed({});  // rs274 forgets F at each G94 and G95, also where the mode stays
+    canon_.set_feed_mode(mode);
+  }
+  if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
+  if (const NcWord& f = block['F']) {
+    if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+    canon_.set_feed(Feed{f.value, unit()});
+  }
+}
+
+void Machine::set_spindle(const Block& block) {
+  if (const Code& code = block[Group::SpeedMode]) {
+    surface_speed_ = code.tenths == 960;
+    max_rpm_.reset();
+    if (const NcWord& d = block['D']; d && surface_speed_) {
+      if (!(d.value > 0 && d.value <= 1e7)) refuse(d, "a largest speed of more than 0 to 1e7 rpm");
+      max_rpm_ = d.value;
+    }
+    if (surface_speed_ && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (surface_speed_ && !block['S']) refuse(code.word, "S (surface speed) beside G96", "none");
+    if (!surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
+  }
+  if (const NcWord& s = block['S']) {
+    if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
+    // m/min in mm, ft/min in inches
+    speed_ = surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
+    if (!surface_speed_) canon_.set_spindle_speed(s.value);
+  }
+  if (const Code& code = block[Group::Spindle]; code && code.tenths != 190)
+    canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
+                                          : std::nullopt);
+}
+
+void Machine::call_tools(const Block& block) {
+  const Code& change = block[Group::ToolChange];
+  const NcWord& t = block['T'];
+  const bool changes = change.tenths == 60;
+  if (t) selected_ = int(std::min(t.value, 1e9));
+  if (t && !program::knows_tool(canon_.options(), selected_)) refuse(t, "a tool of the tool table");
+  if (changes && selected_ >= 0) tool_ = selected_;
+  if (changes) compensation_.clear_leaving();  // a control looks again where its axes stand
+  if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
+  if (change.tenths == 610) {
+    const NcWord& q = block['Q'];
+    if (!q || q.value < 0 || q.value != std::floor(q.value))
+      refuse(q ? Cause(q) : Cause(change.word), "Q, a whole tool number, beside M61");
+    selected_ = tool_ = int(std::min(q.value, 1e9));
+    if (!program::knows_tool(canon_.options(), tool_)) refuse(q, "a tool of the tool table");
+    canon_.call_tool(q.value, true);
+  }
+  std::string text = t ? fmt::format("T{:.0f}", t.value) : "";
+  const auto add = [&](bool has, const char* word) {
+    if (has) text += std::string(text.empty() ? "" : " ") + word;
+  };
+  add(changes, "M6");
+  add(block.tenths(Group::Coolant) == 70, "M7");
+  add(block.tenths(Group::Coolant) == 80, "M8");
+  if (!text.empty()) canon_.aside(std::move(text));
+}
+
+void Machine::set_modes(const Block& block) {
+  if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
+  if (const Code& code = block[Group::LatheDiameter]) diameter_ = code.tenths == 70;
+  set_feed(block);
+  set_spindle(block);
+  call_tools(block);
+  if (const Code& code = block[Group::OneBlock]; code.tenths == 40) dwell(block);
+  if (const Code& code = block[Group::Plane]) {
+    if (compensation_.on()) refuse(code.word, "no change of the plane under G41 or G42");
+    plane_ = code.tenths;
+  }
+  if (block[Group::CutterRadius]) set_compensation(block);
+  if (block[Group::ToolLength]) set_tool_length(block);
+  if (const Code& code = block[Group::Kinematics]) {
+    tip_kinematics_ = code.tenths == 4280;
+    tip_length_ = tip_length_ && tip_kinematics_;
+    apply_length(code.word);
+  }
+  if (const Code& code = block[Group::WorkOffset]) {
+    if (compensation_.on()) refuse(code.word, "no other coordinate system under G41 or G42");
+    choose_system(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
+  }
+  if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
+  if (const Code& code = block[Group::ArcDistance]) absolute_centre_ = code.tenths == 901;
+  if (const Code& code = block[Group::ReturnLevel]) to_r_ = code.tenths == 990;
+}
+
+void Machine::dwell(const Block& block) {
+  const NcWord& p = block['P'];
+  if (!(p.value >= 0 && p.value <= 1e6))
+    refuse(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
+  compensation_.after(
+      [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
+}
+
+/// What a control does after the motion of the block: M0 M1 M9.
+void Machine::note_after_motion(const Block& block) {
+  if (block[Group::Coolant].tenths == 90) canon_.aside("M9");
+  if (const Code& stop = block[Group::Stop]; stop && stop.tenths <= 10)
+    canon_.aside(fmt::format("M{}", stop.tenths / 10));
+}
+
+void Machine::one_block(const Block& block) {
+  const Code& code = block[Group::OneBlock];
+  if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
+  switch (code.tenths) {
+    case 100:
+      return store_data(block);
+    case 280:
+    case 281:
+    case 300:
+    case 301:
+      return reference(block);
+    default:
+      return shift_origin(block);
+  }
+}
+
+Modes Machine::modes() const {
+  return {canon_.inch(),
+          incremental_,
+          absolute_centre_,
+          diameter_,
+          to_r_,
+          plane_,
+          system_,
+          canon_.spindle_direction(),
+          canon_.feed_mode(),
+          canon_.feed(),
+          surface_speed_,
+          speed_,
+          max_rpm_,
+          canon_.spindle_speed(),
+          compensation_.on(),
+          tip_length_,
+          tip_kinematics_,
+          length_shift_};
+}
+
+void Machine::restore(const Modes& modes, const Cause& cause) {
+  const bool same_length =
+      modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
+  if (!same_length || modes.tip_length != tip_length_ || modes.tip_kinematics != tip_kinematics_)
+    refuse(cause, "the tool length that was saved: it is not restored here", "another");
+  if (modes.compensated != compensation_.on())
+    refuse(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
+  if (compensation_.on() && (modes.system != system_ || modes.plane != plane_))
+    refuse(cause, "no other plane and coordinate system under G41 or G42");
+  canon_.set_inch(modes.inch);
+  incremental_ = modes.incremental;
+  absolute_centre_ = modes.absolute_centre;
+  diameter_ = modes.diameter;
+  to_r_ = modes.to_r;
+  plane_ = modes.plane;
+  canon_.set_feed_mode(modes.feed_mode);
+  canon_.set_feed(modes.feed);
+  surface_speed_ = modes.surface_speed;
+  speed_ = modes.speed;
+  max_rpm_ = modes.max_rpm;
+  canon_.set_spindle_speed(modes.rpm);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
+                                          : std::nullopt);
+  canon_.turn_spindle(modes.spindle);
+  if (modes.system != system_) choose_system(modes.system);
+}
+
+/// What is said to a spindle that the machine has not is left out.
+Block Machine::without_spindle(const Block& block) const {
+  const NcWord& which = block.spindle();
+  if (which.value < -1 || which.value > 7 || which.value != std::floor(which.value))
+    refuse(which, "a spindle of 0 to 7, or -1 for all");
+  Block own = block;
+  own.words.put(28, {});
+  if (which.value <= 0) return own;
+  if (const int motion = block.tenths(Group::Motion);
+      motion == 330 || motion == 331 || motion == 760)
+    refuse(which, "spindle 0 beside a move that follows it");
+  run_.warn_once(
+      fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", which.value));
+  own.words.put('S' - 'A', {});
+  for (const Group group : {Group::Spindle, Group::SpeedMode})
+    own.codes.put(std::size_t(group), {});
+  if (block[Group::SpeedMode]) own.words.put('D' - 'A', {});
+  return own;
+}
+
+bool Machine::execute(const Block& block) {
+  if (block.spindle()) return execute(without_spindle(block));
+  for (const std::string_view text : block.comments) canon_.comment(text);
+  check_words(block);
+  note_start_modes(block);
+  set_modes(block);
+  const Code& once = block[Group::OneBlock];
+  // rs274 keeps the motion that was in force before G5 and G5.1
+  struct MotionBefore {
+    int& motion;
+    std::optional<int> before = {};
+    ~MotionBefore() {
+      if (before) motion = *before;
+    }
+  } kept{motion_};
+  if (const Code& code = block[Group::Motion]) {
+    if (code.tenths == 50 || code.tenths == 51) kept.before = motion_;
+    if (!is_drilling(code.tenths))
+      cycle_ = {};
+    else if (code.tenths != motion_)
+      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};  // a dwell stays, as LinuxCNC has it
+    if (code.tenths != 52 && code.tenths != 53) poles_.clear();
+    if (code.tenths != 50) spline_arm_.reset();
+    motion_ = code.tenths;
+  } else if (first_axis_word(block)) {
+    spline_arm_.reset();
+  }
+  if (once && once.tenths != 530 && once.tenths != 40)
+    one_block(block);
+  else if (block.tenths(Group::ToolLength) != 431)
+    move(block);
+  note_after_motion(block);
+  const Code& stop = block[Group::Stop];
+  return !(stop && (stop.tenths == 20 || stop.tenths == 300));
+}
+
+void Machine::finish() { compensation_.finish(); }
+
+double Machine::parameter(int number) const {
+  if (number >= 5420 && number <= 5428) {
+    const int k = number - 5420;
+    const bool turns = k >= 3 && k <= 5;
+    return joint(k) < 0 ? 0.0 : programmed(k) / (turns ? 1.0 : unit());
+  }
+  if (number == 5400) return tool_;
+  // of the tool in the spindle, whatever length is in force
+  if (number == 5403 && !run_.turning()) {
+    const auto length = length_.find(tool_);
+    return length == length_.end() ? 0.0 : length->second;
+  }
+  if (number >= 5401 && number <= 5409) return run_.turning() ? tool_shift(number - 5401) : 0.0;
+  if (number == 5410) {
+    const auto radius = radius_.find(tool_);
+    return radius == radius_.end() ? 0.0 : 2 * radius->second;
+  }
+  return parameters_[std::size_t(number)];
+}
+
+/// mm or degrees of the tool length in force along an axis.
+double Machine::tool_shift(int k) const {
+  const int j = joint(k);
+  const AxisVector& shift = canon_.tool_shift();
+  if (j < 0 || shift.size() == 0) return 0.0;
+  return canon_.is_linear(j) ? shift[j] : shift[j] / units::deg;
+}
+
+bool Machine::set_parameter(int number, double value) {
+  if (number == 5220 || (number >= 5400 && number <= 5428) || number >= 5600) return false;
+  parameters_[std::size_t(number)] = value;
+  if (number >= 5221 && number < 5221 + 180)
+    system_changed_[std::size_t((number - 5221) / 20)] = true;
+  return true;
+}
+
+std::optional<double> Machine::named(std::string_view name) const {
+  if (name.size() == 2 && name[0] == '_')
+    if (const auto k = axis_letters.find(upper(name[1])); k != std::string_view::npos)
+      return parameter(5420 + int(k));
+  if (name.size() == 6 && name.starts_with("_abs_"))
+    if (const auto k = axis_letters.find(upper(name[5])); k != std::string_view::npos)
+      return joint(int(k)) < 0 ? 0.0 : absolute(int(k)) / (k >= 3 && k <= 5 ? 1.0 : unit());
+  const FeedMode mode = canon_.feed_mode();
+  const std::pair<std::string_view, double> all[] = {
+      {"_metric", !canon_.inch()},
+      {"_imperial", canon_.inch()},
+      {"_absolute", !incremental_},
+      {"_incremental", incremental_},
+      {"_inverse_time", mode == FeedMode::InverseTime},
+      {"_units_per_minute", mode == FeedMode::PerMinute},
+      {"_units_per_rev", mode == FeedMode::PerRevolution},
+      {"_coord_system", system_ <= 6 ? 530 + 10 * system_ : 590 + system_ - 6},
+      {"_tool_offset", canon_.tool_shift().size() > 0},
+      {"_retract_r_plane", to_r_},
+      {"_retract_old_z", !to_r_},
+      {"_spindle_rpm_mode", !surface_speed_},
+      {"_spindle_css_mode", surface_speed_},
+      {"_ijk_absolute_mode", absolute_centre_},
+      {"_lathe_diameter_mode", diameter_},
+      {"_lathe_radius_mode", !diameter_},
+      {"_spindle_on", canon_.spindle_direction() != 0},
+      {"_spindle_cw", canon_.spindle_direction() > 0},
+      {"_feed", canon_.feed() ? canon_.feed()->word : 0.0},
+      {"_rpm", canon_.spindle_speed()},
+      {"_current_tool", tool_},
+      {"_selected_tool", std::max(selected_, 0)},
+      {"_motion_mode", motion_},
+      {"_plane", plane_},
+      {"_ccomp", compensation_.on() ? (compensation_.left() ? 410 : 420) : 400},
+      {"_line", canon_.line()},
+      {"_task", 0},
+      {"_vmajor", 2.9},
+      {"_vminor", 0},
+  };
+  for (const auto& [one, value] : all)
+    if (one == name) return value;
+  return std::nullopt;
+}
+
+}  // namespace abbe::sim::dialects::linuxcnc

@@ -1,0 +1,163 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "sim/dialects/linuxcnc/block.h"
+#include "sim/dialects/program_run.h"
+#include "sim/dialects/tool_compensation.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+inline constexpr std::string_view axis_letters = "XYZABCUVW";
+/// One number for every axis letter, mm and degrees.
+using Nine = std::array<double, 9>;
+
+/// What M70 saves: all modes but that of motion.
+struct Modes {
+  bool inch = false, incremental = false, absolute_centre = false, diameter = false, to_r = true;
+  int plane = 170, system = 1, spindle = 0;
+  program::FeedMode feed_mode = program::FeedMode::PerMinute;
+  std::optional<program::Feed> feed = {};
+  bool surface_speed = false;
+  double speed = 0.0;
+  std::optional<double> max_rpm;
+  double rpm = 0.0;
+  bool compensated = false, tip_length = false, tip_kinematics = false;
+  kinematics::AxisVector length_shift = {};
+};
+
+/// The control of LinuxCNC as its words command it: modes, coordinate systems, tools, and the moves
+/// that they make on the canon.
+class Machine {
+ public:
+  explicit Machine(ProgramRun& run);
+
+  /// @return false at the end of the program
+  bool execute(const Block& block);
+  Modes modes() const;
+  /// @throws BadInput where the tool length or cutter compensation is another
+  void restore(const Modes& modes, const Cause& cause);
+  /// What is still to be put out, at the end of the program.
+  void finish();
+
+  /// A numbered parameter from 31 on, those of the machine among them; 0 where nothing was set.
+  double parameter(int number) const;
+  /// @return false where it is read only
+  bool set_parameter(int number, double value);
+  /// A named parameter that the control itself has, as _x and _metric.
+  std::optional<double> named(std::string_view name) const;
+
+ private:
+  using AxisVector = kinematics::AxisVector;
+
+  // linuxcnc_machine.cpp
+  [[noreturn]] void refuse(const Cause& cause, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    canon_.refuse(cause, std::move(expected), std::move(seen));
+  }
+  void check_words(const Block& block) const;
+  void check_motion(const Block& block) const;
+  void check_outputs(const Block& block) const;
+  Block without_spindle(const Block& block) const;
+  void note_start_modes(const Block& block);
+  void set_modes(const Block& block);
+  void set_feed(const Block& block);
+  void set_spindle(const Block& block);
+  void call_tools(const Block& block);
+  void one_block(const Block& block);
+  void dwell(const Block& block);
+  void note_after_motion(const Block& block);
+  const NcWord& first_axis_word(const Block& block) const;
+  double unit() const;
+  int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
+  /// mm or degrees of an axis word; X under G7 is a diameter.
+  double axis_word(int k, const NcWord& word) const;
+  Cause cause_of(const Block& block) const;
+
+  // linuxcnc_offsets.cpp
+  void set_tool_length(const Block& block);
+  double length_of(int tool, const Cause& cause) const;
+  void choose_system(int number);
+  void take_origin(int number);
+  void apply_frame();
+  void store_data(const Block& block);
+  void store_system(const Block& block, int number, bool by_position);
+  void store_tool(const Block& block, int which);
+  void shift_origin(const Block& block);
+  void reference(const Block& block);
+  /// Where the axes stand, in program coordinates and in those of the axes.
+  double programmed(int k) const;
+  double absolute(int k) const;
+  double from_zero(int k) const;
+  double tool_shift(int k) const;
+  void apply_length(const Cause& cause);
+
+  // linuxcnc_motion.cpp
+  void move(const Block& block);
+  Target block_target(const Block& block, bool machine) const;
+  /// X and Y in program coordinates that @ and ^ lead to from there, mm.
+  Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
+  void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
+  void arc(const Block& block, AxisVector end, std::uint32_t stated);
+  void feed_per_turn(const NcWord& pitch, const program::Straight& move);
+  void spindle_synchronised(const Block& block, AxisVector end);
+  void spline(const Block& block);
+
+  // linuxcnc_cycles.cpp
+  void cycle(const Block& block);
+  void take_cycle(const Block& block);
+  void cycle_holes(const Block& block);
+  /// A hole in program coordinates: its place, the joint along it, its levels.
+  struct Hole {
+    AxisVector at;
+    int deep = 2;
+    double r = 0.0, bottom = 0.0, clear = 0.0;
+  };
+  void hole(const Hole& hole);
+  int whole_word(const NcWord& word, int most) const;
+  void go(const AxisVector& end, bool rapid);
+  void thread(const Block& block);
+
+  // linuxcnc_offsets.cpp
+  void set_compensation(const Block& block);
+
+  friend class ThreadPasses;
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  std::vector<double> parameters_;
+  std::array<bool, 9> system_changed_{};   ///< from what the scene says
+  int system_ = 1;                         ///< 1 .. 9
+  std::array<double, 10> origin_{};        ///< of the system in force: its axes, then its angle
+  Nine g92_{};                             ///< in force
+  std::map<int, double> length_, radius_;  ///< mm, of tools
+  int motion_ = -1;                        ///< tenths; -1 none
+  int plane_ = 170;
+  AxisVector length_shift_;                           ///< (axes) of G43 and its kin; empty for none
+  bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428
+  bool incremental_ = false, absolute_centre_ = false, diameter_ = false;
+  bool diameter_stated_ = false;  ///< G7 or G8, or it has been reported that neither was
+  bool to_r_ = true;              ///< G99; what LinuxCNC begins with
+  bool surface_speed_ = false;
+  double speed_ = 0.0;             ///< S as it stands; of G96 m/min
+  std::optional<double> max_rpm_;  ///< of G96
+  int tool_ = 0, selected_ = -1;
+  struct Cycle {
+    double r = 0.0, z = 0.0, q = 0.0, p = 0.0;
+    std::optional<double> initial;  ///< level of G98
+    bool begun = false;
+  } cycle_;
+  struct Pole {
+    double x = 0.0, y = 0.0, weight = 1.0;
+  };
+  std::vector<Pole> poles_;  ///< of G5.2 so far
+  int order_ = 3;
+  std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the G5 before, from its end
+  Compensation compensation_;
+};
+
+}  // namespace abbe::sim::dialects::linuxcnc

@@ -1,0 +1,334 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/linuxcnc/machine.h"
+#include "sim/dialects/tool_compensation.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+namespace {
+
+bool turns(int k) { return k >= 3 && k <= 5; }
+
+std::size_t system_at(int number) { return 5221 + 20 * std::size_t(number - 1); }
+
+}  // namespace
+
+double Machine::programmed(int k) const {
+  const int j = joint(k);
+  if (j < 0) return 0.0;
+  const AxisVector p = canon_.programmed();
+  return canon_.is_linear(j) ? p[j] : p[j] / units::deg;
+}
+
+double Machine::absolute(int k) const {
+  const int j = joint(k);
+  if (j < 0) return 0.0;
+  return canon_.is_linear(j) ? canon_.position()[j] : canon_.position()[j] / units::deg;
+}
+
+/// The same from what offsets count from.
+double Machine::from_zero(int k) const {
+  return absolute(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
+}
+
+/// Program to axes: turned about Z, shifted by the system, and first of all by G92 or G52. Offsets
+/// of the scene that nothing has changed keep their bits.
+void Machine::apply_frame() {
+  const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
+  const double angle = origin_[9];
+  program::Frame frame;
+  if (!system_changed_[std::size_t(system_ - 1)] && !shifted) {
+    frame.shift = program::work_offset(canon_.options(), system_);
+    return canon_.set_frame(system_ - 1, std::move(frame));
+  }
+  frame.shift = AxisVector::Zero(canon_.position().size());
+  Nine first = g92_;
+  if (angle != 0.0) {
+    for (const int k : {0, 1, 2})
+      if (joint(k) < 0)
+        canon_.refuse({1, {}}, "a machine with X Y Z for a coordinate system that is turned");
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(angle * units::deg, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    const Eigen::Vector3d moved = R * Eigen::Vector3d(first[0], first[1], first[2]);
+    for (int k = 0; k < 3; ++k) first[std::size_t(k)] = moved[k];
+    frame.rotation = R;
+  }
+  for (int k = 0; k < 9; ++k)
+    if (const int j = joint(k); j >= 0)
+      frame.shift[j] = (origin_[std::size_t(k)] + first[std::size_t(k)]) *
+                       (canon_.is_linear(j) ? 1.0 : units::deg);
+  canon_.set_frame(system_ - 1, std::move(frame));
+}
+
+/// The system that is in force stays as it is, whatever its parameters have become, as in rs274.
+void Machine::choose_system(int number) {
+  if (number != system_) take_origin(number);
+  parameters_[5220] = number;
+  apply_frame();
+}
+
+void Machine::take_origin(int number) {
+  system_ = number;
+  std::copy_n(parameters_.begin() + std::ptrdiff_t(system_at(number)), origin_.size(),
+              origin_.begin());
+}
+
+double Machine::length_of(int tool, const Cause& cause) const {
+  const auto length = length_.find(tool);
+  if (length != length_.end()) return length->second;
+  if (tool == 0) return 0.0;
+  std::string known;
+  for (const auto& [number, mm] : length_) known += fmt::format(" H{}", number);
+  refuse(cause,
+         "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
+}
+
+void Machine::set_tool_length(const Block& block) {
+  const Code& code = block[Group::ToolLength];
+  if (compensation_.on()) refuse(code.word, "no other tool length under G41 or G42");
+  const NcWord& h = block['H'];
+  if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
+    refuse(h, "a whole tool number after H");
+  if (code.tenths == 490) {
+    length_shift_ = {};
+    tip_length_ = false;
+    canon_.select_length(-1, code.word);
+    return apply_length(code.word);
+  }
+  AxisVector shift = AxisVector::Zero(canon_.position().size());
+  if (code.tenths == 431) {
+    for (int k = 0; k < 9; ++k)
+      if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+        shift[joint(k)] = axis_word(k, word) * (canon_.is_linear(joint(k)) ? 1.0 : units::deg);
+    if (!first_axis_word(block)) refuse(code.word, "axis words beside G43.1", "none");
+    length_shift_ = std::move(shift);
+    tip_length_ = false;
+    return apply_length(code.word);
+  }
+  const int tool = h            ? int(h.value)
+                   : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                                : tool_;
+  if (code.tenths == 432 && !h) refuse(code.word, "H (tool length) beside G43.2", "none");
+  const double length = length_of(tool, h ? Cause(h) : Cause(code.word));
+  const int z = joint(2);
+  if (code.tenths != 434) {
+    if (z < 0) refuse(code.word, "a machine with a Z axis");
+    if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
+    const kinematics::Chain* to_tip = chain_to_tip(canon_.options(), tool);
+    if (run_.turning() && to_tip != nullptr && tool != 0)
+      shift += measured_offset(canon_, *to_tip, code.word);
+    else
+      shift[z] += length;
+  }
+  if (code.tenths != 432) canon_.select_length(tool, code.word);
+  tip_length_ = code.tenths == 434;
+  length_shift_ = tip_length_ ? AxisVector() : std::move(shift);
+  apply_length(code.word);
+}
+
+/// The length as a shift of the axes, or in the chain to the tip, which must be as long.
+void Machine::apply_length(const Cause& cause) {
+  const bool tip = tip_length_ || tip_kinematics_;
+  if (!tip || length_shift_.size() == 0) {
+    canon_.set_tool_shift(tip ? AxisVector() : length_shift_);
+    return canon_.set_tip_mode(tip, cause);
+  }
+  canon_.set_tip_mode(true, cause);
+  canon_.set_tool_shift({});
+  constexpr double same_length = 1e-9;  // mm
+  const auto zero = program::known_zero(canon_.options());
+  const auto tip_w = program::tip_at_zero(canon_.chain());
+  if (!zero || !tip_w) return;
+  AxisVector beyond = length_shift_;
+  beyond[joint(2)] -= zero->nose_w.z() - tip_w->z();
+  if (beyond.cwiseAbs().maxCoeff() > same_length)
+    refuse(cause,
+           "the length of the tool as the scene has it beside M428, with which the tip is "
+           "counted",
+           fmt::format("{:.6g} mm", length_shift_[joint(2)]));
+}
+
+void Machine::store_system(const Block& block, int number, bool by_position) {
+  const std::size_t at = system_at(number);
+  const NcWord& r = block['R'];
+  if (r) parameters_[at + 9] = r.value;
+  system_changed_[std::size_t(number - 1)] = true;
+  Nine words{};
+  for (int k = 0; k < 9; ++k)
+    if (const NcWord& word = block[axis_letters[std::size_t(k)]])
+      words[std::size_t(k)] = axis_word(k, word);
+  Nine origin = words;
+  if (by_position) {
+    // abs = R (p + g92) + origin + zero + tool, with p as the words say and as it is where they are
+    // silent
+    const double angle = parameters_[at + 9] * units::deg;
+    const double c = std::cos(angle), s = std::sin(angle);
+    Nine tool{}, rest{};
+    for (int k = 0; k < 9; ++k) {
+      tool[std::size_t(k)] = tool_shift(k);
+      rest[std::size_t(k)] = from_zero(k) - tool[std::size_t(k)] - parameters_[at + std::size_t(k)];
+    }
+    const double x = c * rest[0] + s * rest[1] - g92_[0];
+    const double y = c * rest[1] - s * rest[0] - g92_[1];
+    const double p_x = (block['X'] ? words[0] : x) + g92_[0];
+    const double p_y = (block['Y'] ? words[1] : y) + g92_[1];
+    origin[0] = from_zero(0) - tool[0] - (c * p_x - s * p_y);
+    origin[1] = from_zero(1) - tool[1] - (s * p_x + c * p_y);
+    for (std::size_t k = 2; k < 9; ++k)
+      origin[k] = from_zero(int(k)) - tool[k] - g92_[k] - words[k];
+  }
+  // where the system is turned X and Y depend on each other
+  const bool both = by_position && parameters_[at + 9] != 0.0 && (block['X'] || block['Y']);
+  for (int k = 0; k < 9; ++k)
+    if (block[axis_letters[std::size_t(k)]] || (both && k < 2 && joint(k) >= 0))
+      parameters_[at + std::size_t(k)] = origin[std::size_t(k)];
+  if (number != system_) return;
+  take_origin(number);
+  apply_frame();
+}
+
+void Machine::store_tool(const Block& block, int which) {
+  const NcWord& p = block['P'];
+  const int tool = int(p.value);
+  for (const char letter : {'X', 'Y', 'A', 'B', 'C', 'U', 'V', 'W'})
+    if (block[letter] && block[letter].value != 0.0)
+      refuse(block[letter], "Z and R of a tool: its length lies along Z");
+  if (const NcWord& z = block['Z']) {
+    const double word = axis_word(2, z);
+    const std::size_t at = system_at(which == 11 ? 9 : system_);
+    length_[tool] = which == 1
+                        ? word
+                        : from_zero(2) - word - parameters_[at + 2] - (which == 10 ? g92_[2] : 0.0);
+  }
+  if (const NcWord& r = block['R']) radius_[tool] = r.value * unit();
+}
+
+void Machine::store_data(const Block& block) {
+  const Cause code = block[Group::OneBlock].word;
+  const NcWord &l = block['L'], &p = block['P'];
+  if (!l) refuse(code, "L1 L2 L10 L11 or L20 beside G10", "none");
+  const int kind = int(l.value);
+  if (l.value != kind || (kind != 1 && kind != 2 && kind != 10 && kind != 11 && kind != 20))
+    refuse(l, "L1 L2 L10 L11 or L20 beside G10");
+  const bool is_system = kind == 2 || kind == 20;
+  if (!p)
+    refuse(code, is_system ? "P (coordinate system) beside G10" : "P (tool) beside G10", "none");
+  if (p.value != std::floor(p.value) || p.value < (is_system ? 0 : 1) ||
+      p.value > (is_system ? 9 : 1e9))
+    refuse(p, is_system ? "a coordinate system of 0 to 9" : "a whole tool number");
+  if (!is_system) return store_tool(block, kind);
+  if (block['R'] && kind == 20) refuse(block['R'], "no R beside G10 L20");
+  for (const char letter : {'I', 'J', 'Q'})
+    if (block[letter]) refuse(block[letter], "axis words and R beside G10 L2 and L20");
+  store_system(block, p.value == 0 ? system_ : int(p.value), kind == 20);
+}
+
+/// G92 and its kin, G52.
+void Machine::shift_origin(const Block& block) {
+  const Code& code = block[Group::OneBlock];
+  const auto stored = [&](int k) -> double& { return parameters_[5211 + std::size_t(k)]; };
+  if (code.tenths == 920 || code.tenths == 520) {
+    if (!first_axis_word(block))
+      refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
+    const Nine before = g92_;
+    for (int k = 0; k < 9; ++k) {
+      const NcWord& word = block[axis_letters[std::size_t(k)]];
+      if (!word) continue;
+      g92_[std::size_t(k)] = code.tenths == 520
+                                 ? axis_word(k, word)
+                                 : programmed(k) + before[std::size_t(k)] - axis_word(k, word);
+    }
+    for (int k = 0; k < 9; ++k) stored(k) = g92_[std::size_t(k)];
+    parameters_[5210] = 1;
+  } else if (code.tenths == 923) {
+    for (int k = 0; k < 9; ++k) g92_[std::size_t(k)] = stored(k);
+    parameters_[5210] = 1;
+  } else {
+    g92_ = {};
+    parameters_[5210] = 0;
+    if (code.tenths == 921)
+      for (int k = 0; k < 9; ++k) stored(k) = 0.0;
+  }
+  apply_frame();
+}
+
+/// G28, G30: over the point of the words to the stored position, of those axes alone where there
+/// are words.
+void Machine::reference(const Block& block) {
+  const Code& code = block[Group::OneBlock];
+  const std::size_t at = code.tenths < 300 ? 5161 : 5181;
+  if (code.tenths % 10 == 1) {
+    for (int k = 0; k < 9; ++k) parameters_[at + std::size_t(k)] = absolute(k);
+    return;
+  }
+  const Target words = block_target(block, false);
+  if (!words.empty())
+    canon_.traverse({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()});
+  const bool tip = canon_.tip_mode();
+  canon_.go_to(program::Coordinates::Axis, code.word);
+  AxisVector end = canon_.position();
+  for (int k = 0; k < 9; ++k) {
+    const int j = joint(k);
+    if (j < 0 || (!words.empty() && !words.has(j))) continue;
+    end[j] = parameters_[at + std::size_t(k)] * (turns(k) ? units::deg : 1.0);
+  }
+  const bool stored = std::any_of(parameters_.begin() + std::ptrdiff_t(at),
+                                  parameters_.begin() + std::ptrdiff_t(at) + 9,
+                                  [](double value) { return value != 0.0; });
+  if (!stored && canon_.options().reference.size() == 0)
+    canon_.assume(
+        {fmt::format("the position that {} goes to is the zero of the axes, nothing being "
+                     "stored in #{} to #{}",
+                     shown(code.word.text), at, at + 8),
+         "machine.reference"});
+  canon_.traverse({.end = std::move(end),
+                   .cause = code.word,
+                   .without_offset = true,
+                   .stated = words.empty() ? ~std::uint32_t(0) : words.given()});
+  if (tip) canon_.go_to(program::Coordinates::Tip, code.word);
+}
+
+void Machine::set_compensation(const Block& block) {
+  const Code& code = block[Group::CutterRadius];
+  if (code.tenths == 400) return compensation_.end();
+  if (compensation_.on()) refuse(code.word, "G40 before another " + std::string("G41 or G42"));
+  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
+  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
+  if (first < 0 || second < 0)
+    refuse(code.word,
+           fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (plane_ == 180 && canon_.frame().rotation)
+    refuse(code.word, "G17 beside cutter compensation in a coordinate system that is turned");
+  if (plane_ == 190) refuse(code.word, "G17 or G18 beside cutter compensation");
+  const NcWord& d = block['D'];
+  if (const NcWord& l = block['L']; l && l.value != 0)
+    refuse(l, "L0 beside G41.1 and G42.1: the tip of a turning tool is not compensated");
+  double radius = 0.0;
+  if (code.tenths % 10 == 1) {
+    if (!d) refuse(code.word, "D (diameter) beside G41.1 and G42.1", "none");
+    radius = 0.5 * d.value * unit();
+  } else {
+    const int tool = d            ? int(d.value)
+                     : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                                  : tool_;
+    if (d && (d.value < 0 || d.value != std::floor(d.value)))
+      refuse(d, "a whole tool number after D");
+    const auto known = radius_.find(tool);
+    if (known == radius_.end() && tool != 0)
+      refuse(d ? Cause(d) : Cause(code.word), "a tool whose radius is known",
+             fmt::format("tool {}", tool));
+    radius = known == radius_.end() ? 0.0 : known->second;
+  }
+  const bool left = code.tenths / 10 == 41;
+  // Z X is the right-handed order of G18, in which left is left seen against Y
+  compensation_.begin(left, radius, {first, second}, linuxcnc_compensation);
+}
+
+}  // namespace abbe::sim::dialects::linuxcnc

@@ -1,0 +1,640 @@
+#include "sim/dialects/linuxcnc/rs274_commands.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/cursor.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+using program::Feed;
+using program::FeedMode;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t longest_for_rs274 = 252;             // bytes; longer ones are "too long"
+constexpr std::size_t largest_sub = std::size_t(1) << 26;  // bytes
+constexpr std::size_t max_subs = 1000;
+constexpr std::size_t max_numbered = 1'000'000'000;  // lines
+
+/// The line in capitals without blanks and comments, as RS274 takes it.
+std::string compact(std::string_view line) {
+  std::string text;
+  bool inside = false;
+  for (const char c : line) {
+    if (c == ';' && !inside) break;
+    if (c == '(') inside = true;
+    if (!inside && !is_blank(c)) text += upper(c);
+    if (c == ')') inside = false;
+  }
+  return text;
+}
+
+/// A number without sign at `at`, which is moved behind it.
+std::optional<double> literal(std::string_view text, std::size_t& at) {
+  double value = 0.0;
+  const char* from = text.data() + at;
+  if (from != text.data() + text.size() && *from == '+') ++from;
+  const auto [end, failure] =
+      std::from_chars(from, text.data() + text.size(), value, std::chars_format::fixed);
+  if (failure != std::errc()) return std::nullopt;
+  at = std::size_t(end - text.data());
+  return value;
+}
+
+/// Behind a bracket or a name that begins at `at`.
+std::size_t behind(std::string_view text, std::size_t at) {
+  const char open = text[at], close = open == '[' ? ']' : '>';
+  int depth = 0;
+  for (; at < text.size(); ++at) {
+    depth += text[at] == open;
+    if (text[at] == close && --depth == 0) return at + 1;
+  }
+  return text.size();
+}
+
+struct Words {
+  LineCodes codes;
+  bool changes = false, changes_by_number = false, calls_number = false;
+  bool other_length = false;  ///< G43.1 G43.2
+  int p = -1, q = -1;
+};
+
+void note_code(Words& words, char letter, double value) {
+  const int code =
+      int(std::lround(std::clamp(value, 0.0, 1e4) * 10)) + (letter == 'M' ? 100000 : 0);
+  LineCodes& codes = words.codes;
+  codes.absolute |= code == 530;
+  codes.reference |= code == 280 || code == 281 || code == 300 || code == 301;
+  codes.length |= code == 430;
+  codes.no_length |= code == 490;
+  codes.radius |= code == 410 || code == 420;
+  codes.data |= code == 100;
+  codes.input |= code == 100660;
+  words.changes |= code == 100060;
+  words.other_length |= code == 431 || code == 432;
+  words.changes_by_number |= code == 100610;
+  words.calls_number |= code == 100980;
+}
+
+Words words_of(std::string_view line) {
+  const std::string text = compact(line);
+  Words words;
+  words.codes.assigns = text.find('=') != std::string::npos;
+  for (std::size_t at = 0; at < text.size();) {
+    const char letter = text[at];
+    if (letter == '[' || letter == '<') {
+      at = behind(text, at);
+      continue;
+    }
+    ++at;
+    if (letter == '#') {  // the number of a parameter is no word
+      const auto number = literal(text, at);
+      words.codes.system |= number && *number >= 5221 && *number <= 5390;
+      continue;
+    }
+    if (!is_letter(letter) || at == text.size()) continue;
+    const bool is_code = letter == 'G' || letter == 'M';
+    words.codes.computed |= is_code && (text[at] == '[' || text[at] == '#');
+    const auto value = literal(text, at);
+    if (!value && letter == 'H') words.codes.h = not_literal;
+    if (!value && letter == 'D') words.codes.d = not_literal;
+    if (!value) continue;
+    if (is_code) note_code(words, letter, *value);
+    const int whole = *value >= 0 && *value <= 1e9 ? int(*value) : -1;
+    words.codes.feed |= letter == 'F';
+    if (letter == 'H') words.codes.h = whole;
+    if (letter == 'D') words.codes.d = whole;
+    if (letter == 'L') words.codes.data_kind = whole;
+    if (letter == 'T') words.codes.tool = whole;
+    if (letter == 'P') words.p = whole;
+    if (letter == 'Q') words.q = whole;
+  }
+  if (words.changes_by_number) words.codes.tool = words.q;
+  return words;
+}
+
+/// The subprogram that the line calls by a literal name or number, in small letters.
+std::string called(std::string_view line, const Words& words) {
+  if (words.calls_number && words.p >= 0) return std::to_string(words.p);
+  std::string text = compact(line);
+  std::size_t at = text.starts_with("N") ? text.find_first_not_of("0123456789.", 1) : 0;
+  if (at == std::string::npos || text[at] != 'O') return {};
+  ++at;
+  const std::size_t end = at < text.size() && text[at] == '<'
+                              ? behind(text, at)
+                              : text.find_first_not_of("0123456789", at);
+  if (end == std::string::npos || text.compare(end, 4, "CALL") != 0) return {};
+  std::string name = text.substr(at, end - at);
+  if (name.starts_with("<")) name = name.substr(1, name.size() - 2);
+  for (char& c : name) c = c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
+  return name;
+}
+
+/// The words of a block as they stand in it, comments too; blanks between them go with the word
+/// before.
+std::vector<std::string_view> pieces_of(std::string_view block) {
+  std::vector<std::string_view> pieces;
+  std::size_t from = 0;
+  bool has_number = false;
+  const auto cut = [&](std::size_t at) {
+    if (at > from) pieces.push_back(block.substr(from, at - from));
+    from = at;
+    has_number = false;
+  };
+  for (std::size_t at = 0; at < block.size();) {
+    const char c = block[at];
+    if (c == '(' || c == ';' || is_letter(c) || (c == '#' && has_number)) cut(at);
+    if (c == '(' || c == ';') {
+      const std::size_t close = c == '(' ? block.find(')', at) : std::string_view::npos;
+      at = close == std::string_view::npos ? block.size() : close + 1;
+      cut(at);
+    } else if (c == '[' || c == '<') {
+      at = behind(block, at);
+      has_number = true;
+    } else {
+      has_number |= is_digit(c);
+      ++at;
+    }
+  }
+  cut(block.size());
+  return pieces;
+}
+
+/// Whether the block changes a tool and the tool length.
+bool changes_tool_and_length(std::string_view block) {
+  const Words words = words_of(block);
+  return words.changes && !words.codes.assigns &&
+         (words.codes.length || words.codes.no_length || words.other_length);
+}
+
+/// T and M6 of such a block, and the rest of it: rs274 alone, without the rest of a control, takes
+/// the places of the axes again after the block and leaves the new length out of them.
+std::pair<std::string, std::string> parted(std::string_view block) {
+  std::string change, rest;
+  for (const std::string_view piece : pieces_of(block)) {
+    const bool goes = upper(piece.front()) == 'T' || words_of(piece).changes;
+    (goes ? change : rest) += piece;
+  }
+  return {change, rest};
+}
+
+bool is_plain_name(const std::string& name) {
+  return !name.empty() && name.front() != '.' && name.front() != '-' && name.size() < 100 &&
+         name.find_first_not_of(
+             "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._"
+             "-") == std::string::npos;
+}
+
+/// A line without blanks before it, a block delete and a line number.
+std::string_view unnumbered_block(std::string_view line) {
+  const auto skip = [&](std::string_view what) {
+    line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
+  };
+  skip(" \t");
+  if (line.starts_with("/")) line.remove_prefix(1);
+  skip(" \t");
+  if (line.empty() || upper(line.front()) != 'N') return line;
+  const std::string_view whole = line;
+  line.remove_prefix(1);
+  skip(" \t");
+  if (line.empty() || !is_digit(line.front())) return whole;
+  skip("0123456789");
+  if (line.starts_with(".")) {
+    line.remove_prefix(1);
+    skip("0123456789");
+  }
+  return line;
+}
+
+}  // namespace
+
+LineCodes parse_codes(std::string_view line) { return words_of(line).codes; }
+
+NumberedProgram::NumberedProgram(std::string_view text, const std::string& file, std::string before,
+                                 ProgramRun& run, const fs::path& folder)
+    : run_(run), before_(std::move(before)) {
+  name_ = fs::path(file).filename().string();
+  if (!is_plain_name(name_)) name_ = "program.ngc";
+  add(name_, 0, std::string(text));
+  for (std::size_t i = 0; i < files_.size(); ++i) write(files_[i], folder);
+}
+
+void NumberedProgram::add(const std::string& name, int of_canon, std::string text) {
+  File file{name, of_canon, std::move(text), {}, 1};
+  if (!files_.empty()) file.first = files_.back().first + int(files_.back().lines.size());
+  files_.push_back(std::move(file));
+  File& kept = files_.back();
+  kept.lines = lines_of_text(kept.text);
+  if (std::size_t(kept.first) + kept.lines.size() > max_numbered)
+    throw BadInput(name, 0, 0, fmt::format("at most {} lines", max_numbered), "more");
+}
+
+/// What lets a program start something else or read files elsewhere: rs274 runs Python that a line
+/// begins with, and goes along paths in the names of subprograms.
+void NumberedProgram::refuse_escapes(std::string_view line) const {
+  std::string tight;
+  for (const char c : line)
+    if (!is_blank(c)) tight += upper(c);
+  for (const std::string_view python :
+       {"(PY,", ";PY,", "(PYRUN", ";PYRUN", "(PYRELOAD", ";PYRELOAD"})
+    if (tight.find(python) != std::string::npos)
+      run_.canon.refuse({0, line}, "no Python in a comment: a program starts nothing");
+  for (std::size_t at = 0; (at = tight.find("O<", at)) != std::string::npos; ++at) {
+    const std::string name = tight.substr(at, tight.find('>', at) - at);
+    if (name.find('/') != std::string::npos || name.find("..") != std::string::npos)
+      run_.canon.refuse({0, line}, "a subprogram beside the program, its name without / and ..");
+  }
+}
+
+/// A line as rs274 gets it, in two where it would go wrong. One that its number would make too long
+/// stays without.
+std::string NumberedProgram::numbered_name(std::string_view line, int number, int file,
+                                           int at) const {
+  run_.canon.set_line(at, file);
+  if (const std::size_t nul = line.find('\0'); nul != std::string_view::npos)
+    run_.canon.refuse({int(nul) + 1, {}}, "text", "a NUL byte");
+  refuse_escapes(line);
+  const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
+  if (whole.empty() || whole.front() == '%') return std::string(whole);
+  if (whole.front() == '/' && run_.skips(0)) return {};
+  const std::string_view block = unnumbered_block(line);
+  if (block.size() > longest_for_rs274)
+    run_.canon.refuse({},
+                      fmt::format("at most {} characters in a line for LinuxCNC's own interpreter",
+                                  longest_for_rs274),
+                      fmt::format("{}", block.size()));
+  const auto with_number = [&](std::string_view rest) {
+    std::string text = fmt::format("N{} {}", number, rest);
+    return text.size() > longest_for_rs274 ? std::string(rest) : text;
+  };
+  if (!changes_tool_and_length(block)) return with_number(block);
+  const auto [change, rest] = parted(block);
+  return with_number(change) + "\n" + with_number(rest);
+}
+
+void NumberedProgram::write(const File& file, const fs::path& folder) {
+  const std::vector<std::string_view>& lines = file.lines;
+  std::string text;
+  std::set<std::string> calls;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const std::string line =
+        numbered_name(lines[i], file.first + int(i), file.of_canon, int(i) + 1);
+    const bool mark = line.starts_with("%");
+    if (!line.empty() && !mark) text += std::exchange(before_, {});
+    text += line + '\n';
+    if (mark) text += std::exchange(before_, {});
+    const Words words = words_of(lines[i]);
+    if (words.codes.tool > 0) tools_.insert(words.codes.tool);
+    if (words.codes.input) {
+      run_.canon.set_line(int(i) + 1, file.of_canon);
+      run_.canon.refuse({}, "no wait for an input: there is none to read", "M66");
+    }
+    if (std::string call = called(lines[i], words); !call.empty()) calls.insert(std::move(call));
+  }
+  std::ofstream out(folder / file.name, std::ios::binary);
+  if (!out.write(text.data(), std::streamsize(text.size())).flush())
+    throw BadInput((folder / file.name).string(), 0, 0, "a file that can be written", "a failure");
+  for (const std::string& call : calls) {
+    const fs::path sub = run_.options().folder / (call + ".ngc");
+    const bool known = std::any_of(files_.begin(), files_.end(), [&](const File& one) {
+      return one.name == sub.filename().string();
+    });
+    std::error_code failure;
+    if (known || run_.options().folder.empty() || !is_plain_name(call) ||
+        !fs::is_regular_file(sub, failure))
+      continue;
+    if (files_.size() > max_subs)
+      run_.canon.refuse({}, fmt::format("at most {} files of subprograms", max_subs), "more");
+    add(sub.filename().string(), run_.canon.add_file(sub.string()), read_text(sub, largest_sub));
+  }
+}
+
+const NumberedProgram::File& NumberedProgram::file_of(int number) const {
+  const auto after = std::upper_bound(files_.begin(), files_.end(), number,
+                                      [](int n, const File& file) { return n < file.first; });
+  return after == files_.begin() ? files_.front() : *(after - 1);
+}
+
+SourceLine NumberedProgram::place_of(int number) const {
+  const File& file = file_of(number);
+  const int last = int(file.lines.size());
+  return {file.of_canon, std::clamp(number - file.first + 1, 1, std::max(last, 1))};
+}
+
+std::string_view NumberedProgram::text_of(int number) const {
+  const File& file = file_of(number);
+  const std::size_t at = std::size_t(number - file.first);
+  return number >= file.first && at < file.lines.size() ? file.lines[at] : std::string_view();
+}
+
+int NumberedProgram::number_of(const std::string& name, int line) const {
+  for (const File& file : files_)
+    if (file.name == fs::path(name).filename().string())
+      return file.first + std::clamp(line, 1, std::max(1, int(file.lines.size()))) - 1;
+  return line;
+}
+
+namespace {
+
+/// What moves nothing that abbe cuts.
+constexpr std::string_view without_effect[] = {
+    "SET_FEED_REFERENCE",
+    "ON_RESET",
+    "SET_MOTION_CONTROL_MODE",
+    "SET_NAIVECAM_TOLERANCE",
+    "SET_TRAVERSE_RATE",
+    "START_CHANGE",
+    "ENABLE_FEED_OVERRIDE",
+    "DISABLE_FEED_OVERRIDE",
+    "ENABLE_SPEED_OVERRIDE",
+    "DISABLE_SPEED_OVERRIDE",
+    "ENABLE_FEED_HOLD",
+    "DISABLE_FEED_HOLD",
+    "ENABLE_ADAPTIVE_FEED",
+    "DISABLE_ADAPTIVE_FEED",
+    "SET_MOTION_OUTPUT_BIT",
+    "CLEAR_MOTION_OUTPUT_BIT",
+    "SET_AUX_OUTPUT_BIT",
+    "CLEAR_AUX_OUTPUT_BIT",
+    "SET_AUX_OUTPUT_VALUE",
+    "SET_MOTION_OUTPUT_VALUE",
+    "ORIENT_SPINDLE",
+    "PALLET_SHUTTLE",
+    "MESSAGE",
+    "LOG",
+    "LOGOPEN",
+    "LOGAPPEND",
+    "LOGCLOSE",
+    "INIT_CANON",
+    "CLAMP_AXIS",
+    "UNCLAMP_AXIS",
+    "LOCK_ROTARY",
+    "UNLOCK_ROTARY",
+    "TURN_PROBE_ON",
+    "TURN_PROBE_OFF",
+    "UPDATE_TAG",
+    "RELOAD_TOOLDATA",
+};
+
+bool is_without_effect(std::string_view name) {
+  return std::find(std::begin(without_effect), std::end(without_effect), name) !=
+             std::end(without_effect) ||
+         name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
+}
+
+std::string_view between_quotes(std::string_view text) {
+  const std::size_t open = text.find('"'), close = text.rfind('"');
+  return open == close ? std::string_view() : text.substr(open + 1, close - open - 1);
+}
+
+}  // namespace
+
+std::optional<PrintedCommand> printed_command(std::string_view line) {
+  const auto skip = [&](std::string_view what) {
+    line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
+  };
+  skip(" ");
+  const std::size_t before = line.size();
+  skip("0123456789");
+  if (line.size() == before || !line.starts_with(" N")) return std::nullopt;
+  line.remove_prefix(2);
+  PrintedCommand command;
+  const auto [end, failure] =
+      std::from_chars(line.data(), line.data() + line.size(), command.number);
+  if (failure == std::errc()) line.remove_prefix(std::size_t(end - line.data()));
+  skip(". ");
+  const std::size_t open = line.find('('), close = line.rfind(')');
+  if (open == std::string_view::npos || close == std::string_view::npos || close < open)
+    return std::nullopt;
+  command.name = line.substr(0, open);
+  command.arguments = line.substr(open + 1, close - open - 1);
+  return command;
+}
+
+Commands::Commands(ProgramRun& run, const NumberedProgram& program, const Eigen::Vector3d& zero)
+    : run_(run), canon_(run.canon), program_(program), zero_(zero) {}
+
+void Commands::refuse(std::string expected, std::optional<std::string> seen) const {
+  canon_.refuse({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
+}
+
+/// A command without a number, as those that M72 brings, stands where the last one did.
+void Commands::stand(const PrintedCommand& command) {
+  if (command.number <= 0 || command.number == number_) return;
+  number_ = command.number;
+  const SourceLine place = program_.place_of(number_);
+  canon_.set_line(place.line, place.file);
+  codes_ = parse_codes(program_.text_of(number_));
+  at_point_ = 0;
+}
+
+bool Commands::take(std::string_view line) {
+  if (ended_) return true;  // what it puts out behind the end of the program
+  const auto command = printed_command(line);
+  if (!command) return true;
+  const bool changes = command->name == "START_CHANGE" || command->name == "STOP_SPINDLE_TURNING" ||
+                       command->name == "CHANGE_TOOL";
+  if (pending_ && (!changes || pending_in_ != command->number)) end_pending_tool();
+  run_.attempt([&] {
+    stand(*command);
+    if (faulty_.count(number_) > 0) {  // the same again would be the same fault
+      try {
+        apply(*command);
+      } catch (const ProgramLimitExceeded&) {
+        throw;
+      } catch (const BadInput&) {
+        canon_.mark_position_uncertain();
+      }
+      return;
+    }
+    try {
+      apply(*command);
+    } catch (const BadInput&) {
+      faulty_.insert(number_);
+      throw;
+    }
+  });
+  return !run_.is_aborted();
+}
+
+void Commands::apply(const PrintedCommand& command) {
+  run_.count_block();
+  if (apply_state(command) || apply_motion(command) || apply_spindle(command) ||
+      apply_tool(command) || apply_auxiliary_word(command) || is_without_effect(command.name))
+    return;
+  refuse("a canonical command that abbe knows", in_quotes(command.name));
+}
+
+Commands::Numbers Commands::numbers(const PrintedCommand& command, std::size_t least) const {
+  Numbers all;
+  const std::string_view text = command.arguments;
+  for (std::size_t at = 0; at < text.size();) {
+    if (text[at] == ',' || text[at] == ' ') {
+      ++at;
+      continue;
+    }
+    double value = 0.0;
+    const auto [end, failure] = std::from_chars(text.data() + at, text.data() + text.size(), value);
+    if (failure != std::errc() || !std::isfinite(value))
+      refuse("numbers in " + std::string(command.name), in_quotes(text));
+    all.push_back(value);
+    at = std::size_t(end - text.data());
+  }
+  if (all.size() < least)
+    refuse(fmt::format("{} numbers in {}", least, command.name), in_quotes(text));
+  return all;
+}
+
+Commands::Six Commands::six(const Numbers& numbers, std::size_t from) const {
+  Six all;
+  std::copy_n(numbers.begin() + std::ptrdiff_t(from), 6, all.begin());
+  return all;
+}
+
+Commands::Six Commands::in_mm(Six lengths) const {
+  for (std::size_t k = 0; k < 3; ++k) lengths[k] *= unit_;
+  return lengths;
+}
+
+/// Program to axes, as LinuxCNC does it: turned about Z with G92 in it, then shifted.
+void Commands::apply_frame() {
+  program::Frame frame;
+  frame.shift = AxisVector::Zero(canon_.position().size());
+  Six first = g92_;
+  if (turned_ != 0.0) {
+    for (const std::size_t k : {0, 1, 2})
+      if (joint(k) < 0) refuse("a machine with X Y Z for a coordinate system that is turned");
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(turned_, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    const Eigen::Vector3d moved = R * Eigen::Vector3d(first[0], first[1], first[2]);
+    for (int k = 0; k < 3; ++k) first[std::size_t(k)] = moved[k];
+    frame.rotation = R;
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    const int j = joint(k);
+    const double on_top = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
+    if (j >= 0)
+      frame.shift[j] = (g5x_[k] - on_top + first[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
+  }
+  canon_.set_frame(system_ - 1, std::move(frame));
+}
+
+void Commands::set_units(bool inch) {
+  if (number_ > 0 && inch != inch_ && canon_.feed() && codes_.feed)
+    run_.warn_once(fmt::format(
+        "{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter takes it in the "
+        "unit before",
+        canon_.place().file, canon_.line()));
+  inch_ = inch;
+  unit_ = inch ? units::inch : 1.0;
+  canon_.set_inch(inch);
+}
+
+void Commands::check_length_unit(const char* word) const {
+  const bool has = std::any_of(length_.begin(), length_.end(), [](double v) { return v != 0.0; });
+  if (has && inch_ != length_in_inch_)
+    refuse(
+        fmt::format("no {} where G20 and G21 were switched under a tool length: rs274 takes "
+                    "the length in the wrong unit there; G49 and G43 around the switch",
+                    word),
+        codes_.computed ? std::optional<std::string>("a code that is worked out") : std::nullopt);
+}
+
+bool Commands::apply_state(const PrintedCommand& command) {
+  const std::string_view name = command.name;
+  if (name == "USE_LENGTH_UNITS") {
+    set_units(command.arguments.find("INCHES") != std::string_view::npos);
+  } else if (name == "SET_G5X_OFFSET") {
+    const Numbers n = numbers(command, 7);
+    system_ = int(std::clamp(n[0], 1.0, 9.0));
+    g5x_ = in_mm(six(n, 1));
+    apply_frame();
+  } else if (name == "SET_G92_OFFSET") {
+    // the first command that is sure to have zeros in it
+    if (!digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
+      throw ProgramLimitExceeded("rs274", 0, 0, "numbers with all their digits",
+                                 in_quotes(command.arguments));
+    digits_checked_ = true;
+    g92_ = in_mm(six(numbers(command, 6), 0));
+    apply_frame();
+  } else if (name == "SET_XY_ROTATION") {
+    turned_ = numbers(command, 1)[0] * units::deg;
+    apply_frame();
+  } else if (name == "SELECT_PLANE") {
+    const auto is = [&](const char* plane) {
+      return command.arguments.find(plane) != std::string_view::npos;
+    };
+    if (is("_XY"))
+      plane_ = {0, 1, 2};
+    else if (is("_XZ"))
+      plane_ = {2, 0, 1};
+    else if (is("_YZ"))
+      plane_ = {1, 2, 0};
+    else
+      refuse("a plane of X Y Z", in_quotes(command.arguments));
+  } else if (name == "SET_FEED_MODE") {
+    canon_.set_feed_mode(numbers(command, 2)[1] == 1 ? FeedMode::PerRevolution
+                                                     : FeedMode::PerMinute);
+  } else if (name == "SET_FEED_RATE") {
+    const double rate = numbers(command, 1)[0];
+    canon_.set_feed(rate > 0 ? std::optional(Feed{rate, unit_}) : std::nullopt);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+/// Its own notes, which say when cutter compensation begins, and those of the program.
+void Commands::comment(std::string_view text) {
+  constexpr std::string_view own = "interpreter: ";
+  if (!text.starts_with(own)) return canon_.comment(text);
+  if (!text.starts_with("interpreter: cutter radius compensation on")) return;
+  run_.warn_once(
+      "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
+      "lines of such moves may be those of the block behind");
+  if (codes_.radius && codes_.d == -1 && tool_ <= 0)
+    refuse("T and M6 before G41 and G42", "no tool called");
+  const int tool = codes_.d >= 0 ? codes_.d : tool_;
+  if (codes_.radius && codes_.d != not_literal && tool > 0 &&
+      run_.options().control.tool_radius.count(tool) == 0 && stored_.count(tool) == 0)
+    refuse("a tool whose radius is known", fmt::format("tool {}", tool));
+}
+
+bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
+  const std::string_view name = command.name;
+  if (name == "COMMENT")
+    comment(between_quotes(command.arguments));
+  else if (name == "MIST_ON")
+    canon_.aside("M7");
+  else if (name == "FLOOD_ON")
+    canon_.aside("M8");
+  else if (name == "FLOOD_OFF")  // M9 ends both, mist first
+    canon_.aside("M9");
+  else if (name == "MIST_OFF")
+    return true;
+  else if (name == "PROGRAM_STOP")
+    canon_.aside("M0");
+  else if (name == "OPTIONAL_PROGRAM_STOP")
+    canon_.aside("M1");
+  else if (name == "PROGRAM_END" || name == "FINISH")
+    ended_ = true;
+  else
+    return false;
+  return true;
+}
+
+}  // namespace abbe::sim::dialects::linuxcnc

@@ -1,0 +1,232 @@
+#include "sim/dialects/read_options.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "sim/dialects/cursor.h"
+
+namespace abbe::sim::dialects {
+
+namespace {
+
+constexpr int most_lines = 2000;
+constexpr std::size_t longest = 300;  // bytes of a line that are looked at
+
+struct Sign {
+  Dialect dialect;
+  std::string_view text;
+};
+
+// Words that stand alone: no letter or digit before them, and none after them.
+constexpr Sign word_signs[] = {
+    {Dialect::Siemens, "TRAORI"},    {Dialect::Siemens, "TRAFOOF"},  {Dialect::Siemens, "CYCLE832"},
+    {Dialect::Siemens, "CYCLE800"},  {Dialect::Siemens, "SUPA"},     {Dialect::Siemens, "COMPCAD"},
+    {Dialect::Siemens, "COMPCURV"},  {Dialect::Siemens, "SOFT"},     {Dialect::Siemens, "FFWON"},
+    {Dialect::Siemens, "ORIWKS"},    {Dialect::Siemens, "ORIAXES"},  {Dialect::Siemens, "G642"},
+    {Dialect::Siemens, "G500"},      {Dialect::Siemens, "GOTOF"},    {Dialect::Siemens, "GOTOB"},
+    {Dialect::Siemens, "ENDIF"},     {Dialect::Siemens, "ENDFOR"},   {Dialect::Siemens, "PROC"},
+    {Dialect::Siemens, "DEF REAL"},  {Dialect::Siemens, "DEF INT"},  {Dialect::Siemens, "MCALL"},
+    {Dialect::Siemens, "TRANS"},     {Dialect::Siemens, "ATRANS"},   {Dialect::Siemens, "AROT"},
+    {Dialect::Siemens, "WORKPIECE"}, {Dialect::Siemens, "M17"},      {Dialect::Fanuc, "G65"},
+    {Dialect::Fanuc, "G66"},         {Dialect::Fanuc, "M98"},        {Dialect::Fanuc, "M99"},
+    {Dialect::Fanuc, "G68.2"},       {Dialect::Fanuc, "G43.5"},      {Dialect::Fanuc, "G05.1"},
+    {Dialect::Fanuc, "G5.1 Q1"},     {Dialect::Fanuc, "G05 P10000"}, {Dialect::Fanuc, "G08 P1"},
+    {Dialect::Fanuc, "POPEN"},       {Dialect::Fanuc, "DPRNT"},      {Dialect::LinuxCnc, "G64 P"},
+    {Dialect::Siemens, "DIAMON"},    {Dialect::Siemens, "DIAM90"},   {Dialect::Siemens, "DIAMOF"},
+    {Dialect::Fanuc, "G50 S"},       {Dialect::LinuxCnc, "G59.1"},   {Dialect::LinuxCnc, "G59.2"},
+    {Dialect::LinuxCnc, "G59.3"},
+};
+
+// What a line begins with, blanks and a line number left out.
+constexpr Sign first_signs[] = {
+    {Dialect::Heidenhain, "BEGIN PGM"},
+    {Dialect::Heidenhain, "BLK FORM"},
+    {Dialect::Heidenhain, "TOOL CALL"},
+    {Dialect::Heidenhain, "CYCL DEF"},
+    {Dialect::Siemens, "%_N_"},
+    {Dialect::Siemens, ";$PATH="},
+    {Dialect::Siemens, "MSG("},
+    {Dialect::Cl, "PARTNO"},
+    {Dialect::Cl, "GOTO/"},
+    {Dialect::Cl, "GOTO /"},
+    {Dialect::Cl, "FEDRAT/"},
+    {Dialect::Cl, "FEDRAT /"},
+    {Dialect::Cl, "MULTAX"},
+    {Dialect::Cl, "LOADTL"},
+    {Dialect::Cl, "UNITS/"},
+    {Dialect::Cl, "UNITS /"},
+    {Dialect::Cl, "$$"},
+    {Dialect::Cl, "TOOL PATH/"},
+    {Dialect::Cl, "TLDATA/"},
+    {Dialect::Cl, "SPINDL/"},
+    {Dialect::Cl, "SPINDL /"},
+    {Dialect::Cl, "PPRINT"},
+    {Dialect::Cl, "X,Y,Z"},
+    {Dialect::Cl, "X;Y;Z"},
+    {Dialect::Cl, "X_MM,Y_MM,Z_MM"},
+    {Dialect::LinuxCnc, "O<"},
+};
+
+bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '_' || c == '.'; }
+
+/// The line in upper case without comments, which the dialects but Heidenhain's write in ( ).
+std::string bare(std::string_view line) {
+  std::string text;
+  bool inside = false;
+  for (const char c : line.substr(0, longest)) {
+    if (c == '(') inside = true;
+    if (!inside) text += upper(c);
+    if (c == ')') inside = false;
+  }
+  return text.substr(0, text.find(';', text.starts_with(";$PATH") ? 1 : 0));
+}
+
+bool is_whole_word(std::string_view line, std::string_view word) {
+  for (std::size_t at = line.find(word); at != std::string_view::npos;
+       at = line.find(word, at + 1)) {
+    const std::size_t end = at + word.size();
+    const bool before = at > 0 && is_letter(line[at - 1]);
+    const bool after = end < line.size() && is_word_byte(line[end]) && !is_letter(word.back()) &&
+                       (is_digit(line[end]) || line[end] == '.');
+    const bool takes_number = word.size() > 1 && is_blank(word[word.size() - 2]);  // G64 P
+    const bool longer =
+        end < line.size() && is_letter(word.back()) && !takes_number && is_word_byte(line[end]);
+    if (!before && !after && !longer) return true;
+  }
+  return false;
+}
+
+/// O with a number and nothing that LinuxCNC's O words have behind it.
+bool is_program_number(std::string_view line) {
+  if (line.size() < 2 || line[0] != 'O' || !is_digit(line[1])) return false;
+  std::size_t at = 1;
+  while (at < line.size() && is_digit(line[at])) ++at;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  return at == line.size();
+}
+
+/// O with a label and a word of LinuxCNC's flow: O110 endif, o<name> call [1]
+bool is_o_word(std::string_view line) {
+  if (line.empty() || line[0] != 'O') return false;
+  std::size_t at = 1;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  const std::size_t label = at;
+  while (at < line.size() && (is_digit(line[at]) || is_blank(line[at]))) ++at;
+  if (at == label && at < line.size() && (line[at] == '#' || line[at] == '[' || line[at] == '<'))
+    at = line.find_first_of(">] \t", at);
+  if (at == label || at >= line.size()) return false;
+  at = line.find_first_not_of(">] \t", at);
+  if (at == std::string_view::npos) return false;
+  static constexpr std::array<std::string_view, 15> words = {
+      "SUB",   "ENDSUB",   "CALL", "RETURN", "IF",        "ELSEIF", "ELSE",    "ENDIF",
+      "WHILE", "ENDWHILE", "DO",   "REPEAT", "ENDREPEAT", "BREAK",  "CONTINUE"};
+  const std::string_view rest = line.substr(at);
+  return std::ranges::any_of(words, [&](std::string_view word) { return rest.starts_with(word); });
+}
+
+/// R1=..., or a word with = as only Siemens writes it: X=..., T="...", R1==...
+std::optional<std::string> assignment(std::string_view line) {
+  for (std::size_t at = line.find('='); at != std::string_view::npos; at = line.find('=', at + 1)) {
+    std::size_t from = at;
+    while (from > 0 && is_digit(line[from - 1])) --from;
+    if (from == 0 || !is_letter(line[from - 1])) continue;
+    if (from < 2 || is_blank(line[from - 2]))
+      return std::string(
+          line.substr(from - 1, at + (at + 1 < line.size() && line[at + 1] == '=') + 2 - from));
+  }
+  return std::nullopt;
+}
+
+/// A line without blanks before it and its number.
+std::string_view strip_block_number(std::string_view line) {
+  static const std::string nowhere;
+  Cursor cursor{line, {nowhere, 0}};
+  cursor.skip_blanks();
+  const std::size_t start = cursor.at;
+  if (cursor.here() == 'N') ++cursor.at;
+  const std::size_t digits = cursor.at;
+  while (is_digit(cursor.here())) ++cursor.at;
+  if (cursor.at == digits) cursor.at = start;
+  cursor.skip_blanks();
+  return line.substr(std::min(cursor.at, line.size()));
+}
+
+std::optional<Sign> find_dialect_sign(std::string_view line, std::string& seen) {
+  const std::string_view rest = strip_block_number(line);
+  for (const Sign& sign : first_signs)
+    if (rest.starts_with(sign.text)) return sign;
+  if (is_o_word(rest)) return Sign{Dialect::LinuxCnc, "an O word"};
+  if (is_program_number(rest)) return Sign{Dialect::Fanuc, "a program number O"};
+  for (const Sign& sign : word_signs)
+    if (is_whole_word(rest, sign.text)) return sign;
+  if (rest.find("#<") != std::string_view::npos) return Sign{Dialect::LinuxCnc, "#<"};
+  if (rest.find('#') == std::string_view::npos && !rest.empty() && rest[0] != 'Q' &&
+      rest.find("FN") == std::string_view::npos)
+    if (auto words = assignment(rest)) {
+      seen = *words;
+      return Sign{Dialect::Siemens, seen};
+    }
+  return std::nullopt;
+}
+
+std::optional<Dialect> dialect_by_extension(std::string_view file) {
+  const std::size_t dot = file.rfind('.');
+  if (dot == std::string_view::npos) return std::nullopt;
+  std::string ending;
+  for (const char c : file.substr(dot + 1)) ending += upper(c);
+  if (ending == "MPF" || ending == "SPF") return Dialect::Siemens;
+  if (ending == "H" || ending == "HH") return Dialect::Heidenhain;
+  if (ending == "CL" || ending == "CLS" || ending == "APT" || ending == "CLD" || ending == "NCL")
+    return Dialect::Cl;
+  if (ending == "EIA" || ending == "FNC") return Dialect::Fanuc;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string_view name_of(Dialect dialect) {
+  switch (dialect) {
+    case Dialect::Auto:
+      return "auto";
+    case Dialect::LinuxCnc:
+      return "linuxcnc";
+    case Dialect::Fanuc:
+      return "fanuc";
+    case Dialect::Siemens:
+      return "siemens";
+    case Dialect::Heidenhain:
+      return "heidenhain";
+    case Dialect::Cl:
+      return "cl";
+  }
+  return "";
+}
+
+Recognised recognised(std::string_view text, std::string_view file) {
+  if (const auto dialect = dialect_by_extension(file))
+    return {*dialect, "the file is named " + std::string(file.substr(file.rfind('.')))};
+  Lines lines(text);
+  std::string seen;
+  for (int n = 0; n < most_lines; ++n) {
+    const auto line = lines.next();
+    if (!line) break;
+    if (const auto sign = find_dialect_sign(bare(*line), seen))
+      return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text),
+              lines.number()};
+  }
+  return {Dialect::LinuxCnc, "nothing in it is of another dialect"};
+}
+
+BadProgram::BadProgram(std::vector<BadInput> list)
+    : BadInput(list.at(0)), input_errors(std::move(list)) {
+  for (const BadInput& fault : input_errors)
+    text += (text.empty() ? "" : "\n") + std::string(fault.what());
+}
+
+}  // namespace abbe::sim::dialects

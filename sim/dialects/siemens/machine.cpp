@@ -1,0 +1,572 @@
+#include "sim/dialects/siemens/machine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/tool_compensation.h"
+
+namespace abbe::sim::dialects::siemens {
+
+using kinematics::AxisVector;
+using kinematics::Chain;
+using program::Feed;
+using program::FeedMode;
+
+Eigen::Matrix3d rotation_about(int axis, double angle_deg) {
+  const double quarters = std::round(angle_deg / 90.0);
+  const double rest = (angle_deg - 90.0 * quarters) * units::deg;
+  double c = std::cos(rest), s = std::sin(rest);
+  const int turns = ((int(std::fmod(quarters, 4.0)) % 4) + 4) % 4;
+  for (int k = 0; k < turns; ++k) {
+    const double turned = -s;
+    s = c;
+    c = turned;
+  }
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  const int i = (axis + 1) % 3, k = (axis + 2) % 3;
+  R(i, i) = R(k, k) = c + 0.0;
+  R(k, i) = s + 0.0;
+  R(i, k) = -s + 0.0;
+  return R;
+}
+
+Placement behind(const Placement& first, const Placement& second) {
+  return {first.rotation * second.shift + first.shift, first.rotation * second.rotation};
+}
+
+Eigen::Matrix3d swivel_rotation(SwivelMode mode, const Eigen::Vector3i& order,
+                                const Eigen::Vector3d& angles_deg) {
+  if (mode == SwivelMode::SolidAngle)
+    return rotation_about(2, angles_deg[0]) * rotation_about(1, angles_deg[1]);
+  return rotation_about(order[0], angles_deg[0]) * rotation_about(order[1], angles_deg[1]) *
+         rotation_about(order[2], angles_deg[2]);
+}
+
+std::vector<double> peck_depths(double total, const PeckParameters& words) {
+  constexpr std::size_t max_pecks = 100'000;
+  constexpr double nothing = 1e-9;  // mm, what is left of a rounded depth
+  std::vector<double> depths;
+  double depth = 0.0, peck = words.first;
+  const double by = words.degression;
+  while (total - depth > nothing) {
+    if (depths.size() == max_pecks) return {};
+    const double rest = total - depth;
+    const bool halves =
+        by > 0 && !depths.empty() && rest > peck + nothing && rest <= 2 * by + nothing;
+    if (halves) {
+      depths.push_back(depth + 0.5 * rest);
+      depths.push_back(total);
+      return depths;
+    }
+    depth = rest <= peck + nothing ? total : depth + peck;
+    depths.push_back(depth);
+    if (by > 0) peck = std::min(peck, std::max(peck - by, by));
+    if (by < 0) peck = std::max(peck * std::min(-by, 1.0), std::min(words.least, words.first));
+    if (!(peck > nothing)) return {};
+  }
+  return depths;
+}
+
+double peck_stop_distance(double total) {
+  return total <= 30.0 ? 0.6 : std::min(total / 50.0, 7.0);
+}
+
+double coarse_pitch(double size) {
+  static constexpr std::pair<double, double> pitches[] = {
+      {3, 0.5},  {4, 0.7},  {5, 0.8},  {6, 1.0},  {8, 1.25}, {10, 1.5}, {12, 1.75},
+      {14, 2.0}, {16, 2.0}, {18, 2.5}, {20, 2.5}, {22, 2.5}, {24, 3.0}, {27, 3.0},
+      {30, 3.5}, {33, 3.5}, {36, 4.0}, {39, 4.0}, {42, 4.5}, {45, 4.5}, {48, 5.0}};
+  for (const auto& [diameter, pitch] : pitches)
+    if (diameter == size) return pitch;
+  return 0.0;
+}
+
+namespace {
+
+constexpr double min_feed = 1e-9;  // per minute; keeps every duration finite
+constexpr std::pair<Address, char> axis_addresses[] = {
+    {Address::X, 'X'}, {Address::Y, 'Y'}, {Address::Z, 'Z'}, {Address::A, 'A'}, {Address::B, 'B'},
+    {Address::C, 'C'}, {Address::U, 'U'}, {Address::V, 'V'}, {Address::W, 'W'}};
+
+bool is_arc(std::string_view motion) { return motion == "G2" || motion == "G3"; }
+
+}  // namespace
+
+Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
+    : run_(run),
+      canon_(run.canon),
+      turning_(canon_.options().control),
+      changes_by_m6_(tool_changes_by_m6),
+      programmable_turns_(AxisVector::Zero(canon_.position().size())),
+      compensation_(run) {
+  canon_.count_from_workpiece();
+  if (run_.turning()) {
+    plane_ = 18;
+    canon_.set_feed_mode(FeedMode::PerRevolution);
+  }
+  if (run_.has_initial_diameters(true)) diameters_ = Diameters::On;
+  apply_tool();
+}
+
+/// Diameters or radii, where the program does not say which X words are.
+void Machine::note_diameters(const Block& block) {
+  if (!run_.turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
+  diameters_stated_ = true;
+  if (run_.options().turning.x_words != XWordMeaning::FromControl) return;
+  const bool on = diameters_ == Diameters::On;
+  canon_.assume({fmt::format("X words are {}: no word before says otherwise",
+                             on ? "diameters (DIAMON)" : "radii (DIAMOF)"),
+                 "program.x_words", "--x-words"});
+}
+
+double Machine::radius_of_x(bool absolute) const {
+  const bool halves =
+      diameters_ == Diameters::On || (diameters_ == Diameters::Absolute && absolute);
+  return halves ? 0.5 : 1.0;
+}
+
+/// Whether X counts as a diameter there is not settled.
+void Machine::refuse_diameters(const Value& word) const {
+  if (diameters_ != Diameters::Off && word.value != 0.0)
+    refuse(word, "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
+}
+
+const Value* Machine::first_axis_word(const Block& block) const {
+  const Value* first = nullptr;
+  for (const auto& [address, letter] : axis_addresses)
+    if (const Value& word = block[address];
+        word && (first == nullptr || word.cause.column < first->cause.column))
+      first = &word;
+  return first;
+}
+
+Cause Machine::cause_of(const Block& block) const {
+  if (const Code& code = block[Group::Motion]) return code.cause;
+  if (const Value* axis = first_axis_word(block)) return axis->cause;
+  using enum Address;
+  for (const Address address : {CR, AR, RP, AP, I, J, K, A3, B3, C3, I1, J1, K1, TURN, RPL})
+    if (block[address]) return block[address].cause;
+  return {1, {}};
+}
+
+/// Words that make sense only beside others.
+void Machine::check_words(const Block& block) const {
+  using enum Address;
+  for (const auto& [address, letter] : axis_addresses)
+    if (const Value& word = block[address]; word && canon_.joint_of(letter) < 0)
+      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+  const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
+  const auto only_beside = [&](std::initializer_list<Address> addresses, bool beside,
+                               std::string_view what) {
+    for (const Address address : addresses)
+      if (block[address] && !beside)
+        refuse(block[address], fmt::format("{} beside {}", what, shown(block[address].cause.text)));
+  };
+  const bool round = is_arc(motion) && !block[Group::Frame] && !block[Group::Dwell];
+  only_beside({I, J, K}, round || motion == "G33", "G2, G3 or G33");
+  only_beside({CR, AR, TURN}, round || (motion == "CIP" && block[TURN]), "G2 or G3");
+  only_beside({I1, J1, K1}, motion == "CIP", "CIP");
+  only_beside({RPL}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
+              "ROT or AROT");
+  only_beside({A3, B3, C3}, traori_ || block.word(Group::Transformation) == "TRAORI", "TRAORI");
+  const Value* position = first_axis_word(block);
+  for (const Address address : {AP, RP, A3, B3, C3})  // they move the axes as well
+    if (position == nullptr && block[address]) position = &block[address];
+  if (position != nullptr) {
+    if (block.wordless)
+      refuse(*position, fmt::format("no axis words beside {}, which takes none",
+                                    shown(block.wordless.cause.text)));
+    if (block.call || block.modal)
+      refuse(*position,
+             fmt::format("{}, a cycle or subprogram, in a block of its own",
+                         shown(block.call ? block.call->cause.text : block.modal_cause.text)));
+  }
+  only_beside({LIMS}, true, "G96");
+  only_beside({P}, block.call.has_value(), "a subprogram");
+  if (const Value& offset = block[OFFN]; offset && offset.value != 0)
+    refuse(offset, std::string(find_entry("OFFN")->sentence));
+  if (const Value& t = block[T];
+      t && !block.tool_name && (t.value < 0 || t.value != std::floor(t.value) || t.value > 1e9))
+    refuse(t, "a whole tool number");
+  if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
+    refuse(d, "D0 or D1: a tool of the scene has one edge");
+  for (const auto& value : block.values)
+    if (value && value.measure != Measure::Modal) {
+      const Address address = Address(&value - block.values.data());
+      if (address <= K1 || address == AP || address == RP) continue;
+      refuse(value, "a number without AC() and the like");
+    }
+}
+
+void Machine::set_feed(const Block& block) {
+  if (const Code& code = block[Group::Units]) {
+    canon_.set_inch(code.word == "G70" || code.word == "G700");
+    inch_feed_ = code.word == "G700";
+  }
+  if (const Code& code = block[Group::FeedMode]) {
+    const FeedMode mode = code.word == "G93"   ? FeedMode::InverseTime
+                          : code.word == "G94" ? FeedMode::PerMinute
+                                               : FeedMode::PerRevolution;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
+  }
+  if (const Code& code = block[Group::SpeedMode];
+      code && code.word != "G962" && code.word != "G972") {
+    const bool per_minute = code.word == "G961" || code.word == "G971";
+    const FeedMode mode = per_minute ? FeedMode::PerMinute : FeedMode::PerRevolution;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
+  }
+  if (block[Group::Dwell]) return;
+  if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
+  if (const Value& f = block[Address::F]) {
+    if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
+    canon_.set_feed(Feed{f.value, inch_feed_ ? inch_mm : 1.0});
+  }
+}
+
+void Machine::choose_master(int spindle, const Cause& cause) {
+  if (spindle == master_) return;
+  if (surface_speed_) refuse(cause, "G97 before another master spindle");
+  spindles_[master_] = {canon_.spindle_speed(), canon_.spindle_direction()};
+  master_ = spindle;
+  const Spindle chosen = spindles_[spindle];
+  speed_ = chosen.rpm;
+  canon_.set_spindle_speed(chosen.rpm);
+  canon_.turn_spindle(chosen.direction);
+}
+
+/// @param word  of S, rpm, or under G96 a surface speed
+void Machine::set_speed(double word, const Cause& cause) {
+  if (!(word >= 0 && word <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
+  // m/min in mm, ft/min in inches
+  speed_ = surface_speed_ && inch_feed_ ? word * 0.3048 : word;
+  if (!surface_speed_) canon_.set_spindle_speed(word);
+}
+
+/// S2=1000 and M2=3: the tool is in the master spindle. What others do is kept until SETMS.
+void Machine::set_numbered_spindles(const Block& block) {
+  const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
+  for (const SpindleWord& word : block.spindles) {
+    if (word.speed && block[Group::Dwell]) refuse(word.cause, "S beside G4");
+    if (word.spindle != master_) {
+      const auto [other, is_new] = spindles_.try_emplace(word.spindle);
+      if (word.speed) other->second.rpm = *word.speed;
+      if (!word.speed) other->second.direction = direction(word.direction);
+      if (is_new)
+        run_.warn_once(fmt::format(
+            "{}:{}: {} is of spindle {} and has no effect: the tool is taken to be in the master "
+            "spindle, {}; SETMS({}) says otherwise",
+            canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle, master_,
+            word.spindle));
+      continue;
+    }
+    if (word.speed && block[Address::S]) refuse(word.cause, "one speed of a spindle in a block");
+    if (!word.speed && block[Group::Spindle])
+      refuse(word.cause, "one direction of a spindle in a block");
+    if (word.speed)
+      set_speed(*word.speed, word.cause);
+    else
+      canon_.turn_spindle(direction(word.direction));
+  }
+}
+
+void Machine::set_spindle(const Block& block) {
+  if (const Value& most = block[Address::LIMS]) {
+    if (!(most.value > 0 && most.value <= 1e7)) refuse(most, "a speed of more than 0 to 1e7 rpm");
+    max_rpm_ = most.value;
+  }
+  if (const Code& code = block[Group::SpeedMode]) {
+    const bool surface = code.word.starts_with("G96");
+    if (surface && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
+    if (surface && !surface_speed_ && !block[Address::S])
+      refuse(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
+    if (surface != surface_speed_) speed_ = surface ? 0.0 : canon_.spindle_speed();
+    surface_speed_ = surface;
+  }
+  const bool limits = block[Group::Limits].word.size() > 0;
+  if (const Code& code = block[Group::Master]) choose_master(block.master, code.cause);
+  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !limits)
+    set_speed(s.value, s);
+  if (!limits) set_numbered_spindles(block);
+  if (const Code& code = block[Group::Spindle])
+    canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
+                                          : std::nullopt);
+}
+
+void Machine::note_coolant(const Block& block) const {
+  std::string text;
+  for (const std::string_view word : block.coolant)
+    text += (text.empty() ? "" : " ") + std::string(word);
+  if (!text.empty()) canon_.aside(std::move(text));
+}
+
+void Machine::dwell(const Block& block) {
+  const Code& code = block[Group::Dwell];
+  const Value &seconds = block[Address::F], &turns = block[Address::S];
+  if (const Value* axis = first_axis_word(block))
+    refuse(axis->cause, "no axis words beside G4, which takes none");
+  if (bool(seconds) == bool(turns)) refuse(code.cause, "either F or S beside G4");
+  if (turns && !(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
+  const double time = seconds ? seconds.value : turns.value * 60.0 / canon_.spindle_speed();
+  const Cause cause = seconds ? seconds.cause : turns.cause;
+  if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
+  compensation_.after([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
+}
+
+/// Words that G41 and G42 do not go with.
+void Machine::check_compensation(const Block& block) const {
+  if (!compensation_.on()) return;
+  const Code& side = block[Group::CutterRadius];
+  for (const Group group : {Group::Plane, Group::Units, Group::WorkOffset, Group::WithoutOffset,
+                            Group::Transformation, Group::Pole, Group::Frame, Group::ToolChange})
+    if (const Code& code = block[group]) refuse(code.cause, "G40 before " + shown(code.cause.text));
+  if (side && side.word != "G40" && (side.word == "G41") != compensation_.left())
+    refuse(side.cause, "G40 between G41 and G42");
+  for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
+                                Address::A3, Address::B3, Address::C3})
+    if (block[address]) refuse(block[address], "G40 before " + shown(block[address].cause.text));
+  if (const Code& code = block[Group::Motion]; code && (code.word == "CIP" || code.word == "G33"))
+    refuse(code.cause, "G40 before " + shown(code.cause.text));
+}
+
+void Machine::choose_system(const Code& code) {
+  const int number = std::stoi(std::string(code.word.substr(1)));
+  if (number > 506 && !canon_.options().more_offset.contains(number))
+    refuse(code.cause,
+           fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
+                       "(`offsets`): $P_UIFR[{}]",
+                       number - 500));
+  const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
+  system_ = number - first;
+  apply_frame();
+}
+
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {
+      {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
+      {Group::Plane, StartMode::Plane},          {Group::FeedMode, StartMode::Feed},
+      {Group::SpeedMode, StartMode::Feed},       {Group::Motion, StartMode::Motion},
+      {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (first_axis_word(block) == nullptr || block[Group::Frame]) return;
+  const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
+  run_.assume_mode(StartMode::Units, "mm (G71)");
+  run_.assume_mode(StartMode::Distance, "absolute (G90)");
+  run_.assume_mode(StartMode::Motion, "line (G1)");
+  if (is_arc(motion))
+    run_.assume_mode(StartMode::Plane, plane_ == 18   ? "plane Z X (G18)"
+                                       : plane_ == 19 ? "plane Y Z (G19)"
+                                                      : "plane X Y (G17)");
+  if (motion != "G0")
+    run_.assume_mode(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
+                                          ? "F per turn (G95)"
+                                          : "F per minute (G94)");
+  if (!block[Group::WithoutOffset]) run_.assume_offset(system_ + 1, "work offset G54");
+}
+
+void Machine::set_modes(const Block& block) {
+  if (const Code& code = block[Group::Diameters]) {
+    if (code.word != "DIAMOF" && !run_.turning())
+      refuse(code.cause,
+             "a turning control (control = \"turning\", or a machine whose spindle turns the "
+             "workpiece): X is no diameter on a milling control");
+    diameters_ = code.word == "DIAMON"   ? Diameters::On
+                 : code.word == "DIAM90" ? Diameters::Absolute
+                                         : Diameters::Off;
+    diameters_stated_ = true;
+  }
+  set_feed(block);
+  set_spindle(block);
+  note_diameters(block);
+  if (const Code& code = block[Group::Plane])
+    plane_ = code.word == "G17" ? 17 : code.word == "G18" ? 18 : 19;
+  if (const Code& code = block[Group::Distance]) incremental_ = code.word == "G91";
+  if (const Code& code = block[Group::OrientationFrame]) workpiece_frame_ = code.word == "ORIWKS";
+  if (const Code& code = block[Group::OrientationWay]) on_great_circle_ = code.word != "ORIAXES";
+  call_tools(block);
+  if (const Code& code = block[Group::WorkOffset]) {
+    choose_system(code);
+  }
+  if (const Code& code = block[Group::Transformation]) change_transformation(code);
+  if (const Code& code = block[Group::CutterRadius]) set_compensation(code);
+}
+
+BlockResult Machine::execute(const Block& block) {
+  check_words(block);
+  check_compensation(block);
+  note_start_modes(block);
+  set_modes(block);
+  note_coolant(block);
+  const Code& stop = block[Group::Stop];
+  const bool ends = stop && (stop.word == "M2" || stop.word == "M30" || stop.word == "M17");
+  if (const Code& code = block[Group::Motion]) motion_ = code.word;
+  BlockResult done{false, ends};
+  if (block[Group::Frame])
+    frame_words(block);
+  else if (block[Group::Dwell])
+    dwell(block);
+  else if (block[Group::Pole])
+    set_pole(block);
+  else if (!block[Group::Limits])
+    done.moved = move(block);
+  if (stop && !ends) canon_.aside(stop.word == "M1" ? "M1" : "M0");
+  return done;
+}
+
+std::optional<double> Machine::position(char letter, bool of_the_axis) const {
+  const int j = canon_.joint_of(letter);
+  if (j < 0) return std::nullopt;
+  const double shown_x = j == joint(0) && !of_the_axis ? 1.0 / radius_of_x(true) : 1.0;
+  const double value = of_the_axis ? here()[j] : programmed_here()[j] * shown_x;
+  return canon_.is_linear(j) ? value / unit() : value / units::deg;
+}
+
+/// A tool of the scene: by its number, by its name, or the only one.
+int Machine::number_of_tool(const Block& block) const {
+  const Value& word = block[Address::T];
+  if (!block.tool_name) return int(word.value);
+  const std::string& name = *block.tool_name;
+  const auto& numbers = canon_.options().tool_number;
+  if (const auto known = numbers.find(name); known != numbers.end()) return known->second;
+  if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
+    return std::stoi(name);
+  if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
+      !canon_.options().tool_table) {
+    canon_.assume({fmt::format("T={} is the scene's only tool", in_quotes(name)), "tool.name"});
+    return canon_.options().tool_length.begin()->first;
+  }
+  std::string known;
+  for (const auto& [one, number] : numbers) known += (known.empty() ? "" : ", ") + in_quotes(one);
+  refuse(word, "the name of a tool of the scene (" + (known.empty() ? "none has one" : known) + ")",
+         in_quotes(name));
+}
+
+void Machine::call_tools(const Block& block) {
+  const Value &t = block[Address::T], &d = block[Address::D];
+  const Code& change = block[Group::ToolChange];
+  if (t) selected_ = number_of_tool(block);
+  if (t && !program::knows_tool(canon_.options(), selected_))
+    refuse(t.cause, "a tool of the tool table");
+  const bool changes = change || (t && !changes_by_m6_);
+  if (changes && selected_ >= 0) tool_ = selected_;
+  if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
+  std::string text = t ? fmt::format("T{}", selected_) : "";
+  if (change) text += text.empty() ? "M6" : " M6";
+  if (!text.empty()) canon_.aside(std::move(text));
+  if (!changes && !d) return;
+  compensation_.clear_leaving();  // a control looks again where its axes stand
+  if (changes) length_counts_ = true;
+  if (d) length_counts_ = d.value != 0;
+  if (changes && tool_ == 0) length_counts_ = false;
+  if (tool_ >= 0)
+    canon_.select_length(length_counts_ ? tool_ : -1, t        ? t.cause
+                                                      : change ? change.cause
+                                                               : d.cause);
+  apply_tool();
+}
+
+/// Whatever tool is in the spindle, there is one length.
+bool Machine::has_single_length() const {
+  const auto& lengths = canon_.options().tool_length;
+  return !lengths.empty() && canon_.options().control_of_h.empty() &&
+         !canon_.options().tool_table &&
+         std::all_of(lengths.begin(), lengths.end(),
+                     [&](const auto& one) { return one.second == lengths.begin()->second; });
+}
+
+double Machine::active_tool_length(const Cause& cause) const {
+  const auto& lengths = canon_.options().tool_length;
+  const auto own = lengths.find(tool_);
+  if (own != lengths.end()) return own->second;
+  if (has_single_length()) return lengths.begin()->second;
+  std::string known;
+  for (const auto& [number, mm] : lengths) known += fmt::format(" T{}", number);
+  refuse(cause,
+         "a tool whose length is known (" + (known.empty() ? "none is" : known.substr(1)) +
+             ") in the spindle",
+         tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
+}
+
+std::optional<double> Machine::nose_radius(int tool) const {
+  const auto& radii = canon_.options().tool_radius;
+  auto own = radii.find(tool);
+  if (own == radii.end())
+    if (const auto only = program::only_tool(canon_.options())) own = radii.find(*only);
+  return own == radii.end() ? std::nullopt : std::optional(own->second);
+}
+
+/// mm, from the point of a turning tool that X Z lead to the centre of its nose.
+AxisVector Machine::programmed_nose_offset() const {
+  return nose_offset(canon_, run_.turning() ? run_.options().turning.tip : 0, nose_radius(tool_));
+}
+
+void Machine::set_compensation(const Code& code) {
+  if (code.word == "G40") {
+    if (!compensation_.on()) return;
+    compensation_.end();
+    if (!run_.turning()) return;
+    apply_tool();
+    return compensation_.shift_programmed(programmed_nose_offset());
+  }
+  const bool left = code.word == "G41";
+  if (compensation_.on()) return;
+  if (!length_counts_) refuse(code.cause, "D1 before " + shown(code.cause.text));
+  const Plane in = plane(code.cause);
+  const Eigen::Matrix3d R = total_rotation();
+  const int across = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
+  if (std::abs(R(across, across) - 1.0) > 1e-14)
+    refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
+                           std::string(code.word) + " in it");
+  const int tool = tool_ >= 0 ? tool_ : run_.uncalled_tool(code.cause, "no tool called");
+  const auto radius = nose_radius(tool);
+  if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
+  compensation_.begin(left, *radius, {in.first, in.second});
+  if (!run_.turning()) return;
+  apply_tool();  // G41 and G42 lead the centre of the nose beside the contour
+  compensation_.shift_programmed(-programmed_nose_offset());
+}
+
+/// On a machine with rotary axes the length of a tool is that of its chain, on a turning control it
+/// is measured so that X Z lead its tip, else it is added to Z.
+void Machine::apply_tool() {
+  canon_.set_tool_shift(tip_mode() ? AxisVector() : active_tool_shift());
+  apply_frame();
+}
+
+AxisVector Machine::active_tool_shift() const {
+  if (run_.turning()) {
+    const Chain* to_tip = chain_to_tip(canon_.options(), tool_);
+    if (to_tip == nullptr || !length_counts_ || !knows_tool()) return {};
+    AxisVector measured = measured_offset(canon_, *to_tip, {1, {}});
+    if (!compensation_.on()) measured += programmed_nose_offset();
+    return measured;
+  }
+  AxisVector shift = AxisVector::Zero(canon_.position().size());
+  const auto& zero = canon_.zero();
+  if (zero && zero->places && turning_.possible()) {
+    const auto& options = canon_.options();
+    const auto own = options.control_of_h.find(tool_);
+    const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
+    const auto tip_w = program::tip_at_zero(chain);
+    if (!tip_w || (!length_counts_ && knows_tool())) return {};
+    for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];
+    return shift;
+  }
+  const int z = joint(2);
+  if (z < 0 || turning_.possible() || !length_counts_ || !knows_tool()) return {};
+  shift[z] = active_tool_length({1, {}});
+  return shift;
+}
+
+}  // namespace abbe::sim::dialects::siemens

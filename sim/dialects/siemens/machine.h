@@ -1,0 +1,227 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "sim/dialects/siemens/block.h"
+#include "sim/dialects/tool_compensation.h"
+#include "sim/dialects/tool_vectors.h"
+
+/// Frames of Siemens 840D: how they are turned and put behind each other.
+namespace abbe::sim::dialects::siemens {
+
+/// Rotation about X (0), Y (1) or Z (2) by an angle in degrees, right-handed. Multiples of 90 deg
+/// have sines and cosines of 0 and 1 exactly.
+Eigen::Matrix3d rotation_about(int axis, double angle_deg);
+
+/// p' = rotation p + shift, of X Y Z in mm.
+struct Placement {
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+
+  bool is_none() const { return shift.isZero(0.0) && rotation.isIdentity(0.0); }
+};
+/// `second` in the coordinates that `first` makes.
+Placement behind(const Placement& first, const Placement& second);
+
+/// How CYCLE800 counts its angles.
+enum class SwivelMode { AxisByAxis, SolidAngle };
+
+/// The rotation of a swivelled plane: by three angles about the axes in `order` (0 X, 1 Y, 2 Z),
+/// each about the axis as the ones before have turned it; by solid angle about Z, then about the Y
+/// that was turned.
+Eigen::Matrix3d swivel_rotation(SwivelMode mode, const Eigen::Vector3i& order,
+                                const Eigen::Vector3d& angles_deg);
+
+// Depths of drilling cycles.
+
+/// Positions along a hole, mm.
+struct HoleLevels {
+  double retract = 0.0, reference = 0.0, start = 0.0, bottom = 0.0;
+};
+
+/// How CYCLE83 goes down, mm.
+struct PeckParameters {
+  double first = 0.0;  ///< from the reference plane, > 0, at most the whole
+  double degression =
+      0.0;             ///< by which each peck is shorter; below zero the factor of each; 0: none
+  double least = 0.0;  ///< shortest peck where degression is a factor
+};
+
+/// Depths below the reference plane at the end of each peck, the last one `total`: a peck is
+/// shorter than the one before by the degression as long as that leaves more than the degression,
+/// then as long as it; what is left once it is at most twice that is halved. Empty for more than
+/// 1e5 pecks.
+std::vector<double> peck_depths(double total, const PeckParameters& words);
+
+/// How far above the last depth a drill that has cleared its chips goes on with the feed: 0.6 mm,
+/// beyond 30 mm of depth a fiftieth of it, at most 7 mm.
+double peck_stop_distance(double total);
+
+/// Pitch of a metric coarse thread M3 to M48 of the first choice (ISO 261), mm; 0 for others.
+double coarse_pitch(double size);
+
+/// What came of a block.
+struct BlockResult {
+  bool moved = false;  ///< it had words of motion: a modal call follows
+  bool ends = false;   ///< the end of the program or subprogram
+};
+
+/// The control as its words command it: modes, frames, tools, and the moves that they make on the
+/// canon.
+class Machine {
+ public:
+  /// @param tool_changes_by_m6  M6 puts the tool of T into the spindle; else T does
+  Machine(ProgramRun& run, bool tool_changes_by_m6);
+
+  BlockResult execute(const Block& block);
+  /// What is still to be put out, at the end of the program.
+  void finish() { compensation_.finish(); }
+  /// Drilling cycles and CYCLE800. @return false where the control has no cycle of that name
+  bool cycle(const ProgramCall& call);
+  static bool is_cycle(std::string_view name);
+
+  /// Where an axis stands in the workpiece ($AA_IW) or as an axis ($AA_IM), mm or inch and degrees;
+  /// none where the machine has none of that letter.
+  std::optional<double> position(char letter, bool of_the_axis) const;
+
+ private:
+  using AxisVector = kinematics::AxisVector;
+
+  // siemens_machine.cpp
+  [[noreturn]] void refuse(const Cause& cause, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    canon_.refuse(cause, std::move(expected), std::move(seen));
+  }
+  void check_words(const Block& block) const;
+  void choose_system(const Code& code);
+  void note_start_modes(const Block& block);
+  void set_modes(const Block& block);
+  void set_feed(const Block& block);
+  void set_spindle(const Block& block);
+  void choose_master(int spindle, const Cause& cause);
+  void set_speed(double word, const Cause& cause);
+  void set_numbered_spindles(const Block& block);
+  void call_tools(const Block& block);
+  void note_coolant(const Block& block) const;
+  void dwell(const Block& block);
+  double unit() const { return canon_.inch() ? inch_mm : 1.0; }
+  int joint(int xyz) const { return canon_.joint_of("XYZ"[xyz]); }
+  const Value* first_axis_word(const Block& block) const;
+  Cause cause_of(const Block& block) const;
+
+  /// Where the program is, beside which the tool may be: as axes, and in program coordinates.
+  AxisVector here() const {
+    return compensation_.on() || compensation_.leaving() ? compensation_.programmed()
+                                                         : canon_.position();
+  }
+  AxisVector programmed_here() const { return canon_.unplaced(here()); }
+  void check_compensation(const Block& block) const;
+
+  // siemens_tools.cpp
+  void set_compensation(const Code& code);
+  int number_of_tool(const Block& block) const;
+  bool has_single_length() const;
+  bool knows_tool() const { return tool_ >= 0 || has_single_length(); }
+  double active_tool_length(const Cause& cause) const;
+  void apply_tool();
+  /// (axes) of the length that counts where the axes are commanded; empty for none.
+  AxisVector active_tool_shift() const;
+
+  // siemens_frames.cpp
+  bool tip_mode() const { return traori_ || (swivel_ && swivel_->turned); }
+  void apply_frame();
+  void change_transformation(const Code& code);
+  void frame_words(const Block& block);
+  Placement frame_of_words(const Block& block) const;
+  void swivel(const ProgramCall& call);
+  void unswivel();
+  void retract(int manner, double by, const Cause& cause);
+  void turn_to(const Eigen::Vector3d& direction_w, int preference, bool tip_stays,
+               const Cause& cause);
+  Eigen::Matrix3d total_rotation() const;
+
+  void note_diameters(const Block& block);
+  /// What a number of X is multiplied by to be a radius.
+  double radius_of_x(bool absolute) const;
+  void refuse_diameters(const Value& word) const;
+  std::optional<double> nose_radius(int tool) const;
+  AxisVector programmed_nose_offset() const;
+
+  // siemens_motion.cpp
+  bool move(const Block& block);
+  Target block_target(const Block& block, bool machine) const;
+  void put_word(Target& target, int j, const Value& word, bool machine) const;
+  void put_polar(Target& target, const Block& block);
+  void set_pole(const Block& block);
+  void check_motion(const Block& block) const;
+  void put_straight(program::Straight move, bool rapid);
+  void to_machine(const Block& block);
+  void thread(const Block& block, AxisVector end);
+  /// Rotary axes of `end` by A3 B3 C3.
+  void point_tool(const Block& block, AxisVector& end) const;
+  /// A line that turns the tool on a great circle.
+  void great_circle(program::Straight move);
+
+  // siemens_arcs.cpp
+  struct Plane {
+    std::string_view letters;       ///< "XY"
+    std::array<Address, 3> centre;  ///< of the first axis, the second, the one across
+    int first = 0, second = 1;      ///< joints
+    int across = 2;
+  };
+  Plane plane(const Cause& cause) const;
+  void arc(const Block& block, const Target& target);
+  void arc_through(const Block& block, const Target& target);
+  void put_arc(const Block& block, program::ArcMove move);
+  AxisVector centre_of(const Block& block, const Plane& plane, const Cause& cause) const;
+
+  // siemens_cycles.cpp
+  friend class Hole;
+
+  static constexpr double inch_mm = 25.4;
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  const OrientationKinematics turning_;
+  bool changes_by_m6_;
+  std::string_view motion_ = "G1";
+  int plane_ = 17;
+  bool incremental_ = false, inch_feed_ = false;
+  enum class Diameters { Off, On, Absolute } diameters_ = Diameters::Off;
+  bool diameters_stated_ = false;
+  bool surface_speed_ = false;
+  double speed_ = 0.0;
+  std::optional<double> max_rpm_;  ///< LIMS=
+  struct Spindle {
+    double rpm = 0.0;
+    int direction = 0;
+  };
+  int master_ = 1;                   ///< spindle that carries the tool; S and M are its own
+  std::map<int, Spindle> spindles_;  ///< others, as their words left them
+  int selected_ = -1, tool_ = -1;    ///< of T; in the spindle
+  bool length_counts_ = true;        ///< D1
+  int system_ = 0;                   ///< of the offsets, counted from 0: G54; -1 G500
+  bool traori_ = false;
+  bool workpiece_frame_ = true;          ///< ORIWKS
+  std::optional<bool> on_great_circle_;  ///< of ORIVECT and ORIAXES
+  Placement programmable_;
+  AxisVector programmable_turns_;  ///< (axes) rad, mm of other slides
+  struct Swivel {
+    Placement frame;
+    bool turned = false;  ///< the rotary axes stand so that the tool is along its z
+  };
+  std::optional<Swivel> swivel_;
+  struct Pole {
+    Eigen::Vector2d at = {0, 0};
+    double radius = 0.0, angle_deg = 0.0;
+  } pole_;
+  Compensation compensation_;
+};
+
+}  // namespace abbe::sim::dialects::siemens

@@ -1,0 +1,641 @@
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/siemens/flow.h"
+
+namespace abbe::sim::dialects::siemens {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string to_capitals(std::string_view text) {
+  std::string all;
+  for (const char c : text) all += upper(c);
+  return all;
+}
+
+/// NAME of a head %_N_NAME_MPF or _SPF; none if the line is no head.
+std::optional<std::string> program_name_in_head(std::string_view line) {
+  const std::string text = to_capitals(line.substr(0, line.find_first_of(" \t;")));
+  if (!text.starts_with("%_N_")) return std::nullopt;
+  const std::string name = text.substr(4);
+  const bool ends = name.ends_with("_MPF") || name.ends_with("_SPF");
+  return ends ? name.substr(0, name.size() - 4) : name;
+}
+
+bool is_not_blank(std::string_view line) {
+  return split_comment(line).block.find_first_not_of(" \t") != std::string_view::npos;
+}
+
+/// The programs of a text: at each head begins another. At least one.
+std::vector<std::unique_ptr<Program>> split(std::string_view text) {
+  std::vector<std::unique_ptr<Program>> all;
+  all.push_back(std::make_unique<Program>());
+  Lines lines(text);
+  while (const auto line = lines.next()) {
+    if (const auto name = program_name_in_head(*line)) {
+      Program& before = *all.back();
+      if (all.size() > 1 || std::any_of(before.lines.begin(), before.lines.end(), is_not_blank))
+        all.push_back(std::make_unique<Program>());
+      else
+        before.lines.clear();
+      all.back()->name = *name;
+      all.back()->first_line = lines.number() + 1;
+      continue;
+    }
+    all.back()->lines.push_back(*line);
+  }
+  return all;
+}
+
+/// M6 or M06 as a word.
+bool has_m6(std::string_view line) {
+  for (std::size_t at = 0; at + 1 < line.size(); ++at) {
+    if (upper(line[at]) != 'M' || (at > 0 && is_letter(line[at - 1]))) continue;
+    std::size_t digit = at + 1;
+    while (digit < line.size() && line[digit] == '0') ++digit;
+    const bool is_six = digit < line.size() && line[digit] == '6';
+    if (is_six && (digit + 1 == line.size() || !is_digit(line[digit + 1]))) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void Flow::take_programs(std::string_view text) { programs_ = split(text); }
+
+bool Flow::uses_m6() const {
+  return std::any_of(programs_.begin(), programs_.end(), [](const auto& program) {
+    return std::any_of(program->lines.begin(), program->lines.end(),
+                       [](std::string_view line) { return has_m6(split_comment(line).block); });
+  });
+}
+
+Program* Flow::load_program_file(const fs::path& file, const std::string& name) {
+  std::string text = read_text(file, run_.options().control.max_bytes);
+  auto program = std::make_unique<Program>();
+  program->text = std::move(text);
+  auto parts = split(program->text);
+  program->lines = std::move(parts.front()->lines);
+  program->first_line = parts.front()->first_line;
+  program->name = name;
+  program->file = run_.canon.add_file(file.string());
+  if (parts.size() > 1)
+    run_.warn_once(
+        fmt::format("{}:{}: a second program, {}, is not read: a subprogram has a file of its own",
+                    file.string(), parts[1]->first_line, parts[1]->name));
+  programs_.push_back(std::move(program));
+  return programs_.back().get();
+}
+
+/// In the text behind its head, or in a file of its name; null where there is none.
+Program* Flow::find_program(const std::string& name) {
+  if (const auto known = found_.find(name); known != found_.end()) return known->second;
+  Program* found = nullptr;
+  for (const auto& program : programs_)
+    if (!name.empty() && program->name == name) found = program.get();
+  const fs::path& folder = run_.options().folder;
+  if (found == nullptr && !folder.empty()) {
+    std::string small = name;
+    std::transform(small.begin(), small.end(), small.begin(),
+                   [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+    for (const std::string& file : {name + ".SPF", name + ".spf", small + ".spf", small + ".SPF"}) {
+      std::error_code none;
+      if (!fs::is_regular_file(folder / file, none)) continue;
+      found = load_program_file(folder / file, name);
+      break;
+    }
+  }
+  found_[name] = found;
+  return found;
+}
+
+void Flow::call(const ProgramCall& called, long long times) {
+  Program* program = find_program(called.name);
+  run_.require_certain(called.name, called.cause);
+  if (program == nullptr)
+    return run_.unknown(called.cause,
+                        fmt::format("a word of Siemens, or a subprogram {} in the program or in "
+                                    "{}.SPF beside it",
+                                    called.name, called.name));
+  enter(*program, called, times);
+}
+
+void Flow::enter(Program& program, const ProgramCall& called, long long times) {
+  run_.check_depth(int(calls_.size()), called.cause);
+  calls_.push_back(
+      {.program = &program, .back = at_, .left = times - 1, .arguments = called.arguments});
+  variables_.enter();
+  at_ = 0;
+  try {
+    bind(program, called.arguments, called.cause);
+  } catch (const BadInput&) {
+    at_ = calls_.back().back;
+    calls_.pop_back();
+    variables_.leave();
+    throw;
+  }
+}
+
+/// Gives the parameters of PROC their values.
+void Flow::bind(Program& program, const std::vector<Argument>& arguments, const Cause& cause) {
+  std::size_t first = 0;
+  while (first < program.lines.size() && !is_not_blank(program.lines[first])) ++first;
+  const bool has_lines = first < program.lines.size();
+  const std::string_view text = has_lines ? split_comment(program.lines[first]).block : "";
+  const LineHead head = head_of(text);
+  const int line = run_.canon.line();
+  if (head.keyword != "PROC") {
+    if (!arguments.empty()) run_.canon.refuse(cause, "no parameters of a subprogram without PROC");
+    return;
+  }
+  Cursor cursor{text, run_.canon.place(), head.rest};
+  cursor.skip_blanks();
+  name_at(cursor);
+  std::size_t n = 0;
+  if (cursor.take("(")) {
+    for (; !cursor.take(")"); ++n) {
+      cursor.skip_blanks();
+      const std::size_t from = cursor.at;
+      const std::string type = name_at(cursor);
+      static constexpr std::array<std::pair<std::string_view, Kind>, 4> kinds = {
+          {{"REAL", Kind::Real},
+           {"INT", Kind::Integer},
+           {"BOOL", Kind::Truth},
+           {"CHAR", Kind::Integer}}};
+      const auto kind = std::find_if(kinds.begin(), kinds.end(),
+                                     [&](const auto& one) { return one.first == type; });
+      if (kind == kinds.end())
+        cursor.refuse(from, "parameters of REAL, INT, BOOL or CHAR by value in PROC");
+      cursor.skip_blanks();
+      const std::size_t at_name = cursor.at;
+      const std::string name = name_at(cursor);
+      if (name.size() < 2) cursor.refuse(at_name, "a name of two letters or more");
+      calls_.back().variables[name] = {kind->second, {}};
+      double value = 0.0;
+      if (cursor.take("=")) value = number_at(cursor, *this);
+      if (n < arguments.size() && arguments[n].text)
+        run_.canon.refuse(arguments[n].cause, "a number for " + name);
+      if (n < arguments.size() && arguments[n].number) value = *arguments[n].number;
+      store(name, kind->second, value, cursor, at_name);
+      cursor.take(",");
+    }
+  }
+  if (arguments.size() > n)
+    run_.canon.refuse(cause, fmt::format("at most {} parameters of {}", n, program.name),
+                      fmt::format("{}", arguments.size()));
+  for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
+    const std::size_t from = cursor.at;
+    const std::string word = name_at(cursor);
+    if (word != "DISPLOF" && word != "DISPLON" && word != "SBLOF" && word != "ACTBLOCNO")
+      cursor.refuse(from, "modes set again by the caller: no SAVE and the like behind PROC");
+  }
+  at_ = first + 1;
+  run_.canon.set_line(line, calls_[calls_.size() - 2].program->file);
+}
+
+long long Flow::times_at(Cursor& cursor) {
+  cursor.skip_blanks();
+  if (cursor.at_end()) return 1;
+  const std::size_t from = cursor.at;
+  if (!cursor.take("P")) cursor.refuse(from, "P, the number of repeats");
+  cursor.take("=");
+  const double times = number_at(cursor, *this);
+  if (!(times >= 1 && times <= 9999) || times != double((long long)(times)))
+    cursor.refuse(from, "whole repeats P of 1 to 9999");
+  ends(cursor);
+  return (long long)(times);
+}
+
+/// REPEAT A, REPEAT A B, REPEATB A, each with P: lines of this program again.
+void Flow::repeat(Cursor& cursor, bool one_block) {
+  const std::size_t here = at_;
+  std::vector<std::size_t> lines;
+  cursor.skip_blanks();
+  const std::size_t start = cursor.at;
+  while (lines.size() < 2) {
+    cursor.skip_blanks();
+    const std::size_t from = cursor.at;
+    const std::string label = name_at(cursor);
+    const bool is_times = label.empty() || label == "P" ||
+                          (label[0] == 'P' && label.size() > 1 &&
+                           std::all_of(label.begin() + 1, label.end(), is_digit));
+    if (is_times) {
+      cursor.at = from;
+      break;
+    }
+    const Cause cause = cursor.cause(from);
+    std::size_t line = 0;
+    try {
+      line = line_of(label, "GOTOB", cause);
+    } catch (const BadInput&) {
+      line = line_of(label, "GOTO", cause);
+    }
+    lines.push_back(line);
+  }
+  const Cause cause = cursor.cause(start);
+  if (lines.empty() || (one_block && lines.size() > 1))
+    cursor.refuse(start, "a label behind REPEATB");
+  const long long times = times_at(cursor);
+  std::size_t end = here;
+  if (one_block) {
+    end = lines[0] + 1;
+  } else if (lines.size() == 2) {
+    end = lines[1] + 1;
+  } else {
+    const std::vector<std::string_view>& all = calls_.back().program->lines;
+    const std::size_t last = lines[0] < here ? here : all.size();
+    for (std::size_t at = lines[0]; at < last; ++at)
+      if (head_of(split_comment(all[at]).block).label == "ENDLABEL") {
+        end = at + 1;
+        break;
+      }
+  }
+  if (end <= lines[0])
+    run_.canon.refuse(cause, "ENDLABEL: behind a label that stands below REPEAT");
+  run_.check_depth(int(calls_.size()), cause);
+  calls_.push_back({.program = calls_.back().program,
+                    .back = here + 1,
+                    .part = true,
+                    .begin = lines[0],
+                    .end = end,
+                    .left = times - 1});
+  at_ = lines[0];
+}
+
+/// Programs of the text that nothing calls, and what stands behind the end of the main program. A
+/// block with a label may be where a condition that did not hold jumps to.
+void Flow::warn_unread() {
+  std::vector<std::string_view> lines;
+  std::vector<Section> sections;
+  for (const auto& program : programs_) {
+    if (program->file != 0) continue;
+    const std::size_t first = std::size_t(program->first_line) - 1;
+    Section section{first, first + program->lines.size()};
+    lines.resize(std::max(lines.size(), section.end));
+    std::copy(program->lines.begin(), program->lines.end(), lines.begin() + std::ptrdiff_t(first));
+    for (std::size_t i = std::size_t(std::max(run_.canon.line(), 1)); i < section.end; ++i)
+      if (i >= first && !head_of(split_comment(lines[i]).block).label.empty()) {
+        section.end = i;
+        break;
+      }
+    sections.push_back(section);
+  }
+  run_.warn_unread(lines, sections);
+}
+
+void Flow::finish_part() {
+  Call& now = calls_.back();
+  if (now.left-- > 0) {
+    at_ = now.begin;
+    return;
+  }
+  at_ = now.back;
+  calls_.pop_back();
+}
+
+/// The end of a subprogram; that of the main program ends all.
+void Flow::leave() {
+  while (calls_.back().part) calls_.pop_back();
+  if (calls_.size() == 1) {
+    ended_ = true;
+    return;
+  }
+  Call& now = calls_.back();
+  const std::size_t back = now.back;
+  if (now.left-- > 0) {
+    variables_.leave();
+    variables_.enter();
+    now.variables.clear();
+    now.texts.clear();
+    const std::vector<Argument> arguments = now.arguments;
+    at_ = 0;
+    return bind(*now.program, arguments, {1, {}});
+  }
+  at_ = back;
+  calls_.pop_back();
+  variables_.leave();
+  if (calls_.size() < modal_depth_) modal_depth_ = 0;
+}
+
+/// CALL "NAME"
+void Flow::call_by_name(Cursor& cursor) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  std::optional<std::string> name;
+  if (cursor.here() == '"')
+    name = quoted_at(cursor);
+  else
+    name = text_variable(cursor);
+  if (!name) cursor.refuse(from, "the name of a subprogram in quotes behind CALL");
+  const bool plain = std::all_of(name->begin(), name->end(),
+                                 [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
+  if (!plain || name->empty() || name->size() > 100)
+    cursor.refuse(from, "a name of letters, digits and _, without folders", in_quotes(*name));
+  ProgramCall called{to_capitals(*name), {}, false, cursor.cause(from)};
+  ends(cursor);
+  ++at_;
+  call(called, 1);
+}
+
+namespace {
+
+constexpr int max_r = 32767;
+constexpr double max_integer = 2147483647.0;
+
+bool begins_assignment(const Cursor& cursor) {
+  Cursor ahead = cursor;
+  ahead.skip_blanks();
+  return ahead.here() == '=' && ahead.next() != '=';
+}
+
+}  // namespace
+
+Flow::Call& Flow::scope() {
+  std::size_t at = calls_.size() - 1;
+  while (calls_[at].part) --at;
+  return calls_[at];
+}
+
+/// R1, R[...]: its number as a whole one.
+double Flow::r_parameter(Cursor& cursor, std::size_t from) {
+  ++cursor.at;
+  double number = 0.0;
+  if (cursor.here() == '[') {
+    ++cursor.at;
+    number = number_at(cursor, *this);
+    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the number of a parameter");
+  } else {
+    while (is_digit(cursor.here()) && number < 1e9)
+      number = 10 * number + (cursor.text[cursor.at++] - '0');
+  }
+  if (!(number >= 0 && number <= max_r) || number != std::floor(number))
+    cursor.refuse(from, fmt::format("a parameter of R0 to R{}", max_r));
+  return number;
+}
+
+/// The name of one element of a field, "FIELD[2,0]"; of what is no field the name itself.
+std::string Flow::element(Cursor& cursor, const std::string& name, const Variable& variable) {
+  if (variable.sizes.empty()) return name;
+  const std::size_t from = cursor.at;
+  if (cursor.here() != '[') cursor.refuse(from, "[ behind the name of a field");
+  ++cursor.at;
+  std::string all = name + "[";
+  for (std::size_t k = 0; k < variable.sizes.size(); ++k) {
+    if (k > 0 && !cursor.take(",")) cursor.refuse(cursor.at, ", before the next index");
+    const double index = number_at(cursor, *this);
+    if (!(index >= 0 && index < variable.sizes[k]) || index != std::floor(index))
+      cursor.refuse(from, fmt::format("a whole index of 0 to {}", variable.sizes[k] - 1),
+                    fmt::format("{}", index));
+    all += fmt::format("{}{}", k > 0 ? "," : "", int(index));
+  }
+  if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind an index");
+  return all + "]";
+}
+
+void Flow::store(const std::string& name, Kind kind, double value, const Cursor& cursor,
+                 std::size_t from) {
+  if (kind == Kind::Integer) value = std::round(value);
+  if (kind == Kind::Truth) value = value != 0 ? 1.0 : 0.0;
+  if (kind == Kind::Integer && !(std::abs(value) <= max_integer))
+    cursor.refuse(from, "a whole number of 32 bits", fmt::format("{}", value));
+  if (!variables_.set(name, value, Variables::Of::Call))
+    throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
+                               fmt::format("at most {} variables", run_.options().limits.variables),
+                               "more");
+}
+
+bool Flow::set_variable(Cursor& cursor) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const char first = upper(cursor.here());
+  Cursor ahead = cursor;
+  if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
+    const int number = int(r_parameter(ahead, from));
+    if (!begins_assignment(ahead)) return false;
+    ahead.take("=");
+    run_.define(fmt::format("R{}", number), [&] {
+      const double value = number_at(ahead, *this);
+      if (!variables_.set(number, value))
+        throw ProgramLimitExceeded(
+            cursor.place.file, cursor.place.line, 0,
+            fmt::format("at most {} variables", run_.options().limits.variables), "more");
+    });
+    cursor.at = ahead.at;
+    return true;
+  }
+  const Call& now = scope();
+  if (now.variables.empty()) return false;
+  const std::string name = name_at(ahead);
+  const auto found = now.variables.find(name);
+  if (found == now.variables.end()) return false;
+  const Variable variable = found->second;
+  const std::string place = element(ahead, name, variable);
+  if (!begins_assignment(ahead)) return false;
+  ahead.take("=");
+  if (variable.kind == Kind::Text) {
+    ahead.skip_blanks();
+    std::optional<std::string> text;
+    if (ahead.here() == '"')
+      text = quoted_at(ahead);
+    else
+      text = text_variable(ahead);
+    if (!text) ahead.refuse(ahead.at, "a text in quotes");
+    scope().texts[name] = *text;
+  } else {
+    run_.define(place, [&] { store(place, variable.kind, number_at(ahead, *this), ahead, from); });
+  }
+  cursor.at = ahead.at;
+  return true;
+}
+
+std::optional<std::string> Flow::text_variable(Cursor& cursor) {
+  const Call& now = scope();
+  if (now.variables.empty()) return std::nullopt;
+  Cursor ahead = cursor;
+  ahead.skip_blanks();
+  const std::string name = name_at(ahead);
+  const auto found = now.variables.find(name);
+  if (found == now.variables.end() || found->second.kind != Kind::Text) return std::nullopt;
+  cursor.at = ahead.at;
+  const auto text = now.texts.find(name);
+  return text == now.texts.end() ? std::string() : text->second;
+}
+
+/// DEF REAL A1, A2=5, FIELD[10]
+void Flow::define(Cursor& cursor) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const std::string type = name_at(cursor);
+  static constexpr std::array<std::pair<std::string_view, Kind>, 5> kinds = {
+      {{"REAL", Kind::Real},
+       {"INT", Kind::Integer},
+       {"BOOL", Kind::Truth},
+       {"CHAR", Kind::Integer},
+       {"STRING", Kind::Text}}};
+  const auto kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](const auto& one) { return one.first == type; });
+  if (kind == kinds.end()) cursor.refuse(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
+  if (kind->second == Kind::Text && cursor.here() == '[') {
+    ++cursor.at;
+    number_at(cursor, *this);
+    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the length of a text");
+  }
+  Cursor names = cursor;
+  try {
+    do define_one(cursor, kind->second);
+    while (cursor.take(","));
+    ends(cursor);
+  } catch (const BadInput&) {
+    for (; !names.at_end(); ++names.at)
+      if (const std::string name = name_at(names); !name.empty()) run_.doubt(name);
+    throw;
+  }
+}
+
+void Flow::define_one(Cursor& cursor, Kind kind) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const std::string name = name_at(cursor);
+  if (name.size() < 2 || (is_letter(name[0]) && is_digit(name[1])) || find_entry(name) != nullptr ||
+      Machine::is_cycle(name))
+    cursor.refuse(from, "a name of two letters or more that is no word of the control");
+  Variable variable{kind, {}};
+  if (cursor.here() == '[') {
+    if (kind == Kind::Text) cursor.refuse(cursor.at, "no fields of texts");
+    ++cursor.at;
+    double all = 1.0;
+    do {
+      const std::size_t at_size = cursor.at;
+      const double size = number_at(cursor, *this);
+      all *= size;
+      if (!(size >= 1 && all <= 1e6) || size != std::floor(size) || variable.sizes.size() == 3)
+        cursor.refuse(at_size, "at most three sizes and 1e6 elements of a field");
+      variable.sizes.push_back(int(size));
+    } while (cursor.take(","));
+    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the size of a field");
+  }
+  auto& variables = scope().variables;
+  if (variables.size() >= run_.options().limits.variables)
+    throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
+                               fmt::format("at most {} variables", run_.options().limits.variables),
+                               "more");
+  variables[name] = variable;
+  if (!cursor.take("=")) {
+    if (variable.sizes.empty() && kind != Kind::Text) store(name, kind, 0.0, cursor, from);
+    return;
+  }
+  if (!variable.sizes.empty()) cursor.refuse(cursor.at, "no values of a whole field in DEF");
+  if (kind == Kind::Text) {
+    cursor.skip_blanks();
+    if (cursor.here() != '"') cursor.refuse(cursor.at, "a text in quotes");
+    scope().texts[name] = quoted_at(cursor);
+  } else {
+    store(name, kind, number_at(cursor, *this), cursor, from);
+  }
+}
+
+/// 'HFF' or 'B1001'
+double Flow::quoted_number(Cursor& cursor) {
+  const std::size_t from = cursor.at++;
+  const char base = upper(cursor.here());
+  ++cursor.at;
+  const std::size_t digits = cursor.at;
+  while (!cursor.at_end() && cursor.here() != '\'') ++cursor.at;
+  const std::string_view text = cursor.text.substr(std::min(digits, cursor.text.size()),
+                                                   cursor.at - std::min(digits, cursor.at));
+  std::uint32_t value = 0;
+  const auto read =
+      std::from_chars(text.data(), text.data() + text.size(), value, base == 'H' ? 16 : 2);
+  const bool known = (base == 'H' || base == 'B') && read.ec == std::errc() &&
+                     read.ptr == text.data() + text.size() && cursor.here() == '\'';
+  if (!known) cursor.refuse(from, "a number as 'HFF' or 'B1001', of at most 32 bits");
+  ++cursor.at;
+  return double(value);
+}
+
+std::optional<double> Flow::system_variable(Cursor& cursor) {
+  const std::size_t from = cursor.at++;
+  const std::string name = name_at(cursor);
+  if (name == "PI") return pi;
+  const bool in_workpiece = name == "AA_IW" || name == "P_EP";
+  if ((in_workpiece || name == "AA_IM") && cursor.take("[")) {
+    cursor.skip_blanks();
+    const std::size_t at_axis = cursor.at;
+    const std::string axis = name_at(cursor);
+    const auto value = axis.size() == 1 ? machine_->position(axis[0], !in_workpiece) : std::nullopt;
+    if (!value) cursor.refuse(at_axis, "an axis of this machine (" + run_.canon.letters() + ")");
+    if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the name of an axis");
+    return value;
+  }
+  cursor.refuse(from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
+}
+
+/// ATAN2, MINVAL, MAXVAL, BOUND, with the cursor at the bracket.
+std::optional<double> Flow::function_of_several(Cursor& cursor, const std::string& name) {
+  const std::size_t count = name == "BOUND"                                           ? 3
+                            : name == "ATAN2" || name == "MINVAL" || name == "MAXVAL" ? 2
+                                                                                      : 0;
+  if (count == 0) return std::nullopt;
+  cursor.skip_blanks();
+  const std::size_t open = cursor.at;
+  if (!cursor.take("(")) cursor.refuse(open, "( behind " + name);
+  std::array<double, 3> x{};
+  for (std::size_t k = 0; k < count; ++k) {
+    if (k > 0 && !cursor.take(","))
+      cursor.refuse(cursor.at, fmt::format(", and {} numbers of {}", count, name));
+    x[k] = expression(cursor, grammar(), *this);
+  }
+  if (!cursor.take(")"))
+    cursor.refuse(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
+  if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
+  if (name == "MINVAL") return std::min(x[0], x[1]);
+  if (name == "MAXVAL") return std::max(x[0], x[1]);
+  if (x[0] > x[1]) cursor.refuse(open, "the lower limit of BOUND before the upper one");
+  return std::clamp(x[2], x[0], x[1]);
+}
+
+std::optional<double> Flow::operand(Cursor& cursor) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  const char first = upper(cursor.here());
+  if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
+    const int number = int(r_parameter(cursor, from));
+    if (run_.is_uncertain()) run_.require_certain(fmt::format("R{}", number), cursor.cause(from));
+    return variables_.number(number).value_or(0.0);
+  }
+  if (first == '\'') return quoted_number(cursor);
+  if (first == '$') return system_variable(cursor);
+  Cursor ahead = cursor;
+  const std::string name = name_at(ahead);
+  if (name.empty()) return std::nullopt;
+  const auto taken = [&](std::optional<double> value) {
+    cursor.at = ahead.at;
+    return value;
+  };
+  if (name == "TRUE") return taken(1.0);
+  if (name == "FALSE") return taken(0.0);
+  if (name == "NOT" || name == "B_NOT") {
+    const double inner = value(ahead, grammar(), *this);
+    return taken(name == "NOT" ? double(inner == 0) : double(~std::int64_t(inner)));
+  }
+  if (const auto result = function_of_several(ahead, name)) return taken(result);
+  const Call& now = scope();
+  const auto found = now.variables.find(name);
+  run_.require_certain(name, cursor.cause(from, ahead.at));
+  if (found == now.variables.end()) return std::nullopt;
+  if (found->second.kind == Kind::Text) cursor.refuse(from, "a number", "the text " + name);
+  const std::string place = element(ahead, name, found->second);
+  run_.require_certain(place, cursor.cause(from, ahead.at));
+  return taken(variables_.named(place, Variables::Of::Call).value_or(0.0));
+}
+
+}  // namespace abbe::sim::dialects::siemens

@@ -1,0 +1,48 @@
+#include "sim/files/json_files.h"
+
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim {
+
+using nlohmann::ordered_json;
+
+ordered_json number(const std::optional<double>& value, double unit) {
+  return value ? ordered_json(*value / unit) : ordered_json();
+}
+
+ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+void read_saved_json(
+    const std::filesystem::path& file, const std::string& expected,
+    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make) {
+  using nlohmann::ordered_json;
+  const std::string text = read_text(file, max_saved_bytes);
+  if (json_depth(text) > max_nesting)
+    throw BadInput(file.string(), 0, 0, expected,
+                   fmt::format("more than {} brackets within each other", max_nesting));
+  const ordered_json json = ordered_json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
+  try {
+    make(json, text);
+  } catch (const ordered_json::exception& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  }
+}
+
+std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder) {
+  constexpr auto skip_denied = std::filesystem::directory_options::skip_permission_denied;
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, skip_denied))
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  return files;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,463 @@
+#include "sim/program/generators.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/inverse_kinematics.h"
+
+namespace abbe::sim::program {
+
+namespace {
+
+using kinematics::AxisVector;
+using kinematics::Motion;
+using kinematics::Reach;
+
+class Writer {
+ public:
+  Writer(const MillingTextOptions& options, const GeneratorContext& context, double safe_z)
+      : options_(options),
+        context_(context),
+        five_axis_(has_rotary_axes(context.control)),
+        safe_z_(safe_z) {
+    axes_ = AxisVector::Zero(context.control.size());
+    // rounded so that a feed of 1000 mm/min is written as such
+    feed_ = std::round(options.feed * 60.0 * 1e6) / 1e6;
+  }
+
+  void head();
+  void pass(const Pass& pass);
+  MillingProgram program();
+
+ private:
+  Reach reach(const Posture& posture);
+  void leave_out(const Posture& posture, Reach why);
+  AxisVector words(const Eigen::Vector3d& tip_w) const;
+  void rapid(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{true, words(tip_w), 0.0}); }
+  void cut(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{false, words(tip_w), feed_}); }
+  Eigen::Vector3d above(const Eigen::Vector3d& tip_w) const {
+    return {tip_w.x(), tip_w.y(), safe_z_};
+  }
+  Eigen::Vector3d clearance_point(const Posture& posture) const {
+    return posture.tip_w + options_.clearance * posture.retreat_w;
+  }
+  void enter(const Posture& posture);
+  void leave(const Posture& posture);
+
+  const MillingTextOptions& options_;
+  const GeneratorContext& context_;
+  const bool five_axis_;
+  const double safe_z_;
+  double feed_ = 0.0;
+  AxisVector axes_;                    ///< of the last posture reached
+  std::optional<Eigen::Vector3d> at_;  ///< clear of the part, where the tip stands between passes
+  bool cuts_ = false;
+  std::vector<NcItem> items_;
+  Unreached unreached_;
+};
+
+Reach Writer::reach(const Posture& posture) {
+  const auto result =
+      kinematics::inverse(context_.control, {posture.tip_w, posture.direction_w}, axes_);
+  if (!result.branches.empty()) axes_ = result.branches.front();
+  return result.reach;
+}
+
+void Writer::leave_out(const Posture& posture, Reach why) {
+  if (options_.whole)
+    throw std::invalid_argument(fmt::format(
+        "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
+        "workpiece",
+        posture.tip_w.x(), posture.tip_w.y(), posture.tip_w.z()));
+  if (unreached_.points++ > 0) return;
+  unreached_.first_pass = unreached_.all_passes;
+  unreached_.why = why;
+  unreached_.tip_w = posture.tip_w;
+}
+
+AxisVector Writer::words(const Eigen::Vector3d& tip_w) const {
+  AxisVector q = axes_;
+  if (five_axis_) {
+    q[*context_.control.find('X')] = tip_w.x();
+    q[*context_.control.find('Y')] = tip_w.y();
+    q[*context_.control.find('Z')] = tip_w.z();
+    return q;
+  }
+  const auto slides = kinematics::slides_for_tip(context_.control, q, tip_w);
+  if (!slides) throw std::invalid_argument("expected a machine with three independent slides");
+  return *slides;
+}
+
+void Writer::head() {
+  items_.push_back("(" + options_.title + ")");
+  items_.push_back("G17 G21 G90 G94 G54");
+  items_.push_back(five_axis_ ? fmt::format("G43.4 H{}", context_.h_number) : "G49");
+  items_.push_back(fmt::format("S{} M3", nc_number(options_.speed_rpm, 3)));
+}
+
+/// To the clear point of a posture whose axes are reached already.
+void Writer::enter(const Posture& posture) {
+  const Eigen::Vector3d clear = clearance_point(posture);
+  const bool near = at_ && (*at_ - clear).norm() <= options_.neighbour;
+  if (!at_)
+    items_.push_back(fmt::format(
+        "G0 Z{}",
+        nc_number(words(above(clear))[*context_.control.find('Z')], options_.format.decimals_mm)));
+  if (!near) rapid(above(clear));
+  rapid(clear);
+  cut(posture.tip_w);
+}
+
+void Writer::leave(const Posture& posture) {
+  at_ = clearance_point(posture);
+  rapid(*at_);
+}
+
+void Writer::pass(const Pass& pass) {
+  const Posture* last = nullptr;
+  ++unreached_.all_passes;
+  unreached_.all_points += int(pass.size());
+  int reached_points = 0;
+  for (const Posture& posture : pass) {
+    const AxisVector before = axes_;
+    const Reach reach_of_it = reach(posture);
+    if (reach_of_it == Reach::OutOfLimits || reach_of_it == Reach::Unreachable) {
+      leave_out(posture, reach_of_it);
+      if (last) leave(*last);
+      last = nullptr;
+      continue;
+    }
+    ++reached_points;
+    if (last) {
+      cut(posture.tip_w);
+    } else {
+      // The way up from the pass before is made with the axes as they were there.
+      const AxisVector reached = axes_;
+      const bool far = at_ && (*at_ - clearance_point(posture)).norm() > options_.neighbour;
+      axes_ = before;
+      if (far) rapid(above(*at_));
+      axes_ = reached;
+      enter(posture);
+    }
+    cuts_ = true;
+    last = &posture;
+  }
+  if (last) leave(*last);
+  if (reached_points == 0) ++unreached_.passes;
+  if (reached_points > 0 && reached_points < int(pass.size())) ++unreached_.broken_passes;
+}
+
+MillingProgram Writer::program() {
+  if (!cuts_) throw NoReachablePose(unreached_);
+  rapid(above(*at_));
+  items_.push_back("M5");
+  items_.push_back("M2");
+  const std::vector<ControlledAxis> axes = controlled_axes(context_.control);
+  return {write_nc(items_, axes, {.format = options_.format, .inverse_time = false}), unreached_};
+}
+
+}  // namespace
+
+bool has_rotary_axes(const kinematics::Chain& chain) {
+  return std::any_of(chain.joints().begin(), chain.joints().end(),
+                     [](const kinematics::Joint& joint) {
+                       return joint.motion == Motion::Rotary && joint.name != 'S';
+                     });
+}
+
+std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain) {
+  std::vector<ControlledAxis> axes;
+  for (const kinematics::Joint& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
+  return axes;
+}
+
+MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
+                            const GeneratorContext& context) {
+  for (const char letter : {'X', 'Y', 'Z'})
+    if (!context.control.find(letter))
+      throw std::invalid_argument("expected a machine with the axes X Y Z");
+  double highest = -std::numeric_limits<double>::infinity();
+  for (const Pass& pass : passes)
+    for (const Posture& posture : pass) highest = std::max(highest, posture.tip_w.z());
+  Writer writer(options, context, highest + options.clearance + 2 * options.cutter_radius);
+  writer.head();
+  for (const Pass& pass : passes) writer.pass(pass);
+  return writer.program();
+}
+
+namespace {
+
+/// A line of the design above a line of the part's x-y plane.
+struct Section {
+  const ContactField& design;
+  int axis = 0;        ///< 0 runs along x, 1 along y
+  double other = 0.0;  ///< mm, the coordinate that stays
+
+  std::optional<cutting::Contact> at(double a) const {
+    return axis == 0 ? design(a, other) : design(other, a);
+  }
+  /// Coordinate gained per arc length; 1 where there is no design.
+  double rate(double a) const {
+    const auto contact = at(a);
+    if (!contact) return 1.0;
+    const double across = contact->normal[axis], up = contact->normal.z();
+    return up / std::sqrt(across * across + up * up);
+  }
+  /// Coordinate after an arc length, by Runge-Kutta's fourth-order rule: with steps of h on a
+  /// radius rho it errs by less than (h/rho)^4 of the length.
+  double advance(double from, double length, int steps) const {
+    const double h = length / steps;
+    double a = from;
+    for (int i = 0; i < steps; ++i) {
+      const double k1 = rate(a), k2 = rate(a + 0.5 * h * k1), k3 = rate(a + 0.5 * h * k2),
+                   k4 = rate(a + h * k3);
+      a += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+    }
+    return a;
+  }
+  /// Last coordinate with design on the way from `inside` to `outside`.
+  double rim(double inside, double outside) const {
+    for (int i = 0; i < 60; ++i) {
+      const double middle = 0.5 * (inside + outside);
+      (at(middle) ? inside : outside) = middle;
+    }
+    return inside;
+  }
+};
+
+/// Coordinates of the passes across y, equally spaced on the design from the middle outwards.
+std::vector<double> pass_positions(const Raster& raster, const Section& section, double lower,
+                                   double upper) {
+  constexpr int steps = 8;
+  const double middle = 0.5 * (lower + upper);
+  std::vector<double> y{middle};
+  for (const double sign : {1.0, -1.0}) {
+    double at = middle;
+    while (true) {
+      const double next = section.advance(at, sign * raster.step_over, steps);
+      const bool stuck =
+          std::abs(next - at) < 1e-6 * raster.step_over;  // the design stands upright
+      if (stuck || next > upper + 1e-9 || next < lower - 1e-9) break;
+      y.push_back(at = next);
+    }
+  }
+  std::sort(y.begin(), y.end());
+  return y;
+}
+
+struct Interval {
+  double from = 0.0, to = 0.0;
+};
+
+/// Where the section runs over the design; a gap narrower than `step` may be missed.
+std::vector<Interval> stretches(const Section& section, double lower, double upper, double step) {
+  std::vector<Interval> found;
+  const int n = std::max(1, int(std::ceil((upper - lower) / step)));
+  bool inside = false;
+  double begin = lower, last = lower;
+  for (int i = 0; i <= n; ++i) {
+    const double a = i == n ? upper : lower + (upper - lower) * i / n;
+    const bool here = section.at(a).has_value();
+    if (here && !inside) begin = i == 0 ? a : section.rim(a, last);
+    if (!here && inside) found.push_back({begin, section.rim(last, a)});
+    inside = here;
+    last = a;
+  }
+  if (inside) found.push_back({begin, upper});
+  return found;
+}
+
+std::vector<double> points_along(const Section& section, const Interval& stretch, double step) {
+  std::vector<double> x{stretch.from};
+  while (true) {
+    const double next = section.advance(x.back(), step, 2);
+    if (!(next < stretch.to) || next - x.back() < 1e-6 * step) break;
+    x.push_back(next);
+  }
+  if (stretch.to - x.back() > 1e-6 * step) x.push_back(stretch.to);
+  return x;
+}
+
+/// The cutter put on a contact: its axis leans from the normal by `lead` towards the feed and by
+/// `tilt` about it.
+Posture posture(const Raster& raster, const cutting::Cutter& cutter,
+                const cutting::Contact& contact, const Eigen::Vector3d& feed,
+                const std::optional<Eigen::Vector3d>& fixed_axis) {
+  const Eigen::Vector3d& n = contact.normal;
+  Eigen::Vector3d u = std::cos(raster.lead) * n + std::sin(raster.lead) * feed;
+  u = Eigen::AngleAxisd(raster.tilt, feed) * u;
+  if (fixed_axis) u = *fixed_axis;
+  u.normalize();
+  const Eigen::Vector3d inward = n - n.dot(u) * u;
+  const double sine = inward.norm();
+  if (cutter.outline) {
+    const Eigen::Vector2d touching = cutting::support_point(*cutter.outline, -n.dot(u), sine);
+    Eigen::Vector3d tip = contact.point - touching.y() * u;
+    if (sine > 1e-12) tip += touching.x() * (inward / sine);
+    return {tip, u, u};
+  }
+  const double r = cutter.corner_radius;
+  Eigen::Vector3d tip = contact.point + r * (n - u);
+  // With the flat on the surface any point of it touches; the tip is taken.
+  if (sine > 1e-12) tip += (cutter.radius - r) * (inward / sine);
+  return {tip, u, u};
+}
+
+Pass raster_pass(const Raster& raster, const cutting::Cutter& cutter, const Section& section,
+                 std::vector<double> x, const std::optional<Eigen::Vector3d>& fixed_axis,
+                 bool backwards) {
+  if (backwards) std::reverse(x.begin(), x.end());
+  Pass pass;
+  for (const double a : x) {
+    const auto contact = section.at(a);
+    if (!contact) continue;
+    const Eigen::Vector3d& n = contact->normal;
+    const Eigen::Vector3d along = Eigen::Vector3d(n.z(), 0.0, -n.x()).normalized();
+    pass.push_back(
+        posture(raster, cutter, *contact, backwards ? Eigen::Vector3d(-along) : along, fixed_axis));
+  }
+  return pass;
+}
+
+void check(const Raster& raster, const cutting::Cutter& cutter, const GeneratorContext& context) {
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0) || !std::isfinite(value))
+      throw std::invalid_argument(fmt::format("expected {} above 0", name));
+  };
+  positive(raster.step_over, "step_over");
+  positive(raster.step, "step");
+  positive(raster.feed, "feed");
+  positive(raster.clearance, "clearance");
+  positive(cutter.radius, "the radius of the cutter");
+  if (!(std::abs(raster.lead) < 1.6) || !(std::abs(raster.tilt) < 1.6))
+    throw std::invalid_argument("expected lead and tilt below 90 deg");
+  const Eigen::Vector2d range = context.upper - context.lower;
+  if (!(range.minCoeff() >= 0.0) || !range.allFinite())
+    throw std::invalid_argument("expected a range with its lower corner below the upper");
+  if ((range.x() / raster.step + 1) * (range.y() / raster.step_over + 1) > max_points)
+    throw std::invalid_argument("expected at most 2e7 points in a program");
+  if (!has_rotary_axes(context.control) && (raster.lead != 0.0 || raster.tilt != 0.0))
+    throw std::invalid_argument("expected lead = tilt = 0 on a machine without rotary axes");
+}
+
+}  // namespace
+
+MillingProgram generate_raster(const Raster& raster, const ContactField& design,
+                               const cutting::Cutter& cutter, const GeneratorContext& context) {
+  check(raster, cutter, context);
+  std::optional<Eigen::Vector3d> fixed_axis;  // in the part frame
+  if (!has_rotary_axes(context.control)) {
+    const auto zero = kinematics::AxisVector(kinematics::AxisVector::Zero(context.control.size()));
+    fixed_axis =
+        context.T_wm.linear().transpose() * context.control.tool_in_workpiece(zero).linear().col(2);
+  }
+  const double x_section = std::clamp(0.0, context.lower.x(), context.upper.x());
+  const std::vector<double> y =
+      pass_positions(raster, {design, 1, x_section}, context.lower.y(), context.upper.y());
+  std::vector<Pass> passes;
+  bool backwards = false;
+  for (const double at : y) {
+    const Section section{design, 0, at};
+    std::vector<Interval> parts =
+        stretches(section, context.lower.x(), context.upper.x(), raster.step);
+    if (backwards) std::reverse(parts.begin(), parts.end());
+    for (const Interval& part : parts) {
+      Pass pass = raster_pass(raster, cutter, section, points_along(section, part, raster.step),
+                              fixed_axis, backwards);
+      for (Posture& p : pass) {
+        p.tip_w = context.T_wm * p.tip_w;
+        p.direction_w = context.T_wm.linear() * p.direction_w;
+        p.retreat_w = context.T_wm.linear() * p.retreat_w;
+      }
+      if (!pass.empty()) passes.push_back(std::move(pass));
+    }
+    if (raster.zigzag) backwards = !backwards;
+  }
+  if (passes.empty())
+    throw std::invalid_argument("expected some of the design within the range of the raster");
+  return milling_text(passes,
+                      {.title = "raster finishing",
+                       .feed = raster.feed,
+                       .clearance = raster.clearance,
+                       .speed_rpm = raster.speed_rpm,
+                       .cutter_radius = cutter.radius,
+                       .neighbour = raster.zigzag ? 4 * raster.step_over : 0.0,
+                       .whole = false,
+                       .format = raster.format},
+                      context);
+}
+
+namespace {
+
+constexpr int overlap = 2;  // steps beyond the full turn
+/// The flank of the cutter along the generator at one azimuth of the cone.
+Posture posture(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
+                double azimuth) {
+  const double c = std::cos(cone.half_apex_angle), s = std::sin(cone.half_apex_angle);
+  const Eigen::Vector3d out(std::cos(azimuth), std::sin(azimuth), 0.0);
+  const Eigen::Vector3d normal = c * out + s * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d generator = -s * out + c * Eigen::Vector3d::UnitZ();
+  return {cone.base_radius * out - flank.tip_below * generator + cutter.radius * normal, generator,
+          normal};
+}
+
+Pass flank_pass(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
+                const GeneratorContext& context, double start, double sign) {
+  const double circle = 2 * std::numbers::pi;
+  const int n = int(std::ceil(circle * cone.base_radius / flank.step));
+  Pass pass;
+  for (int k = 0; k <= n + overlap; ++k) {
+    Posture p = posture(flank, cone, cutter, start + sign * circle * k / n);
+    pass.push_back({context.T_wm * p.tip_w, context.T_wm.linear() * p.direction_w,
+                    context.T_wm.linear() * p.retreat_w});
+  }
+  return pass;
+}
+
+void check(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter) {
+  const bool sizes = flank.step > 0 && flank.feed > 0 && flank.clearance > 0 &&
+                     cone.base_radius > 0 && cutter.radius > 0 && cone.half_apex_angle > 0 &&
+                     cone.half_apex_angle < std::numbers::pi / 2;
+  if (cutter.outline)
+    throw std::invalid_argument(
+        "expected a cutter with a cylinder as its flank, a ball, bull or flat end");
+  if (!sizes || !std::isfinite(flank.tip_below))
+    throw std::invalid_argument(
+        "expected positive sizes of the cone, the cutter, step, feed and clearance");
+  if (2 * std::numbers::pi * cone.base_radius / flank.step > max_points)
+    throw std::invalid_argument("expected at most 2e7 points in a program");
+}
+
+}  // namespace
+
+std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
+                           const cutting::Cutter& cutter, const GeneratorContext& context) {
+  check(flank, cone, cutter);
+  const MillingTextOptions options{.title = "flank milling of a cone frustum",
+                                   .feed = flank.feed,
+                                   .clearance = flank.clearance,
+                                   .speed_rpm = flank.speed_rpm,
+                                   .cutter_radius = cutter.radius,
+                                   .neighbour = 0.0,
+                                   .whole = true,
+                                   .format = flank.format};
+  // A rotary axis that cannot turn on and on may still get around from another start or the other
+  // way.
+  for (const double sign : {-1.0, 1.0})
+    for (int quarter = 0; quarter < 4; ++quarter) try {
+        return milling_text(
+                   {flank_pass(flank, cone, cutter, context, quarter * std::numbers::pi / 2, sign)},
+                   options, context)
+            .text;
+      } catch (const std::invalid_argument&) {
+        if (sign > 0 && quarter == 3) throw;
+      }
+  throw std::logic_error("unreachable");
+}
+
+}  // namespace abbe::sim::program

@@ -1,0 +1,529 @@
+#include "sim/program/nc_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/program/canon.h"
+#include "sim/program/nc_block.h"
+
+namespace abbe::sim::program {
+
+using Eigen::Vector2d;
+using kinematics::AxisVector;
+
+/// The groups of G and M codes of which a block has at most one each.
+enum class CodeGroup {
+  OneBlock,
+  ArcDistance,
+  CutterRadius,
+  Distance,
+  FeedMode,
+  Motion,
+  Plane,
+  ToolLength,
+  Units,
+  WorkOffset,
+  Stop,
+  Spindle,
+  ToolChange,
+  Coolant,
+  Count
+};
+
+/// The codes of a block by group.
+struct Codes {
+  struct Code {
+    int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
+    NcWord word;
+    explicit operator bool() const { return tenths >= 0; }
+  };
+  std::array<Code, std::size_t(CodeGroup::Count)> by_group;
+  const Code& operator[](CodeGroup group) const { return by_group[std::size_t(group)]; }
+};
+
+/// @throws BadInput at a code that the control does not know, or the second of a group
+Codes parse_codes(const NcBlock& block, const NcLocation& place);
+
+namespace {
+
+/// Its two axes, right-handed, and the letters of a centre: of the first, the second and across.
+struct PlaneLetters {
+  std::string_view axes, centre, pair;
+};
+
+PlaneLetters plane_letter_pair(int plane) {
+  if (plane == 18) return {"ZX", "KIJ", "I K"};
+  if (plane == 19) return {"YZ", "JKI", "J K"};
+  return {"XY", "IJK", "I J"};
+}
+
+void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& letters,
+                 ArcMove& arc) {
+  const auto first = block.word(letters.centre[0]), second = block.word(letters.centre[1]);
+  if (const auto outside = block.word(letters.centre[2]))
+    canon.refuse(outside->cause, fmt::format("{} in the plane of G{}", letters.pair, block.plane));
+  if (!first && !second)
+    canon.refuse(block.cause,
+                 fmt::format("{} or R beside {}", letters.pair, block.clockwise ? "G2" : "G3"),
+                 "none");
+  if (block.absolute_centre && (!first || !second))
+    canon.refuse(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
+  const Vector2d words(first ? first->mm : 0.0, second ? second->mm : 0.0);
+  const auto in_plane = [&](const AxisVector& q) { return Vector2d(q[arc.first], q[arc.second]); };
+  if (!canon.frame().rotation) {
+    const AxisVector zero = AxisVector::Zero(block.from.size());
+    arc.centre = words + in_plane(block.absolute_centre ? canon.placed(zero) : block.from);
+    return;
+  }
+  AxisVector p = canon.unplaced(block.from);
+  p[arc.first] = (block.absolute_centre ? 0.0 : p[arc.first]) + words.x();
+  p[arc.second] = (block.absolute_centre ? 0.0 : p[arc.second]) + words.y();
+  arc.placed_centre = canon.placed(std::move(p));
+  arc.centre = in_plane(arc.placed_centre);
+}
+
+}  // namespace
+
+ArcMove arc_from_block(const Canon& canon, const ArcBlock& block) {
+  const PlaneLetters letters = plane_letter_pair(block.plane);
+  ArcMove arc{.first = canon.joint_of(letters.axes[0]),
+              .second = canon.joint_of(letters.axes[1]),
+              .end = block.end,
+              .centre = {0, 0},
+              .clockwise = block.clockwise,
+              .cause = block.cause,
+              .named = block.cause,
+              .stated = block.stated};
+  if (arc.first < 0 || arc.second < 0)
+    canon.refuse(block.cause, fmt::format("a machine with the axes {} {} of the plane",
+                                          letters.axes[0], letters.axes[1]));
+  const auto radius = block.word('R');
+  if (!radius) {
+    find_centre(canon, block, letters, arc);
+    return arc;
+  }
+  for (const char letter : {'I', 'J', 'K'})
+    if (const auto word = block.word(letter)) canon.refuse(word->cause, "either R or I J K");
+  arc.radius = radius->mm;
+  arc.named = radius->cause;
+  return arc;
+}
+
+namespace {
+
+// by CodeGroup
+constexpr std::string_view group_names[] = {"that holds for one block (G4 G53)",
+                                            "of arc centres (G90.1 G91.1)",
+                                            "of cutter radius (G40)",
+                                            "of distances (G90 G91)",
+                                            "of feed (G93 G94)",
+                                            "of motion (G0 G1 G2 G3 G80)",
+                                            "of the plane (G17 G18 G19)",
+                                            "of tool length (G43 G43.4 G49)",
+                                            "of units (G20 G21)",
+                                            "of work offset (G54 ... G59)",
+                                            "that stops (M0 M1 M2 M30)",
+                                            "of the spindle (M3 M4 M5)",
+                                            "of tool change (M6)",
+                                            "of coolant (M7 M8 M9)"};
+
+/// @param code  tenths of the number
+std::optional<CodeGroup> g_group(int code) {
+  switch (code) {
+    case 40:
+    case 530:
+      return CodeGroup::OneBlock;
+    case 901:
+    case 911:
+      return CodeGroup::ArcDistance;
+    case 400:
+      return CodeGroup::CutterRadius;
+    case 900:
+    case 910:
+      return CodeGroup::Distance;
+    case 930:
+    case 940:
+      return CodeGroup::FeedMode;
+    case 0:
+    case 10:
+    case 20:
+    case 30:
+    case 800:
+      return CodeGroup::Motion;
+    case 170:
+    case 180:
+    case 190:
+      return CodeGroup::Plane;
+    case 430:
+    case 434:
+    case 490:
+      return CodeGroup::ToolLength;
+    case 200:
+    case 210:
+      return CodeGroup::Units;
+    case 540:
+    case 550:
+    case 560:
+    case 570:
+    case 580:
+    case 590:
+      return CodeGroup::WorkOffset;
+    default:
+      return std::nullopt;
+  }
+}
+
+std::optional<CodeGroup> m_group(int code) {
+  switch (code) {
+    case 0:
+    case 10:
+    case 20:
+    case 300:
+      return CodeGroup::Stop;
+    case 30:
+    case 40:
+    case 50:
+      return CodeGroup::Spindle;
+    case 60:
+      return CodeGroup::ToolChange;
+    case 70:
+    case 80:
+    case 90:
+      return CodeGroup::Coolant;
+    default:
+      return std::nullopt;
+  }
+}
+
+constexpr std::string_view g_codes =
+    "a G code of this control (G0 G1 G2 G3 G4 G17 G18 G19 G20 G21 G40 G43 G43.4 G49 G53 G54 ... "
+    "G59 G80 G90 G90.1 G91 G91.1 G93 G94)";
+constexpr std::string_view m_codes =
+    "an M code of this control (M0 M1 M2 M3 M4 M5 M6 M7 M8 M9 M30)";
+
+/// Tenths of a code's number, -1 where it has more digits than codes have.
+int parse_tenths(const NcWord& word) {
+  const double tenths = word.value * 10;
+  const bool is_code = tenths >= 0 && tenths < 2000 && std::abs(tenths - std::round(tenths)) < 1e-9;
+  return is_code ? int(std::lround(tenths)) : -1;
+}
+
+}  // namespace
+
+Codes parse_codes(const NcBlock& block, const NcLocation& place) {
+  Codes codes;
+  const auto put = [&](const NcWord& word, std::optional<CodeGroup> group, std::string_view known) {
+    if (!group) refuse(place, word, std::string(known));
+    Codes::Code& code = codes.by_group[std::size_t(*group)];
+    if (code)
+      refuse(place, word, fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
+             fmt::format("{} after {}", shown(word.text), shown(code.word.text)));
+    code = {parse_tenths(word), word};
+  };
+  for (const NcWord& word : block.g) put(word, g_group(parse_tenths(word)), g_codes);
+  for (const NcWord& word : block.m) put(word, m_group(parse_tenths(word)), m_codes);
+  return codes;
+}
+
+namespace {
+
+using kinematics::AxisVector;
+
+constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+
+/// The words of a plain NC program while they are read: the modes of the language.
+class Words {
+ public:
+  explicit Words(Canon& canon) : canon_(canon) {}
+
+  /// @return false at the end of the program
+  bool execute(const NcBlock& block);
+  void read_comments(const NcBlock& block);
+
+ private:
+  [[noreturn]] void refuse(const Cause& word, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    canon_.refuse(word, std::move(expected), std::move(seen));
+  }
+
+  void check_letters(const NcBlock& block) const;
+  void check_companions(const NcBlock& block, const Codes& codes) const;
+  void set_modes(const NcBlock& block, const Codes& codes);
+  void set_spindle(const NcBlock& block, const Codes& codes);
+  void set_feed(const NcBlock& block, const Codes& codes);
+  void set_tool_length(const NcBlock& block, const Codes& codes);
+  void note_before_motion(const NcBlock& block, const Codes& codes);
+  void note_after_motion(const Codes& codes);
+  void dwell(const NcBlock& block, const NcWord& g4);
+  void move(const NcBlock& block, const Codes& codes);
+  Target target(const NcBlock& block, bool machine_coordinates) const;
+  void arc(const NcBlock& block, const NcWord& cause, AxisVector end);
+
+  const NcWord& first_axis_word(const NcBlock& block) const;
+  double unit() const { return canon_.inch() ? units::inch : 1.0; }
+
+  Canon& canon_;
+  int motion_ = -1;  ///< tenths of the G code; -1 none
+  int plane_ = 170;
+  bool incremental_ = false;
+  bool absolute_centre_ = false;
+};
+
+void Words::read_comments(const NcBlock& block) {
+  canon_.set_line(block.line);
+  for (const std::string_view text : block.comments) canon_.comment(text);
+}
+
+void Words::check_letters(const NcBlock& block) const {
+  static constexpr std::string_view others = "NFSTPHIJKR", axes = "XYZABCUVW";
+  for (char letter = 'A'; letter <= 'Z'; ++letter) {
+    const NcWord& word = block[letter];
+    if (!word || others.find(letter) != std::string_view::npos) continue;
+    if (canon_.joint_of(letter) >= 0) continue;
+    if (axes.find(letter) != std::string_view::npos)
+      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+    refuse(word, "a word of this control (N G " + canon_.letters() + " I J K R F S T M H P)");
+  }
+}
+
+const NcWord& Words::first_axis_word(const NcBlock& block) const {
+  static const NcWord none;
+  const NcWord* first = &none;
+  for (char letter = 'A'; letter <= 'Z'; ++letter) {
+    const NcWord& word = block[letter];
+    if (word && canon_.joint_of(letter) >= 0 && (!*first || word.column < first->column))
+      first = &word;
+  }
+  return *first;
+}
+
+/// Words that make sense only beside others.
+void Words::check_companions(const NcBlock& block, const Codes& codes) const {
+  const Codes::Code& once = codes[CodeGroup::OneBlock];
+  const NcWord& axis = first_axis_word(block);
+  const int motion = codes[CodeGroup::Motion] ? codes[CodeGroup::Motion].tenths : motion_;
+  const bool is_dwell = once && once.tenths == 40;
+  const bool is_arc = !is_dwell && (motion == 20 || motion == 30);
+  if (is_dwell && axis) refuse(axis, "no axis word beside G4");
+  if (is_dwell && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
+  if (block['P'] && !is_dwell) refuse(block['P'], "G4 beside P");
+  for (const char letter : {'I', 'J', 'K', 'R'})
+    if (block[letter] && !is_arc) refuse(block[letter], "G2 or G3 beside I J K R");
+  const Codes::Code& length = codes[CodeGroup::ToolLength];
+  const bool calls = length && length.tenths != 490;
+  if (calls && !block['H'])
+    refuse(length.word, "H (tool length) beside " + shown(length.word.text), "none");
+  if (block['H'] && !calls) refuse(block['H'], "G43 or G43.4 beside H");
+  if (axis && (motion < 0 || motion == 800)) refuse(axis, "G0 G1 G2 or G3 before an axis word");
+  if (once && once.tenths == 530) {
+    if (!axis) refuse(once.word, "an axis word beside G53", "none");
+    if (is_arc) refuse(once.word, "G0 or G1 beside G53");
+  }
+  if (const NcWord& tool = block['T'];
+      tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
+    refuse(tool, "a whole tool number");
+}
+
+void Words::set_spindle(const NcBlock& block, const Codes& codes) {
+  if (const NcWord& s = block['S']) {
+    if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
+    canon_.set_spindle_speed(s.value);
+  }
+  if (const Codes::Code& code = codes[CodeGroup::Spindle])
+    canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+}
+
+void Words::set_feed(const NcBlock& block, const Codes& codes) {
+  if (const Codes::Code& code = codes[CodeGroup::FeedMode]) {
+    const FeedMode mode = code.tenths == 930 ? FeedMode::InverseTime : FeedMode::PerMinute;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
+  }
+  if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
+  if (const NcWord& f = block['F']) {
+    if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+    canon_.set_feed(Feed{f.value, unit()});
+  }
+}
+
+void Words::set_tool_length(const NcBlock& block, const Codes& codes) {
+  const Codes::Code& code = codes[CodeGroup::ToolLength];
+  if (!code) return;
+  if (code.tenths == 490) {
+    canon_.set_tool_shift({});
+    canon_.select_length(-1, code.word);
+    return canon_.set_tip_mode(false, code.word);
+  }
+  const std::map<int, double>& lengths = canon_.options().tool_length;
+  const NcWord& h = block['H'];
+  const auto length =
+      h.value == std::floor(h.value) && h.value >= 0 ? lengths.find(int(h.value)) : lengths.end();
+  if (length == lengths.end()) {
+    std::string known;
+    for (const auto& [number, mm] : lengths) known += fmt::format(" H{}", number);
+    refuse(h,
+           "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
+  }
+  canon_.select_length(length->first, code.word);
+  AxisVector shift;
+  if (code.tenths == 430) {
+    const int z = canon_.joint_of('Z');
+    if (z < 0) refuse(code.word, "a machine with a Z axis");
+    shift = AxisVector::Zero(canon_.position().size());
+    shift[z] = length->second;
+  }
+  canon_.set_tool_shift(std::move(shift));
+  canon_.set_tip_mode(code.tenths == 434, code.word);
+}
+
+void Words::set_modes(const NcBlock& block, const Codes& codes) {
+  if (const auto& code = codes[CodeGroup::Units]) canon_.set_inch(code.tenths == 200);
+  set_feed(block, codes);
+  set_spindle(block, codes);
+  if (const auto& code = codes[CodeGroup::Plane]) plane_ = code.tenths;
+  set_tool_length(block, codes);
+  if (const auto& code = codes[CodeGroup::WorkOffset]) {
+    const int number = (code.tenths - 540) / 10;
+    canon_.set_frame(number, {canon_.options().work_offset[std::size_t(number)]});
+  }
+  if (const auto& code = codes[CodeGroup::Distance]) incremental_ = code.tenths == 910;
+  if (const auto& code = codes[CodeGroup::ArcDistance]) absolute_centre_ = code.tenths == 901;
+  if (const auto& code = codes[CodeGroup::Motion]) motion_ = code.tenths;
+}
+
+void Words::note_before_motion(const NcBlock& block, const Codes& codes) {
+  const bool changes = bool(codes[CodeGroup::ToolChange]);
+  const NcWord& tool = block['T'];
+  if (tool || changes) canon_.call_tool(tool ? tool.value : -1.0, changes);
+  std::string text = tool ? fmt::format("T{:.0f}", tool.value) : "";
+  for (const CodeGroup group : {CodeGroup::ToolChange, CodeGroup::Coolant})
+    if (const Codes::Code& code = codes[group]; code && code.tenths != 90)
+      text += fmt::format("{}M{}", text.empty() ? "" : " ", code.tenths / 10);
+  if (!text.empty()) canon_.aside(std::move(text));
+}
+
+/// What a control does after the motion of the block: M0 M1 M9.
+void Words::note_after_motion(const Codes& codes) {
+  const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
+  if (coolant && coolant.tenths == 90) canon_.aside("M9");
+  if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
+}
+
+void Words::dwell(const NcBlock& block, const NcWord& g4) {
+  const NcWord& p = block['P'];
+  if (p.value < 0 || p.value > max_dwell_s) refuse(p, "0 to 1e6 seconds beside " + shown(g4.text));
+  canon_.dwell(p.value, p);
+}
+
+Target Words::target(const NcBlock& block, bool machine_coordinates) const {
+  Target target;
+  for (char letter = 'A'; letter <= 'Z'; ++letter) {
+    const NcWord& word = block[letter];
+    const int j = canon_.joint_of(letter);
+    if (!word || j < 0) continue;
+    const double value = word.value * (canon_.is_linear(j) ? unit() : units::deg);
+    if (incremental_ && !machine_coordinates)
+      target.by(j, value, word);
+    else
+      target.to(j, value, word);
+  }
+  return target;
+}
+
+void Words::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
+  canon_.arc(arc_from_block(canon_, {.plane = plane_ / 10,
+                                     .clockwise = motion_ == 20,
+                                     .absolute_centre = absolute_centre_,
+                                     .from = canon_.position(),
+                                     .end = std::move(end),
+                                     .cause = cause,
+                                     .word = [&](char letter) -> std::optional<LengthValue> {
+                                       const NcWord& word = block[letter];
+                                       if (!word) return std::nullopt;
+                                       return LengthValue{word.value * unit(), word};
+                                     }}));
+}
+
+void Words::move(const NcBlock& block, const Codes& codes) {
+  const Codes::Code& code = codes[CodeGroup::Motion];
+  const NcWord& axis = first_axis_word(block);
+  const bool is_arc = motion_ == 20 || motion_ == 30;
+  const bool centre = block['I'] || block['J'] || block['K'] || block['R'];
+  if (!axis && !(is_arc && centre)) return;
+  const NcWord& cause = code         ? code.word
+                        : axis       ? axis
+                        : block['R'] ? block['R']
+                        : block['I'] ? block['I']
+                        : block['J'] ? block['J']
+                                     : block['K'];
+  const bool machine_coordinates =
+      codes[CodeGroup::OneBlock] && codes[CodeGroup::OneBlock].tenths == 530;
+  if (machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
+  AxisVector end = canon_.end_of(target(block, machine_coordinates), machine_coordinates);
+  if (is_arc)
+    arc(block, cause, std::move(end));
+  else if (motion_ == 0)
+    canon_.traverse({std::move(end), cause, machine_coordinates});
+  else
+    canon_.straight_feed({std::move(end), cause, machine_coordinates});
+  if (machine_coordinates && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
+}
+
+bool Words::execute(const NcBlock& block) {
+  canon_.set_line(block.line);
+  const Codes codes = parse_codes(block, canon_.place());
+  check_letters(block);
+  check_companions(block, codes);
+  set_modes(block, codes);
+  note_before_motion(block, codes);
+  const Codes::Code& once = codes[CodeGroup::OneBlock];
+  if (once && once.tenths == 40)
+    dwell(block, once.word);
+  else
+    move(block, codes);
+  const Codes::Code& stop = codes[CodeGroup::Stop];
+  note_after_motion(codes);
+  return !(stop && (stop.tenths == 20 || stop.tenths == 300));
+}
+
+}  // namespace
+
+Path read_nc(std::string_view text, const std::string& file, const NcOptions& options) {
+  if (text.size() > options.max_bytes)
+    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
+                   fmt::format("{}", text.size()));
+  Canon canon(file, options);
+  read_nc(text, canon);
+  return canon.take();
+}
+
+void read_nc(std::string_view text, Canon& canon) {
+  Words words(canon);
+  Lines lines(text);
+  NcBlock block;
+  int percents = 0;
+  while (const auto line = lines.next()) {
+    canon.set_line(lines.number());
+    block = parse_block(*line, canon.place(), std::move(block));
+    if (block.percent && ++percents == 2) break;
+    if (block.deleted && canon.options().block_skip.test(0)) continue;
+    if (!block.comments.empty()) words.read_comments(block);
+    if (!block.percent && !block.empty() && !words.execute(block)) break;
+  }
+}
+
+Path read_nc_file(const std::filesystem::path& file, const NcOptions& options) {
+  return read_nc(read_text(file, options.max_bytes), file.string(), options);
+}
+
+}  // namespace abbe::sim::program

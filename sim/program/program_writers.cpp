@@ -1,0 +1,275 @@
+#include "sim/program/program_writers.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+#include "sim/program/block_motion.h"
+
+namespace abbe::sim::program {
+
+using Eigen::Vector3d;
+using kinematics::Motion;
+
+std::string nc_number(double value, int decimals) {
+  std::string text = fmt::format("{:.{}f}", value, decimals);
+  if (text.find('.') != std::string::npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text == "-0" ? "0" : text;
+}
+
+std::string nc_number(double value) {
+  const std::string shortest = fmt::format("{}", value);
+  if (shortest.find('e') == std::string::npos) return shortest;
+  // 17 significant digits hold the bits of any double, however small.
+  int decimals = 17;
+  for (double size = std::abs(value); size < 1.0 && size > 0.0; size *= 10) ++decimals;
+  return nc_number(value, decimals);
+}
+
+std::string nc_significant(double value, int digits) {
+  if (value == 0.0) return "0";
+  const int before = int(std::floor(std::log10(std::abs(value)))) + 1;
+  if (before <= digits) return nc_number(value, digits - before);
+  const double step = std::pow(10.0, before - digits);
+  return nc_number(std::round(value / step) * step, 0);
+}
+
+std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
+                     const NcWriteOptions& options) {
+  std::string text;
+  std::vector<std::string> in_force(axes.size());
+  std::string feed_in_force;
+  const auto write = [&](const NcMove& move) {
+    text += move.rapid ? "G0" : !move.round ? "G1" : move.round->clockwise ? "G2" : "G3";
+    for (std::size_t j = 0; j < axes.size(); ++j) {
+      const bool linear = axes[j].motion == kinematics::Motion::Linear;
+      if (axes[j].motion == kinematics::Motion::Spindle || axes[j].name == 'S') continue;
+      const double value = linear ? move.to[int(j)] : move.to[int(j)] / units::deg;
+      std::string word =
+          nc_number(value, linear ? options.format.decimals_mm : options.format.decimals_deg);
+      if (word == in_force[j]) continue;
+      text += fmt::format(" {}{}", axes[j].name, word);
+      in_force[j] = std::move(word);
+    }
+    if (move.round)
+      for (std::size_t k = 0; k < 2; ++k)
+        text += fmt::format(" {}{}", move.round->letters[k],
+                            nc_number(move.round->centre[int(k)], options.format.decimals_mm));
+    if (!move.rapid) {
+      std::string feed = options.feed_digits > 0 ? nc_significant(move.feed, options.feed_digits)
+                                                 : nc_number(move.feed);
+      if (options.inverse_time || feed != feed_in_force) text += " F" + feed;
+      feed_in_force = std::move(feed);
+    }
+    text += '\n';
+  };
+  for (const NcItem& item : items) {
+    if (const auto* line = std::get_if<std::string>(&item)) {
+      text += *line + '\n';
+      in_force.assign(axes.size(), {});
+      feed_in_force.clear();
+    } else {
+      write(std::get<NcMove>(item));
+    }
+  }
+  return text;
+}
+
+namespace {
+
+constexpr double no_way = 1e-9;            // mm, of a tip that stands
+constexpr double flat = 1e-7;              // mm, radii of an arc alike
+constexpr double negligible_turn = 1e-12;  // rad
+constexpr double turning_rpm = 1e-6;       // that is written
+
+/// A circle through the workpiece, as three equal steps along it show it.
+struct Circle {
+  Vector3d centre, axis;
+  double radius = 0.0;
+};
+
+/// @param angle  rad, of one step
+std::optional<Circle> circle_of(const std::array<Vector3d, 4>& p, double angle) {
+  const double bend = 2 - 2 * std::cos(angle);
+  const Vector3d arm = (2 * p[1] - p[0] - p[2]) / bend;
+  const Vector3d next = (2 * p[2] - p[1] - p[3]) / bend;
+  const Vector3d across = arm.cross(next);
+  if (!(across.norm() > 0.0) || std::abs(arm.norm() - next.norm()) > flat) return std::nullopt;
+  return Circle{p[1] - arm, across.normalized(), arm.norm()};
+}
+
+}  // namespace
+
+LocationWriter::LocationWriter(const kinematics::Chain& control, const LocationOptions& options)
+    : control_(control), options_(options) {
+  for (const auto& joint : control.joints()) axes_.push_back({joint.name, joint.motion});
+  spindle_ = spindle_of(axes_);
+  text_ = is_table() ? "x,y,z,i,j,k,feed\n" : "UNITS/MM\nMULTAX/ON\n";
+}
+
+std::string LocationWriter::take() { return std::exchange(text_, {}); }
+
+LocationWriter::Place LocationWriter::place(const Path& path, const Block& block, double u) const {
+  const kinematics::Pose T_wt = control_.tool_in_workpiece(axes_at(path, block, control_, u));
+  return {T_wt.translation(), T_wt.linear().col(2)};
+}
+
+/// The tip goes straight, however the rotary axes turn.
+bool LocationWriter::is_straight(const Path& path, const Block& block) const {
+  if (block.interpolation != Interpolation::Line && block.interpolation != Interpolation::Rapid)
+    return false;
+  return block.coordinates == Coordinates::Tip ||
+         rotary_turn_sum(path, block, control_) < negligible_turn;
+}
+
+void LocationWriter::write_auxiliary_words(const Path& path, std::size_t before,
+                                           std::size_t& next) {
+  for (; next < path.auxiliary_words.size() && path.auxiliary_words[next].before <= before;
+       ++next) {
+    const std::string& text = path.auxiliary_words[next].text;
+    if (is_table()) {
+      ++words_;
+      continue;
+    }
+    const bool changes = text.find("M6") != std::string::npos;
+    if (text.starts_with('T'))
+      text_ += (changes ? "LOADTL/" : "SELCTL/") + text.substr(1, text.find(' ') - 1) + "\n";
+    for (const auto& [word, statement] : {std::pair{"M7", "COOLNT/MIST\n"},
+                                          {"M8", "COOLNT/ON\n"},
+                                          {"M9", "COOLNT/OFF\n"},
+                                          {"M0", "STOP\n"},
+                                          {"M1", "OPSTOP\n"}})
+      if (text.find(word) != std::string::npos) text_ += statement;
+  }
+}
+
+void LocationWriter::spindle(const Block& block) {
+  if (spindle_ < 0 || is_table() || !(block.end_s > block.start_s)) return;
+  const double rpm =
+      (block.end[spindle_] - block.start[spindle_]) / (block.end_s - block.start_s) / units::rpm;
+  const std::string speed =
+      std::abs(rpm) < turning_rpm
+          ? "SPINDL/OFF"
+          : fmt::format("SPINDL/{:.6g},RPM,{}", std::abs(rpm), rpm > 0 ? "CLW" : "CCLW");
+  if (speed == speed_ || (speed_.empty() && speed == "SPINDL/OFF")) return;
+  speed_ = speed;
+  text_ += speed + "\n";
+}
+
+void LocationWriter::feed(const std::string& word) {
+  if (word != feed_ && !is_table()) text_ += "FEDRAT/" + word + ",MMPM\n";
+  feed_ = word;
+}
+
+void LocationWriter::point(const Place& at) {
+  const auto digits = [](const Vector3d& v, int decimals) {
+    return nc_number(v.x(), decimals) + "," + nc_number(v.y(), decimals) + "," +
+           nc_number(v.z(), decimals);
+  };
+  const std::string tip = digits(at.tip, options_.decimals_mm);
+  const std::string vector = digits(at.axis, options_.decimals_vector);
+  if (is_table()) {
+    text_ += tip + "," + vector + "," + feed_ + "\n";
+    return;
+  }
+  text_ += "GOTO/" + tip + (vector == vector_ ? "" : "," + vector) + "\n";
+  vector_ = vector;
+}
+
+/// As F counts it: along the tip, else degrees of the rotary axes.
+std::string LocationWriter::feed_of(const Path& path, const Block& block, double from, double to,
+                                    double way) {
+  if (!(way > no_way)) {
+    kinematics::AxisVector a = position(path, block, from), b = position(path, block, to);
+    for (int j = 0; j < int(a.size()); ++j)
+      if (axes_[std::size_t(j)].motion == Motion::Linear) b[j] = a[j];
+    way = feed_distance(axes_, a, b).length;
+  }
+  const double minutes = (to - from) * (block.end_s - block.start_s) / 60.0;
+  return nc_significant(std::max(way / minutes, 1e-6), 9);
+}
+
+void LocationWriter::go(const Path& path, const Block& block, double from, double to) {
+  const Place at = place(path, block, to);
+  if (block.interpolation == Interpolation::Rapid) {
+    if (!is_table()) text_ += "RAPID\n";
+    const std::string kept = std::exchange(feed_, is_table() ? "rapid" : feed_);
+    point(at);
+    feed_ = kept;
+    return;
+  }
+  const double way = (at.tip - place(path, block, from).tip).norm();
+  feed(feed_of(path, block, from, to, way));
+  point(at);
+}
+
+/// MOVARC/, where the tip goes round a circle, or along a helix.
+bool LocationWriter::arc(const Path& path, const Block& block) {
+  const Arc& arc = path.arcs[block.shape];
+  const bool turns = block.coordinates == Coordinates::Axis &&
+                     rotary_turn_sum(path, block, control_) >= negligible_turn;
+  if (is_table() || turns || std::abs(arc.growth) > flat) return false;
+  const double sweep = std::abs(arc.sweep);
+  if (arc.radius * sweep * sweep < 8 * options_.within * 1e-3) return false;
+  const double step = std::min(0.5, 0.33 * sweep);
+  std::array<Vector3d, 4> p;
+  for (std::size_t k = 0; k < 4; ++k) p[k] = place(path, block, double(k) * step / sweep).tip;
+  const auto circle = circle_of(p, step);
+  if (!circle) return false;
+  const Vector3d rise = circle->axis * circle->axis.dot(place(path, block, 1.0).tip - p[0]);
+  const double way = std::hypot(circle->radius * sweep, rise.norm());
+  feed(feed_of(path, block, 0.0, 1.0, way));
+  const auto digits = [](const Vector3d& v, int decimals) {
+    return nc_number(v.x(), decimals) + "," + nc_number(v.y(), decimals) + "," +
+           nc_number(v.z(), decimals);
+  };
+  text_ += "MOVARC/" + digits(circle->centre, options_.decimals_mm) + "," +
+           digits(circle->axis, options_.decimals_vector) + "," +
+           nc_number(circle->radius, options_.decimals_mm) + ",ANGLE," +
+           nc_number(sweep / units::deg, options_.decimals_vector) + "\n";
+  point(place(path, block, 1.0));
+  return true;
+}
+
+void LocationWriter::block(const Path& path, const Block& block) {
+  spindle(block);
+  if (block.interpolation == Interpolation::Dwell) {
+    if (is_table())
+      ++dwells_;
+    else
+      text_ += "DELAY/" + nc_significant(block.end_s - block.start_s, 12) + "\n";
+    return;
+  }
+  if (block.interpolation == Interpolation::Arc && arc(path, block)) return;
+  const std::size_t n =
+      is_straight(path, block) ? 1 : chords_of(path, block, control_, options_.within);
+  for (std::size_t k = 0; k < n; ++k) {
+    go(path, block, double(k) / double(n), k + 1 == n ? 1.0 : double(k + 1) / double(n));
+    if (text_.size() > options_.max_bytes)
+      throw BadInput(path.file, block.line, 0,
+                     fmt::format("at most {} bytes of cutter locations within {:.4g} um",
+                                 options_.max_bytes, options_.within / units::um),
+                     "more; a larger tolerance needs fewer");
+  }
+}
+
+void LocationWriter::add(const Path& piece) {
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < piece.blocks.size(); ++i) {
+    write_auxiliary_words(piece, i, next);
+    block(piece, piece.blocks[i]);
+  }
+  write_auxiliary_words(piece, piece.blocks.size(), next);
+}
+
+}  // namespace abbe::sim::program

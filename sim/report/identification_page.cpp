@@ -1,0 +1,466 @@
+#include "sim/report/identification_page.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "errors/element.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/files/json_files.h"
+#include "sim/files/output.h"
+#include "sim/report/figures_page.h"
+#include "sim/report/identification_report.h"
+
+#if ABBE_RENDER
+#include "render/plot.h"
+#endif
+
+namespace abbe::sim {
+
+#if ABBE_RENDER
+namespace {
+
+using errors::identification::CurveReadings;
+
+render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nominal) {
+  const bool angle = curve.element.is_angle();
+  const double unit = angle ? units::urad : units::um;
+  const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
+  const bool slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
+  const double position = slide ? 1.0 : units::deg;
+  render::Panel panel{to_string(curve.element),
+                      fmt::format("{} / {}", curve.element.axis, slide ? "mm" : "deg"),
+                      angle ? "µrad" : "µm",
+                      {},
+                      {}};
+  if (curve.reading.size() > 0)
+    panel.series.push_back({"readings",
+                            curve.reading_q / position,
+                            curve.reading / unit,
+                            {},
+                            {},
+                            render::Mark::Points,
+                            1});
+  panel.series.push_back({"identified, 95 % band", curve.q / position, curve.value / unit,
+                          (curve.value - 1.96 * curve.sigma) / unit,
+                          (curve.value + 1.96 * curve.sigma) / unit, render::Mark::Line, 0});
+  return panel;
+}
+
+/// The names of these files without their folders, as many as a line of the picture holds.
+std::string names_of(const std::vector<std::filesystem::path>& files) {
+  std::string names;
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    const std::string name = files[k].filename().string();
+    if (k > 0 && names.size() + name.size() > 140)
+      return fmt::format("{} and {} more", names, files.size() - k);
+    names += (k > 0 ? ", " : "") + name;
+  }
+  return names;
+}
+
+}  // namespace
+
+void write_curves_picture(const ResultFile& file, const std::vector<CurveReadings>& curves,
+                          const kinematics::Chain& nominal,
+                          const std::vector<std::filesystem::path>& readings) {
+  std::vector<render::Panel> panels;
+  for (const CurveReadings& curve : curves) panels.push_back(panel_of(curve, nominal));
+  if (panels.empty()) return;
+  render::GridOptions options;
+  options.title = "identified elements and the readings behind them";
+  options.caption = {names_of(readings)};
+  write_file(file, [&](const std::filesystem::path& temporary) {
+    render::write_grid(temporary, panels, options);
+  });
+}
+#else
+void write_curves_picture(const ResultFile&,
+                          const std::vector<errors::identification::CurveReadings>&,
+                          const kinematics::Chain&, const std::vector<std::filesystem::path>&) {}
+#endif
+
+namespace {
+
+using errors::identification::CurveReadings;
+using nlohmann::ordered_json;
+
+constexpr Eigen::Index max_curve_readings = 1500;  // of the readings of one element
+
+std::string page_unit(const std::string& unit) {
+  return unit == "um" ? "µm" : unit == "urad" ? "µrad" : unit;
+}
+
+/// To a ten-thousandth of the largest, as nobody sees more in a chart.
+ordered_json drawn(const Eigen::VectorXd& values) {
+  const double largest = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0.0;
+  const double step = largest > 0.0 ? std::pow(10.0, std::floor(std::log10(largest)) - 4.0) : 1.0;
+  ordered_json list = ordered_json::array();
+  for (const double value : values) {
+    // the text of the rounded number is short
+    if (std::isfinite(value))
+      list.push_back(ordered_json::parse(fmt::format("{:.6g}", std::round(value / step) * step)));
+    else
+      list.push_back(nullptr);
+  }
+  return list;
+}
+
+// --- tables, from the report alone
+
+ordered_json findings_block(const ordered_json& report) {
+  ordered_json rows = ordered_json::array();
+  for (const char* key : {"count", "hours", "unknowns", "found", "reduced_chi_square",
+                          "degrees_of_freedom", "condition"}) {
+    if (!report.contains(key)) continue;
+    ordered_json row = ordered_json::array();
+    row.push_back(label_text("fit_" + std::string(key)));
+    row.push_back(figure_in(report.at(key)));
+    rows.push_back(row);
+  }
+  return table_block("fit", label_text("fit_title"),
+                     {{label_text("figure"), ""}, {label_text("value"), ""}}, rows);
+}
+
+ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
+  std::vector<PageColumn> columns{{label_text("file"), ""},    {label_text("instrument"), ""},
+                                  {label_text("kind"), ""},    {label_text("fit_count"), ""},
+                                  {label_text("set_ups"), ""}, {label_text("fit_hours"), ""}};
+  if (fit) {
+    columns.push_back({label_text("residual_rms"), ""});
+    columns.push_back({label_text("residual_largest"), ""});
+  }
+  ordered_json rows = ordered_json::array();
+  for (std::size_t f = 0; f < report.at("readings").size(); ++f) {
+    const ordered_json& one = report.at("readings")[f];
+    ordered_json row = ordered_json::array();
+    for (const char* key : {"file", "instrument", "kind"})
+      row.push_back(one.at(key).get<std::string>());
+    for (const char* key : {"readings", "set_ups", "hours"}) row.push_back(figure_in(one.at(key)));
+    if (fit) {
+      const Eigen::VectorXd& residual = fit->residual_sd[f];
+      const bool any = residual.size() > 0;
+      row.push_back(any ? ordered_json(std::sqrt(residual.squaredNorm() / double(residual.size())))
+                        : ordered_json());
+      row.push_back(any ? ordered_json(residual.cwiseAbs().maxCoeff()) : ordered_json());
+    }
+    rows.push_back(row);
+  }
+  return table_block("readings", label_text("readings_title"), columns, rows);
+}
+
+/// "EX0C -1.00, EY0C 0.20"
+std::string hidden_by(const ordered_json& confounded) {
+  std::string text;
+  for (const auto& [name, share] : confounded.at("hidden_by").items())
+    text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", name, share.get<double>());
+  return text;
+}
+
+/// Every number; one that no reading determines says what hides it.
+ordered_json numbers_block(const ordered_json& report) {
+  const auto mark_of = [&](const std::string& name) -> PageText {
+    for (const ordered_json& one : report.at("confounded"))
+      if (one.at("name").get<std::string>() == name) {
+        const std::string by = hidden_by(one);
+        return by.empty() ? label_text("not_read") : phrase({label_text("hidden_by"), " ", by});
+      }
+    return "";
+  };
+  ordered_json rows = ordered_json::array();
+  for (const ordered_json& one : report.at("numbers")) {
+    const ordered_json &value = figure_in(one.at("value")),
+                       &u = figure_in(one.at("standard_uncertainty"));
+    ordered_json row = ordered_json::array();
+    row.push_back(one.at("name").get<std::string>());
+    row.push_back(page_unit(one.at("unit").get<std::string>()));
+    row.push_back(value);
+    row.push_back(u);
+    const bool has_both = value.is_number() && u.is_number() && u.get<double>() > 0.0;
+    row.push_back(has_both ? ordered_json(std::abs(value.get<double>()) / u.get<double>())
+                           : ordered_json());
+    const PageText mark = mark_of(one.at("name").get<std::string>());
+    row.push_back(u.is_null() && mark == "" ? label_text("not_found") : mark);
+    rows.push_back(row);
+  }
+  if (rows.empty()) return {};
+  ordered_json block = table_block("numbers", label_text("numbers"),
+                                   {{label_text("name"), ""},
+                                    {label_text("unit"), ""},
+                                    {label_text("value"), ""},
+                                    {label_text("standard_uncertainty"), ""},
+                                    {label_text("value_by_uncertainty"), ""},
+                                    {label_text("remark"), ""}},
+                                   rows);
+  block["note"] = label_text("numbers_note");
+  return block;
+}
+
+ordered_json confounded_block(const ordered_json& report) {
+  ordered_json rows = ordered_json::array();
+  for (const ordered_json& one : report.at("confounded")) {
+    const std::string by = hidden_by(one);
+    ordered_json row = ordered_json::array();
+    row.push_back(one.at("name").get<std::string>());
+    row.push_back(by.empty() ? label_text("not_read") : PageText(by));
+    rows.push_back(row);
+  }
+  if (rows.empty()) return {};
+  ordered_json block = table_block("confounded", label_text("confounded"),
+                                   {{label_text("name"), ""}, {label_text("hidden_by"), ""}}, rows);
+  block["note"] = label_text("confounded_note");
+  return block;
+}
+
+ordered_json outliers_block(const ordered_json& report) {
+  if (!report.contains("outliers") || report.at("outliers").empty()) return {};
+  ordered_json rows = ordered_json::array();
+  for (const ordered_json& one : report.at("outliers")) {
+    ordered_json row = ordered_json::array();
+    row.push_back(one.at("file").get<std::string>());
+    row.push_back(figure_in(one.at("row")));
+    row.push_back(figure_in(one.at("residual_sd")));
+    rows.push_back(row);
+  }
+  return table_block(
+      "outliers", label_text("outliers"),
+      {{label_text("file"), ""}, {label_text("row"), ""}, {label_text("residual_sd"), ""}}, rows);
+}
+
+ordered_json orders_block(const ordered_json& report) {
+  if (!report.contains("orders")) return {};
+  ordered_json rows = ordered_json::array();
+  for (const auto& [name, order] : report.at("orders").items()) {
+    ordered_json row = ordered_json::array();
+    row.push_back(name);
+    row.push_back(figure_in(order));
+    rows.push_back(row);
+  }
+  return table_block("orders", label_text("orders"),
+                     {{label_text("element"), ""}, {label_text("chosen_order"), ""}}, rows);
+}
+
+/// A row for every sensor of { sensor: number } with its uncertainty.
+void add_slopes(ordered_json& rows, const PageText& name, const std::string& unit,
+                const ordered_json& values, const ordered_json& uncertainties) {
+  for (const auto& [sensor, value] : values.items()) {
+    ordered_json row = ordered_json::array();
+    row.push_back(name);
+    row.push_back(sensor);
+    row.push_back(unit);
+    row.push_back(figure_in(value));
+    row.push_back(uncertainties.contains(sensor) ? figure_in(uncertainties.at(sensor))
+                                                 : ordered_json());
+    rows.push_back(row);
+  }
+}
+
+/// How numbers follow temperatures, of every method that says so.
+ordered_json sensor_slopes_block(const ordered_json& report) {
+  ordered_json rows = ordered_json::array();
+  if (report.contains("per_K"))
+    for (const ordered_json& one : report.at("per_K"))
+      add_slopes(rows, one.at("name").get<std::string>(), one.at("unit").get<std::string>(),
+                 one.at("per_K"), one.at("standard_uncertainty"));
+  if (report.contains("composite"))
+    for (const ordered_json& one : report.at("composite"))
+      add_slopes(rows, one.at("axis").get<std::string>(), "µm/m/K", one.at("slope_um_per_m_K"),
+                 one.at("standard_error_um_per_m_K"));
+  if (report.contains("thermal"))
+    for (const ordered_json& term : report.at("thermal").at("terms")) {
+      ordered_json values = ordered_json::object(), errors = ordered_json::object();
+      for (const auto& [sensor, one] : term.at("per_K").items()) {
+        values[sensor] = one.at("value");
+        errors[sensor] = one.at("standard_error");
+      }
+      add_slopes(rows, term.at("name").get<std::string>(),
+                 page_unit(term.at("unit").get<std::string>()) + "/K", values, errors);
+    }
+  if (rows.empty()) return {};
+  return table_block("sensors", label_text("sensor_slopes"),
+                     {{label_text("name"), ""},
+                      {label_text("sensor"), ""},
+                      {label_text("unit"), ""},
+                      {label_text("slope_per_K"), ""},
+                      {label_text("standard_uncertainty"), ""}},
+                     rows);
+}
+
+/// Slopes of a composite over its starts, each with its standard error twice to either side.
+ordered_json starts_block(const ordered_json& report) {
+  if (!report.contains("composite")) return {};
+  ordered_json block = page_block("panels", "starts", label_text("slopes_by_start"));
+  block["panels"] = ordered_json::array();
+  for (const ordered_json& axis : report.at("composite")) {
+    ordered_json x = ordered_json::array(), y = x, low = x, high = x;
+    for (const ordered_json& one : axis.at("slopes")) {
+      const double value = one.at("slope_um_per_m").get<double>();
+      const double band = 1.96 * one.at("standard_error").get<double>();
+      x.push_back(one.at("start"));
+      y.push_back(value);
+      low.push_back(value - band);
+      high.push_back(value + band);
+    }
+    ordered_json panel, series = series_of(label_text("slope_with_band"), x, y, "both");
+    series["low"] = low;
+    series["high"] = high;
+    panel["title"] = axis.at("axis").get<std::string>();
+    panel["x"] = label_text("start");
+    panel["y"] = phrase({label_text("slope"), " / µm/m"});
+    panel["series"] = ordered_json::array();
+    panel["series"].push_back(series);
+    block["panels"].push_back(panel);
+  }
+  return block;
+}
+
+/// What heat adds to the elements over a day.
+ordered_json day_block(const ordered_json& report) {
+  if (!report.contains("thermal")) return {};
+  const ordered_json& day = report.at("thermal");
+  ordered_json block = page_block("panels", "day", label_text("terms_by_hour"));
+  block["panels"] = ordered_json::array();
+  for (const ordered_json& term : day.at("terms")) {
+    ordered_json panel;
+    panel["title"] = term.at("name").get<std::string>();
+    panel["note"] = ordered_json::array();
+    panel["note"].push_back(fmt::format("R² {:.3f}", term.at("r_squared").get<double>()));
+    panel["x"] = phrase({label_text("time"), " / h"});
+    panel["y"] = page_unit(term.at("unit").get<std::string>());
+    panel["series"] = ordered_json::array();
+    panel["series"].push_back(
+        series_of(term.at("name"), day.at("epochs_h"), term.at("at_epochs"), "both"));
+    block["panels"].push_back(panel);
+  }
+  return block;
+}
+
+// --- charts that only the fit itself has
+
+ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& nominal) {
+  const bool is_angle = curve.element.is_angle();
+  const double unit = is_angle ? units::urad : units::um;
+  const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
+  const bool is_slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
+  const double position = is_slide ? 1.0 : units::deg;
+  ordered_json panel;
+  panel["title"] = to_string(curve.element);
+  panel["x"] = fmt::format("{} / {}", curve.element.axis, is_slide ? "mm" : "°");
+  panel["y"] = is_angle ? "µrad" : "µm";
+  panel["series"] = ordered_json::array();
+  ordered_json line = series_of(label_text("identified_band"), drawn(curve.q / position),
+                                drawn(curve.value / unit), "line");
+  line["low"] = drawn((curve.value - 1.96 * curve.sigma) / unit);
+  line["high"] = drawn((curve.value + 1.96 * curve.sigma) / unit);
+  panel["series"].push_back(line);
+  if (curve.reading_q.size() > 0) {
+    const ReadingSubset readings =
+        reading_subset(to_string(curve.element), curve.reading_q.size(), max_curve_readings);
+    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
+    panel["title"] = readings.title;
+    panel["series"].push_back(series_of(label_text("readings"),
+                                        drawn(curve.reading_q(few) / position),
+                                        drawn(curve.reading(few) / unit), "points"));
+  }
+  return panel;
+}
+
+ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal) {
+  if (fit.curves.empty()) return {};
+  ordered_json block = page_block("panels", "curves", label_text("curves"));
+  block["note"] = label_text("curves_note");
+  block["most"] = 48;
+  block["panels"] = ordered_json::array();
+  for (const CurveReadings& curve : fit.curves)
+    block["panels"].push_back(curve_panel(curve, nominal));
+  return block;
+}
+
+ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
+  ordered_json block = page_block("histogram", "residuals", label_text("residuals"));
+  block["x"] = label_text("residual_sd");
+  block["unit"] = "";
+  block["y"] = label_text("share_of_readings");
+  block["one_at_a_time"] = true;
+  block["note"] = label_text("residuals_note");
+  block["series"] = ordered_json::array();
+  Eigen::Index count = 0;
+  for (const Eigen::VectorXd& one : fit.residual_sd) count += one.size();
+  Eigen::VectorXd all(count);
+  Eigen::Index at = 0;
+  for (const Eigen::VectorXd& one : fit.residual_sd) {
+    all.segment(at, one.size()) = one;
+    at += one.size();
+  }
+  if (count == 0) return {};
+  block["series"].push_back({{"name", label_text("all_readings")}, {"values", drawn(all)}});
+  if (fit.residual_sd.size() > 1 && fit.residual_sd.size() <= 24)
+    for (std::size_t f = 0; f < fit.residual_sd.size(); ++f)
+      if (fit.residual_sd[f].size() > 0)
+        block["series"].push_back({{"name", report.at("readings").at(f).at("instrument")},
+                                   {"values", drawn(fit.residual_sd[f])}});
+  return block;
+}
+
+// --- the page
+
+FiguresPage identification_document(const ordered_json& report, const Identified* identified) {
+  const ChainFit* fit = identified ? std::get_if<ChainFit>(&identified->fit) : nullptr;
+  FiguresPage page;
+  page.title = report.at("machine").get<std::string>();
+  const auto add = [&](const ordered_json& block) {
+    if (!block.is_null()) page.blocks.push_back(block);
+  };
+  add(findings_block(report));
+  if (fit) add(curves_block(*fit, identified->nominal));
+  add(day_block(report));
+  add(starts_block(report));
+  add(sensor_slopes_block(report));
+  add(numbers_block(report));
+  add(confounded_block(report));
+  add(sources_block(report, fit));
+  if (fit) add(residuals_block(*fit, report));
+  add(outliers_block(report));
+  add(orders_block(report));
+  page.asked = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
+  for (const ordered_json& one : report.at("warnings"))
+    page.warnings.push_back(one.get<std::string>());
+  for (const ordered_json& one : report.value("assumptions", ordered_json::array()))
+    page.warnings.push_back("assumed: " + one.get<std::string>());
+  return page;
+}
+
+void add_file(FiguresPage& page, const std::filesystem::path& file) {
+  if (std::filesystem::exists(file))
+    page.files.push_back({file.filename().string(), read_text(file, max_saved_bytes)});
+}
+
+}  // namespace
+
+FiguresPage identify_page(const Identified& identified) {
+  const ordered_json report = to_json(identified);
+  FiguresPage page = identification_document(report, &identified);
+  for (const ReadingsSource& one : identified.sources) add_file(page, one.file);
+  add_file(page, identified.files.belief);
+  add_file(page, identified.files.report);
+  if (identified.files.thermal) add_file(page, *identified.files.thermal);
+  return page;
+}
+
+FiguresPage identify_page(const std::filesystem::path& file) {
+  FiguresPage page;
+  read_saved_json(
+      file, "the report of an identification as abbe identify writes it, NAME.json",
+      [&](const ordered_json& report, const std::string&) {
+        page = identification_document(report, nullptr);
+        page.warnings.push_back(
+            "curves of the elements, readings and residuals are left out of the report: a finished "
+            "identification does not hold them; abbe identify --report writes them");
+        add_file(page, file);
+        add_file(page, std::filesystem::path(file).replace_extension(".toml"));
+      });
+  return page;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,643 @@
+#include "sim/report/identification_report.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include "errors/coefficients.h"
+#include "errors/identification/model.h"
+#include "kinematics/axes.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+#include "sim/calibration/calibration.h"
+#include "sim/files/program_file.h"
+#include "sim/readings/belief_file.h"
+#include "sim/report/sensor_choice_report.h"
+#include "sim/scene/error_tables.h"
+#include "sim/scene/toml.h"
+
+/// What was identified in the units in which report, text and belief file state it.
+namespace abbe::sim {
+
+inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
+
+std::string machine_of(const Identified& identified);  ///< "w b X Y Z C A s t"
+std::string method_of(const Identified& identified);   ///< in a few words
+std::size_t readings_of(const Identified& identified);
+double machine_hours(const Identified& identified);  ///< on a real machine
+
+/// A number of a geometric belief, um or urad.
+struct ParameterEstimate {
+  std::string name;     ///< "EXX[2]"
+  std::string element;  ///< "EXX"
+  std::string unit;
+  double value = 0.0;
+  std::optional<double> standard_uncertainty;  ///< none of a number that was not found
+};
+std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief);
+
+/// A term over a day in um or urad, of a slope um/m or urad/m.
+struct TermEstimate {
+  std::string name;  ///< "EXX slope"
+  std::string unit;
+  Eigen::VectorXd at_epochs;  ///< (epochs)
+  double range = 0.0;
+  double standard_uncertainty = 0.0;  ///< at an epoch, mean of all
+  double constant = 0.0;
+  Eigen::VectorXd per_K;           ///< (sensors)
+  Eigen::VectorXd standard_error;  ///< (sensors)
+  double residual_sd = 0.0;
+};
+TermEstimate term_estimate(const RegressedTerm& term);
+
+/// How a number of a step diagonal follows the sensors, in um/K, um/m/K or urad/K.
+struct TrendEstimate {
+  std::string name;
+  std::string unit;
+  Eigen::VectorXd per_K;                 ///< (sensors)
+  Eigen::VectorXd standard_uncertainty;  ///< (sensors) empty where no start is to spare
+};
+std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit);
+
+namespace {
+
+using Eigen::Index;
+
+constexpr double per_metre = 1000.0;  // mm: slopes of a day are numbers over a metre
+
+}  // namespace
+
+std::string machine_of(const Identified& identified) {
+  return kinematics::to_string(kinematics::chain_topology(identified.nominal.joints()));
+}
+
+std::string method_of(const Identified& identified) {
+  constexpr std::array words{
+      "least squares on the exact chain", "step diagonal as published: 12 elements of translation",
+      "composite: cold curve, and slopes regressed on temperatures",
+      "thermal: elements at every start on the exact chain, regressed on temperatures"};
+  static_assert(words.size() == std::variant_size_v<decltype(Identified::fit)>);
+  return words.at(identified.fit.index());
+}
+
+std::size_t readings_of(const Identified& identified) {
+  std::size_t count = 0;
+  for (const ReadingsSource& one : identified.sources) count += one.readings;
+  return count;
+}
+
+double machine_hours(const Identified& identified) {
+  double hours = 0.0;
+  for (const ReadingsSource& one : identified.sources) hours += one.duration_s / 3600.0;
+  return hours;
+}
+
+std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief) {
+  std::map<std::string, double> sigma;
+  const errors::Covariance& covariance = belief.covariance;
+  for (std::size_t i = 0; i < covariance.of.size(); ++i)
+    sigma[errors::name_of(covariance.of[i], belief.elements)] =
+        std::sqrt(std::max(0.0, covariance.matrix(Index(i), Index(i))));
+  std::vector<ParameterEstimate> figures;
+  const auto all = errors::coefficients(belief.elements);
+  const Eigen::VectorXd values = errors::values(belief.elements);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const errors::ElementName& element = belief.elements[std::size_t(all[i].element)].name;
+    const double unit = element.is_angle() ? units::urad : units::um;
+    figures.push_back({errors::name_of(all[i], belief.elements),
+                       to_string(element),
+                       element.is_angle() ? "urad" : "um",
+                       values[Index(i)] / unit,
+                       {}});
+    const auto known = sigma.find(figures.back().name);
+    if (known != sigma.end()) figures.back().standard_uncertainty = known->second / unit;
+  }
+  return figures;
+}
+
+TermEstimate term_estimate(const RegressedTerm& term) {
+  const bool angle = term.name.is_angle();
+  const double unit = term.slope ? um_per_m : angle ? units::urad : units::um;
+  const double of_number = (term.slope ? 1.0 / per_metre : 1.0) / unit;
+  const errors::identification::Regression& regression = term.regression;
+  TermEstimate figures;
+  figures.name = name_of(term);
+  figures.unit = std::string(angle ? "urad" : "um") + (term.slope ? "/m" : "");
+  figures.at_epochs = of_number * term.at_epochs;
+  figures.range = figures.at_epochs.maxCoeff() - figures.at_epochs.minCoeff();
+  const Eigen::VectorXd sigma = of_number * term.sigma;
+  figures.standard_uncertainty = sigma.mean();
+  figures.constant = regression.constant / unit;
+  figures.per_K = regression.beta / unit;
+  figures.standard_error = regression.standard_error.tail(regression.beta.size()) / unit;
+  figures.residual_sd = regression.residual_sd / unit;
+  return figures;
+}
+
+std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
+  std::vector<TrendEstimate> figures;
+  if (!fit.trend) return figures;
+  for (std::size_t v = 0; v < fit.trend->names.size(); ++v) {
+    const bool is_length = fit.trend->is_length[v];
+    const double unit = is_length ? units::um : um_per_m;  // slopes are um/m, squareness urad
+    figures.push_back({fit.trend->names[v],
+                       is_length ? "um/K" : "um/m/K or urad/K",
+                       fit.trend->per_K.row(Index(v)) / unit,
+                       {}});
+    if (fit.trend->per_K_sigma.size() > 0)
+      figures.back().standard_uncertainty = fit.trend->per_K_sigma.row(Index(v)) / unit;
+  }
+  return figures;
+}
+
+namespace {
+
+using Eigen::Index;
+using errors::identification::element_of_number;
+
+/// A line an element: every number found with its standard uncertainty.
+std::string numbers_text(const errors::GeometricErrors& belief) {
+  if (belief.elements.empty()) return "";
+  std::string text = "\nelements in um and urad, with their standard uncertainty", element;
+  for (const ParameterEstimate& one : parameter_estimates(belief)) {
+    const std::optional<double>& u = one.standard_uncertainty;
+    if ((u ? *u : std::abs(one.value)) <= 0.0) continue;  // held at its place
+    if (one.element != element) {
+      element = one.element;
+      text += fmt::format("\n{:<5}", element);
+    }
+    const std::string which =
+        one.name.size() > element.size() ? one.name.substr(element.size()) + " " : "";
+    text += fmt::format("  {}{:.3f}", which, one.value);
+    if (u) text += fmt::format(" ({:.2g})", *u);
+  }
+  return text + "\n";
+}
+
+/// What hides a number: others by name, the zeros and places of set-ups counted only.
+std::string confounders_text(const errors::identification::Confounded& one) {
+  std::string with;
+  std::set<std::string> set_ups;  // several starts share their names
+  for (const auto& [other, share] : one.with) {
+    if (other.find(": ") != std::string::npos)
+      set_ups.insert(other);
+    else
+      with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share, escaped(other));
+  }
+  if (!set_ups.empty())
+    with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups.size(),
+                        set_ups.size() > 1 ? "s" : "");
+  return with;
+}
+
+/// "ECS cos 1 to 500 urad (10)": how badly a number is known, and by how much machines differ.
+std::string weak_parameter_text(const errors::identification::Confounded& one) {
+  const double unit = errors::identification::shown_unit(one.name);
+  return fmt::format("{} to {:.2g} {} ({:.2g})", escaped(one.name), *one.standard_deviation / unit,
+                     unit == units::um ? "um" : "urad",
+                     errors::identification::typical_deviation(element_of_number(one.name)) / unit);
+}
+
+/// Numbers that were not found: those that others hide, then those that no reading depends on,
+/// counted by element.
+std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
+  std::map<std::string, int> unobservable;
+  std::string text, weak;
+  for (const auto& one : confounded)
+    if (one.standard_deviation)
+      weak += (weak.empty() ? "" : ", ") + weak_parameter_text(one);
+    else if (one.with.empty())
+      ++unobservable[element_of_number(escaped(one.name))];
+    else
+      text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", escaped(one.name),
+                          confounders_text(one));
+  if (!weak.empty())
+    text +=
+        "\nleft at 0, since the readings determine them far worse than new machines differ (in "
+        "brackets): " +
+        weak;
+  std::string names;
+  for (const auto& [element, count] : unobservable)
+    names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
+  if (!names.empty()) text += "\nunobservable, left out (numbers): " + names;
+  return text;
+}
+
+std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
+  const errors::identification::CompositeFit& fit = axis.fit;
+  std::string text =
+      fmt::format("\n{}: cold curve of start 1 at {:.2f} h, RMS {:.3f} um about the law\n",
+                  axis.axis, axis.cold_s / 3600.0, fit.rms / units::um);
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    text += fmt::format("  dT = 0 at                    {:>9.2f} C  {}\n", axis.cold_C[Index(k)],
+                        escaped(sensors[k]));
+  for (Index i = 0; i < fit.slope.size(); ++i)
+    text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
+                        fit.later[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
+                        fit.slope_error[i] / um_per_m);
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
+                        fit.thermal[Index(k)] / um_per_m,
+                        fit.slope_fit.standard_error[Index(k)] / um_per_m);
+  if (axis.with_constant)
+    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
+                        "slope left at dT = 0", axis.with_constant->constant / um_per_m,
+                        axis.with_constant->standard_error[0] / um_per_m);
+  return text;
+}
+
+std::string text_of(const Identified& identified, const CompositeFits& fit) {
+  std::string text;
+  for (const CompositeAxis& axis : fit.axes) text += axis_text(axis, fit.sensors);
+  return text + fmt::format("[belief] identified: {}\n[belief] thermal: {}\n",
+                            escaped(identified.files.belief.string()),
+                            escaped(identified.files.thermal->string()));
+}
+
+std::string text_of(const Identified&, const ThermalDay& day) {
+  std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
+  for (const RegressedTerm& term : day.terms) {
+    const TermEstimate figures = term_estimate(term);
+    text += fmt::format("{:<12} moved by {:.3f} {}, of which {:.2g} is left (R^2 {:.3f})\n",
+                        figures.name, figures.range, figures.unit, figures.residual_sd,
+                        term.regression.r_squared);
+    for (std::size_t k = 0; k < day.sensors.size(); ++k)
+      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", escaped(day.sensors[k]),
+                          figures.per_K[Index(k)], figures.standard_error[Index(k)], figures.unit);
+  }
+  for (std::size_t k = 0; k < day.sensors.size(); ++k)
+    text += fmt::format("{:<30} trained from {:.2f} to {:.2f} K\n", escaped(day.sensors[k]),
+                        day.dT_K.col(Index(k)).minCoeff(), day.dT_K.col(Index(k)).maxCoeff());
+  return text;
+}
+
+/// How a number follows a sensor.
+struct Trend {
+  std::string name, sensor, unit;
+  double value = 0.0;
+  std::optional<double> u;  ///< standard uncertainty; unknown where no start is to spare
+  /// Of what is looked at first: how often its uncertainty it is, first of all where that is
+  /// unknown.
+  double weight() const {
+    return !u ? HUGE_VAL : (*u > 0.0 ? std::abs(value) / *u : (value != 0.0 ? HUGE_VAL : 0.0));
+  }
+};
+
+std::vector<Trend> trends_of(const StepDiagonalFit& fit) {
+  std::vector<Trend> trends;
+  for (const TrendEstimate& one : trend_estimates(fit))
+    for (std::size_t k = 0; k < fit.sensors.size(); ++k) {
+      trends.push_back({one.name, escaped(fit.sensors[k]), one.unit, one.per_K[Index(k)], {}});
+      if (one.standard_uncertainty.size() > 0) trends.back().u = one.standard_uncertainty[Index(k)];
+    }
+  return trends;
+}
+
+/// The trends that stand out most of their uncertainty, all of a few; the others are counted.
+std::string trends_text(const StepDiagonalFit& fit) {
+  constexpr std::size_t most = 12;
+  std::vector<Trend> trends = trends_of(fit);
+  const std::size_t count = trends.size(), shown = std::min(count, most);
+  if (count > most)
+    std::stable_sort(trends.begin(), trends.end(), [](const Trend& a, const Trend& b) {
+      return std::pair(a.weight(), std::abs(a.value)) > std::pair(b.weight(), std::abs(b.value));
+    });
+  std::string text;
+  for (std::size_t i = 0; i < shown; ++i) {
+    const Trend& one = trends[i];
+    text += fmt::format("\n{:<12} {:>10.4f} ({}) {} by {}", one.name, one.value,
+                        one.u ? fmt::format("{:.2g}", *one.u) : "-", one.unit, one.sensor);
+  }
+  if (shown == count) return text;
+  const double next = trends[shown].weight();
+  return text + fmt::format("\nand {} more trends by temperature{}; all are in the report",
+                            count - shown,
+                            std::isfinite(next) ? fmt::format(", each at most {:.3g} times its "
+                                                              "standard uncertainty",
+                                                              next)
+                                                : "");
+}
+
+std::string text_of(const Identified&, const StepDiagonalFit& fit) {
+  return trends_text(fit) + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
+}
+
+std::string text_of(const Identified&, const ChainFit& fit) {
+  std::string text;
+  if (!fit.outliers.empty())
+    text = fmt::format("\n{} readings left out as outliers; they are in the report",
+                       fit.outliers.size());
+  return text + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
+}
+
+}  // namespace
+
+std::string identify_text(const Identified& identified) {
+  std::string text = fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n",
+                                 escaped(machine_of(identified)), "readings", "set-ups", "hours");
+  for (const ReadingsSource& one : identified.sources)
+    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups,
+                        one.duration_s / 3600.0, escaped(one.file.string()));
+  text += numbers_text(identified.belief) + confounded_text(identified.confounded);
+  text += std::visit([&](const auto& fit) { return text_of(identified, fit); }, identified.fit);
+  text += fmt::format("\n{:.1f} hours on a real machine\n", machine_hours(identified));
+  for (const std::string& assumption : identified.assumptions)
+    text += "assumed: " + escaped(assumption) + "\n";
+  for (const std::string& warning : identified.warnings)
+    text += "warning: " + escaped(warning) + "\n";
+  return text;
+}
+
+namespace {
+
+using Eigen::Index;
+using Json = nlohmann::ordered_json;
+
+Json optional_json(const std::optional<double>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+Json numbers_json(const errors::GeometricErrors& belief) {
+  Json numbers = Json::array();
+  for (const ParameterEstimate& one : parameter_estimates(belief))
+    numbers.push_back({{"name", one.name},
+                       {"unit", one.unit},
+                       {"value", one.value},
+                       {"standard_uncertainty", optional_json(one.standard_uncertainty)}});
+  return numbers;
+}
+
+Json confounded_json(const std::vector<errors::identification::Confounded>& list) {
+  Json result = Json::array();
+  for (const auto& one : list) {
+    Json with = Json::object();
+    for (const auto& [name, share] : one.with) with[name] = share;
+    result.push_back({{"name", one.name}, {"hidden_by", with}});
+    if (one.standard_deviation)
+      result.back()["standard_deviation"] =
+          *one.standard_deviation / errors::identification::shown_unit(one.name);
+  }
+  return result;
+}
+
+/// What every method reports, confounded and numbers.
+void add_findings(Json& report, const Identified& identified) {
+  report["confounded"] = confounded_json(identified.confounded);
+  report["numbers"] = numbers_json(identified.belief);
+}
+
+void add(Json& report, const Identified& identified, const ChainFit& fit) {
+  if (fit.orders) report["orders"] = *fit.orders;
+  report["method"] = method_of(identified);
+  report["unknowns"] = fit.unknowns;
+  report["found"] = identified.belief.covariance.of.size();
+  report["reduced_chi_square"] = fit.reduced_chi_square;
+  report["degrees_of_freedom"] = fit.degrees_of_freedom;
+  report["condition"] = fit.condition;
+  Json outliers = Json::array();
+  for (const ChainFit::Outlier& one : fit.outliers)
+    outliers.push_back(
+        {{"file", one.file.string()}, {"row", one.row}, {"residual_sd", one.residual_sd}});
+  report["outliers"] = outliers;
+  add_findings(report, identified);
+  report["assumptions"] = identified.assumptions;
+  report["warnings"] = identified.warnings;
+}
+
+void add(Json& report, const Identified& identified, const StepDiagonalFit& fit) {
+  report["method"] = method_of(identified);
+  report["found"] = identified.belief.covariance.of.size();
+  report["reduced_chi_square"] = fit.reduced_chi_square;
+  add_findings(report, identified);
+  report["warnings"] = identified.warnings;
+  if (!fit.trend) return;
+  Json list = Json::array();
+  for (const TrendEstimate& one : trend_estimates(fit)) {
+    Json per_K = Json::object(), sigma = Json::object();
+    for (std::size_t k = 0; k < fit.sensors.size(); ++k) {
+      per_K[fit.sensors[k]] = one.per_K[Index(k)];
+      if (one.standard_uncertainty.size() > 0)
+        sigma[fit.sensors[k]] = one.standard_uncertainty[Index(k)];
+    }
+    list.push_back({{"name", one.name},
+                    {"unit", one.unit},
+                    {"per_K", per_K},
+                    {"standard_uncertainty", sigma}});
+  }
+  report["per_K"] = list;
+}
+
+Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
+  const errors::identification::CompositeFit& fit = axis.fit;
+  Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
+       cold_C = Json::object();
+  for (Index i = 0; i < fit.slope.size(); ++i)
+    slopes.push_back({{"start", fit.later[std::size_t(i)] + 1},
+                      {"slope_um_per_m", fit.slope[i] / um_per_m},
+                      {"standard_error", fit.slope_error[i] / um_per_m},
+                      {"offset_um", fit.offset[i] / units::um}});
+  for (std::size_t k = 0; k < sensors.size(); ++k) {
+    per_K[sensors[k]] = fit.thermal[Index(k)] / um_per_m;
+    error[sensors[k]] = fit.slope_fit.standard_error[Index(k)] / um_per_m;
+    cold_C[sensors[k]] = axis.cold_C[Index(k)];
+  }
+  Json json{{"axis", std::string(1, axis.axis)},
+            {"zero_of_dT", "start 1"},
+            {"zero_of_dT_h", axis.cold_s / 3600.0},
+            {"zero_of_dT_C", cold_C},
+            {"slopes", slopes},
+            {"slope_um_per_m_K", per_K},
+            {"standard_error_um_per_m_K", error},
+            {"rms_um", fit.rms / units::um},
+            {"slope_at_zero_of_dT_um_per_m", nullptr}};
+  if (axis.with_constant)
+    json["slope_at_zero_of_dT_um_per_m"] = {
+        {"value", axis.with_constant->constant / um_per_m},
+        {"standard_error", axis.with_constant->standard_error[0] / um_per_m}};
+  return json;
+}
+
+void add(Json& report, const Identified& identified, const CompositeFits& fit) {
+  report["method"] = method_of(identified);
+  add_findings(report, identified);
+  report["composite"] = Json::array();
+  for (const CompositeAxis& axis : fit.axes)
+    report["composite"].push_back(axis_json(axis, fit.sensors));
+  report["beliefs"] = {{"identified", identified.files.belief.string()},
+                       {"thermal", identified.files.thermal->string()}};
+  report["warnings"] = identified.warnings;
+}
+
+Json term_json(const RegressedTerm& term, const std::vector<std::string>& sensors) {
+  const TermEstimate figures = term_estimate(term);
+  Json per_K = Json::object();
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    per_K[sensors[k]] = {{"value", figures.per_K[Index(k)]},
+                         {"standard_error", figures.standard_error[Index(k)]},
+                         {"vif", term.regression.vif[Index(k)]}};
+  return {{"name", figures.name},
+          {"unit", figures.unit},
+          {"range", figures.range},
+          {"standard_uncertainty_at_an_epoch", figures.standard_uncertainty},
+          {"constant", figures.constant},
+          {"per_K", per_K},
+          {"r_squared", term.regression.r_squared},
+          {"residual_sd", figures.residual_sd},
+          {"at_epochs", std::vector<double>(figures.at_epochs.begin(), figures.at_epochs.end())}};
+}
+
+Json day_json(const ThermalDay& day) {
+  Json json, trained = Json::object(), terms = Json::array(), hours = Json::array();
+  if (day.chosen) json["choice"] = choice_json(day.chosen->choice, day.chosen->logged);
+  for (std::size_t k = 0; k < day.sensors.size(); ++k)
+    trained[day.sensors[k]] = {day.dT_K.col(Index(k)).minCoeff(),
+                               day.dT_K.col(Index(k)).maxCoeff()};
+  for (const RegressedTerm& term : day.terms) terms.push_back(term_json(term, day.sensors));
+  for (const auto& epoch : day.epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
+  json["sensors"] = day.sensors;
+  json["trained_K"] = trained;
+  json["margin"] = day.margin;
+  json["terms"] = terms;
+  json["epochs_h"] = hours;
+  return json;
+}
+
+void add(Json& report, const Identified& identified, const ThermalDay& day) {
+  report["method"] = method_of(identified);
+  add_findings(report, identified);
+  report["thermal"] = day_json(day);
+  report["warnings"] = identified.warnings;
+}
+
+}  // namespace
+
+Json to_json(const Identified& identified) {
+  Json sources = Json::array();
+  for (const ReadingsSource& one : identified.sources)
+    sources.push_back({{"file", one.file.string()},
+                       {"instrument", one.instrument},
+                       {"kind", one.kind},
+                       {"readings", one.readings},
+                       {"set_ups", one.set_ups},
+                       {"hours", one.duration_s / 3600.0}});
+  Json report{{"machine", machine_of(identified)},
+              {"readings", sources},
+              {"count", readings_of(identified)},
+              {"hours", machine_hours(identified)}};
+  std::visit([&](const auto& fit) { add(report, identified, fit); }, identified.fit);
+  return report;
+}
+
+namespace {
+
+using Eigen::Index;
+using errors::identification::shown_unit;
+using Comments = std::vector<std::string>;
+
+std::string made_by() { return "identified from readings by abbe " + version() + "."; }
+
+std::string basis(const Identified& identified) {
+  return fmt::format("Machine {}, {} readings; {}.", machine_of(identified),
+                     readings_of(identified), method_of(identified));
+}
+
+void add_sources(Comments& comments, const Identified& identified) {
+  for (const ReadingsSource& one : identified.sources)
+    comments.push_back("from " + to_toml_value(one.file.string()));
+}
+
+/// The belief with the curves of which nothing is known, at zero, behind its own.
+errors::GeometricErrors completed(const Identified& identified) {
+  errors::GeometricErrors errors = identified.belief;
+  for (const errors::Element& element : identified.unidentified) {
+    const auto at = std::ranges::find(errors.elements, element.name, &errors::Element::name);
+    if (at == errors.elements.end())
+      errors.elements.push_back(element);
+    else
+      at->curves.insert(at->curves.end(), element.curves.begin(), element.curves.end());
+  }
+  return errors;
+}
+
+/// What hides a number, without unknowns of set-ups, which no machine has.
+std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
+  std::vector<UnidentifiedNumber> numbers;
+  for (const auto& confounded : identified.confounded) {
+    if (confounded.name.find(": ") != std::string::npos) continue;
+    UnidentifiedNumber number{confounded.name, {}};
+    for (const auto& [other, amount] : confounded.with)
+      if (other.find(": ") == std::string::npos)
+        number.hidden_by.emplace_back(other,
+                                      amount * shown_unit(confounded.name) / shown_unit(other));
+    numbers.push_back(std::move(number));
+  }
+  return numbers;
+}
+
+std::string geometric_text(const Identified& identified) {
+  Comments comments{"Belief about a machine, " + made_by(), basis(identified)};
+  add_sources(comments, identified);
+  for (const auto& one : identified.confounded)
+    comments.push_back("not identified by these readings: " + one.name);
+  for (const std::string& assumption : identified.assumptions)
+    comments.push_back("assumed: " + assumption);
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  text += fmt::format("machine = {}\n", to_toml_value(machine_of(identified)));
+  text += unidentified_lines(unidentified_of(identified));
+  return text + to_errors_file(completed(identified), identified.nominal.joints());
+}
+
+std::string day_text(const Identified& identified, const ThermalDay& day) {
+  Comments comments{"What heat does to a machine, by temperatures; " + made_by(), basis(identified),
+                    "Changes of temperature count from the first row that a control reads."};
+  add_sources(comments, identified);
+  for (std::size_t k = 0; k < day.sensors.size(); ++k)
+    comments.push_back(fmt::format("trained: {} from {:.2f} to {:.2f} K, held {:.0f} % beyond",
+                                   day.sensors[k], day.dT_K.col(Index(k)).minCoeff(),
+                                   day.dT_K.col(Index(k)).maxCoeff(), 100.0 * day.margin));
+  for (const RegressedTerm& term : day.terms) {
+    const TermEstimate figures = term_estimate(term);
+    comments.push_back(fmt::format(
+        "{}: moved by {:.3g} {}, of which these temperatures leave {:.2g} (standard deviation)",
+        figures.name, figures.range, figures.unit, figures.residual_sd));
+  }
+  return to_text(identified.thermal, comments);
+}
+
+}  // namespace
+
+std::string belief_text(const Identified& identified) {
+  const auto* day = std::get_if<ThermalDay>(&identified.fit);
+  return day ? day_text(identified, *day) : geometric_text(identified);
+}
+
+std::string thermal_half_text(const Identified& composite) {
+  const auto& fit = std::get<CompositeFits>(composite.fit);
+  Comments comments{
+      "Slopes of positioning by temperatures, the thermal half of a composite belief; " + made_by(),
+      "The cold half is " + composite.files.belief.filename().string() +
+          ", which holds the cold slope; at the temperatures of its start these slopes are zero."};
+  for (const CompositeAxis& axis : fit.axes) {
+    std::string cold;
+    for (std::size_t k = 0; k < fit.sensors.size(); ++k)
+      cold += fmt::format("{}{} {:.2f} C", cold.empty() ? "" : ", ", fit.sensors[k],
+                          axis.cold_C[Index(k)]);
+    comments.push_back(
+        fmt::format("{}: cold at start 1, {:.2f} h: {}", axis.axis, axis.cold_s / 3600.0, cold));
+  }
+  add_sources(comments, composite);
+  return to_text(composite.thermal, comments);
+}
+
+}  // namespace abbe::sim

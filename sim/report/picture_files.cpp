@@ -1,0 +1,467 @@
+#include "sim/report/picture_files.h"
+
+#if ABBE_RENDER
+
+#include <array>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "cutting/map/areal_filter.h"
+#include "kinematics/units.h"
+#include "render/figures.h"
+#include "render/machine_picture.h"
+#include "render/map_sheet.h"
+#include "render/picture.h"
+#include "render/plot.h"
+#include "render/residual_field.h"
+#include "render/residual_map.h"
+#include "render/vtk_environment.h"
+#include "sim/cut/judged_surface.h"
+#include "sim/files/output.h"
+#include "sim/report/machine_picture.h"
+#include "sim/report/result_pictures.h"
+
+namespace abbe::sim {
+namespace {
+
+cutting::Design design_m(const Job& job) {
+  return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
+}
+
+render::Field field_of(const Job& job, const Verdict& verdict) {
+  render::Field field = render::field(design_m(job), verdict.aligned.surface);
+  field.form_um = verdict.filtered / units::um;
+  return field;
+}
+
+/// A length in the unit in which it reads best.
+std::string length_text(double mm) {
+  if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
+  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
+}
+
+/// Whether a map is too coarse to show what the tool left between its vertices.
+bool is_coarse(const Verdict& verdict) {
+  return verdict.cut.interpolation &&
+         verdict.cut.interpolation->unresolved > max_unresolved_fraction;
+}
+
+/// Then its form is drawn, which does not depend on the vertices where enough places carry it.
+bool shows_form_map(const Job& job, const Verdict& verdict) {
+  return is_coarse(verdict) && cutting::resolves_form(job.design_w, job.scene.part.form_cutoff);
+}
+
+std::string texture_height(const Verdict& verdict) {
+  return length_text(verdict.texture ? verdict.texture->Sz : 0.0);
+}
+
+/// mm that a pixel of one of several maps covers, about.
+double panel_pixel_mm(const Job& job) {
+  constexpr double panel_px = 350.0;  // wide
+  const auto& vertices = job.design_w.vertices;
+  return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).maxCoeff() / panel_px;
+}
+
+/// Whether the waves that sampling has resolved are finer than pixels.
+bool is_finer_than_pixel(const Job& job, double pixel_mm) {
+  if (!job.sampled || job.design_w.vertices.rows() <= job.sampled->given) return false;
+  const double spacing = std::sqrt(job.design_w.area.sum() / double(job.design_w.vertices.rows()));
+  return 2.0 * spacing < 1.5 * pixel_mm;
+}
+
+/// By how much a filtered map is off by chance where its places are at random, mm: the filter is a
+/// mean over so many of them.
+double form_noise(const Job& job, const Verdict& verdict) {
+  const cutting::Surface& surface = verdict.aligned.surface;
+  if (surface.sampled_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
+  const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
+  return verdict.texture->Sq /
+         std::sqrt(cutting::filter_values(job.scene.part.form_cutoff, density));
+}
+
+std::string form_caption(const Job& job, const Verdict& verdict) {
+  const double noise = form_noise(job, verdict);
+  const std::string by_chance = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
+  // Texture is the map minus its form, so that this chance is in it: Sz is no lower bound then.
+  return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} {}",
+                     job.scene.part.form_cutoff, by_chance, texture_height(verdict),
+                     noise > 0.0 ? "with this chance in it" : "or more");
+}
+
+/// With the signs and units that a picture has.
+std::string shown_verdict(std::string text) {
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+      text.replace(at, from.size(), to);
+  };
+  replace(" um", " µm");
+  replace("-", "−");
+  return text;
+}
+
+/// Form is known at the vertices alone.
+void draw_form(render::Field& field) {
+  field.deviation_um = field.form_um;
+  field.within_um.resize(0);
+}
+
+/// The map in the part frame, so that the camera stands where the scene says, however the part is
+/// clamped.
+/// @param pixel_mm  about what a pixel covers: waves that are finer would only flicker; 0: drawn
+render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pixel_mm = 0.0) {
+  render::MapPicture picture;
+  picture.field = field_of(job, verdict);
+  picture.title = verdict.cut.name;
+  picture.figures = figures(verdict.residual);
+  if (shows_form_map(job, verdict)) {
+    draw_form(picture.field);
+    picture.figures = figures(*verdict.form_part);
+    picture.caption.push_back(form_caption(job, verdict));
+  } else if (is_coarse(verdict)) {
+    picture.caption.push_back("waves finer than the vertices: what shows of them is by chance");
+  } else if (is_finer_than_pixel(job, pixel_mm)) {
+    draw_form(picture.field);
+    picture.caption.push_back(
+        fmt::format("form: waves beyond {:.3g} mm; texture, Sz {}, is finer than a pixel",
+                    job.scene.part.form_cutoff, texture_height(verdict)));
+  }
+  picture.datum = name_of(job.scene.datum.kind);
+  picture.alignment = name_of(job.scene.alignment);
+  picture.tolerance_um = verdict.tolerance / units::um;
+  if (const auto& c = verdict.residual.conformance) picture.shares = shares(*c);
+  picture.verdict = shown_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
+  if (const program::Unreached& u = job.unreached; u.points > 0)
+    picture.caption.push_back(
+        fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
+                    u.all_passes, u.broken_passes));
+  return picture;
+}
+
+/// Compared cases say how far they brought the machine's part down.
+std::string reduction_text(const Compared& one, const std::vector<Compared>& cases) {
+  if (!one.uncompensated) return "";
+  const auto& before = cases[*one.uncompensated].verdict.machine;
+  const auto& after = one.verdict.machine;
+  if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
+  const double change = 100.0 * (*after->rms / *before->rms - 1.0);
+  // a true minus: at a hyphen the line might break
+  return fmt::format("machine {} RMS, {}{:.1f} %", length_text(*after->rms),
+                     change < 0.0 ? "\u2212" : "+", std::abs(change));
+}
+
+/// Form and texture of a case, without what its caption says of them already.
+std::string form_texture_line(const Job& job, const Verdict& verdict) {
+  if (shows_form_map(job, verdict) || !verdict.form_part || !verdict.form_part->pv ||
+      !verdict.texture)
+    return "";
+  const std::string form = "form PV " + length_text(*verdict.form_part->pv);
+  return is_finer_than_pixel(job, panel_pixel_mm(job))
+             ? form
+             : form + ", texture Sz " + texture_height(verdict);
+}
+
+/// A time as people say it: hours where it is long.
+std::string time_text(double time_s) {
+  return std::abs(time_s) >= 600.0 ? fmt::format("{:.4g} h", time_s / 3600.0)
+                                   : fmt::format("{:.4g} s", time_s);
+}
+
+/// Temperatures of all nodes over history and program.
+void write_temperatures(const std::filesystem::path& file, const Job& job) {
+  const errors::ThermalRun& run = job.truth.heat->run;
+  const double from = run.knots.front().time_s, to = run.knots.back().time_s;
+  constexpr int points = 600;
+  const double unit = to - from > 2 * 3600.0 ? 3600.0 : (to - from > 300.0 ? 60.0 : 1.0);
+  std::vector<render::ProfileSeries> series;
+  for (const errors::ThermalNode& node : run.network.nodes)
+    series.push_back({node.name, Eigen::VectorXd(points), Eigen::VectorXd(points)});
+  for (int i = 0; i < points; ++i) {
+    const double time_s = from + (to - from) * i / (points - 1);
+    const Eigen::VectorXd T_C = errors::temperatures(run, time_s);
+    for (std::size_t k = 0; k < series.size(); ++k) {
+      series[k].x[i] = time_s / unit;
+      series[k].y[i] = T_C[Eigen::Index(k)];
+    }
+  }
+  render::ProfileOptions options;
+  options.title = job.scene.title + ": temperatures";
+  options.x_label = unit == 3600.0 ? "time / h" : (unit == 60.0 ? "time / min" : "time / s");
+  options.y_label = "temperature / °C";
+  options.caption = {"time 0 is the start of the program"};
+  render::write_profile(file, series, options);
+}
+
+/// An instant, and the temperatures then of all nodes on which an element depends.
+std::string instant_text(const Truth::Heat& heat, int joint, const errors::ElementName& name,
+                         double time_s) {
+  std::set<int> nodes;
+  const auto add = [&](const errors::ThermalFunction& function) {
+    for (const auto& term : function.terms) {
+      nodes.insert(term.node);
+      if (term.minus) nodes.insert(*term.minus);
+    }
+  };
+  for (const errors::ThermalModel::Bound& bound : heat.model.elements) {
+    if (bound.joint != joint || bound.location || bound.component != name.component()) continue;
+    add(bound.element.offset);
+    add(bound.element.slope);
+  }
+  const Eigen::VectorXd T_C = errors::temperatures(heat.run, time_s);
+  std::string text = time_text(time_s);
+  const char* before = ": ";
+  for (const int node : nodes) {
+    text += fmt::format("{}{} {:.1f}", before, heat.run.network.nodes[std::size_t(node)].name,
+                        T_C[node]);
+    before = ", ";
+  }
+  return nodes.empty() ? text : text + " °C";
+}
+
+/// One element over its range or the travel of its axis, at several instants.
+void write_element(const std::filesystem::path& file, const Job& job,
+                   const ThermalDescription::Plot& plot) {
+  const kinematics::Chain& chain = job.machine.nominal;
+  auto found = chain.find(plot.element.axis);
+  if (!found && plot.element.axis == 'S') found = chain.find('s');
+  const int j = found.value();
+  const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
+  const bool slide = joint.motion == kinematics::Motion::Linear;
+  const double turn = 2 * pi;
+  const double widest = slide ? 2000.0 : turn;
+  const double from = plot.range ? plot.range->front() : std::max(joint.min, -widest);
+  const double to = plot.range ? plot.range->back() : std::min(joint.max, widest);
+  constexpr int points = 400;
+  std::vector<render::ProfileSeries> series;
+  for (const double time_s : plot.time_s) {
+    render::ProfileSeries one{instant_text(*job.truth.heat, j, plot.element, time_s),
+                              Eigen::VectorXd(points), Eigen::VectorXd(points)};
+    for (int i = 0; i < points; ++i) {
+      kinematics::AxisState state;
+      state.q = kinematics::AxisVector::Zero(chain.size());
+      state.q[j] = from + (to - from) * i / (points - 1);
+      state.time_s = time_s;
+      one.x[i] = slide ? state.q[j] : state.q[j] / units::deg;
+      try {
+        const kinematics::JointDeviation d = deviations(job.truth, state).joints[std::size_t(j)];
+        one.y[i] = (plot.element.location ? d.location : d.motion)[plot.element.component()] /
+                   (plot.element.is_angle() ? units::urad : units::um);
+      } catch (const std::out_of_range&) {  // beyond a table: the curve ends there
+        one.y[i] = std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+    series.push_back(std::move(one));
+  }
+  render::ProfileOptions options;
+  const std::string name = errors::to_string(plot.element);
+  options.title = job.scene.title + ": " + name;
+  options.x_label = fmt::format("{} / {}", plot.element.axis, slide ? "mm" : "°");
+  options.y_label = fmt::format("{} / {}", name, plot.element.is_angle() ? "µrad" : "µm");
+  options.caption = {
+      "actual minus nominal, all sources, as commanded; time 0 is the start of the "
+      "program"};
+  render::write_profile(file, series, options);
+}
+
+const std::string element_ending = "-temperatures.png";
+
+/// Pictures of elements that an earlier run left and this one does not draw.
+void remove_older(const ResultFolder& folder, const std::set<std::string>& drawn) {
+  std::vector<std::string> older;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path(), none)) {
+    const std::string name = entry.path().filename().string();
+    if (name.ends_with(element_ending) && !drawn.contains(name)) older.push_back(name);
+  }
+  for (const std::string& name : older) remove_file(folder / name);
+}
+
+}  // namespace
+
+bool can_draw_pictures() { return true; }
+
+std::string font_warning(const std::string& text) {
+  const std::string package = render::missing_font_package(text);
+  return package.empty()
+             ? ""
+             : "letters of the pictures are VTK's own, which are few: install " + package;
+}
+
+void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                         const Progress& progress) {
+  const auto shows = [&](const char* stage, double fraction) {
+    if (progress) progress(stage, fraction);
+  };
+  // first: while the files are compressed by another thread there is one core for it, and the map
+  // that follows takes all
+  shows("draw", 0.0);
+  write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
+    render::HistogramOptions options;
+    options.title = job.scene.title + ": " + verdict.cut.name;
+    if (const auto& tolerance = job.scene.part.tolerance)
+      options.tolerance_um = std::array{tolerance->lower / units::um, tolerance->upper / units::um};
+    if (const cutting::Statistics& s = verdict.residual; s.uncut_vertices + s.gouged_vertices > 0)
+      options.caption.push_back(
+          fmt::format("left out: {} of {} judged vertices uncut, {} gouged deeper than the band",
+                      s.uncut_vertices, s.cut_vertices + s.uncut_vertices + s.gouged_vertices,
+                      s.gouged_vertices));
+    options.figures = figures(verdict.residual);
+    const cutting::Surface& surface = verdict.aligned.surface;
+    const cutting::Weights weights = cutting::weights(surface, job.design_w);
+    Eigen::VectorXd values(surface.residual.size() + surface.within.size()), areas(values.size());
+    values << surface.residual / units::um, surface.within / units::um;
+    areas << weights.vertex, weights.within;
+    render::write_histogram(file, values, areas, options);
+  });
+  shows("draw", 0.2);
+  render::MapPicture picture = map_picture(job, verdict);
+  picture.title = job.scene.title + ": " + verdict.cut.name;
+  render::MapOptions map;
+  map.range_um = job.scene.view.range_um;
+  map.from = job.scene.view.from;
+  map.up = job.scene.view.up;
+  write_file(folder / "residual.png",
+             [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  map.colours = render::MapColours::Tolerance;
+  if (picture.tolerance_um.rows() > 0)
+    write_file(folder / "tolerance.png",
+               [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  else
+    remove_file(folder / "tolerance.png");
+}
+
+std::string map_png(const Job& job, const Verdict& verdict, int width) {
+  render::MapOptions options;
+  options.width = width;
+  options.height = 3 * width / 4;
+  options.range_um = job.scene.view.range_um;
+  options.from = job.scene.view.from;
+  options.up = job.scene.view.up;
+  return render::png_file(render::map_pixels(map_picture(job, verdict), options),
+                          render::PngPurpose::Size);
+}
+
+void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+  const std::shared_ptr<const StockCheck> check =
+      verdict.stock ? verdict.stock : stock_check(job, verdict);
+  if (!check) {
+    for (const char* name : {"stock.vtp", "stock.png"}) remove_file(folder / name);
+    return;
+  }
+  const render::StockField field = stock_field(*check);
+  write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
+    render::write_stock(file, field, stock_facts(*check));
+  });
+  // of a blank that was cut away as a whole there is nothing to draw
+  if (field.mesh.triangles.rows() == 0) return remove_file(folder / "stock.png");
+  write_file(folder / "stock.png", [&](const std::filesystem::path& file) {
+    render::write_stock_picture(file, stock_picture(job, verdict, *check, field));
+  });
+}
+
+void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+  write_stock(folder, job, verdict);
+  const bool heat = job.truth.heat && verdict.cut.case_name != "error_free";
+  if (heat)
+    write_file(folder / "temperatures.png",
+               [&](const std::filesystem::path& file) { write_temperatures(file, job); });
+  else
+    remove_file(folder / "temperatures.png");
+  std::set<std::string> drawn;
+  if (heat)
+    for (const ThermalDescription::Plot& plot : job.scene.thermal->plots) {
+      const std::string name = errors::to_string(plot.element) + element_ending;
+      drawn.insert(name);
+      write_file(folder / name,
+                 [&](const std::filesystem::path& file) { write_element(file, job, plot); });
+    }
+  remove_older(folder, drawn);
+}
+
+void write_comparison_picture(const ResultFile& file, const Scene& scene,
+                              const std::vector<Compared>& cases, const Progress& progress) {
+  if (progress) progress("compare", 0.0);
+  std::vector<render::MapPicture> pictures;
+  for (const Compared& one : cases) {
+    pictures.push_back(map_picture(*one.job, one.verdict, panel_pixel_mm(*one.job)));
+    const std::string text = reduction_text(one, cases);
+    if (!text.empty()) pictures.back().caption.push_back(text);
+    const std::string parted = form_texture_line(*one.job, one.verdict);
+    if (!parted.empty()) pictures.back().caption.push_back(parted);
+  }
+  render::ComparisonOptions options;
+  options.title = scene.title;
+  options.range_um = scene.view.range_um;
+  options.from = scene.view.from;
+  options.up = scene.view.up;
+  write_file(file, [&](const std::filesystem::path& temporary) {
+    render::write_comparison(temporary, pictures, options);
+  });
+}
+
+void write_check_picture(const ResultFile& file, const Job& job) {
+  write_file(file, [&](const std::filesystem::path& temporary) {
+    render::MachineOptions options;
+    // a turned part is looked in the face
+    if (job.machine.workpiece_spindle) options.from = Eigen::Vector3d(1.0, -0.8, 0.6);
+    render::write_machine(temporary, machine_picture(job), options);
+  });
+}
+
+void write_collision_pictures(const ResultFolder& folder, const Job& job,
+                              const Collisions& collisions) {
+  const ResultFile moment = folder / "collision.png", curve = folder / "clearance.png";
+  const Collision* worst = first_of(collisions);
+  if (worst == nullptr)
+    remove_file(moment);
+  else
+    write_file(moment, [&](const std::filesystem::path& temporary) {
+      render::write_machine(temporary, collision_picture(job, collisions, *worst));
+    });
+  const render::Panel panel = clearance_panel(collisions);
+  if (panel.series.empty()) return remove_file(curve);
+  write_file(curve, [&](const std::filesystem::path& temporary) {
+    render::CurvesOptions options;
+    options.title =
+        job.scene.title + ": clearance of every block, at least, " + collisions.commands;
+    options.caption = clearance_caption(collisions);
+    render::write_curves(temporary, {panel}, options);
+  });
+}
+
+void write_program_picture(const ResultFile& file, const ProgramInspection& alone) {
+  write_file(file, [&](const std::filesystem::path& temporary) {
+    render::write_machine(temporary, machine_picture(alone));
+  });
+}
+
+}  // namespace abbe::sim
+
+#else
+
+namespace abbe::sim {
+
+bool can_draw_pictures() { return false; }
+std::string font_warning(const std::string&) { return ""; }
+
+void write_case_pictures(const ResultFolder&, const Job&, const Verdict&, const Progress&) {}
+std::string map_png(const Job&, const Verdict&, int) { return {}; }
+void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
+void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&,
+                              const Progress&) {}
+void write_check_picture(const ResultFile& file, const Job&) {
+  throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+void write_collision_pictures(const ResultFolder& folder, const Job&, const Collisions&) {
+  throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+void write_program_picture(const ResultFile& file, const ProgramInspection&) {
+  throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+}  // namespace abbe::sim
+
+#endif

@@ -1,0 +1,271 @@
+#include "sim/report/result_pictures.h"
+
+#if ABBE_RENDER
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "render/figures.h"
+
+namespace abbe::sim {
+
+using cutting::Finding;
+using cutting::FindingKind;
+
+render::StockField stock_field(const StockCheck& check) {
+  render::StockField field;
+  field.mesh = check.skin.mesh;
+  field.deviation_um = check.part.deviation / units::um;
+  field.largest_um = check.part.largest / units::um;
+  for (const cutting::SkinStatus status : check.part.status)
+    field.compared.push_back(std::uint8_t(status));
+  field.finding = check.findings.number;
+  field.undercut = check.findings.undercut;
+  for (std::size_t i = 0; i < field.finding.size(); ++i) {
+    const int number = field.finding[i] > 0 ? field.finding[i] : field.undercut[i];
+    field.kind.push_back(
+        number == 0 ? 0 : std::uint8_t(1 + int(check.findings.list[std::size_t(number - 1)].kind)));
+  }
+  return field;
+}
+
+render::Facts stock_facts(const StockCheck& check) {
+  std::string left_out;
+  for (const std::string& effect : check.left_out)
+    left_out += (left_out.empty() ? "" : "; ") + effect;
+  return {{"deviation_um",
+           "machined body against the design: + material left, - gouged; mean of "
+           "the places of a cell, nan where not compared"},
+          {"left_out", left_out.empty() ? "nothing that the map shows" : left_out},
+          {"largest_um", "the same, of greatest magnitude in the cell"},
+          {"compared", "0 yes, 1 beyond the band, 2 no design there, 3 wall along the dexels"},
+          {"finding", "number of the region in summary.json, 0: none"},
+          {"kind", "0 none, 1 rest material, 2 gouge, 3 undercut"},
+          {"frame", "workpiece, mm"},
+          {"limits", fmt::format("rest material beyond {:.6g} um, gouges beyond {:.6g} um",
+                                 check.limits.rest / units::um, check.limits.gouge / units::um)}};
+}
+
+namespace {
+
+/// A sum of a kind: "rest material 12.3 mm³ in 4 places".
+std::string sum_text(const StockCheck& check, FindingKind kind) {
+  const cutting::Findings::Sums& sums = check.findings.sums[std::size_t(kind)];
+  if (sums.regions == 0) return fmt::format("no {}", name_of(kind));
+  return fmt::format("{} {} mm³ in {}", name_of(kind), volume_text(sums.volume),
+                     location_count_text(sums.regions));
+}
+
+std::string depth_text(const Finding& one) {
+  const std::string sign = one.kind == FindingKind::Rest    ? "+"
+                           : one.kind == FindingKind::Gouge ? "−"
+                                                            : "undercut ";
+  return fmt::format("{}{}{:.3g} mm", one.is_at_least ? "at least " : "", sign, one.depth);
+}
+
+std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck& check) {
+  std::string sums =
+      sum_text(check, FindingKind::Rest) + ", " + sum_text(check, FindingKind::Gouge);
+  if (!check.is_turned) sums += ", " + sum_text(check, FindingKind::Undercut);
+  std::vector<std::string> lines{
+      fmt::format("{}; limits {:.3g} µm left, {:.3g} µm gouged", sums,
+                  check.limits.rest / units::um, check.limits.gouge / units::um),
+      fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the "
+                  "colour of the end; {:.5g} mm³ removed, stock followed every {:.3g} mm",
+                  check.band, totals(verdict.cut.process).removed, check.skin.spacing)};
+  for (std::string effect : check.left_out) {
+    for (auto at = effect.find(" um"); at != std::string::npos; at = effect.find(" um", at))
+      effect.replace(at, 3, " µm");
+    lines.push_back(std::move(effect));
+  }
+  return lines;
+}
+
+}  // namespace
+
+render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
+                                   const render::StockField& field) {
+  constexpr int max_tried = 8;  // of a kind: the largest, of which those in view are shown
+  const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
+  render::StockPicture picture;
+  picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
+  picture.field = field;
+  picture.field.mesh.vertices_w = (field.mesh.vertices_w * T_mw.linear().transpose()).rowwise() +
+                                  T_mw.translation().transpose();
+  std::array<int, cutting::finding_kinds> tried{};
+  for (std::size_t i = 0; i < check.findings.list.size(); ++i) {
+    const Finding& one = check.findings.list[i];
+    if (tried[std::size_t(one.kind)]++ >= max_tried) continue;
+    picture.marks.push_back({T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one)),
+                             int(one.kind), int(i) + 1});
+  }
+  picture.caption = stock_caption(verdict, check);
+  picture.from = job.scene.view.from;
+  picture.up = job.scene.view.up;
+  return picture;
+}
+
+}  // namespace abbe::sim
+
+#endif
+
+#if ABBE_RENDER
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "sim/cut/bodies.h"
+
+namespace abbe::sim {
+namespace {
+
+constexpr render::Colour red{0.82, 0.16, 0.12}, grey{0.78, 0.82, 0.88};
+
+}  // namespace
+
+const Collision* first_of(const Collisions& collisions) {
+  const Collision* nearest = nullptr;
+  for (const Collision& one : collisions.list) {
+    if (one.contact) return &one;
+    if (nearest == nullptr || one.distance < nearest->distance) nearest = &one;
+  }
+  return nearest;
+}
+
+render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
+                                         const Collision& event) {
+  const Job& part = parts_of(job)[event.part];
+  const std::vector<kinematics::Pose> T =
+      carrier_poses(part.truth.actual, event.state.q, deviations(part.truth, event.state).joints);
+  render::MachinePicture picture;
+  picture.title = fmt::format("{}: {} and {}", job.scene.title, event.a, event.b);
+  for (const SolidBody& solid : job_bodies(part)) {
+    const bool is_met = solid.name == event.a || solid.name == event.b;
+    const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
+    if (solid.kind == SolidBody::Kind::Part) {
+      const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
+      picture.part_vertices = cutting::moved(shape, T_b).vertices;
+      picture.part_triangles = shape.triangles;
+      if (event.stock) picture.part_name = "stock";
+      if (is_met || event.stock) picture.part_colour = red;
+      continue;
+    }
+    render::Body body;
+    body.label = solid.name;
+    body.T = T_b;
+    body.shape = render::SolidShape{solid.mesh.vertices, solid.mesh.triangles};
+    body.colour = is_met ? red : grey;
+    body.opacity = is_met ? 1.0 : 0.35;
+    body.close = is_met || solid.frame == Carriers{part.truth.actual.size()}.tool();
+    picture.bodies.push_back(std::move(body));
+  }
+  const Eigen::Vector3d &w = event.place_w, &b = event.place_b;
+  picture.caption = {
+      fmt::format("{}, case {}; the two in red", event_text(event, collisions),
+                  collisions.commands),
+      fmt::format("{} at ({:.2f}, {:.2f}, {:.2f}) mm of the workpiece, ({:.2f}, {:.2f}, {:.2f}) mm "
+                  "of the bed",
+                  event.contact ? "as they first meet," : "where they are nearest,", w.x(), w.y(),
+                  w.z(), b.x(), b.y(), b.z())};
+  return picture;
+}
+
+namespace {
+
+/// The pairs that have the smallest clearance of any block: what meets, then what has it most.
+std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
+  std::map<int, std::pair<std::size_t, std::size_t>> count;  // of contacts, of blocks
+  for (const BlockClearance& one : blocks) {
+    if (one.pair < 0) continue;
+    count[one.pair].first += one.at_least == 0.0;
+    ++count[one.pair].second;
+  }
+  std::vector<int> pairs;
+  for (const auto& [pair, counts] : count) pairs.push_back(pair);
+  std::ranges::stable_sort(pairs, std::greater<>{}, [&](int pair) { return count.at(pair); });
+  return pairs;
+}
+
+/// Every block is a step from its beginning to its end.
+render::Series steps_of(const std::vector<BlockClearance>& blocks, int pair) {
+  const auto n = Eigen::Index(blocks.size());
+  render::Series series;
+  series.x.resize(2 * n);
+  series.y.resize(2 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const BlockClearance& one = blocks[std::size_t(i)];
+    series.x.segment<2>(2 * i) << one.place.time_s, one.end_s;
+    series.y.segment<2>(2 * i).setConstant(
+        one.pair == pair ? one.at_least : std::numeric_limits<double>::quiet_NaN());
+  }
+  return series;
+}
+
+/// A point in every block with contact: some are too short to be seen as a step.
+render::Series contacts_of(const std::vector<BlockClearance>& blocks, int pair) {
+  std::vector<double> middle;
+  for (const BlockClearance& one : blocks)
+    if (one.pair == pair && one.at_least == 0.0)
+      middle.push_back(0.5 * (one.place.time_s + one.end_s));
+  render::Series series;
+  series.mark = render::Mark::Points;
+  series.x = Eigen::Map<const Eigen::VectorXd>(middle.data(), Eigen::Index(middle.size()));
+  series.y = Eigen::VectorXd::Zero(series.x.size());
+  return series;
+}
+
+}  // namespace
+
+render::Panel clearance_panel(const Collisions& collisions) {
+  constexpr std::size_t max_pairs = 6;
+  std::vector<int> pairs = plotted_pairs(collisions.blocks);
+  const std::size_t all = pairs.size();
+  if (all > max_pairs) pairs.resize(max_pairs);
+  render::Panel panel;
+  panel.x_label = "time / s";
+  panel.y_label = "clearance at least / mm";
+  for (const int pair : pairs) {
+    const Clearance& named = collisions.clearances[std::size_t(pair)];
+    panel.series.push_back(steps_of(collisions.blocks, pair));
+    panel.series.back().name = named.a + " - " + named.b;
+  }
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    render::Series met = contacts_of(collisions.blocks, pairs[i]);
+    met.colour = int(i);
+    if (met.x.size() > 0) panel.series.push_back(std::move(met));
+  }
+  if (all > pairs.size())
+    panel.note.push_back(fmt::format("and {} more {}", all - pairs.size(),
+                                     all - pairs.size() == 1 ? "pair" : "pairs"));
+  return panel;
+}
+
+std::vector<std::string> clearance_caption(const Collisions& collisions) {
+  std::vector<std::string> lines = {
+      "a lower bound for every block, of the pair that is nearest in it: the true clearance is at "
+      "most 5 % or 0.01 mm more; 0 is contact"};
+  const auto has = [&](ClearanceScope in_blocks, bool of_stock) {
+    return std::ranges::any_of(collisions.clearances, [&](const Clearance& one) {
+      return one.in_blocks == in_blocks && (one.b == "stock") == of_stock;
+    });
+  };
+  if (has(ClearanceScope::WhenNear, true))
+    lines.push_back(
+        fmt::format("the stock is in it only in blocks with contact, or within {:g} mm "
+                    "of it; else its clearance is known of the whole program alone",
+                    collisions.clearance));
+  if (has(ClearanceScope::WhenInContact, false) || has(ClearanceScope::WhenInContact, true))
+    lines.push_back(
+        "cutter and shank with the part or the stock, which they may touch, are in it "
+        "only in blocks with contact");
+  return lines;
+}
+
+}  // namespace abbe::sim
+
+#endif

@@ -1,0 +1,209 @@
+#include "sim/scene/bodies.h"
+
+#include <functional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "cutting/stock/body.h"
+#include "kinematics/units.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+Fields<MeshFile> mesh_file_fields(const KeyName& file) {
+  return Fields<MeshFile>()
+      .text(file, &MeshFile::file, "a mesh; faces of more than three corners are split")
+      .word("unit", &MeshFile::unit,
+            {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
+            "of the numbers in the mesh")
+      .boolean("any_size", &MeshFile::any_size,
+               "of a mesh: its size is meant, however small or large; else one below 1 mm, or that "
+               "does not fit the travel or the program, is doubted")
+      .check([](TableReader& reader, MeshFile& mesh) {
+        if (const Node* file = reader.node().find("file")) mesh.place = file->place;
+        std::error_code failure;
+        if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure))
+          reader.refuse("file", "a file that can be read", missing_file_text(mesh.file));
+      });
+}
+
+namespace {
+
+constexpr Range body_size{0.0, 100'000.0, true, false};  // mm
+constexpr Range scale_range{0.0, 1e6, true, false};
+
+void read_size(TableReader& reader, BoxShape& box) {
+  const std::size_t before = reader.input_errors().list().size();
+  box.size = reader.vector("size_mm");
+  const bool read = reader.has("size_mm") && reader.input_errors().list().size() == before;
+  if (read && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
+    reader.refuse("size_mm",
+                  fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
+                  fmt::format("{:g}, {:g}, {:g}", box.size.x(), box.size.y(), box.size.z()));
+}
+
+Fields<BoxShape> box_shape_fields() {
+  return Fields<BoxShape>().custom(
+      {make_numbers_key(must("size_mm"), 3, "along its own x y z, above 0")}, read_size,
+      [](const BoxShape& box, Node::Table& table) {
+        put_numbers(table, "size_mm", box.size, 1.0);
+      });
+}
+
+Fields<CylinderShape> cylinder_shape_fields() {
+  return Fields<CylinderShape>()
+      .number(must("radius_mm"), &CylinderShape::radius, body_size, "about its own z")
+      .number(must("height_mm"), &CylinderShape::height, body_size, "from its own z = 0 up");
+}
+
+Fields<ConeShape> cone_shape_fields() {
+  const Range radius{0.0, body_size.max};
+  return Fields<ConeShape>()
+      .number(must("radius_below_mm"), &ConeShape::radius_below, radius, "about its own z, at 0")
+      .number(must("radius_above_mm"), &ConeShape::radius_above, radius, "at its upper end")
+      .number(must("height_mm"), &ConeShape::height, body_size, "from its own z = 0 up")
+      .check([](TableReader& reader, ConeShape& cone) {
+        if (reader.has("radius_below_mm") && reader.has("radius_above_mm") &&
+            !(cone.radius_below + cone.radius_above > 0.0))
+          reader.refuse("radius_above_mm", "one radius above 0 of a cone", "two of 0");
+      });
+}
+
+Fields<SphereShape> sphere_fields() {
+  return Fields<SphereShape>().number(must("radius_mm"), &SphereShape::radius, body_size,
+                                      "about its middle");
+}
+
+/// Two lists of one length, as the columns of points.
+Eigen::MatrixX2d read_points(TableReader& reader, const char* first, const char* second) {
+  constexpr Eigen::Index max_points = 10000;
+  const auto x = reader.maybe_numbers(first), y = reader.maybe_numbers(second);
+  if (!reader.has(first)) reader.missing(first, "a list of numbers");
+  if (!reader.has(second)) reader.missing(second, "a list of numbers");
+  if (!x || !y) return Eigen::MatrixX2d(0, 2);
+  if (x->size() != y->size() || x->size() < 2 || x->size() > max_points) {
+    reader.refuse(second, fmt::format("as many numbers as {}, 2 to {}", first, max_points),
+                  fmt::format("{} and {}", x->size(), y->size()));
+    return Eigen::MatrixX2d(0, 2);
+  }
+  Eigen::MatrixX2d points(x->size(), 2);
+  points << *x, *y;
+  return points;
+}
+
+/// Two keys that state points. @param refused  says what is wrong with them; empty: nothing
+Fields<Eigen::MatrixX2d> point_fields(
+    const char* first, const char* of_first, const char* second, const char* of_second,
+    const std::function<std::string(const Eigen::MatrixX2d&)>& refused) {
+  return Fields<Eigen::MatrixX2d>(Eigen::MatrixX2d(0, 2))
+      .custom(
+          {make_numbers_key(must(first), 0, of_first),
+           make_numbers_key(must(second), 0, of_second)},
+          [=](TableReader& reader, Eigen::MatrixX2d& points) {
+            points = read_points(reader, first, second);
+            if (points.rows() == 0) return;
+            if (const std::string fault = refused(points); !fault.empty())
+              reader.refuse(second, fmt::format("{} and {} that make a body", first, second),
+                            fault);
+          },
+          [=](const Eigen::MatrixX2d& points, Node::Table& table) {
+            if (points.rows() == 0) return;
+            put_numbers(table, first, points.col(0), 1.0);
+            put_numbers(table, second, points.col(1), 1.0);
+          });
+}
+
+/// Why points are no profile; empty where they are.
+std::string profile_fault(const Eigen::MatrixX2d& profile) {
+  if (!(profile.col(0).minCoeff() >= 0.0)) return "a radius below 0";
+  if (!(profile.col(0).maxCoeff() > 0.0)) return "no radius above 0";
+  for (Eigen::Index i = 1; i < profile.rows(); ++i) {
+    if (profile(i, 1) < profile(i - 1, 1))
+      return fmt::format("heights that fall, {:g} mm after {:g} mm", profile(i, 1),
+                         profile(i - 1, 1));
+    if (profile.row(i) == profile.row(i - 1)) return "the same point twice";
+    if (profile(i, 0) == 0.0 && profile(i - 1, 0) == 0.0) return "a piece on the axis";
+  }
+  if (!(profile(profile.rows() - 1, 1) > profile(0, 1))) return "one height";
+  return {};
+}
+
+std::string outline_fault(const Eigen::MatrixX2d& outline) {
+  try {
+    cutting::extruded_mesh(outline, 1.0);
+    return {};
+  } catch (const std::invalid_argument& fault) {
+    return fault.what();
+  }
+}
+
+Fields<RevolvedShape> revolved_fields() {
+  return Fields<RevolvedShape>().all_of(&RevolvedShape::profile,
+                                        profile_fields("from its own z = 0"));
+}
+
+Fields<ExtrudedShape> extruded_fields() {
+  return Fields<ExtrudedShape>()
+      .all_of(&ExtrudedShape::outline,
+              point_fields("x_mm", "of the corners, counter-clockwise seen from its own +z", "y_mm",
+                           "of the same corners", outline_fault))
+      .number(must("height_mm"), &ExtrudedShape::height, body_size, "from its own z = 0 up");
+}
+
+Fields<MeshShape> mesh_shape_fields() {
+  return Fields<MeshShape>()
+      .all_of(&MeshShape::mesh, mesh_file_fields(must("file")))
+      .number_as_written("scale", &MeshShape::scale, scale_range,
+                         "times the numbers of the file, in its unit");
+}
+
+}  // namespace
+
+Fields<Eigen::MatrixX2d> profile_fields(const char* from) {
+  const std::string heights = fmt::format("of the same points, rising, {}", from);
+  return point_fields("radii_mm", "of the points of the profile about the axis, 0 or more",
+                      "heights_mm", heights.c_str(), profile_fault);
+}
+
+Fields<BodyDescription> body_fields() {
+  return Fields<BodyDescription>()
+      .text("name", &BodyDescription::name, "of the body, by which it is reported")
+      .kinds(KeyName("shape").otherwise("box"), &BodyDescription::shape,
+             {alternative<BodyShape>("box", box_shape_fields(), "about its middle"),
+              alternative<BodyShape>("cylinder", cylinder_shape_fields(), "about z"),
+              alternative<BodyShape>("cone", cone_shape_fields(), "about z"),
+              alternative<BodyShape>("sphere", sphere_fields()),
+              alternative<BodyShape>("revolution", revolved_fields(), "a profile about z"),
+              alternative<BodyShape>("extrusion", extruded_fields(), "an outline along z"),
+              alternative<BodyShape>("mesh", mesh_shape_fields(), "STL, OBJ, PLY or OFF, closed")},
+             "of the body")
+      .all_of(&BodyDescription::T, placement_fields());
+}
+
+const Fields<CollisionDescription>& collision_fields() {
+  using Pair = CollisionDescription::Pair;
+  static const Fields<Pair> pair = Fields<Pair>()
+                                       .text(must("a"), &Pair::a, "name of a body")
+                                       .text(must("b"), &Pair::b, "name of another");
+  static const Fields<CollisionDescription> fields =
+      Fields<CollisionDescription>()
+          .boolean("on", &CollisionDescription::on,
+                   "whether every run looks for collisions, and exits with 1 where there are any")
+          .boolean("stop", &CollisionDescription::stop,
+                   "whether a run with a collision ends before anything is cut")
+          .number("clearance_mm", &CollisionDescription::clearance, non_negative,
+                  "bodies nearer than this are reported as a near miss")
+          .number("gouge_mm", &CollisionDescription::gouge, {0.0, 10.0},
+                  "cutter and shank deeper in the part than this collide with it")
+          .number("resolution_mm", &CollisionDescription::resolution, {1e-4, 1.0},
+                  "bodies nearer than this are in contact")
+          .tables("ignore", &CollisionDescription::ignore, pair,
+                  "pairs of bodies that may meet, and are not looked at");
+  return fields;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,302 @@
+#include "sim/scene/cases.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "sim/scene/document.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using Belief = CaseDescription::Belief;
+using Channel = CaseDescription::Channel;
+using compensation::Strategy;
+
+template <typename T, std::size_t n>
+using Words = std::array<std::pair<const char*, T>, n>;
+
+constexpr Words<Belief, 7> beliefs{{{"perfect", Belief::Perfect},
+                                    {"identified", Belief::Identified},
+                                    {"thermal", Belief::Thermal},
+                                    {"composite", Belief::Composite},
+                                    {"force", Belief::Force},
+                                    {"part", Belief::Part},
+                                    {"fused", Belief::Fused}}};
+constexpr Words<Strategy, 3> strategies{{{"position", Strategy::Position},
+                                         {"decoupled", Strategy::Decoupled},
+                                         {"iterated", Strategy::Iterated}}};
+constexpr Words<Channel, 7> channels{{{"ideal", Channel::Ideal},
+                                      {"program", Channel::Program},
+                                      {"pulses", Channel::Pulses},
+                                      {"open", Channel::Open},
+                                      {"origin", Channel::Origin},
+                                      {"table", Channel::Table},
+                                      {"piezo", Channel::Piezo}}};
+
+/// The choice that a token names.
+/// @throws std::invalid_argument with what it could be
+template <typename T, std::size_t n>
+T chosen(const Words<T, n>& words, const std::string& token, const char* what) {
+  std::string list;
+  std::set<std::string> known;
+  for (const auto& [word, value] : words) {
+    if (token == word) return value;
+    list += (list.empty() ? "" : ", ") + std::string(word);
+    known.insert(word);
+  }
+  const auto meant = nearest(token, known);
+  throw std::invalid_argument(fmt::format("expected a {} ({}), seen \"{}\"{}", what, list, token,
+                                          meant ? " (nearest: \"" + *meant + "\")" : ""));
+}
+
+std::vector<std::string> split_case_name(const std::string& name) {
+  std::vector<std::string> tokens(1);
+  for (const char c : name) {
+    if (c == '-')
+      tokens.emplace_back();
+    else
+      tokens.back() += c;
+  }
+  return tokens;
+}
+
+}  // namespace
+
+bool is_folder_name(const std::string& name) {
+  return !name.empty() && name.size() <= 80 && name.front() != '.' && escaped(name) == name &&
+         std::all_of(name.begin(), name.end(), [](unsigned char c) {
+           return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
+         });
+}
+
+CaseDescription parse_case(const std::string& name) {
+  if (name.find_first_of("./") != std::string::npos) return plug_in_case(name);
+  CaseDescription description;
+  description.name = name;
+  const std::vector<std::string> tokens = split_case_name(name);
+  if (tokens.size() != 3)
+    throw std::invalid_argument(
+        fmt::format("expected belief-strategy-channel such as perfect-iterated-ideal, or a "
+                    "plug-in's file such as ./mine.py, seen \"{}\"",
+                    name));
+  description.belief = chosen(beliefs, tokens[0], "belief");
+  description.strategy = chosen(strategies, tokens[1], "strategy");
+  description.channel = chosen(channels, tokens[2], "channel");
+  return description;
+}
+
+CaseDescription plug_in_case(const std::filesystem::path& file) {
+  CaseDescription description;
+  description.name = file.filename().string();
+  // with a slash it is a file wherever it is read again
+  description.plug_in = std::filesystem::absolute(file).lexically_normal();
+  if (description.name == "error_free" || description.name == "uncompensated")
+    throw std::invalid_argument("expected another name for a plug-in than that of a case, seen \"" +
+                                description.name + "\"");
+  if (!is_folder_name(description.name))
+    throw std::invalid_argument(fmt::format(
+        "expected a plug-in whose file name is letters, digits, blanks, _ - ., seen \"{}\"",
+        file.string()));
+  return description;
+}
+
+CaseDescription parse_plug_in_method(const std::string& words) {
+  const std::vector<std::string> tokens = split_case_name(words);
+  if (tokens.size() != 2)
+    throw std::invalid_argument(
+        fmt::format("expected strategy-channel such as iterated-ideal, seen \"{}\"", words));
+  CaseDescription way;
+  way.strategy = chosen(strategies, tokens[0], "strategy");
+  way.channel = chosen(channels, tokens[1], "channel");
+  if (way.channel == Channel::Table)
+    throw std::invalid_argument(
+        "expected another channel than table, which asks for one place "
+        "at a time; a plug-in can be a table itself");
+  return way;
+}
+
+std::string plug_in_method(const CaseDescription& plug_in) {
+  return fmt::format("{}-{}", strategies.at(std::size_t(plug_in.strategy)).first,
+                     channels.at(std::size_t(plug_in.channel)).first);
+}
+
+namespace {
+
+/// A folder and what it is for.
+struct CaseFolder {
+  std::string name;
+  std::string of;  ///< in words
+  Place place;
+};
+
+/// Of the cases of the scene, or of the name of a variant.
+Place place_of_cases(const Node& scene) {
+  const Node* compare = scene.find("compare");
+  const Node* cases = compare ? compare->find("cases") : nullptr;
+  return cases ? cases->place : scene.place;
+}
+
+Place place_of_variant(const Node& scene, std::size_t index) {
+  const Node* list = scene.find("variant");
+  if (!list || !list->array() || index >= list->array()->size()) return scene.place;
+  const Node& variant = (*list->array())[index];
+  const Node* name = variant.find("name");
+  return name ? name->place : variant.place;
+}
+
+std::vector<CaseFolder> listed(const Node& scene, const ComparedNames& names) {
+  std::vector<CaseFolder> all;
+  const Place cases = place_of_cases(scene);
+  for (const char* name : {"error_free", "uncompensated"})
+    all.push_back({name, fmt::format("the case \"{}\"", name), cases});
+  for (const CaseDescription& one : names.cases)
+    all.push_back({one.name, fmt::format("the case \"{}\"", one.name), cases});
+  for (std::size_t i = 0; i < names.variants.size(); ++i) {
+    const auto& [variant, own] = names.variants[i];
+    const Place place = place_of_variant(scene, i);
+    all.push_back({variant, fmt::format("the variant \"{}\"", variant), place});
+    for (const CaseDescription& one : own)
+      all.push_back({case_folder(variant, one.name),
+                     fmt::format("the case \"{}\" of the variant \"{}\"", one.name, variant),
+                     place});
+  }
+  return all;
+}
+
+}  // namespace
+
+std::string case_folder(const std::string& variant, const std::string& case_name) {
+  if (variant.empty()) return case_name;
+  return case_name == "uncompensated" ? variant : variant + "-" + case_name;
+}
+
+std::vector<std::string> case_folders(const ComparedNames& names) {
+  std::vector<std::string> all;
+  for (CaseFolder& one : listed({}, names)) all.push_back(std::move(one.name));
+  return all;
+}
+
+void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors) {
+  std::map<std::string, std::string> taken;
+  for (const char* name : result_names) taken.emplace(name, "a file of the results");
+  for (const CaseFolder& one : listed(scene, names)) {
+    const auto [other, is_new] = taken.emplace(one.name, one.of);
+    if (!is_new)
+      input_errors.add(one.place, "a folder of its own for every case",
+                       fmt::format("\"{}\" for {} and for {}", one.name, one.of, other->second));
+  }
+}
+
+namespace {
+
+constexpr std::size_t max_variants = 1000;
+
+void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
+  const Node* list = reader.know("cases");
+  if (list && !list->array()) reader.refuse("cases", "a list of case names", shown(*list));
+  for (const Node& name : list && list->array() ? *list->array() : Node::Array{}) {
+    if (!name.text()) {
+      reader.input_errors().add(name.place, "a case name such as \"perfect-iterated-ideal\"",
+                                shown(name));
+      continue;
+    }
+    try {
+      const CaseDescription one = parse_case(*name.text());
+      const bool twice = std::any_of(cases.begin(), cases.end(),
+                                     [&](const auto& other) { return other.name == one.name; });
+      if (twice) reader.input_errors().add(name.place, "each case once", shown(name) + " again");
+      cases.push_back(one);
+    } catch (const std::invalid_argument& fault) {
+      reader.input_errors().add(name.place, "a case that this version has", fault.what());
+    }
+  }
+}
+
+void read_set(TableReader& reader, Variant& variant) {
+  const Node* set = reader.section("set");
+  if (!set && !reader.has("set")) reader.missing("set", "a table of changes");
+  if (!set) return;
+  for (const Change& change : set_changes(*set)) {
+    variant.set.push_back(make_override(change));
+    if (change.path.starts_with("variant"))
+      reader.input_errors().add(change.value.place, "a path outside of variants", change.path);
+  }
+}
+
+const Fields<Variant>& variant_fields() {
+  static const Fields<Variant> fields =
+      Fields<Variant>()
+          .text(must("name"), &Variant::name, "of its folder and its row, each once")
+          .custom({make_field_key(
+                      must("set"), Key::Kind::Any,
+                      "changes by dotted path: `{ \"errors.scale\" = 2.0, part.vertices = 5000 "
+                      "}`; tried when the scene is read")},
+                  read_set, [](const Variant& variant, Node::Table& table) {
+                    Node::Table set;
+                    for (const Override& one : variant.set)
+                      put(set, one.path, parse_toml("v = " + one.value, "").find("v")->value);
+                    put(table, "set", std::move(set));
+                  });
+  return fields;
+}
+
+}  // namespace
+
+const Fields<std::vector<CaseDescription>>& compare_fields() {
+  static const Fields<std::vector<CaseDescription>> fields =
+      Fields<std::vector<CaseDescription>>().custom(
+          {make_field_key(
+              "cases", Key::Kind::Texts,
+              "compensators beside the uncompensated part: belief, strategy and channel, "
+              "`\"fused-iterated-pulses\"`, or the file of one of your own")},
+          read_cases, [](const std::vector<CaseDescription>& cases, Node::Table& table) {
+            Node::Array names;
+            for (const CaseDescription& one : cases) names.push_back(Node{{}, one.name});
+            put(table, "cases", std::move(names));
+          });
+  return fields;
+}
+
+std::vector<Key> variant_keys() { return variant_fields().keys(); }
+
+std::vector<Variant> read_variants(TableReader& scene) {
+  std::vector<Variant> variants;
+  const std::vector<const Node*> list = scene.tables("variant");
+  if (list.size() > max_variants) {
+    scene.refuse("variant", fmt::format("at most {} variants", max_variants),
+                 std::to_string(list.size()));
+    return variants;
+  }
+  for (const Node* node : list) {
+    TableReader reader(*node, "variant", scene.input_errors());
+    Variant variant = variant_fields().read(reader);
+    const bool taken = variant.name == "error_free" || variant.name == "uncompensated" ||
+                       std::any_of(variants.begin(), variants.end(), [&](const Variant& other) {
+                         return other.name == variant.name;
+                       });
+    if (reader.has("name") && !is_folder_name(variant.name)) {
+      reader.refuse("name", "a name of letters, digits, blanks, _ - . for a variant's folder",
+                    "\"" + variant.name + "\"");
+    } else if (taken) {
+      reader.refuse("name", "a name that no other case has", "\"" + variant.name + "\" again");
+    }
+    reader.close();
+    variants.push_back(std::move(variant));
+  }
+  return variants;
+}
+
+Node::Table written_variant(const Variant& variant) { return variant_fields().written(variant); }
+
+}  // namespace abbe::sim

@@ -1,0 +1,313 @@
+#include "sim/scene/compensation.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/compliance.h"
+#include "sim/scene/errors.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using Force = BeliefDescription::Force;
+using From = Force::From;
+
+constexpr std::size_t max_thermal_belief_bytes = std::size_t(16) << 20;
+
+void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
+  const Node* node = reader.section("thermal");
+  if (!node) return;
+  TableReader thermal(*node, reader.name_of("thermal"), reader.input_errors());
+  const std::string file = thermal.text("file");
+  thermal.close();
+  if (file.empty()) return;
+  belief.thermal_file = file;
+  try {
+    belief.thermal =
+        compensation::parse_thermal_belief(read_text(file, max_thermal_belief_bytes), file);
+  } catch (const BadInput& fault) {
+    reader.input_errors().add(fault);
+  }
+}
+
+void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
+  if (!belief.thermal) return;
+  Node::Table thermal;
+  put(thermal, "file", belief.thermal_file.string());
+  put(table, "thermal", std::move(thermal));
+}
+
+Key thermal_key() {
+  Key thermal = make_field_key("thermal", Key::Kind::Table,
+                               "what heat adds, by the temperatures that are read");
+  thermal.keys = {
+      make_field_key(must("file"), Key::Kind::Text,
+                     "what `abbe identify --method thermal` wrote, or `--method composite` as "
+                     "`NAME_thermal.txt`; its sensors must be those of the scene")};
+  return thermal;
+}
+
+/// The scene of a training part and what measures it.
+Fields<Force> training_fields() {
+  return Fields<Force>()
+      .text(must("file"), &Force::training, "scene of that part")
+      .text(must("instrument"), &Force::instrument, "of that scene, which measures it");
+}
+
+/// The keys that a way to the force brings.
+Fields<Force> fields_from(From from, const MachineDescription& machine) {
+  Fields<Force> fields;
+  if (from != From::Model)
+    fields.number("smoothing_ms", &Force::smoothing_s, non_negative,
+                  "of what is read: the mean of the time just passed; 0: none");
+  fields.whole("passes", &Force::passes, 1, 20,
+               "runs from which is learnt, each corrected by what the last taught");
+  if (from == From::Current)
+    return fields.table(must("training"), itself, training_fields(),
+                        "the part from which a law is fitted, d = c1 x + c2 x², x the current "
+                        "above that in air; the tool gives way by d along its own z");
+  Key compliance = make_field_key(must("compliance"), Key::Kind::Table,
+                                  "as `[compliance]`, as it is believed", compliance_keys());
+  compliance.or_file = true;
+  return fields.custom(
+      {compliance},
+      [machine](TableReader& reader, Force& force) {
+        if (const Node* node = reader.section("compliance"))
+          force.compliance = read_compliance(*node, machine, reader.input_errors());
+        else if (!reader.has("compliance"))
+          reader.missing("compliance", "a table or a file");
+      },
+      [machine](const Force& force, Node::Table& table) {
+        put(table, "compliance", written_compliance(force.compliance, machine));
+      });
+}
+
+Fields<Force> force_fields(const MachineDescription& machine) {
+  Key from = make_field_key(must("from"), Key::Kind::Text, "what the force is known by");
+  const std::array ways{From::Current, From::Dynamometer, From::Model};
+  from.words = {{"current", "read, `[signals]` must have it", {}},
+                {"dynamometer", "read, `[signals]` must have it", {}},
+                {"model",
+                 "computed, the scene's blank and material on a machine that is right but as soft "
+                 "as `compliance` says",
+                 {}}};
+  for (std::size_t i = 0; i < ways.size(); ++i)
+    from.words[i].keys = fields_from(ways[i], machine).keys();
+  return Fields<Force>().custom(
+      {from},
+      [from, ways, machine](TableReader& reader, Force& force) {
+        const auto word = reader.word("from", words_of(from), true);
+        force.from = ways.front();
+        for (std::size_t i = 0; i < ways.size(); ++i)
+          if (word == from.words[i].word) force.from = ways[i];
+        force = fields_from(force.from, machine).read(reader, force);
+      },
+      [from, ways, machine](const Force& force, Node::Table& table) {
+        for (std::size_t i = 0; i < ways.size(); ++i)
+          if (force.from == ways[i]) put(table, "from", from.words[i].word);
+        append_entries(table, fields_from(force.from, machine).written(force));
+      });
+}
+
+Fields<BeliefDescription::Part> believed_part_fields() {
+  using Part = BeliefDescription::Part;
+  return Fields<Part>()
+      .text(must("instrument"), &Part::instrument,
+            "name of a `cmm` or `touch_probe` of the scene, whose `case` is not looked at")
+      .whole("passes", &Part::passes, 1, 20, "parts cut and measured before the one that counts");
+}
+
+Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
+  using Description = BeliefDescription;
+  Key identified = make_field_key("identified", Key::Kind::Tables,
+                                  "geometric errors as `errors`; mostly what `abbe identify` wrote",
+                                  errors_keys());
+  identified.or_file = true;
+  return Fields<Description>()
+      .custom(
+          {identified},
+          [machine](TableReader& reader, Description& belief) {
+            if (const Node* node = reader.know("identified"))
+              belief.identified =
+                  joined({read_errors(*node, machine, 0, reader.input_errors())}, machine);
+          },
+          [machine](const Description& belief, Node::Table& table) {
+            if (belief.identified)
+              put(table, "identified", written_errors({*belief.identified, 1.0}, machine));
+          })
+      .custom({thermal_key()}, read_thermal_belief, put_thermal_belief)
+      .table("force", &Description::force, force_fields(machine), "how far the cut bends")
+      .table("part", &Description::part, believed_part_fields(),
+             "what was measured of a part that was cut before; beside other beliefs (`fused`) they "
+             "act while the first part is cut, and it wants a `cmm`: a probe on a machine that "
+             "nothing corrects would undo them")
+      .number("scale", &Description::scale, {-1e6, 1e6},
+              "factor of what `identified` and `thermal` say; 0 believes in nothing");
+}
+
+}  // namespace
+
+BeliefDescription read_belief(const Node& table, const MachineDescription& machine,
+                              InputErrors& input_errors) {
+  return belief_fields(machine).read_table(table, "belief", input_errors);
+}
+Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine) {
+  return belief_fields(machine).written(belief);
+}
+std::vector<Key> belief_keys() { return belief_fields({}).keys(); }
+
+namespace {
+
+using compensation::OpenControl;
+using compensation::OriginShift;
+using compensation::Piezo;
+using compensation::PositionLoop;
+using Description = CompensationDescription;
+
+constexpr Range cycle_ms{0.0, 1e6, true, false};
+constexpr Range delay_ms{0.0, 1e6, false, false};
+
+Fields<PositionLoop> loop_fields(const PositionLoop& usual) {
+  using Order = PositionLoop::Order;
+  return Fields<PositionLoop>(usual)
+      .word(must("order"), &PositionLoop::order,
+            {{"none", Order::None, "at once"},
+             {"first", Order::First, "1 / (1 + s / w)"},
+             {"second", Order::Second, "w² / (s² + 2 d w s + w²)"}},
+            "how the position loop follows a correction")
+      .number("bandwidth_Hz", &PositionLoop::bandwidth, positive, "w / 2π")
+      .number("damping", &PositionLoop::damping, {1e-3, 100.0}, "d of the second order");
+}
+
+Fields<Description::Pulses> pulses_fields() {
+  using Pulses = Description::Pulses;
+  return Fields<Pulses>()
+      .number(
+          "count_um", &Pulses::count, {1e-6, 1e6},
+          "one signal period of a slide; where the zeros lie in a count the scene's `seed` says")
+      .number("count_deg", &Pulses::count_rad, {1e-9, 10.0}, "the same of an axis that turns")
+      .number("cycle_ms", &Pulses::cycle_s, cycle_ms, "at which a pair may go in")
+      .number("pulse_ms", &Pulses::pulse_s, cycle_ms,
+              "that a pair takes, while both signals are low")
+      .check([](TableReader& reader, Pulses& pulses) {
+        if (pulses.pulse_s > pulses.cycle_s)
+          reader.refuse("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
+                        fmt::format("{:g} in a cycle of {:g} ms", pulses.pulse_s * 1e3,
+                                    pulses.cycle_s * 1e3));
+      });
+}
+
+Fields<OpenControl> open_fields() {
+  return Fields<OpenControl>()
+      .number("cycle_ms", &OpenControl::cycle_s, cycle_ms, "of the servo")
+      .number("delay_ms", &OpenControl::delay_s, delay_ms, "from reading to acting");
+}
+
+Fields<OriginShift> origin_fields() {
+  return Fields<OriginShift>()
+      .number("cycle_ms", &OriginShift::cycle_s, cycle_ms, "of the PLC")
+      .number("delay_ms", &OriginShift::delay_s, delay_ms, "from reading to acting")
+      .number("increment_um", &OriginShift::increment, non_negative,
+              "shifts are whole multiples of it; 0: not rounded")
+      .number("rate_mm_per_min", &OriginShift::rate, non_negative,
+              "at which the control ramps to a new shift; 0: at once");
+}
+
+Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& joints) {
+  using compensation::ControlFormat;
+  using Table = Description::Table;
+  const auto option = [](auto member) {
+    return [member](auto& table) -> auto& { return table.options.*member; };
+  };
+  using Options = compensation::TableOptions;
+  return Fields<Table>()
+      .whole("most_points", option(&Options::max_points), 2, 100000, "of one table")
+      .number("spacing_mm", option(&Options::spacing), {1e-3, 1e6},
+              "between points of a slide over its travel, wider where `most_points` asks for it")
+      .number(KeyName("spacing_deg").otherwise("5.002: 0.0873 rad"), option(&Options::spacing_rad),
+              {1e-3, 360.0},
+              "the same of an axis that turns; of one that turns more than once, over what the "
+              "program uses")
+      .boolean("cross", option(&Options::cross), "tables of an axis over another")
+      .boolean("both_ways", option(&Options::both_ways), "a column for each direction")
+      .boolean("constant", option(&Options::constant), "an offset as well")
+      .word(KeyName("format").otherwise("none"), &Table::format,
+            {{"linuxcnc", ControlFormat::LinuxCnc},
+             {"isg", ControlFormat::Isg},
+             {"siemens", ControlFormat::Siemens},
+             {"heidenhain", ControlFormat::Heidenhain}},
+            "through a file of that control and what it can hold")
+      .table(KeyName("reference").otherwise("the middle of the program"), &Table::reference,
+             axis_position_fields(joints), "where the other axes stand: { Z_mm = 100, C_deg = 0 }");
+}
+
+Fields<Piezo> piezo_fields() {
+  return Fields<Piezo>()
+      .direction("direction", &Piezo::direction_t, "along which it carries the tool, in its frame")
+      .number("range_um", &Piezo::range, positive, "of the whole stroke")
+      .number("stiffness_N_per_um", &Piezo::stiffness, positive, "against a force along it")
+      .number("resolution_nm", &Piezo::resolution, non_negative, "of its set-points; 0: none")
+      .number("cycle_ms", &Piezo::cycle_s, cycle_ms, "of its set-points")
+      .table("loop", &Piezo::loop, loop_fields(Piezo{}.loop), "how it follows its set-points");
+}
+
+void read_plug_in(TableReader& reader, Description& compensation) {
+  try {
+    compensation.plug_in = parse_plug_in_method(reader.text("plug_in", "iterated-ideal"));
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("plug_in", "strategy and channel of plug-ins", fault.what());
+  }
+}
+
+Key plug_in_key() {
+  return make_field_key(
+      KeyName("plug_in").otherwise("iterated-ideal"), Key::Kind::Text,
+      "strategy and channel of compensators of your own; the strategy is for those that "
+      "answer deviations, any channel but `table`, which asks for one place at a time");
+}
+
+Fields<Description> compensation_fields(const std::vector<kinematics::Joint>& joints) {
+  return Fields<Description>()
+      .number("rotary_bound_deg", &Description::rotary_bound, {0.0, 180.0, false, false},
+              "no correction of an axis that turns is larger")
+      .number("word_resolution_mm", &Description::word_resolution, {1e-9, 1e6},
+              "of the words of a rewritten NC program; PVT is written with every digit")
+      .number("angle_resolution_deg", &Description::angle_resolution, {1e-9, 360.0},
+              "the same of words of axes that turn")
+      .number("path_tolerance_um", &Description::path_tolerance, non_negative,
+              "between the corrected path, tip and tool axis, and the blocks that stand for it; 0: "
+              "a word, of PVT 1 nm")
+      .table("loop", &Description::loop, loop_fields({}),
+             "position loop after `pulses`, `open` and `origin`")
+      .table("pulses", &Description::pulses, pulses_fields(),
+             "counts inserted into the encoder signals")
+      .table("open", &Description::open, open_fields(), "set-points of an open control")
+      .table("origin", &Description::origin, origin_fields(), "work zero, shifted by the PLC")
+      .table("table", &Description::table, table_fields(joints), "tables over one axis each")
+      .table("piezo", &Description::piezo, piezo_fields(), "actuator that carries the tool")
+      .custom({plug_in_key()}, read_plug_in, [](const Description& from, Node::Table& table) {
+        put(table, "plug_in", plug_in_method(from.plug_in));
+      });
+}
+
+}  // namespace
+
+CompensationDescription read_compensation(const Node& table,
+                                          const std::vector<kinematics::Joint>& joints,
+                                          InputErrors& input_errors) {
+  return compensation_fields(joints).read_table(table, "compensation", input_errors);
+}
+Node::Table written_compensation(const CompensationDescription& compensation,
+                                 const std::vector<kinematics::Joint>& joints) {
+  return compensation_fields(joints).written(compensation);
+}
+std::vector<Key> compensation_keys() { return compensation_fields({}).keys(); }
+
+}  // namespace abbe::sim

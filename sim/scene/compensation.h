@@ -1,0 +1,84 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "errors/compliance.h"
+#include "errors/geometric.h"
+#include "sim/compensation/channels.h"
+#include "sim/compensation/control_files.h"
+#include "sim/compensation/machine_belief.h"
+#include "sim/compensation/parameter_tables.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/toml.h"
+
+namespace abbe::sim {
+
+/// What a compensator is given to believe, by the tokens of a case.
+struct BeliefDescription {
+  std::optional<errors::GeometricErrors> identified;
+  std::optional<compensation::ThermalBelief> thermal;
+  std::filesystem::path thermal_file;  ///< from which it was read
+  struct Force {
+    enum class From { Current, Dynamometer, Model } from = From::Model;
+    errors::ComplianceErrors compliance;  ///< as it is believed; not from current
+    std::filesystem::path training;       ///< from current: scene of the part from which is learnt
+    std::string instrument;               ///< that measures that part
+    double smoothing_s = 0.0;             ///< of current or dynamometer
+    int passes = 2;                       ///< runs from which is learnt, each corrected by the last
+  };
+  std::optional<Force> force;
+  struct Part {
+    std::string instrument;  ///< of the scene, that measures the part
+    int passes = 1;          ///< parts that are cut and measured before the one that counts
+  };
+  std::optional<Part> part;
+  double scale = 1.0;  ///< of what identified and thermal say; 0: one that believes in nothing
+};
+
+/// Channels, strategies and their limits.
+struct CompensationDescription {
+  double rotary_bound = 0.1 * 0.017453292519943295;       ///< rad, default 0.1 deg
+  double word_resolution = 1e-4;                          ///< mm, of a rewritten NC program
+  double angle_resolution = 1e-4 * 0.017453292519943295;  ///< rad, the same for rotary words
+  double path_tolerance = 0.0;  ///< mm, between the corrected path and that of the rewritten
+                                ///< blocks; 0: a word's resolution, of PVT 1 nm
+  compensation::PositionLoop loop;
+  struct Pulses {
+    double count = 1e-3;                             ///< mm
+    double count_rad = 1e-3 * 0.017453292519943295;  ///< rad
+    double cycle_s = 1e-3;
+    double pulse_s = 2e-6;
+  } pulses;
+  compensation::OpenControl open;
+  compensation::OriginShift origin;
+  struct Table {
+    compensation::TableOptions options;
+    std::optional<compensation::ControlFormat> format;  ///< through a file of that control
+    std::optional<kinematics::AxisVector> reference;    ///< (joints) where the other axes stand;
+                                                        ///< none: the middle of the program
+  } table;
+  compensation::Piezo piezo;
+  CaseDescription plug_in;  ///< strategy and channel of plug-ins
+};
+
+struct Key;
+
+/// `[belief]`: what compensators are given to believe.
+BeliefDescription read_belief(const Node& table, const MachineDescription& machine,
+                              InputErrors& input_errors);
+Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine);
+std::vector<Key> belief_keys();
+
+/// `[compensation]`: strategies and channels with their limits.
+CompensationDescription read_compensation(const Node& table,
+                                          const std::vector<kinematics::Joint>& joints,
+                                          InputErrors& input_errors);
+Node::Table written_compensation(const CompensationDescription& compensation,
+                                 const std::vector<kinematics::Joint>& joints);
+std::vector<Key> compensation_keys();
+
+}  // namespace abbe::sim

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <vector>
+
+#include "errors/compliance.h"
+#include "sim/scene/machine.h"
+#include "sim/scene/toml.h"
+
+namespace abbe::sim {
+
+struct Key;
+
+/// `[compliance]`: joints, tool, fixture, workpiece, masses.
+errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
+                                         InputErrors& input_errors);
+Node::Table written_compliance(const errors::ComplianceErrors& errors,
+                               const MachineDescription& machine);
+std::vector<Key> compliance_keys();
+
+}  // namespace abbe::sim

@@ -1,0 +1,274 @@
+#include "sim/scene/cutting.h"
+
+#include <string>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/scene/bodies.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+const Fields<cutting::CuttingCoefficients>& material_fields() {
+  using K = cutting::CuttingCoefficients;
+  static const Fields<K> fields =
+      Fields<K>()
+          .text(must("name"), &K::name, "of the material and the tool")
+          .text(must("source"), &K::source, "where the figures come from")
+          .number(must("K_tc_N_per_mm2"), &K::K_tc, positive, "tangential force per chip area")
+          .number(must("K_rc_N_per_mm2"), &K::K_rc, non_negative, "radial force per chip area")
+          .number(must("K_ac_N_per_mm2"), &K::K_ac, any_number, "axial force per chip area")
+          .number(must("K_te_N_per_mm"), &K::K_te, non_negative, "tangential force per edge length")
+          .number(must("K_re_N_per_mm"), &K::K_re, non_negative, "radial force per edge length")
+          .number(must("K_ae_N_per_mm"), &K::K_ae, any_number, "axial force per edge length");
+  return fields;
+}
+
+}  // namespace
+
+cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors) {
+  return material_fields().read_table(table, "material", input_errors);
+}
+
+Node::Table written_material(const cutting::CuttingCoefficients& material) {
+  return material_fields().written(material);
+}
+
+std::vector<Key> material_keys() { return material_fields().keys(); }
+
+namespace {
+
+using cutting::BoxBlank;
+using cutting::CylinderBlank;
+using cutting::Flutes;
+using Blank = CuttingDescription::Blank;
+using OffsetBlank = CuttingDescription::OffsetBlank;
+using TurnedBlank = CuttingDescription::TurnedBlank;
+
+enum class Operation { Milling, Turning };
+
+constexpr int max_corners = 10000;
+constexpr Range helix_range{-90.0, 90.0, true, true};
+constexpr Range spacing_range{0.001, 20.0};
+constexpr Range step_range{0.0, 100.0, true, false};
+constexpr Range run_out_range{0.0, 1000.0};
+
+void refuse_flat(TableReader& reader, BoxBlank& box) {
+  if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
+  for (int i = 0; i < 3; ++i) {
+    if (box.lower_k[i] < box.upper_k[i]) continue;
+    reader.refuse("upper_mm",
+                  fmt::format("cutting.upper_mm above cutting.lower_mm in {}", "xyz"[i]),
+                  fmt::format("{} and {}", box.upper_k[i], box.lower_k[i]));
+    return;
+  }
+}
+
+Fields<BoxBlank> box_fields() {
+  return Fields<BoxBlank>()
+      .vector(must("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
+      .vector(must("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
+      .check(refuse_flat);
+}
+
+Fields<CylinderBlank> cylinder_fields() {
+  return Fields<CylinderBlank>()
+      .number(must("radius_mm"), &CylinderBlank::radius, positive, "about z")
+      .number(must("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
+      .number(must("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
+      .check([](TableReader& reader, CylinderBlank& blank) {
+        if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
+          reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
+                        fmt::format("{} and {}", blank.upper, blank.lower));
+      });
+}
+
+Fields<OffsetBlank> offset_fields() {
+  return Fields<OffsetBlank>()
+      .number(must("allowance_mm"), &OffsetBlank::allowance, positive, "along its normals")
+      .number(must("floor_mm"), &OffsetBlank::floor, any_number, "z of its lower end");
+}
+
+struct Corner {
+  double along = 0.0;
+  double radius = 0.0;
+};
+
+Fields<Corner> corner_fields() {
+  return Fields<Corner>()
+      .number(must("along_mm"), &Corner::along, any_number,
+              "z, at least that of the corner before; two of one place make a step")
+      .number(must("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
+}
+
+/// Corners of the blank over the spindle line, which may step but not go back.
+void read_profile(TableReader& reader, TurnedBlank& blank) {
+  if (!reader.has("profile")) reader.missing("profile", "a list of tables");
+  const std::size_t before = reader.input_errors().list().size();
+  const auto corners = reader.tables("profile");
+  if (reader.has("profile") && (corners.size() < 2 || corners.size() > max_corners)) {
+    reader.refuse("profile", fmt::format("2 to {} corners for cutting.profile", max_corners),
+                  fmt::format("{}", corners.size()));
+    return;
+  }
+  blank.profile.resize(Eigen::Index(corners.size()), 2);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    TableReader table(*corners[i], reader.name_of("profile"), reader.input_errors());
+    const Corner corner = corner_fields().read(table);
+    const Eigen::Index k = Eigen::Index(i);
+    blank.profile.row(k) << corner.along, corner.radius;
+    const double before_mm = k > 0 ? blank.profile(k - 1, 0) : corner.along;
+    if (table.has("along_mm") && corner.along < before_mm) {
+      table.refuse("along_mm", fmt::format("along_mm of at least {}, the corner before", before_mm),
+                   fmt::format("{}", corner.along));
+    }
+    table.close();
+  }
+  const Eigen::Index last = blank.profile.rows() - 1;
+  if (last > 0 && reader.input_errors().list().size() == before &&
+      !(blank.profile(last, 0) > blank.profile(0, 0))) {
+    reader.refuse("profile", "corners at two places or more for cutting.profile", "one place");
+  }
+}
+
+Fields<TurnedBlank> turned_fields() {
+  const Key profile = make_field_key(must("profile"), Key::Kind::Tables,
+                                     fmt::format("its corners, 2 to {}", max_corners).c_str(),
+                                     corner_fields().keys());
+  return Fields<TurnedBlank>().custom({profile}, read_profile,
+                                      [](const TurnedBlank& blank, Node::Table& table) {
+                                        std::vector<Corner> corners;
+                                        for (const auto& row : blank.profile.rowwise())
+                                          corners.push_back({row[0], row[1]});
+                                        put_tables(table, "profile", corners, corner_fields());
+                                      });
+}
+
+/// The blank, which must be one for the lathe under a turning tool, and only there.
+Fields<CuttingDescription> blank_fields(Operation operation) {
+  const Fields<CuttingDescription> blank = Fields<CuttingDescription>().kinds(
+      must("blank"), &CuttingDescription::blank,
+      {alternative<Blank>("box", box_fields(), "along the axes of the part"),
+       alternative<Blank>("cylinder", cylinder_fields(), "about z of the part"),
+       alternative<Blank>("offset", offset_fields(), "the design, raised"),
+       alternative<Blank>("mesh", mesh_file_fields(must("file")), "a closed one"),
+       alternative<Blank>("turned", turned_fields(), "of a turning tool, and only there")},
+      "what is cut, in the part frame");
+  return Fields<CuttingDescription>().custom(
+      blank.keys(),
+      [blank, operation](TableReader& reader, CuttingDescription& cutting) {
+        const std::size_t before = reader.input_errors().list().size();
+        cutting = blank.read(reader, std::move(cutting));
+        if (reader.input_errors().list().size() != before) return;
+        const bool turning = operation == Operation::Turning;
+        const bool turned = std::holds_alternative<TurnedBlank>(cutting.blank);
+        if (turning && !turned)
+          reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
+        if (!turning && turned)
+          reader.refuse("blank", "a blank for a milling cutter for cutting.blank", "\"turned\"");
+      },
+      [blank](const CuttingDescription& cutting, Node::Table& table) {
+        append_entries(table, blank.written(cutting));
+      });
+}
+
+Fields<Flutes> flutes_fields() {
+  Flutes usual;
+  usual.helix = 30.0 * units::deg;
+  return Fields<Flutes>(usual)
+      .then([usual](Flutes& flutes) { flutes = usual; })
+      .whole("flutes", &Flutes::count, 1, 100, "milling: of the cutter")
+      .number("helix_deg", &Flutes::helix, helix_range, "milling: + right-hand")
+      .number("run_out_um", &Flutes::run_out, run_out_range,
+              "milling: offset of the cutter's axis from the spindle's")
+      .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
+              "milling: where that points, counter-clockwise from the first flute")
+      .word("rotation", &Flutes::clockwise,
+            {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
+            "milling: of the spindle");
+}
+
+/// What a nose does not have: flutes and dexels.
+Fields<CuttingDescription> milling_fields() {
+  Key directions =
+      make_field_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
+                     "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
+                     "to it) or 3");
+  directions.range = {1, 3};
+  return Fields<CuttingDescription>()
+      .custom(
+          {directions},
+          [](TableReader& reader, CuttingDescription& cutting) {
+            const auto seen = reader.maybe_integer("directions", 1, 3);
+            if (seen == 2) reader.refuse("directions", "1 or 3 for cutting.directions", "2");
+            cutting.three_directions = seen != 1;
+          },
+          [](const CuttingDescription& cutting, Node::Table& table) {
+            put(table, "directions", std::int64_t(cutting.three_directions ? 3 : 1));
+          })
+      .all_of(&CuttingDescription::flutes, flutes_fields())
+      .number("step_mm", &CuttingDescription::step, step_range,
+              "milling: tip travel between two looks at the engagement; turning looks once a "
+              "revolution");
+}
+
+Fields<CuttingDescription> memory_fields() {
+  constexpr std::int64_t max_MiB = std::int64_t(1) << 24;
+  Key most = make_field_key("max_MiB", Key::Kind::Whole,
+                            "milling: of dexels; more is refused with the estimate");
+  most.range = {1, double(max_MiB)};
+  most.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
+  return Fields<CuttingDescription>().custom(
+      {most},
+      [](TableReader& reader, CuttingDescription& cutting) {
+        if (const auto seen = reader.maybe_integer("max_MiB", 1, max_MiB))
+          cutting.max_bytes = std::size_t(*seen) << 20;
+      },
+      [](const CuttingDescription& cutting, Node::Table& table) {
+        put(table, "max_MiB", std::int64_t(cutting.max_bytes >> 20));
+      });
+}
+
+Fields<CuttingDescription> fields_of(Operation operation) {
+  const auto has_dexels = [](const CuttingDescription& cutting) {
+    return !std::holds_alternative<TurnedBlank>(cutting.blank);
+  };
+  Fields<CuttingDescription> fields = blank_fields(operation);
+  fields.number("spacing_mm", &CuttingDescription::spacing, spacing_range,
+                "of dexels; of a turned blank along the spindle line");
+  if (operation == Operation::Milling) fields.all_of(itself, milling_fields());
+  return fields.where(has_dexels, memory_fields())
+      .number("tolerance_nm", &CuttingDescription::tolerance, positive,
+              "to which force and deflection agree at every step")
+      .whole("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
+             "of one step, after which it is reported as not converged")
+      .number("rest_um", &CuttingDescription::rest, positive,
+              "material left on the machined part beyond this is a finding, in `summary.json`")
+      .number("gouge_um", &CuttingDescription::gouge, positive,
+              "the same of places cut deeper than the design");
+}
+
+const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
+  static const Fields<CuttingDescription> milling = fields_of(Operation::Milling),
+                                          turning = fields_of(Operation::Turning);
+  return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;
+}
+
+}  // namespace
+
+CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
+                                InputErrors& input_errors) {
+  return cutting_fields(tool).read_table(table, "cutting", input_errors);
+}
+
+Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool) {
+  return cutting_fields(tool).written(cutting);
+}
+
+std::vector<Key> cutting_keys() { return cutting_fields({}).keys(); }
+
+}  // namespace abbe::sim

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "cutting/stock/force.h"
+#include "cutting/stock/stock.h"
+#include "sim/scene/bodies.h"
+#include "sim/scene/toml.h"
+#include "sim/scene/tool.h"
+
+namespace abbe::sim {
+
+/// The blank, what is cut with which forces, and how finely that is followed.
+struct CuttingDescription {
+  struct OffsetBlank {       ///< of a milled design, raised along its normals
+    double allowance = 0.0;  ///< mm
+    double floor = 0.0;      ///< mm, z of the part frame below
+  };
+  struct TurnedBlank {  ///< radius over the spindle line, from the part's origin
+    Eigen::Matrix<double, Eigen::Dynamic, 2> profile;  ///< (n x 2) mm: along, radius
+  };
+  using Blank =
+      std::variant<cutting::BoxBlank, cutting::CylinderBlank, OffsetBlank, MeshFile, TurnedBlank>;
+  Blank blank;           ///< in the part's frame
+  double spacing = 0.5;  ///< mm of dexels; of a turned blank along the line
+  bool three_directions = true;
+  std::size_t max_bytes = std::size_t(2) << 30;
+  std::optional<cutting::CuttingCoefficients> material;  ///< none: stock alone, no forces
+  cutting::Flutes flutes;
+  double step = 0.5;        ///< mm of tip travel between two looks at the engagement (milling)
+  double tolerance = 1e-6;  ///< mm, to which deflection and force agree
+  int max_iterations = 30;  ///< of one step
+  double rest = 0.05;       ///< mm, material left on the part beyond this is a finding
+  double gouge = 0.05;      ///< mm, and cut deeper than this
+};
+
+struct Key;
+
+/// `[material]`: cutting coefficients with their source.
+cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors);
+Node::Table written_material(const cutting::CuttingCoefficients& material);
+std::vector<Key> material_keys();
+
+/// `[cutting]`: blank, flutes, how finely the cut is followed; the material is a section apart.
+CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
+                                InputErrors& input_errors);
+Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool);
+std::vector<Key> cutting_keys();
+
+}  // namespace abbe::sim

@@ -1,0 +1,613 @@
+#include "sim/scene/instruments.h"
+
+#include <array>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/scene/cases.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+Fields<SignalsDescription::Current> current_fields() {
+  using Current = SignalsDescription::Current;
+  const auto per_rpm = [](TableReader& reader, Current& current) {
+    if (const auto torque = reader.maybe_number("viscous_torque_Nm_per_rpm", non_negative))
+      current.viscous_torque = *torque / units::rpm;
+  };
+  Key viscous = make_field_key("viscous_torque_Nm_per_rpm", Key::Kind::Number,
+                               "torque of the idle spindle that grows with its speed");
+  viscous.range = non_negative;
+  viscous.fallback = "0";
+  return Fields<Current>()
+      .number(must("torque_Nm_per_A"), &Current::torque_per_current, positive,
+              "torque of the spindle's motor")
+      .number("idle_torque_Nm", &Current::idle_torque, non_negative,
+              "torque of the idle spindle at any speed")
+      .custom({viscous}, per_rpm,
+              [](const Current& current, Node::Table& table) {
+                put(table, "viscous_torque_Nm_per_rpm",
+                    current.viscous_torque * units::rpm / unit_of("viscous_torque_Nm_per_rpm"));
+              })
+      .number("noise_A", &Current::noise_A, non_negative, "standard deviation of a reading")
+      .number("bandwidth_Hz", &Current::bandwidth, non_negative,
+              "of the filter, first order; 0: none");
+}
+
+Fields<SignalsDescription::Dynamometer> dynamometer_fields() {
+  using Dynamometer = SignalsDescription::Dynamometer;
+  return Fields<Dynamometer>()
+      .number("noise_N", &Dynamometer::noise, non_negative, "standard deviation of a reading")
+      .number("resolution_N", &Dynamometer::resolution, non_negative, "0: not rounded")
+      .number("bandwidth_Hz", &Dynamometer::bandwidth, non_negative,
+              "of the filter, first order; 0: none");
+}
+
+}  // namespace
+
+const Fields<SignalsDescription>& signals_fields() {
+  using Signals = SignalsDescription;
+  static const Fields<Signals> fields =
+      Fields<Signals>()
+          .number(KeyName("interval_s").otherwise("as fine as 20 000 rows allow"),
+                  &Signals::interval, non_negative,
+                  "between rows of `signals.csv`, the samples nearest to its multiples")
+          .number(KeyName("history_interval_s").otherwise("0: no rows"), &Signals::history_interval,
+                  non_negative,
+                  "between rows of the thermal history, at most 20 000 more, the axes where the "
+                  "program finds them")
+          .number("encoder_resolution_um", &Signals::encoder_resolution, non_negative,
+                  "of slides; 0: not rounded")
+          .number("encoder_resolution_urad", &Signals::encoder_resolution_rad, non_negative,
+                  "of axes that turn; 0: not rounded")
+          .number("encoder_noise_um", &Signals::encoder_noise, non_negative,
+                  "of slides, standard deviation")
+          .number("encoder_noise_urad", &Signals::encoder_noise_rad, non_negative,
+                  "of axes that turn, standard deviation")
+          .table("current", &Signals::current, current_fields(), "current of the spindle's motor")
+          .table("dynamometer", &Signals::dynamometer, dynamometer_fields(),
+                 "force between part and table");
+  return fields;
+}
+
+namespace {
+
+using namespace errors::identification;
+using Way = SensorChoiceDescription::Way;
+
+/// What a word of `similarity_measure` stands for.
+struct SimilarityName {
+  const char* word;
+  SimilarityMeasure similarity_measure;
+  GreyKind grey;
+  const char* sentence;
+};
+constexpr std::array similarity_names{
+    SimilarityName{"deng", SimilarityMeasure::Grey, GreyKind::Deng, "Deng's grey degree"},
+    SimilarityName{"absolute", SimilarityMeasure::Grey, GreyKind::Absolute,
+                   "Liu's grey degree of areas"},
+    SimilarityName{"relative", SimilarityMeasure::Grey, GreyKind::Relative,
+                   "Liu's, of series divided by their first values"},
+    SimilarityName{"comprehensive", SimilarityMeasure::Grey, GreyKind::Comprehensive,
+                   "the mean of these two"},
+    SimilarityName{"correlation", SimilarityMeasure::Correlation, GreyKind::Deng,
+                   "absolute correlation"},
+};
+
+Key similarity_key() {
+  Key key = make_field_key(KeyName("likeness").otherwise(similarity_names.front().word),
+                           Key::Kind::Text, "how like an error a sensor must run");
+  for (const SimilarityName& one : similarity_names)
+    key.words.push_back({one.word, one.sentence, {}});
+  return key;
+}
+
+/// The keys of how sensors are chosen, which `[sensor_choice]` and the ways beside it share.
+Fields<SensorChoiceOptions> way_fields() {
+  using Options = SensorChoiceOptions;
+  const Key similarity_measure = similarity_key();
+  return Fields<Options>()
+      .whole("count", &Options::count, 1, 100, "sensors wanted, one set for X, Y and Z together")
+      .custom(
+          {similarity_measure},
+          [similarity_measure](TableReader& reader, Options& choice) {
+            const auto word =
+                reader.word(similarity_measure.name, words_of(similarity_measure), false);
+            for (const SimilarityName& one : similarity_names)
+              if (word == one.word) {
+                choice.similarity_measure = one.similarity_measure;
+                choice.grey.kind = one.grey;
+              }
+          },
+          [similarity_measure](const Options& choice, Node::Table& table) {
+            for (const SimilarityName& one : similarity_names)
+              if (choice.similarity_measure == one.similarity_measure &&
+                  choice.grey.kind == one.grey)
+                put(table, similarity_measure.name, std::string(one.word));
+          })
+      .word(
+          "image", [](auto& choice) -> auto& { return choice.grey.image; },
+          {{"initial", Image::Initial, "x / x(1)"},
+           {"mean", Image::Mean, "x / mean"},
+           {"interval", Image::Interval, "(x - min) / (max - min)"}},
+          "what Deng's degree makes of a series")
+      .word("screening", &Options::screening,
+            {{"degree", Screening::Degree, "those that resemble the error most"},
+             {"regression", Screening::Regression,
+              "one after another, what lowers the residual most"}},
+            "of the groups' leaders")
+      .number(KeyName("threshold").otherwise("as high as makes at most `groups` groups"),
+              &Options::threshold, {0.0, 1.0}, "sensors this alike stand in one group")
+      .whole("groups", &Options::groups, 1, 1000, "at most, where there is no `threshold`");
+}
+
+std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
+  const Node* list = reader.know(key);
+  if (!list) return {};
+  std::vector<std::string> names;
+  for (const Node& one : list->array() ? *list->array() : Node::Array{})
+    if (one.text() && !one.text()->empty())
+      names.push_back(*one.text());
+    else
+      reader.input_errors().add(one.place, "a name", shown(one));
+  if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
+  return names;
+}
+
+template <typename M>
+void add_names(Fields<Way>& fields, const KeyName& name, M member, const char* sentence) {
+  const Key key = make_field_key(name, Key::Kind::Texts, sentence);
+  fields.custom(
+      {key},
+      [key, member](TableReader& reader, Way& way) {
+        std::invoke(member, way) = read_names(reader, key.name);
+      },
+      [key, member](const Way& way, Node::Table& table) {
+        Node::Array names;
+        for (const std::string& one : std::invoke(member, way)) names.push_back(Node{{}, one});
+        if (!names.empty()) put(table, key.name, std::move(names));
+      });
+}
+
+Fields<Way> further_way_fields() {
+  Fields<Way> fields;
+  fields.text(must("name"), &Way::name, "of this way");
+  add_names(
+      fields, "sensors", [](auto& way) -> auto& { return way.choice.fixed; },
+      "names that are taken as they are; then nothing is chosen");
+  add_names(fields, KeyName("for").otherwise("all"), &Way::drifts,
+            "displacements to choose for: [\"Z\"]");
+  return fields.custom(
+      way_fields().keys(),
+      [](TableReader& reader, Way& way) {
+        if (way.choice.fixed.empty()) way.choice = way_fields().read(reader, way.choice);
+      },
+      [](const Way& way, Node::Table& table) {
+        if (!way.choice.fixed.empty()) return;
+        append_entries(table, way_fields().written(way.choice));
+      });
+}
+
+void read_further_ways(TableReader& reader, SensorChoiceDescription& description) {
+  std::set<std::string> names;
+  for (const Node* node : reader.tables("beside")) {
+    description.beside.push_back(
+        further_way_fields().read_table(*node, reader.name_of("beside"), reader.input_errors()));
+    const std::string& name = description.beside.back().name;
+    if (!name.empty() && !names.insert(name).second)
+      reader.input_errors().add(node->place, "a name that no other way beside has",
+                                "\"" + name + "\" again");
+  }
+}
+
+void put_further_ways(const SensorChoiceDescription& description, Node::Table& table) {
+  Node::Array all;
+  for (const Way& way : description.beside)
+    all.push_back(Node{{}, further_way_fields().written(way)});
+  if (!all.empty()) put(table, "beside", std::move(all));
+}
+
+Key further_ways_key() {
+  Key beside = make_field_key("beside", Key::Kind::Tables,
+                              "other ways to choose, graded beside by the same model");
+  beside.keys = further_way_fields().keys();
+  return beside;
+}
+
+const Fields<SensorChoiceDescription>& sensor_choice_fields() {
+  using Description = SensorChoiceDescription;
+  static const Fields<Description> fields =
+      Fields<Description>()
+          .text("instrument", &Description::instrument, "name of the drift instrument")
+          .all_of(
+              [](auto& d) -> auto& { return d.study.choice; }, way_fields())
+          .word(
+              "model", [](auto& d) -> auto& { return d.study.model.kind; },
+              {{"linear", ModelKind::Linear},
+               {"ridge", ModelKind::Ridge},
+               {"lasso", ModelKind::Lasso},
+               {"support_vectors", ModelKind::SupportVectors},
+               {"kernel_ridge", ModelKind::KernelRidge},
+               {"network", ModelKind::Network}},
+              "of the drift, by the temperatures of the sensors chosen")
+          .boolean(
+              "since_start", [](auto& d) -> auto& { return d.study.features.since_start; },
+              "temperatures count from the start of the day")
+          .number(
+              "lag_rows", [](auto& d) -> auto& { return d.study.features.lag_rows; }, non_negative,
+              "beside each temperature its copy behind a lag of so many readings; 0: none")
+          .whole(
+              "random_subsets", [](auto& d) -> auto& { return d.study.random_subsets; }, 0, 10000,
+              "as large as the choice, to compare with")
+          .custom({further_ways_key()}, read_further_ways, put_further_ways);
+  return fields;
+}
+
+}  // namespace
+
+SensorChoiceDescription read_sensor_choice(const Node& table, InputErrors& input_errors) {
+  return sensor_choice_fields().read_table(table, "sensor_choice", input_errors);
+}
+Node::Table written_sensor_choice(const SensorChoiceDescription& choice) {
+  return sensor_choice_fields().written(choice);
+}
+std::vector<Key> sensor_choice_keys() { return sensor_choice_fields().keys(); }
+
+namespace {
+
+namespace metrology = errors::metrology;
+using metrology::CoordinateMachine;
+using metrology::Instrument;
+using metrology::Kind;
+using metrology::TouchProbe;
+using PartInstrument = PartInstrumentDescription;
+
+constexpr Range quality_range{0.0, 1e4, false, false};  // um or urad: beyond, nothing is measured
+constexpr Range wait_s{0.0, 1e6};
+constexpr Range speed{1e-3, 1e9, false, false};  // mm/min: below, no day is long enough
+
+constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
+
+bool is_part_instrument(const std::string& word) { return word == cmm || word == touch_probe; }
+
+/// What each kind reads, and how well a typical one does.
+constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
+    {Kind::Laser,
+     "interferometer, positioning of each slide, both ways (ISO 230-2); 0.05 µm, scale 0.25 µm/m, "
+     "beam to 200 µrad, 5 runs"},
+    {Kind::Straightness,
+     "both ways across each slide; 0.3 µm, scale 0.25 %, mirror to 500 µrad, 3 runs"},
+    {Kind::AngleOptics,
+     "pitch and yaw of slides, position of rotary axes; 0.2 µrad, scale 0.1 %, 3 runs"},
+    {Kind::Square,
+     "two straightness lines against one artefact, each pair of slides; 0.3 µm, laid to 500 µrad, "
+     "3 runs"},
+    {Kind::Diagonals, "four body and six face diagonals (ISO 230-6); as the laser, 5 runs"},
+    {Kind::StepDiagonal,
+     "four body diagonals in steps of X, Y, Z against a flat mirror (laser vector); as the laser, "
+     "10 steps, one way, 3 runs"},
+    {Kind::BallBar,
+     "circles and arcs in each plane (ISO 230-4); 0.25 µm, length to 20 µm/m, centre to 2 µm, 72 "
+     "targets"},
+    {Kind::BallBarRotary,
+     "the bar radial, tangential and axial to a rotary axis that turns while the slides follow "
+     "(ISO 10791-6); as the ball bar"},
+    {Kind::RTest,
+     "ball at the tool, three sensors on the table, a rotary axis turns, the slides follow (ISO "
+     "10791-6); 0.3 µm, nest to 300 µrad, ball to 2 µm, 36 targets"},
+    {Kind::Sphere,
+     "touch probing of a sphere on the table in a grid of rotary positions; 0.5 µm, ball to 2 µm, "
+     "7 targets an axis"},
+    {Kind::Tracker,
+     "range and two angles to a reflector on a grid of the travel; 0.5 µm, 1.5 µrad, scale 0.5 "
+     "µm/m, 5 targets an axis"},
+    {Kind::Multilateration,
+     "lengths alone from four places; 0.1 µm, scale 0.15 µm/m, 5 targets an axis"},
+    {Kind::Level, "tilt of each slide's carriage against gravity; 2 µrad, laid to 5 mrad, 3 runs"},
+    {Kind::RollLines,
+     "straightness on two parallel lines: roll without a level; 0.2 µm, 500 µrad, 3 runs"},
+    {Kind::Spindle,
+     "five sensors around an artefact (ISO 230-7); 0.015 µm, ball off centre by 10 µm, 1000 rpm, "
+     "64 readings a turn, 20 turns, `lever_mm` 50"},
+    {Kind::Drift,
+     "three displacements and two tilts at one place over time (ISO 230-3); 0.02 µm, 0.5 µrad, "
+     "nest to 1000 µrad"},
+    {Kind::Temperature, "the machine's sensors alone, as good as they are"},
+}};
+
+KeyName default_of_kind(const char* key) { return KeyName(key).otherwise("of the kind"); }
+
+void add_noise_fields(Fields<Instrument>& fields) {
+  fields
+      .number(default_of_kind("noise_um"), &Instrument::noise, quality_range,
+              "standard deviation of one reading of a length")
+      .number(default_of_kind("noise_urad"), &Instrument::noise_rad, quality_range,
+              "standard deviation of one reading of an angle")
+      .number(default_of_kind("resolution_um"), &Instrument::resolution, quality_range,
+              "readings of lengths are multiples of it; 0: not rounded")
+      .number(default_of_kind("resolution_urad"), &Instrument::resolution_rad, quality_range,
+              "readings of angles are multiples of it; 0: not rounded")
+      .number(default_of_kind("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
+              "standard deviation of how a beam, an artefact or a nest lies")
+      .number(default_of_kind("position_um"), &Instrument::position_sigma, {0.0, 1e4},
+              "standard deviation of the places of reflectors, balls and stations")
+      .number(default_of_kind("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
+              "standard deviation of wavelength, material temperature or the length of a bar")
+      .number("drift_um_per_h", &Instrument::drift_sigma, non_negative,
+              "standard deviation of the instrument's drift, from the first reading of a set-up");
+}
+
+void read_instrument_axes(TableReader& reader, Instrument& one) {
+  const Node* list = reader.know("axes");
+  if (!list) return;
+  one.axes.clear();
+  if (!list->array())
+    reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
+  for (const Node& letter : list->array() ? *list->array() : Node::Array{}) {
+    if (letter.text() && letter.text()->size() == 1)
+      one.axes.push_back(letter.text()->front());
+    else
+      reader.input_errors().add(letter.place, "the letter of an axis", shown(letter));
+  }
+}
+
+void put_axes(const Instrument& one, Node::Table& table) {
+  Node::Array letters;
+  for (const char axis : one.axes) letters.push_back(Node{{}, std::string(1, axis)});
+  if (!letters.empty()) put(table, "axes", std::move(letters));
+}
+
+void add_targets(Fields<Instrument>& fields) {
+  fields
+      .custom({make_field_key(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
+                              "letters of axes; of planes and diagonals those between them")},
+              read_instrument_axes, put_axes)
+      .whole(default_of_kind("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
+      .whole(
+          default_of_kind("targets"), &Instrument::targets, 2, 10000,
+          "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
+          "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
+          "first not again at the end")
+      .boolean(KeyName("both_ways").otherwise("true; not of grids, spheres, the step diagonal"),
+               &Instrument::both_ways, "bidirectional; circles also clockwise")
+      .number("margin", &Instrument::margin, {0.0, 0.4, true, true},
+              "of the travel left free at both ends")
+      .number(KeyName("scatter").otherwise("0.3 of a laser, else 0"), &Instrument::scatter,
+              {0.0, 0.45},
+              "how far targets between the first and the last stand off equal spacing, in parts of "
+              "it, so that no pitch of a screw hides between them; below 0.45")
+      .direction("up", &Instrument::up_b, "away from gravity in the bed: a level's plumb line")
+      .vector(KeyName("at_mm").otherwise("within the travel"), &Instrument::at_w,
+              "in the workpiece: ball of an R-test, a rotary bar, a sphere, drift; centre of a "
+              "circle; station of a tracker")
+      .vector("reflector_mm", &Instrument::reflector_t,
+              "from the tip to the reflector or ball, in the tool's frame")
+      .number("radius_mm", &Instrument::radius, positive,
+              "of circles and bar; of a ball from a rotary axis")
+      .number(default_of_kind("lever_mm"), &Instrument::lever, positive,
+              "between the parallel lines; the two heights of a spindle's artefact")
+      .number("from_deg", &Instrument::from_rad, any_number,
+              "where the arc of circles and rotary axes begins, cut to the travel of an axis")
+      .number("to_deg", &Instrument::to_rad, any_number, "where that arc ends");
+}
+
+void check_interval(TableReader& reader, Instrument& one) {
+  const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
+  if (over_time && one.interval_s > one.duration_s)
+    reader.refuse("interval_s",
+                  "an instrument.interval_s of at most instrument.duration_h, so that "
+                  "something is read twice",
+                  fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
+}
+
+void add_times(Fields<Instrument>& fields) {
+  fields
+      .number("interval_s", &Instrument::interval_s, positive,
+              "between readings of drift and temperature")
+      .number("duration_h", &Instrument::duration_s, {0.0, 1e5}, "of drift and temperature")
+      .check(check_interval)
+      .number("speed_mm_per_min", &Instrument::speed, speed, "between targets")
+      .number(default_of_kind("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
+      .number(default_of_kind("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
+              "of a person for each set-up; with speed and dwell what the hours are made of")
+      .number(default_of_kind("spindle_rpm"), &Instrument::spindle_speed, non_negative,
+              "of a spindle test, and while drift is read");
+}
+
+void read_starts(TableReader& reader, InstrumentDescription& one) {
+  const Node* node = reader.know("start_h");
+  if (!node) return;
+  if (!node->array()) {
+    one.starts_s = {reader.number("start_h", any_number)};
+    return;
+  }
+  const Eigen::VectorXd starts = reader.numbers("start_h");
+  one.starts_s.assign(starts.begin(), starts.end());
+}
+
+void put_starts(const InstrumentDescription& one, Node::Table& table) {
+  const auto& starts = one.starts_s;
+  put_numbers(table, "start_h",
+              Eigen::Map<const Eigen::VectorXd>(starts.data(), Eigen::Index(starts.size())),
+              unit_of("start_h"));
+}
+
+/// Every key but kind and name; a kind does not look at those that it does not need.
+Fields<InstrumentDescription> instrument_fields(Kind kind) {
+  Fields<Instrument> own;
+  add_noise_fields(own);
+  add_targets(own);
+  add_times(own);
+  return Fields<InstrumentDescription>({metrology::typical(kind), {0.0}})
+      .all_of(&InstrumentDescription::instrument, own)
+      .custom({make_field_key(
+                  KeyName("start_h").otherwise("0"), Key::Kind::Any,
+                  "when the first reading is taken, in hours, or a list: everything is read "
+                  "once from each, set up again; 0 is the start of the program, negative lies "
+                  "in the history")},
+              read_starts, put_starts);
+}
+
+Fields<CoordinateMachine> cmm_fields() {
+  return Fields<CoordinateMachine>()
+      .number("noise_um", &CoordinateMachine::noise, quality_range,
+              "standard deviation of one reading")
+      .number("resolution_um", &CoordinateMachine::resolution, quality_range,
+              "readings are multiples of it; 0: not rounded")
+      .number("position_um", &CoordinateMachine::alignment_sigma, {0.0, 1e4},
+              "standard deviation of where the part lies")
+      .number("alignment_urad", &CoordinateMachine::alignment_sigma_rad, {0.0, 1e4},
+              "standard deviation of how the part lies")
+      .boolean("best_fit", &CoordinateMachine::best_fit, "a rigid fit is taken out")
+      .number("interval_s", &CoordinateMachine::interval_s, non_negative, "between readings");
+}
+
+TouchProbe default_probe(const MachineDescription& machine) {
+  TouchProbe usual;
+  usual.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  return usual;
+}
+
+Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
+  return Fields<TouchProbe>(default_probe(machine))
+      .vector("centre_mm", &TouchProbe::centre_t, "of the ball from the tip")
+      .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "of the stylus ball")
+      .number("noise_um", &TouchProbe::noise, quality_range, "standard deviation of one touch")
+      .number("resolution_um", &TouchProbe::resolution, quality_range,
+              "readings are multiples of it; 0: not rounded")
+      .number("clearance_mm", &TouchProbe::clearance, positive, "where the approach begins")
+      .number("speed_mm_per_min", &TouchProbe::speed, speed, "between points")
+      .number("dwell_s", &TouchProbe::dwell_s, wait_s, "for each touch")
+      .number("start_h", &TouchProbe::start_s, any_number,
+              "of the first touch, after the end of the program")
+      .table(KeyName("pose").otherwise("all at zero"), &TouchProbe::q,
+             axis_position_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
+}
+
+/// Every key but kind and name.
+template <typename How>
+Fields<PartInstrument> fields_of_part(const How& usual, const Fields<How>& how) {
+  return Fields<PartInstrument>({"", "", usual})
+      .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
+            "of which case the part is")
+      .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
+      .all_of(
+          [](auto& part) -> auto& { return std::get<How>(part.how); }, how);
+}
+
+Fields<PartInstrument> part_instrument_fields(const std::string& kind,
+                                              const MachineDescription& machine) {
+  if (kind == cmm) return fields_of_part(CoordinateMachine{}, cmm_fields());
+  return fields_of_part(default_probe(machine), touch_probe_fields(machine));
+}
+
+const Key& kind_key() {
+  static const Key key = [] {
+    Key all = make_field_key(must("kind"), Key::Kind::Text,
+                             "what it is, and how good if nothing is said");
+    for (const auto& [kind, sentence] : kinds)
+      all.words.push_back({metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
+    all.words.push_back({cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
+                         part_instrument_fields(cmm, {}).keys()});
+    all.words.push_back({touch_probe,
+                         "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
+                         part_instrument_fields(touch_probe, {}).keys()});
+    return all;
+  }();
+  return key;
+}
+
+std::string read_kind(TableReader& reader) {
+  static const std::set<std::string> words = words_of(kind_key());
+  std::string word = reader.text("kind");
+  if (word.empty() || words.contains(word)) return word;
+  std::string list;
+  for (const std::string& one : words) list += (list.empty() ? "" : ", ") + one;
+  const auto meant = nearest(word, words);
+  reader.refuse("kind", "one of " + list,
+                "\"" + word + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
+  return "";
+}
+
+InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std::string& name,
+                                      const MachineDescription& machine) {
+  const std::size_t before = reader.input_errors().list().size();
+  InstrumentDescription description = instrument_fields(kind).read(reader);
+  description.instrument.name = name;
+  reader.close();
+  if (reader.input_errors().list().size() != before || machine.joints.empty()) return description;
+  try {
+    metrology::plan(description.instrument,
+                    kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("kind", "an instrument that can measure this machine", fault.what());
+  }
+  return description;
+}
+
+PartInstrument read_part_instrument(TableReader& reader, const std::string& kind,
+                                    const std::string& name, const MachineDescription& machine) {
+  PartInstrument description = part_instrument_fields(kind, machine).read(reader);
+  description.name = name;
+  reader.close();
+  return description;
+}
+
+Node::Table named(const std::string& kind, const std::string& name, Node::Table others) {
+  Node::Table table;
+  put(table, "kind", kind);
+  put(table, "name", name);
+  append_entries(table, std::move(others));
+  return table;
+}
+
+}  // namespace
+
+Instruments read_instruments(const std::vector<const Node*>& tables,
+                             const MachineDescription& machine, InputErrors& input_errors) {
+  Instruments instruments;
+  std::set<std::string> names;
+  for (const Node* node : tables) {
+    TableReader reader(*node, "instrument", input_errors);
+    const std::string kind = read_kind(reader);
+    const std::string name = reader.text("name", kind.empty() ? "?" : kind);
+    if (!is_folder_name(name))
+      reader.refuse("name", "a name of letters, digits, blanks, _ - . for a file", name);
+    if (!kind.empty() && !names.insert(name).second)
+      reader.refuse(reader.has("name") ? "name" : "kind", "a name that no other instrument has",
+                    "\"" + name + "\" again");
+    if (!reader.has("kind")) reader.refuse("kind", "a kind such as \"laser\"", "none");
+    if (kind.empty()) continue;
+    if (is_part_instrument(kind))
+      instruments.of_part.push_back(read_part_instrument(reader, kind, name, machine));
+    else
+      instruments.of_machine.push_back(
+          read_instrument(reader, *metrology::kind_of(kind), name, machine));
+  }
+  return instruments;
+}
+
+std::vector<Node::Table> written_instruments(const Instruments& instruments,
+                                             const MachineDescription& machine) {
+  std::vector<Node::Table> tables;
+  for (const InstrumentDescription& one : instruments.of_machine)
+    tables.push_back(named(metrology::to_string(one.instrument.kind), one.instrument.name,
+                           instrument_fields(one.instrument.kind).written(one)));
+  for (const PartInstrument& one : instruments.of_part) {
+    const char* kind = std::holds_alternative<CoordinateMachine>(one.how) ? cmm : touch_probe;
+    tables.push_back(named(kind, one.name, part_instrument_fields(kind, machine).written(one)));
+  }
+  return tables;
+}
+
+std::vector<Key> instrument_keys() {
+  return {kind_key(), make_field_key(KeyName("name").otherwise("the kind"), Key::Kind::Text,
+                                     "of the readings and their file, each once")};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,626 @@
+#include "sim/scene/machine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "kinematics/axes.h"
+#include "kinematics/units.h"
+#include "sim/scene/bodies.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+/// What a search names itself.
+constexpr std::array reserved_names{"part", "stock", "cutter", "shank", "holder"};
+
+bool is_reserved_name(const std::string& name) {
+  return std::ranges::find(reserved_names, name) != reserved_names.end();
+}
+
+std::string carrier_name(const MachineDescription& machine, const MachineBody& body) {
+  return body.joint ? std::string(1, machine.joints[std::size_t(*body.joint)].name) : "b";
+}
+
+/// "fixture" of one, "fixture 2" of several. @param of  " of X", or empty
+std::string numbered_name(const char* word, int number, int count, const std::string& of) {
+  return count == 1 ? word + of : fmt::format("{} {}{}", word, number, of);
+}
+
+/// The tables of a list, or the table alone.
+std::vector<const Node*> tables_of(const Node* list) {
+  std::vector<const Node*> tables;
+  if (list != nullptr && list->table() != nullptr) tables.push_back(list);
+  if (list != nullptr && list->array() != nullptr)
+    for (const Node& one : *list->array()) tables.push_back(&one);
+  return tables;
+}
+
+/// Refuses names that are taken. @param taken  whose they are; those of `names` are put there
+void check_unique_names(InputErrors& input_errors, const std::vector<const Node*>& tables,
+                        const std::vector<std::string>& names, const char* of,
+                        std::map<std::string, std::string> taken) {
+  if (tables.size() != names.size()) return;  // a table among them was refused
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Node* stated = tables[i]->find("name");
+    const Place& place = stated != nullptr ? stated->place : tables[i]->place;
+    const auto whose = is_reserved_name(names[i])
+                           ? fmt::format("the name of the {} itself", names[i])
+                           : (taken.contains(names[i]) ? taken[names[i]] : std::string());
+    if (!whose.empty())
+      input_errors.add(place, fmt::format("a name for {} that nothing else has", of),
+                       fmt::format("\"{}\", {}", names[i], whose));
+    taken.emplace(names[i], fmt::format("that of {} before it", of));
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> machine_body_names(const MachineDescription& machine) {
+  std::map<std::string, int> count, number;
+  for (const MachineBody& one : machine.bodies)
+    count[carrier_name(machine, one)] += one.body.name.empty();
+  std::vector<std::string> names;
+  for (const MachineBody& one : machine.bodies) {
+    const std::string carrier = carrier_name(machine, one);
+    names.push_back(one.body.name.empty()
+                        ? numbered_name("body", ++number[carrier], count[carrier], " of " + carrier)
+                        : one.body.name);
+  }
+  return names;
+}
+
+std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtures) {
+  const auto count = int(std::ranges::count(fixtures, std::string(), &BodyDescription::name));
+  int number = 0;
+  std::vector<std::string> names;
+  for (const BodyDescription& one : fixtures)
+    names.push_back(one.name.empty() ? numbered_name("fixture", ++number, count, "") : one.name);
+  return names;
+}
+
+void check_body_names(TableReader& machine, const MachineDescription& described) {
+  check_unique_names(machine.input_errors(), tables_of(machine.know("body")),
+                     machine_body_names(described), "a body of the machine", {});
+}
+
+void check_fixture_names(TableReader& scene, const MachineDescription& machine,
+                         const std::vector<BodyDescription>& fixtures) {
+  std::map<std::string, std::string> taken;
+  for (const std::string& name : machine_body_names(machine))
+    taken.emplace(name, "that of a body of the machine");
+  check_unique_names(scene.input_errors(), tables_of(scene.know("fixture")),
+                     fixture_names(fixtures), "a fixture", std::move(taken));
+}
+
+void check_ignored_names(TableReader& scene, const MachineDescription& machine,
+                         const std::vector<BodyDescription>& fixtures) {
+  const Node* collision = scene.know("collision");
+  if (collision == nullptr || !scene.input_errors().empty()) return;
+  std::vector<std::string> names = machine_body_names(machine);
+  for (const std::string& name : fixture_names(fixtures)) names.push_back(name);
+  names.insert(names.end(), reserved_names.begin(), reserved_names.end());
+  for (const Node* pair : tables_of(collision->find("ignore"))) {
+    const Node *a = pair->find("a"), *b = pair->find("b");
+    for (const Node* one : {a, b})
+      if (std::ranges::find(names, *one->text()) == names.end())
+        scene.input_errors().add(
+            one->place, fmt::format("the name of a body: {}", fmt::join(names, ", ")), shown(*one));
+    if (*a->text() == *b->text())
+      scene.input_errors().add(b->place, "the name of another body than collision.ignore.a",
+                               shown(*b));
+  }
+}
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Joint;
+using kinematics::Motion;
+
+Motion motion_of(char name) {
+  if (name == 's') return Motion::Spindle;
+  return std::string_view("XYZUVWPQR").find(name) != std::string_view::npos ? Motion::Linear
+                                                                            : Motion::Rotary;
+}
+
+// ISO 841: a rotary axis of this letter turns about the slide of that one.
+std::optional<Vector3d> default_direction(char name) {
+  if (std::string_view("XUPA").find(name) != std::string_view::npos) return Vector3d::UnitX();
+  if (std::string_view("YVQB").find(name) != std::string_view::npos) return Vector3d::UnitY();
+  if (std::string_view("ZWRC").find(name) != std::string_view::npos) return Vector3d::UnitZ();
+  return std::nullopt;
+}
+
+void read_travel(TableReader& reader, Joint& joint) {
+  const std::string key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
+  const auto travel = reader.maybe_numbers(key, 2);
+  if (!travel) return;
+  joint.min = (*travel)[0];
+  joint.max = (*travel)[1];
+  if (!(joint.min < joint.max)) {
+    reader.refuse(key, "[least, most] with least below most for " + key, "not rising");
+  }
+}
+
+void put_travel(const Joint& joint, Node::Table& table) {
+  const Joint without_end;
+  if (joint.min == without_end.min && joint.max == without_end.max) return;
+  const char* key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
+  put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_of(key));
+}
+
+/// @param axis  with its letter's motion
+Fields<Joint> axis_fields(const Joint& axis) {
+  using kinematics::DeviationAxes;
+  using kinematics::Squareness;
+  const KeyName direction =
+      KeyName("direction").otherwise("x of X, U, A; y of Y, V, B; z of Z, W, C; none of S");
+  const KeyName travel_mm = KeyName("travel_mm").otherwise("without end");
+  const KeyName travel_deg = KeyName("travel_deg").otherwise("without end");
+  return Fields<Joint>(axis)
+      .word(KeyName("motion").otherwise("by letter: rotary of A, B, C, S"), &Joint::motion,
+            {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "what the axis does")
+      .direction(default_direction(axis.name) ? direction : must(direction), &Joint::direction_b,
+                 "a positive command moves the tool this way against the workpiece, or turns it "
+                 "about it")
+      .custom(
+          {make_numbers_key(KeyName("point_mm").otherwise("[0, 0, 0] of a slide"), 3,
+                            "on the line of rotation of an axis that turns, which must have it; "
+                            "of a slide, where its deviations are stated")},
+          [](TableReader& reader, Joint& joint) {
+            joint.point_b = joint.motion == Motion::Linear
+                                ? reader.vector("point_mm", Vector3d::Zero())
+                                : reader.vector("point_mm");
+          },
+          [](const Joint& joint, Node::Table& table) {
+            put_numbers(table, "point_mm", joint.point_b, 1.0);
+          })
+      .custom({make_numbers_key(travel_mm, 2, "[least, most] commanded, of a slide"),
+               make_numbers_key(travel_deg, 2, "[least, most] commanded, of an axis that turns")},
+              read_travel, put_travel)
+      .word("deviation_axes", &Joint::deviation_axes,
+            {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
+             {"turning", DeviationAxes::Turning, "the papers' order"}},
+            "directions in which the deviations of an axis that turns are stated")
+      .word("squareness", &Joint::squareness,
+            {{"frame", Squareness::Frame,
+              "the axis turns with all that it carries, or, where it carries the slide to which "
+              "the angle is stated, what it carries turns by the opposite "
+              "(`kinematics/README.md`)"},
+             {"travel", Squareness::Travel, "the direction of travel only"}},
+            "what an angle of location turns; the angle is the same");
+}
+
+/// An axis with what the control makes of its words.
+struct MachineAxis {
+  Joint joint;
+  program::Rollover rollover = program::Rollover::ByControl;
+};
+
+Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
+  using program::Rollover;
+  return Fields<MachineAxis>(axis)
+      .all_of(&MachineAxis::joint, axis_fields(axis.joint))
+      .where([](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
+             Fields<MachineAxis>().word(
+                 "rollover", &MachineAxis::rollover,
+                 {{"by_control", Rollover::ByControl,
+                   "\"shortest\" in a program of Fanuc for an axis that carries the workpiece and "
+                   "turns without end, or by more than two turns; else \"none\""},
+                  {"none", Rollover::None, "it turns by the difference of the positions"},
+                  {"shortest", Rollover::Shortest, "whole turns do not count: the short way"},
+                  {"sign", Rollover::Sign,
+                   "whole turns do not count: in the direction of the word's sign"}},
+                 "how the control turns it to an absolute position"));
+}
+
+Joint axis_of(const kinematics::CodeAxis& code) {
+  Joint joint;
+  joint.name = code.name;
+  joint.side = code.side;
+  joint.motion = motion_of(code.name);
+  joint.direction_b = default_direction(code.name).value_or(Vector3d::UnitX());
+  return joint;
+}
+
+// A nose is where the tool sits, so its frame says all that an axis section would.
+Joint make_nose_joint(const kinematics::CodeAxis& code, const kinematics::Pose& T_bs) {
+  Joint joint;
+  joint.name = code.name;
+  joint.side = code.side;
+  joint.motion = Motion::Spindle;
+  joint.direction_b = T_bs.linear().col(2);
+  joint.point_b = T_bs.translation();
+  return joint;
+}
+
+kinematics::Pose read_nose(TableReader& reader) {
+  kinematics::Pose T_bs = kinematics::Pose::Identity();
+  T_bs.translation() = reader.vector("at_mm");
+  const Vector3d z = reader.direction("axis", Vector3d::UnitZ());
+  const Vector3d usual_x = std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitZ();
+  const Vector3d wanted_x = reader.direction("x", (usual_x - usual_x.dot(z) * z).normalized());
+  const Vector3d across = wanted_x - wanted_x.dot(z) * z;
+  if (across.norm() < 1e-3) {
+    reader.refuse("x", "a direction across the axis for machine.nose.x", "one along it");
+    return T_bs;
+  }
+  const Vector3d x = across.norm() == 1.0 ? across : Vector3d(across.normalized());
+  T_bs.linear().col(0) = x;
+  T_bs.linear().col(1) = z.cross(x);
+  T_bs.linear().col(2) = z;
+  return T_bs;
+}
+
+Fields<kinematics::Pose> nose_fields() {
+  using kinematics::Pose;
+  return Fields<Pose>(Pose::Identity())
+      .custom(
+          {make_numbers_key(must("at_mm"), 3, "where it is"),
+           make_numbers_key(KeyName("axis").otherwise("[0, 0, 1]"), 3,
+                            "from the tip to the spindle"),
+           make_numbers_key(KeyName("x").otherwise("[1, 0, 0], or z where the axis is x"), 3,
+                            "its x direction, made square to the axis")},
+          [](TableReader& reader, Pose& T_bs) { T_bs = read_nose(reader); },
+          [](const Pose& T_bs, Node::Table& table) {
+            put_numbers(table, "at_mm", T_bs.translation(), 1.0);
+            put_numbers(table, "axis", T_bs.linear().col(2), 1.0);
+            put_numbers(table, "x", T_bs.linear().col(0), 1.0);
+          });
+}
+
+std::optional<kinematics::Topology> read_code(TableReader& reader) {
+  const std::string code = reader.text("code");
+  if (code.empty()) return std::nullopt;
+  try {
+    return kinematics::parse_structural_code(code);
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("code", "a structural code such as \"w C' b X Y Z A s t\"", fault.what());
+    return std::nullopt;
+  }
+}
+
+std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topology& topology,
+                                   const kinematics::Pose& T_bs) {
+  std::vector<MachineAxis> read;
+  const Node* section = machine.section("axis");
+  Node none;
+  none.place = machine.place();
+  none.value = Node::Table{};
+  TableReader axes(section ? *section : none, machine.name_of("axis"), machine.input_errors());
+  for (const kinematics::CodeAxis& code : topology) {
+    if (motion_of(code.name) == Motion::Spindle) {
+      read.push_back({make_nose_joint(code, T_bs)});
+      continue;
+    }
+    const std::string name(1, code.name);
+    if (const Node* table = axes.section(name)) {
+      read.push_back(machine_axis_fields({axis_of(code)})
+                         .read_table(*table, axes.name_of(name), machine.input_errors()));
+    } else if (!axes.has(name)) {
+      axes.missing(name, "a table");
+    }
+  }
+  axes.close();
+  return read;
+}
+
+void read_joints(TableReader& reader, MachineDescription& machine) {
+  reader.know("axis");
+  for (const char* key : {"home", "reference", "machine_zero"}) reader.know(key);
+  const auto topology = read_code(reader);
+  if (!topology) return;
+  const std::size_t before = reader.input_errors().list().size();
+  for (const MachineAxis& axis : read_axes(reader, *topology, machine.T_bs)) {
+    machine.joints.push_back(axis.joint);
+    machine.rollover.push_back(axis.rollover);
+  }
+  if (machine.joints.size() != topology->size() || reader.input_errors().list().size() != before)
+    return;
+  try {
+    kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("code", "a machine that makes a chain", fault.what());
+  }
+}
+
+void put_joints(const MachineDescription& machine, Node::Table& table) {
+  put(table, "code", kinematics::to_string(kinematics::chain_topology(machine.joints)));
+  Node::Table axes;
+  for (std::size_t j = 0; j < machine.joints.size(); ++j) {
+    const MachineAxis axis{machine.joints[j], j < machine.rollover.size()
+                                                  ? machine.rollover[j]
+                                                  : program::Rollover::ByControl};
+    if (axis.joint.motion != Motion::Spindle)
+      put(axes, std::string(1, axis.joint.name), machine_axis_fields(axis).written(axis));
+  }
+  if (!axes.empty()) put(table, "axis", std::move(axes));
+}
+
+void read_home(TableReader& reader, MachineDescription& machine) {
+  const auto fields = axis_position_fields(machine.joints);
+  machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  if (const Node* home = reader.section("home"))
+    machine.home = fields.read_table(*home, reader.name_of("home"), reader.input_errors());
+  if (const Node* reference = reader.section("reference"))
+    machine.reference =
+        fields.read_table(*reference, reader.name_of("reference"), reader.input_errors());
+  if (const Node* zero = reader.section("machine_zero"))
+    machine.machine_zero =
+        fields.read_table(*zero, reader.name_of("machine_zero"), reader.input_errors());
+}
+
+/// Joint that a letter of the code names; none for b, the bed.
+void read_carrier(TableReader& reader, const std::vector<Joint>& joints, MachineBody& body) {
+  const std::string letter = reader.text("carried_by", "b");
+  std::string known = "b";
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    known += std::string(" ") + joints[j].name;
+    if (letter == std::string(1, joints[j].name)) body.joint = int(j);
+  }
+  if (!body.joint && letter != "b" && !joints.empty())
+    reader.refuse("carried_by", "a letter of the machine's code: " + known, letter);
+}
+
+/// @param joints  of the machine
+Fields<MachineBody> machine_body_fields(const std::vector<Joint>& joints) {
+  return Fields<MachineBody>()
+      .custom(
+          {make_field_key(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
+                          "letter of the axis that it moves with, s of the nose, b of the bed")},
+          [joints](TableReader& reader, MachineBody& body) { read_carrier(reader, joints, body); },
+          [joints](const MachineBody& body, Node::Table& table) {
+            if (body.joint)
+              put(table, "carried_by", std::string(1, joints[std::size_t(*body.joint)].name));
+          })
+      .all_of(&MachineBody::body, body_fields());
+}
+
+void read_bodies(TableReader& reader, MachineDescription& machine) {
+  const auto fields = machine_body_fields(machine.joints);
+  for (const Node* node : reader.tables("body"))
+    machine.bodies.push_back(
+        fields.read_table(*node, reader.name_of("body"), reader.input_errors()));
+  check_body_names(reader, machine);
+}
+
+void put_bodies(const MachineDescription& machine, Node::Table& table) {
+  put_tables(table, "body", machine.bodies, machine_body_fields(machine.joints));
+}
+
+Key body_key() {
+  return make_field_key(
+      KeyName("body").otherwise("none"), Key::Kind::Tables,
+      "what the machine is made of, for its picture and for collisions; placed in the "
+      "bed, with all axes at zero",
+      machine_body_fields({}).keys());
+}
+
+Key code_key() {
+  return make_field_key(
+      must("code"), Key::Kind::Text,
+      "structural code, workpiece to tool: \"w C' b X Y Z A s t\"; primed axes carry the "
+      "workpiece, `s` is the spindle nose");
+}
+
+/// A table of tables, one for every letter of an axis.
+Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
+  Key letter = make_field_key("<axis>", Key::Kind::Table, sentence, std::move(keys));
+  letter.pattern = pattern;
+  return make_field_key("axis", Key::Kind::Table, "the axes by their letters", {std::move(letter)});
+}
+
+Key home_key() {
+  return make_field_key(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
+                        "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
+                        axis_position_fields({}).keys());
+}
+
+Key reference_key() {
+  return make_field_key(KeyName("reference").otherwise("home"), Key::Kind::Table,
+                        "reference position, where G28 and its kin go: { Z_mm = 400 }",
+                        axis_position_fields({}).keys());
+}
+
+Key machine_zero_key() {
+  return make_field_key(KeyName("machine_zero").otherwise("the zero of the axes"), Key::Kind::Table,
+                        "positions of the axes that G53, M91 and SUPA count from",
+                        axis_position_fields({}).keys());
+}
+
+void put_home(const MachineDescription& machine, Node::Table& table) {
+  const auto fields = axis_position_fields(machine.joints);
+  put(table, "home", fields.written(machine.home));
+  if (machine.reference.size() > 0) put(table, "reference", fields.written(machine.reference));
+  if (machine.machine_zero.size() > 0)
+    put(table, "machine_zero", fields.written(machine.machine_zero));
+}
+
+const Fields<MachineDescription>& machine_fields() {
+  using Machine = MachineDescription;
+  static const Fields<Machine> fields =
+      Fields<Machine>()
+          .text("name", &Machine::name, "of the machine")
+          .text("summary", &Machine::summary,
+                "of what it is, one line, as `abbe new --list` has it")
+          .table(must("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
+          .table(KeyName("workpiece").otherwise("the bed frame"), &Machine::T_bw,
+                 placement_fields(), "frame w of the workpiece")
+          .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "speed of slides in G0")
+          .number(KeyName("rapid_deg_per_min").otherwise("3437.75: 1 rad/s"), &Machine::rapid_turn,
+                  positive,
+                  "speed of axes that turn in a G0 without slides; beside slides they keep pace "
+                  "with these")
+          .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_speed,
+                  positive, "largest speed of the spindle under constant surface speed (G96)")
+          .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
+                                        axis_fields(axis_of({})).keys())},
+                  read_joints, put_joints)
+          .custom({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
+          .custom({body_key()}, read_bodies, put_bodies);
+  return fields;
+}
+
+Fields<Joint> believed_fields(const Joint& joint) {
+  return Fields<Joint>(joint)
+      .vector(KeyName("point_mm").otherwise("as it is"), &Joint::point_b,
+              "where the control believes it to be")
+      .direction(KeyName("direction").otherwise("as it is"), &Joint::direction_b,
+                 "that the control believes in");
+}
+
+void read_believed(TableReader& reader, const std::vector<Joint>& joints,
+                   ControlDescription& control) {
+  const Node* section = reader.section("axis");
+  if (!section) return;
+  control.joints = joints;
+  TableReader axes(*section, reader.name_of("axis"), reader.input_errors());
+  for (Joint& joint : control.joints) {
+    const std::string name(1, joint.name);
+    if (const Node* axis = axes.section(name))
+      joint = believed_fields(joint).read_table(*axis, axes.name_of(name), reader.input_errors());
+  }
+  axes.close();
+}
+
+void put_believed(const ControlDescription& control, Node::Table& table) {
+  Node::Table axes;
+  for (const Joint& joint : control.joints)
+    put(axes, std::string(1, joint.name), believed_fields(joint).written(joint));
+  if (!axes.empty()) put(table, "axis", std::move(axes));
+}
+
+/// @param joints  of the machine as it is designed
+Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
+  return Fields<ControlDescription>()
+      .number(KeyName("tool_length_mm").otherwise("as it is"), &ControlDescription::tool_length,
+              any_number, "of the tool, as the control believes")
+      .custom(
+          {axis_key("[A-Zs]", "an axis that the control believes elsewhere",
+                    believed_fields({}).keys())},
+          [joints](TableReader& reader, ControlDescription& control) {
+            read_believed(reader, joints, control);
+          },
+          put_believed);
+}
+
+}  // namespace
+
+MachineDescription read_machine(const Node& table, InputErrors& input_errors) {
+  return machine_fields().read_table(table, "machine", input_errors);
+}
+Node::Table written_machine(const MachineDescription& machine) {
+  return machine_fields().written(machine);
+}
+std::vector<Key> machine_keys() { return machine_fields().keys(); }
+
+ControlDescription read_control(const Node& table, const std::vector<Joint>& joints,
+                                InputErrors& input_errors) {
+  return control_fields(joints).read_table(table, "control", input_errors);
+}
+Node::Table written_control(const ControlDescription& control) {
+  return control_fields({}).written(control);
+}
+std::vector<Key> control_keys() { return control_fields({}).keys(); }
+
+namespace {
+
+using kinematics::Deviation;
+
+Fields<DatumDescription::Touch> touch_fields() {
+  using Touch = DatumDescription::Touch;
+  return Fields<Touch>()
+      .vector(must("point_mm"), &Touch::point_w, "where it touches, in the workpiece frame")
+      .direction(must("direction"), &Touch::direction_w,
+                 "in which the probe moves, towards the face");
+}
+
+/// An instant, negative in the thermal history before the program.
+Fields<DatumDescription> time_fields() {
+  Key hours = make_field_key("time_h", Key::Kind::Number, "the same in hours");
+  return Fields<DatumDescription>()
+      .number("time_s", &DatumDescription::time_s, any_number,
+              "when it was found, negative before the program; with heat, drift counts from there")
+      .custom(
+          {hours},
+          [](TableReader& reader, DatumDescription& datum) {
+            const auto time_s = reader.maybe_number("time_h", any_number);
+            if (!reader.has("time_h")) return;
+            if (reader.has("time_s")) reader.refuse("time_h", "one of time_s and time_h", "both");
+            datum.time_s = time_s.value_or(1.0);
+          },
+          [](const DatumDescription&, Node::Table&) {});
+}
+
+Fields<DatumDescription> datum_fields_of(DatumDescription::Kind kind) {
+  Fields<DatumDescription> fields;
+  if (kind == DatumDescription::Kind::Ideal)
+    fields.vector("point_mm", &DatumDescription::point_w,
+                  "where the tip is set exactly, in the workpiece frame");
+  if (kind != DatumDescription::Kind::None) fields.all_of(itself, time_fields());
+  if (kind == DatumDescription::Kind::TouchOff)
+    fields.tables(
+        must("touch"), &DatumDescription::touches, touch_fields(),
+        "touches of the probe, each of the part, its blank, a fixture or the table within "
+        "`search.band_mm`, at most 40 degrees from straight against its face");
+  return fields;
+}
+
+}  // namespace
+
+const Fields<Deviation>& setup_fields() {
+  static const Fields<Deviation> fields = [] {
+    Fields<Deviation> all;
+    const auto part = [](int i) {
+      return [i](auto& setup) -> auto& { return setup[i]; };
+    };
+    const char* names[] = {"EX_um", "EY_um", "EZ_um", "EA_urad", "EB_urad", "EC_urad"};
+    for (int i = 0; i < 6; ++i)
+      all.number(KeyName(names[i]).otherwise("0"), part(i), any_number,
+                 i < 3 ? "displacement of the part, actual minus nominal"
+                       : "rotation of the part, actual minus nominal");
+    return all;
+  }();
+  return fields;
+}
+
+const Fields<DatumDescription>& datum_fields() {
+  static const Fields<DatumDescription> fields = [] {
+    Key kind = make_field_key(must("kind"), Key::Kind::Text, "how the control finds the part");
+    const std::vector<std::pair<DatumDescription::Kind, Word>> kinds{
+        {DatumDescription::Kind::None, {"none", "not at all: where it should be", {}}},
+        {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
+        {DatumDescription::Kind::TouchOff,
+         {"touch_off", "by a probe with the machine's errors", {}}}};
+    for (auto [one, word] : kinds) {
+      word.keys = datum_fields_of(one).keys();
+      kind.words.push_back(std::move(word));
+    }
+    return Fields<DatumDescription>().custom(
+        {kind},
+        [kind, kinds](TableReader& reader, DatumDescription& datum) {
+          const auto word = reader.word("kind", words_of(kind), true);
+          for (const auto& [one, named] : kinds)
+            if (word == named.word) datum.kind = one;
+          datum = datum_fields_of(datum.kind).read(reader, datum);
+        },
+        [kinds](const DatumDescription& datum, Node::Table& table) {
+          for (const auto& [one, named] : kinds)
+            if (datum.kind == one) put(table, "kind", named.word);
+          for (Node::Entry& entry : datum_fields_of(datum.kind).written(datum))
+            table.push_back(std::move(entry));
+        });
+  }();
+  return fields;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,412 @@
+#include "sim/scene/part.h"
+
+#include <algorithm>
+#include <functional>
+#include <stdexcept>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "cutting/part/mesh_file.h"
+#include "cutting/part/primitive.h"
+#include "cutting/part/text_mesh_formats.h"
+#include "sim/scene/bodies.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+std::vector<std::filesystem::path> material_files(const PartDescription& part) {
+  const auto* mesh = std::get_if<MeshFile>(&part.shape);
+  const bool asks = std::ranges::any_of(
+      part.regions, [](const PartRegion& region) { return region.colour.has_value(); });
+  if (mesh == nullptr || !asks || cutting::lower(mesh->file.extension().string()) != ".obj")
+    return {};
+  return cutting::material_files(mesh->file);
+}
+
+namespace {
+
+using cutting::Cone;
+using cutting::Cylinder;
+using cutting::Disc;
+using cutting::Primitive;
+using cutting::RectanglePlane;
+using cutting::RevolvedProfile;
+using cutting::SphereCap;
+using cutting::Torus;
+using Ring = PartDescription::Ring;
+
+constexpr Range half_turn_open{0.0, 90.0, true, true};
+constexpr Range part_size{1e-3, 1e5};  // mm
+
+constexpr auto declared = [](auto& part) -> auto& { return std::get<Primitive>(part.shape); };
+constexpr auto mesh = [](auto& part) -> auto& { return std::get<MeshFile>(part.shape); };
+
+Fields<RevolvedProfile::Piece> piece_fields() {
+  using Piece = RevolvedProfile::Piece;
+  return Fields<Piece>()
+      .numbers(must("to_mm"), &Piece::to, 2, "its end, [r, z]")
+      .number("arc_radius_mm", &Piece::arc_radius, any_number,
+              "0: a line; above: an arc that is convex, below: one that is concave");
+}
+
+Fields<RevolvedProfile> revolved_profile_fields() {
+  const Key start = make_numbers_key(must("start_mm"), 2, "[r, z] nearest to the axis");
+  const Key pieces = make_field_key(must("profile"), Key::Kind::Tables,
+                                    "lines and arcs from there outwards", piece_fields().keys());
+  return Fields<RevolvedProfile>().custom(
+      {start, pieces},
+      [](TableReader& reader, RevolvedProfile& profile) {
+        Eigen::Vector2d from = reader.numbers("start_mm", 2);
+        if (!reader.has("profile")) reader.missing("profile", "a list of tables");
+        for (const Node* node : reader.tables("profile")) {
+          profile.pieces.push_back(
+              piece_fields().read_table(*node, reader.name_of("profile"), reader.input_errors()));
+          profile.pieces.back().from = from;
+          from = profile.pieces.back().to;
+        }
+      },
+      [](const RevolvedProfile& profile, Node::Table& table) {
+        if (profile.pieces.empty()) return;
+        put_numbers(table, "start_mm", profile.pieces.front().from, 1.0);
+        put_tables(table, "profile", profile.pieces, piece_fields());
+      });
+}
+
+Fields<RectanglePlane> rectangle_fields() {
+  return Fields<RectanglePlane>()
+      .number(must("length_x_mm"), &RectanglePlane::length_x, part_size, "from edge to edge")
+      .number(must("length_y_mm"), &RectanglePlane::length_y, part_size, "from edge to edge");
+}
+
+Fields<Disc> disc_fields() {
+  return Fields<Disc>()
+      .number(must("radius_mm"), &Disc::radius, part_size, "of the rim")
+      .number("inner_radius_mm", &Disc::inner_radius, non_negative, "of the hole of a ring");
+}
+
+Fields<Cylinder> cylinder_surface_fields() {
+  return Fields<Cylinder>()
+      .number(must("radius_mm"), &Cylinder::radius, part_size, "of the wall")
+      .number(must("height_mm"), &Cylinder::height, part_size, "from z = 0 upwards");
+}
+
+Fields<Cone> cone_fields() {
+  return Fields<Cone>()
+      .number(must("base_radius_mm"), &Cone::base_radius, part_size, "at z = 0")
+      .number(must("height_mm"), &Cone::height, part_size, "from z = 0 upwards")
+      .number(must("half_apex_deg"), &Cone::half_apex_angle, half_turn_open,
+              "between the axis and the wall");
+}
+
+Fields<SphereCap> sphere_cap_fields() {
+  return Fields<SphereCap>()
+      .number(must("radius_mm"), &SphereCap::radius, part_size, "of the sphere")
+      .number(must("rim_radius_mm"), &SphereCap::rim_radius, part_size,
+              "from the axis, at most that of the sphere");
+}
+
+Fields<Torus> torus_fields() {
+  return Fields<Torus>()
+      .number(must("radius_mm"), &Torus::radius, part_size, "of the centre line of the tube")
+      .number(must("tube_radius_mm"), &Torus::tube_radius, part_size,
+              "at most that of the centre line");
+}
+
+Fields<PartDescription> declared_fields() {
+  return Fields<PartDescription>()
+      .kinds(
+          must("surface").one_of("shape"), declared,
+          {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
+           alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
+           alternative<Primitive>("cylinder", cylinder_surface_fields(), "the outer wall about z"),
+           alternative<Primitive>("cone", cone_fields(),
+                                  "the outer wall of a frustum, narrower upwards"),
+           alternative<Primitive>("sphere_cap", sphere_cap_fields(), "a dome, its top at z = 0"),
+           alternative<Primitive>("torus", torus_fields(), "the half above z = 0"),
+           alternative<Primitive>("revolved", revolved_profile_fields(),
+                                  "a profile turned about z")},
+          "an exact surface, unless there is a `file`")
+      .whole("vertices", &PartDescription::vertices, 100, 50'000'000,
+             "wanted on a `surface`; a mesh has its own");
+}
+
+Fields<PartDescription> mesh_fields() {
+  return Fields<PartDescription>().all_of(
+      mesh, mesh_file_fields(must("file").one_of("shape"))
+                .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+}
+
+Fields<PartSampling> part_sampling_fields() {
+  using Kind = PartSampling::Kind;
+  return Fields<PartSampling>()
+      .word(KeyName("sampling").otherwise("adaptive; with `vertices` these"), &PartSampling::kind,
+            {{"adaptive", Kind::Adaptive,
+              "vertices are added where the residual is not linear between them, on crests between "
+              "passes"},
+             {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
+             {"vertices", Kind::Vertices, "those of the mesh, or `vertices`"}},
+            "where on the part `run` and `compare` look at the residual; studies take the vertices")
+      .number(KeyName("resolution_um").otherwise("10 % of the error-free PV, at least 0.05"),
+              &PartSampling::resolution, positive,
+              "how far linear interpolation between vertices may be off: adaptive sampling sees to "
+              "it, and any is warned of that misses it")
+      .number("spacing_mm", &PartSampling::spacing, positive, "of sampling by spacing")
+      .number("finest_mm", &PartSampling::finest, {1e-6, 1e3, false, false},
+              "of adaptive sampling: no edge is made shorter")
+      .whole("points", &PartSampling::points, 100, 50'000'000,
+             "that sampling may come to; what it does not suffice for is warned of");
+}
+
+bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
+
+void choose_shape(TableReader& reader, PartDescription& part) {
+  if (reader.has("file")) part.shape = MeshFile{};
+  reader.know("file");
+  reader.know("surface");
+}
+
+Fields<PartDescription> judged_fields() {
+  return Fields<PartDescription>()
+      .number(KeyName("judged_radius_max_mm").otherwise("all"), &PartDescription::judged_radius_max,
+              positive, "from the part's z axis; vertices beyond are not judged")
+      .number(KeyName("judged_radius_min_mm").otherwise("all"), &PartDescription::judged_radius_min,
+              non_negative, "from the part's z axis; vertices nearer are not judged")
+      .check([](TableReader& reader, PartDescription& part) {
+        if (part.judged_radius_min && part.judged_radius_max &&
+            !(*part.judged_radius_min < *part.judged_radius_max))
+          reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm",
+                        fmt::format("{:.6g} and {:.6g} mm", *part.judged_radius_min,
+                                    *part.judged_radius_max));
+      })
+      .word("judged", &PartDescription::judged,
+            {{"cut", PartDescription::JudgedSurface::Cut,
+              "what the program means to cut: the error-free tool comes within the search band "
+              "there, its round corner fits into the design, and the sweep does not run out beside "
+              "what is not cut"},
+             {"all", PartDescription::JudgedSurface::All, "the whole surface"},
+             {"regions", PartDescription::JudgedSurface::Regions,
+              "what lies in a `[[part.region]]`, cut or not"}},
+            "which vertices have a verdict, of those that the keys below leave")
+      .where(
+          is_mesh,
+          Fields<PartDescription>()
+              .word("facets", &PartDescription::flat_facets,
+                    {{"smooth", false,
+                      "the surface between vertices is the smooth one that vertices and their "
+                      "normals show, up to sharp edges"},
+                     {"flat", true, "the facets themselves are the surface"}},
+                    "of a mesh: what is judged between its vertices")
+              .number("recognise_um", &PartDescription::recognise, non_negative,
+                      "of a mesh: a face whose vertices lie this near a plane, sphere, cylinder, "
+                      "cone or torus is that surface, so that its facets do not show; 0: never")
+              .number("edge_angle_deg", &PartDescription::edge_angle, {1.0, 179.0, false, false},
+                      "of a mesh: triangles that meet at a sharper angle are faces of "
+                      "their own, each judged along its own normal")
+              .number(KeyName("edge_margin_mm").otherwise("a twentieth of the tool's radius"),
+                      &PartDescription::edge_margin, non_negative,
+                      "of a mesh: from sharp edges; vertices nearer are not judged")
+              .number(KeyName("judged_normal_z").otherwise("all"),
+                      &PartDescription::judged_normal_z, {-1.0, 1.0, false, false},
+                      "of a mesh: least z of the normal of a vertex that is judged")
+              .number(KeyName("judged_margin_mm").otherwise("all"), &PartDescription::judged_margin,
+                      non_negative, "of a mesh: from the rim; vertices nearer are not judged"));
+}
+
+Fields<Ring> ring_fields() {
+  return Fields<Ring>()
+      .text(must("name"), &Ring::name, "that no other ring has")
+      .number(must("along_mm"), &Ring::along, any_number, "its middle, z of the part")
+      .number(must("width_mm"), &Ring::width, positive, "along z");
+}
+
+void read_rings(TableReader& reader, PartDescription& part) {
+  std::vector<Ring>& rings = part.rings;
+  for (const Node* node : reader.tables("ring")) {
+    TableReader ring(*node, reader.name_of("ring"), reader.input_errors());
+    rings.push_back(ring_fields().read(ring));
+    ring.close();
+    for (std::size_t i = 0; i + 1 < rings.size(); ++i)
+      if (rings[i].name == rings.back().name)
+        ring.refuse("name", "a name that no other ring has", "\"" + rings[i].name + "\" again");
+  }
+}
+
+constexpr const char* tolerance_key = "tolerance_um";
+
+/// A half width, of which 0 is none, or the two limits.
+std::optional<Tolerance> read_tolerance(TableReader& reader) {
+  const Node* node = reader.know(tolerance_key);
+  if (!node) return std::nullopt;
+  if (!node->array()) {
+    const double half = reader.number(tolerance_key, non_negative);
+    return half > 0.0 ? std::optional(Tolerance{-half, half}) : std::nullopt;
+  }
+  const Eigen::VectorXd limits = reader.numbers(tolerance_key, 2);
+  if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
+  if (limits.size() == 2)
+    reader.refuse(tolerance_key, "[lower, upper], the lower limit first",
+                  fmt::format("[{:.6g}, {:.6g}]", in_unit(limits[0], unit_of(tolerance_key)),
+                              in_unit(limits[1], unit_of(tolerance_key))));
+  return std::nullopt;
+}
+
+void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
+  const double unit = unit_of(tolerance_key);
+  const Tolerance limits = tolerance.value_or(Tolerance{});
+  if (limits.lower == -limits.upper)
+    put(table, tolerance_key, in_unit(limits.upper, unit));
+  else
+    put_numbers(table, tolerance_key, Eigen::Vector2d(limits.lower, limits.upper), unit);
+}
+
+Key tolerance_key_of(KeyName name, const char* sentence) {
+  Key key = make_field_key(name, Key::Kind::NumberOrNumbers, sentence);
+  key.range = non_negative;
+  key.size = 2;
+  return key;
+}
+
+void read_colour(TableReader& reader, PartRegion& region) {
+  const std::string text = reader.text("colour", "");
+  if (text.empty()) return;
+  region.colour = cutting::colour_of(text);
+  if (!region.colour) reader.refuse("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
+}
+
+Fields<PartRegion> region_fields() {
+  using Region = PartRegion;
+  return Fields<Region>()
+      .text(must("name"), &Region::name, "of the region, for people")
+      .custom(
+          {tolerance_key_of(KeyName(tolerance_key).otherwise("that of the part"),
+                            "as `part.tolerance_um`, above 0")},
+          [](TableReader& reader, Region& region) {
+            const std::size_t before = reader.input_errors().list().size();
+            region.tolerance = read_tolerance(reader);
+            const bool good = region.tolerance || !reader.has(tolerance_key);
+            if (!good && reader.input_errors().list().size() == before)
+              reader.refuse(tolerance_key, "above 0", "0");
+          },
+          [](const Region& region, Node::Table& table) {
+            if (region.tolerance) put_tolerance(region.tolerance, table);
+          })
+      .boolean("judged", &Region::judged, "whether what lies in it has a verdict")
+      .numbers("z_mm", &Region::z, 2, "`[from, to]`, z of the part")
+      .numbers("radius_mm", &Region::radius, 2, "`[from, to]`, from the part's z axis")
+      .numbers("box_mm", &Region::box, 6, "least x, y, z, then greatest, of the part")
+      .text(
+          "group", &Region::group,
+          "of a mesh: faces that its file calls so: by `g`, `o` or `usemtl` (OBJ), `solid` (ascii "
+          "STL), or by name and value of a whole number that faces have (PLY), as \"label 3\"")
+      .custom({make_field_key(
+                  "colour", Key::Kind::Text,
+                  "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
+                  "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
+                  "count within 1 / 255")},
+              read_colour,
+              [](const Region& region, Node::Table& table) {
+                if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
+              })
+      .check([](TableReader& reader, Region& region) {
+        const auto ordered = [&](const char* key, const std::optional<Eigen::VectorXd>& limits) {
+          const Eigen::Index half = limits ? limits->size() / 2 : 0;
+          if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
+            reader.refuse(key, "the least first", "not less");
+        };
+        ordered("z_mm", region.z);
+        ordered("radius_mm", region.radius);
+        ordered("box_mm", region.box);
+      });
+}
+
+void read_regions(TableReader& reader, PartDescription& part) {
+  for (const Node* node : reader.tables("region")) {
+    TableReader region(*node, reader.name_of("region"), reader.input_errors());
+    part.regions.push_back(region_fields().read(region));
+    part.regions.back().place = node->place;
+    for (const char* key : {"group", "colour"})
+      if (region.has(key) && !is_mesh(part))
+        region.refuse(key, "a part from a mesh `file`", "a declared surface, which has no faces");
+    region.close();
+  }
+}
+
+Fields<PartDescription> tolerance_fields() {
+  return Fields<PartDescription>()
+      .custom(
+          {tolerance_key_of(
+              KeyName(tolerance_key).otherwise("none"),
+              "how far the residual may lie to either side of the design, or "
+              "`[lower, upper]`: + is material left; with it a case has a "
+              "verdict, PASS or FAIL (which `limits.tolerance` makes an exit code), and a "
+              "map of bands, `tolerance.png`; 0: none")},
+          [](TableReader& reader, PartDescription& part) {
+            part.tolerance = read_tolerance(reader);
+          },
+          [](const PartDescription& part, Node::Table& table) {
+            put_tolerance(part.tolerance, table);
+          })
+      .tables(
+          "region", &PartDescription::regions, region_fields(),
+          "where another tolerance holds, or what is judged: what all of its keys hold; of regions "
+          "that overlap the last",
+          read_regions);
+}
+
+const Fields<PartDescription>& part_fields() {
+  static const Fields<PartDescription> fields =
+      Fields<PartDescription>()
+          .text("name", &PartDescription::name, "of the part")
+          .check(choose_shape)
+          .where(is_mesh, mesh_fields())
+          .where(std::not_fn(is_mesh), declared_fields())
+          .all_of(&PartDescription::T_wm, placement_fields())
+          .all_of(&PartDescription::sampling, part_sampling_fields())
+          .check([](TableReader& reader, PartDescription& part) {
+            // whoever says how many vertices means them
+            if (reader.has("vertices") && !reader.has("sampling"))
+              part.sampling.kind = PartSampling::Kind::Vertices;
+          })
+          .all_of(itself, judged_fields())
+          .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
+                  "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
+          .all_of(itself, tolerance_fields())
+          .custom({make_field_key(
+                      "ring", Key::Kind::Tables,
+                      "where the radius of a part of revolution is reported: `radii_um` in "
+                      "`summary.json` is the mean radius about z of what was cut there, null where "
+                      "nothing was",
+                      ring_fields().keys())},
+                  read_rings, [](const PartDescription& part, Node::Table& table) {
+                    put_tables(table, "ring", part.rings, ring_fields());
+                  });
+  return fields;
+}
+
+void check_surface(TableReader& reader, const Primitive& primitive) {
+  if (std::holds_alternative<RectanglePlane>(primitive)) return;  // checked number by number
+  try {
+    cutting::profile(primitive);
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("surface", "a surface that can be, of the keys of part", fault.what());
+  }
+}
+
+}  // namespace
+
+PartDescription read_part(const Node& table, InputErrors& input_errors) {
+  TableReader reader(table, "part", input_errors);
+  const std::size_t before = input_errors.list().size();
+  PartDescription part = part_fields().read(reader);
+  reader.close();
+  if (!is_mesh(part) && input_errors.list().size() == before) check_surface(reader, declared(part));
+  return part;
+}
+
+Node::Table written_part(const PartDescription& part) { return part_fields().written(part); }
+
+std::vector<Key> part_keys() { return part_fields().keys(); }
+
+}  // namespace abbe::sim

@@ -1,0 +1,424 @@
+#include "sim/scene/program.h"
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <string_view>
+#include <system_error>
+
+#include "kinematics/chain.h"
+#include "kinematics/units.h"
+#include "sim/dialects/read_options.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using dialects::ControlKind;
+using dialects::Dialect;
+using dialects::Interpreter;
+using dialects::InterpreterLimits;
+using dialects::PoleOptions;
+using dialects::PoleRule;
+using dialects::TurningOptions;
+using dialects::UnknownWordPolicy;
+using dialects::XWordMeaning;
+using program::Flank;
+using program::NcFormat;
+using program::Raster;
+using program::Spiral;
+using File = ProgramDescription::File;
+using Source = decltype(ProgramDescription::source);
+
+constexpr Range spindle_rpm{0.0, 1e6, true, false};
+constexpr Range lean{-89.0, 89.0, false, false};
+
+Fields<NcFormat> format_fields() {
+  return Fields<NcFormat>()
+      .whole("decimals_mm", &NcFormat::decimals_mm, 0, 15, "digits of lengths in NC")
+      .whole("decimals_deg", &NcFormat::decimals_deg, 0, 15, "digits of angles in NC");
+}
+
+Fields<Raster> raster_fields() {
+  return Fields<Raster>()
+      .number("step_over_mm", &Raster::step_over, positive, "between passes, along the design")
+      .number("step_mm", &Raster::step, positive, "between points of a pass, along the design")
+      .number("lead_deg", &Raster::lead, lean, "of the tool's axis, forward")
+      .number("tilt_deg", &Raster::tilt, lean, "of the tool's axis, about the feed")
+      .number("feed_mm_per_min", &Raster::feed, positive, "of the tip")
+      .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "of the spindle")
+      .number("clearance_mm", &Raster::clearance, positive, "of the retract between passes")
+      .word("pattern", &Raster::zigzag,
+            {{"zigzag", true, "to and fro"}, {"one_way", false, "all passes in one direction"}},
+            "of the passes")
+      .number("overrun_mm", &Raster::overrun, non_negative,
+              "by which passes run beyond a declared surface")
+      .all_of(&Raster::format, format_fields());
+}
+
+Fields<Flank> flank_fields() {
+  return Fields<Flank>()
+      .number("step_mm", &Flank::step, positive, "between points, along the base")
+      .number("feed_mm_per_min", &Flank::feed, positive, "of the tip")
+      .number_as_written("speed_rpm", &Flank::speed_rpm, spindle_rpm, "of the spindle")
+      .number("clearance_mm", &Flank::clearance, non_negative, "of approach and retract")
+      .number("tip_below_mm", &Flank::tip_below, non_negative,
+              "by which the tip reaches below the base")
+      .all_of(&Flank::format, format_fields());
+}
+
+Fields<Spiral> spiral_fields() {
+  return Fields<Spiral>()
+      .number(must("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
+      .number(must("feed_um_per_rev"), &Spiral::feed_per_revolution, positive, "inwards, per turn")
+      .then([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
+      .number(KeyName("start_beyond_rim_mm").otherwise("one feed"), &Spiral::start_beyond_rim,
+              non_negative, "where the cut begins")
+      .number("end_radius_mm", &Spiral::end_radius, non_negative,
+              "where it ends; 0: with one turn on the axis")
+      .number("interval_s", &Spiral::interval, positive, "between rows of PVT")
+      .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "of the program")
+      .all_of(&Spiral::format, format_fields());
+}
+
+void check_file(TableReader& reader, File& program) {
+  const std::filesystem::path& file = program.file;
+  const std::string ending = file.extension().string();
+  std::error_code failure;
+  constexpr std::array<std::string_view, 18> endings = {
+      ".ngc", ".nc",  ".tap", ".cnc", ".gcode", ".eia", ".mpf", ".spf", ".h",
+      ".cl",  ".cls", ".apt", ".ncl", ".txt",   ".min", ".iso", ".csv", ".pvt"};
+  if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
+    reader.refuse("file",
+                  "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
+                  ".apt, .ncl, .txt, .min, .iso, .csv or .pvt",
+                  file.string());
+  } else if (!std::filesystem::is_regular_file(file, failure)) {
+    reader.refuse("file", "a file that can be read", missing_file_text(file));
+  }
+  const bool pvt = program.dialect != Dialect::Cl && (ending == ".csv" || ending == ".pvt");
+  if (pvt && program.pole.rule != PoleRule::AsProgrammed)
+    reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
+  if (pvt && !program.startup_code.empty())
+    reader.refuse("startup_code", "none beside a table of times", program.startup_code);
+  if (program.interpreter != Interpreter::LinuxCnc) return;
+  if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
+    reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
+                  "\"linuxcnc\"");
+}
+
+void read_block_skip(TableReader& reader, File& program) {
+  const std::string text = reader.text("block_skip", "on");
+  if (const auto levels = program::parse_block_skip(text))
+    program.block_skip = *levels;
+  else
+    reader.refuse("block_skip", "\"on\", \"off\" or levels such as \"1 3\"", text);
+}
+
+Fields<PoleOptions> pole_fields() {
+  constexpr Range near{0.0, 45.0, true, false}, change{0.0, 90.0};
+  return Fields<PoleOptions>()
+      .word("pole", &PoleOptions::rule,
+            {{"as_programmed", PoleRule::AsProgrammed, "what the dialect does by itself"},
+             {"linuxcnc", PoleRule::LinuxCnc,
+              "rotary axes go as they are written, in a program of LinuxCNC"},
+             {"fanuc", PoleRule::Fanuc,
+              "tool posture control, for G43.5 and cutter locations: a block that would pass close "
+              "by a pole is led through it"},
+             {"siemens", PoleRule::Siemens,
+              "vectors on great circles, for Siemens and cutter locations"}},
+            "the control's rule for vectors of the tool and near a pole")
+      .where([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
+             Fields<PoleOptions>()
+                 .number(must("pole_near_deg"), &PoleOptions::near, near,
+                         "parameter 19738: nearer to a pole than this is close; must be given with "
+                         "pole = \"fanuc\"")
+                 .number(must("pole_change_deg"), &PoleOptions::max_change, change,
+                         "parameter 19739: by which the end of a block may be turned about the "
+                         "pole; must be given with pole = \"fanuc\""));
+}
+
+Fields<TurningOptions> turning_fields() {
+  return Fields<TurningOptions>()
+      .word("control", &TurningOptions::control,
+            {{"of_machine", ControlKind::FromMachine,
+              "of a turning machine where a spindle S turns the workpiece, else of a milling "
+              "machine"},
+             {"milling", ControlKind::Milling, "of a milling machine"},
+             {"turning", ControlKind::Turning, "of a turning machine; Fanuc: G-code system A"}},
+            "what the control is made for")
+      .word("x_words", &TurningOptions::x_words,
+            {{"of_control", XWordMeaning::FromControl,
+              "diameters on turning controls of Fanuc and Siemens whose X is across the spindle "
+              "line, else radii"},
+             {"diameters", XWordMeaning::Diameters, "diameters"},
+             {"radii", XWordMeaning::Radii, "radii"}},
+            "what X counts until the program says otherwise (G7, DIAMON)")
+      .whole("tip", &TurningOptions::tip, 0, 9,
+             "which point of a round nose X and Z lead without G41 and G42, as Fanuc and Siemens "
+             "number them: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
+}
+
+Fields<InterpreterLimits> interpreter_fields() {
+  return Fields<InterpreterLimits>()
+      .number("interpreter_limit_s", &InterpreterLimits::seconds, positive,
+              "after which LinuxCNC's own interpreter is ended")
+      .number("interpreter_limit_MB", &InterpreterLimits::megabytes, positive,
+              "of its commands, about 120 bytes a move");
+}
+
+void read_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
+  if (table.file.empty()) return;
+  try {
+    table.table = dialects::read_control_table_file(table.file, kind, table.unit);
+  } catch (const dialects::BadProgram& bad) {
+    for (const BadInput& fault : bad.input_errors) reader.input_errors().add(fault);
+  } catch (const BadInput&) {
+    reader.refuse("file", "a file that can be read", missing_file_text(table.file));
+  }
+}
+
+Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
+  const bool tools = kind == dialects::TableKind::Tools;
+  return Fields<ControlTableFile>()
+      .text(must("file"), &ControlTableFile::file,
+            tools
+                ? "a tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
+                  "Heidenhain .t"
+                : "work offsets: LinuxCNC .var, a listing of Fanuc's G10 L2 and L20, Siemens "
+                  "UFR, Heidenhain .pr")
+      .word("unit", &ControlTableFile::unit,
+            {{"as_stated", std::nullopt, "the file says it"},
+             {"mm", 1.0, "millimetres"},
+             {"inch", units::inch, "inches"}},
+            "of lengths in it; must be given where the file does not say it")
+      .check([kind](TableReader& reader, ControlTableFile& table) {
+        read_table(reader, table, kind);
+      });
+}
+
+void check_tables(TableReader& reader, ProgramDescription& program) {
+  if (program.tools && reader.has("tool_length_mm"))
+    reader.refuse("tool_length_mm", "either it or tools, which has every length", "both");
+  if (program.offsets && reader.has("work_offset"))
+    reader.refuse("work_offset", "either it or offsets, which has all of them", "both");
+}
+
+Fields<ProgramDescription> control_table_fields() {
+  return Fields<ProgramDescription>()
+      .table("tools", &ProgramDescription::tools, table_fields(dialects::TableKind::Tools),
+             "what the control believes of its tools; what they are stands in [[tool]], by number")
+      .table("offsets", &ProgramDescription::offsets, table_fields(dialects::TableKind::Offsets),
+             "the work offsets of the control, instead of work_offset")
+      .check(check_tables);
+}
+
+Fields<ProgramDescription> file_fields() {
+  return Fields<ProgramDescription>().all_of(
+      [](auto& program) -> auto& { return std::get<File>(program.source); },
+      Fields<File>()
+          .text(must("file").one_of("source"), &File::file,
+                "a program: .csv and .pvt position-velocity-time, others such as .ngc, .nc, .mpf, "
+                ".h, .apt machining programs")
+          .word("dialect", &File::dialect,
+                {{"auto", Dialect::Auto, "by its signs"},
+                 {"linuxcnc", Dialect::LinuxCnc, "RS274/NGC"},
+                 {"fanuc", Dialect::Fanuc, "Fanuc and alike"},
+                 {"siemens", Dialect::Siemens, "840D"},
+                 {"heidenhain", Dialect::Heidenhain, "Klartext"},
+                 {"cl", Dialect::Cl, "cutter locations, APT or CSV"}},
+                "in which the program is written")
+          .word("on_unknown", &File::on_unknown,
+                {{"refuse", UnknownWordPolicy::Refuse, "all of them at once"},
+                 {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
+                "words that the dialect has not")
+          .custom({make_field_key(
+                      KeyName("block_skip").otherwise("on"), Key::Kind::Text,
+                      "the operator's switch for blocks behind a /: \"on\" leaves them out, "
+                      "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
+                      "is level 1 of Fanuc, else 0")},
+                  read_block_skip,
+                  [](const File& program, Node::Table& table) {
+                    put(table, "block_skip", program::to_text(program.block_skip));
+                  })
+          .custom(
+              {make_field_key(
+                  KeyName("startup_code").otherwise("none"), Key::Kind::Text,
+                  "a block of the dialect that is read before the first line, as a control "
+                  "begins with: \"G20 G91\", \"T1 M6\"")},
+              [](TableReader& reader, File& program) {
+                program.startup_code = reader.text("startup_code", "");
+              },
+              [](const File& program, Node::Table& table) {
+                if (!program.startup_code.empty()) put(table, "startup_code", program.startup_code);
+              })
+          .word(
+              "interpreter", &File::interpreter,
+              {{"abbe", Interpreter::Abbe, "abbe's own"},
+               {"linuxcnc", Interpreter::LinuxCnc,
+                "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
+              "what reads a program of LinuxCNC")
+          .all_of(&File::interpreter_limits, interpreter_fields())
+          .whole("max_moves", &File::max_moves, 1, 2'000'000'000,
+                 "made by the program, those of loops and cycles each time; more is an input error")
+          .all_of(&File::pole, pole_fields())
+          .all_of(&File::turning, turning_fields())
+          .number(
+              "pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
+              "from a pole: a warning says how the axis that is free there turns where the tool "
+              "comes nearer; 0: none")
+          .check(check_file));
+}
+
+Fields<ProgramDescription> generator_fields() {
+  return Fields<ProgramDescription>().kinds(
+      must("generator").one_of("source"), &ProgramDescription::source,
+      {alternative<Source>("raster", raster_fields(), "parallel passes of a milling cutter"),
+       alternative<Source>("flank", flank_fields(), "the flank of a cutter once around a cone"),
+       alternative<Source>("spiral", spiral_fields(), "facing by a turning tool")},
+      "what writes the program, unless there is a `file`");
+}
+
+bool is_program_file(const ProgramDescription& program) {
+  return std::holds_alternative<File>(program.source);
+}
+
+void choose_source(TableReader& reader, ProgramDescription& program) {
+  if (!reader.has("file")) program.source = Raster{};
+  reader.know("file");
+  reader.know("generator");
+}
+
+Key tool_length_key() {
+  Key length = make_field_key("<H>", Key::Kind::Number, "of the tool of this H number, 0 to 999");
+  length.pattern = "[0-9]{1,3}";
+  return make_field_key("tool_length_mm", Key::Kind::Table,
+                        "by H number, such as { 2 = 80.0 }; H1 is the tool in use", {length});
+}
+
+void read_tool_lengths(TableReader& program, ProgramDescription& description) {
+  const Node* section = program.section("tool_length_mm");
+  if (!section) return;
+  TableReader reader(*section, program.name_of("tool_length_mm"), program.input_errors());
+  for (const Node::Entry& entry : *section->table()) {
+    const bool digits =
+        entry.key.size() <= 3 && entry.key.find_first_not_of("0123456789") == std::string::npos;
+    if (!digits) {
+      reader.know(entry.key);
+      program.input_errors().add(entry.place, "an H number from 0 to 999", entry.key);
+      continue;
+    }
+    description.tool_length[std::stoi(entry.key)] = reader.number(entry.key, any_number);
+  }
+  reader.close();
+}
+
+void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
+  Node::Table lengths;
+  for (const auto& [h, length] : program.tool_length) put(lengths, std::to_string(h), length);
+  if (!lengths.empty()) put(table, "tool_length_mm", std::move(lengths));
+}
+
+using Joints = std::vector<kinematics::Joint>;
+
+Key work_offset_key() {
+  Key one =
+      make_field_key("G<54..59>", Key::Kind::Table,
+                     "where the words of the program count from: with rotary axes a place in the "
+                     "workpiece, else positions of the slides",
+                     axis_position_fields({}).keys());
+  one.pattern = "G5[4-9]";
+  return make_field_key("work_offset", Key::Kind::Table,
+                        "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`",
+                        {one});
+}
+
+std::string work_offset_name(std::size_t i) { return "G" + std::to_string(54 + i); }
+
+void read_work_offsets(TableReader& program, const Joints& joints,
+                       ProgramDescription& description) {
+  const Node* section = program.section("work_offset");
+  if (!section) return;
+  TableReader reader(*section, program.name_of("work_offset"), program.input_errors());
+  for (std::size_t i = 0; i < description.work_offset.size(); ++i) {
+    const Node* node = reader.section(work_offset_name(i));
+    if (!node) continue;
+    TableReader words(*node, reader.name_of(work_offset_name(i)), program.input_errors());
+    description.work_offset[i] = read_axis_positions(words, joints);
+    if (!joints.empty()) words.close();
+  }
+  reader.close();
+}
+
+void put_work_offsets(const ProgramDescription& program, const Joints& joints, Node::Table& table) {
+  Node::Table offsets;
+  for (std::size_t i = 0; i < program.work_offset.size(); ++i)
+    if (program.work_offset[i].size() > 0)
+      put(offsets, work_offset_name(i),
+          axis_position_fields(joints).written(program.work_offset[i]));
+  if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
+}
+
+/// All keys but those of work offsets, which the axes of the machine decide.
+const Fields<ProgramDescription>& program_fields() {
+  static const Fields<ProgramDescription> fields =
+      Fields<ProgramDescription>()
+          .check(choose_source)
+          .where(is_program_file, file_fields())
+          .where(is_program_file, control_table_fields())
+          .where(std::not_fn(is_program_file), generator_fields())
+          .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths);
+  return fields;
+}
+
+}  // namespace
+
+void check_axes(dialects::ControlTable& offsets, const Joints& joints, InputErrors& input_errors) {
+  constexpr int removes_first_offset = 500;  // of Siemens and Heidenhain
+  if (joints.empty()) return;
+  const std::string letters = kinematics::letters(joints);
+  std::string left_out;
+  std::erase_if(offsets.offsets, [&](const auto& one) {
+    const auto& [number, offset] = one;
+    bool fits = true;
+    for (const auto& [axis, value] : offset.axes) {
+      if (value.value == 0.0 || letters.find(axis) != std::string::npos) continue;
+      fits = false;
+      if (number < removes_first_offset)
+        input_errors.add(BadInput(offsets.file, value.line, value.column,
+                                  "an offset of an axis of this machine (" + letters + ")",
+                                  std::string(1, axis)));
+    }
+    if (!fits) left_out += (left_out.empty() ? "" : ", ") + offset_name(offsets.control, number);
+    return !fits;
+  });
+  if (!left_out.empty())
+    offsets.notes.push_back(offsets.file +
+                            ": left out, being of axes that this machine has not: " + left_out);
+}
+
+ProgramDescription read_program(const Node& table, const Joints& joints,
+                                InputErrors& input_errors) {
+  TableReader reader(table, "program", input_errors);
+  ProgramDescription program = program_fields().read(reader);
+  read_work_offsets(reader, joints, program);
+  if (program.offsets) check_axes(program.offsets->table, joints, input_errors);
+  reader.close();
+  return program;
+}
+
+Node::Table written_program(const ProgramDescription& program, const Joints& joints) {
+  Node::Table table = program_fields().written(program);
+  put_work_offsets(program, joints, table);
+  return table;
+}
+
+std::vector<Key> program_keys() {
+  std::vector<Key> keys = program_fields().keys();
+  keys.push_back(work_offset_key());
+  return keys;
+}
+
+}  // namespace abbe::sim

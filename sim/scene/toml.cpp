@@ -1,0 +1,354 @@
+#include "sim/scene/toml.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim {
+
+namespace {
+
+Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
+  const std::string_view before = text.substr(0, offset);
+  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const std::size_t start = before.rfind('\n');
+  const std::size_t column = start == std::string_view::npos ? offset + 1 : offset - start;
+  return {std::make_shared<const std::string>(file), int(line), int(column)};
+}
+
+[[noreturn]] void refuse_text(const Place& place, const std::string& expected,
+                              const std::string& seen) {
+  throw BadInput(*place.file, place.line, place.column, expected, seen);
+}
+
+// The parser limits how deep brackets nest, but not how long a dotted key is, and destroys what a
+// dotted key builds by recursion.
+void report_deep_keys(std::string_view text, const std::string& file) {
+  int dots = 0;
+  bool name_since_dot = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '.') {
+      if (name_since_dot && ++dots > 10 * max_nesting) {
+        refuse_text(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
+                    "a longer one");
+      }
+      name_since_dot = false;
+    } else if (std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-') {
+      name_since_dot = true;
+    } else if (c != ' ' && c != '\t' && c != '"' && c != '\'') {
+      dots = 0;
+      name_since_dot = false;
+    }
+  }
+}
+
+/// Column, from 1, of a quote that its line opens and does not close; none where there is none.
+std::optional<int> unclosed_quote(std::string_view line) {
+  std::optional<int> opened;
+  char quote = 0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quote == 0 && c == '#') return std::nullopt;
+    if (quote == '"' && c == '\\') {
+      ++i;
+    } else if (quote != 0 && c == quote) {
+      quote = 0;
+    } else if (quote == 0 && (c == '"' || c == '\'')) {
+      quote = c;
+      opened = int(i) + 1;
+    }
+  }
+  return quote == 0 ? std::nullopt : opened;
+}
+
+std::string_view line_of(std::string_view text, int number) {
+  for (; number > 1 && !text.empty(); --number)
+    text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  return text.substr(0, text.find_first_of("\r\n"));
+}
+
+/// A text of one line that the line does not close is named where it opens: what follows it is no
+/// control character for the user.
+void report_open_quote(std::string_view text, const std::string& file, int number) {
+  const std::string_view line = line_of(text, number);
+  const auto column = unclosed_quote(line);
+  if (!column || line.find("\"\"\"") != std::string_view::npos ||
+      line.find("'''") != std::string_view::npos)
+    return;
+  throw BadInput(file, number, *column, std::string("a text that ends with ") + line[*column - 1u],
+                 "one that its line does not close");
+}
+
+class TomlConverter {
+ public:
+  explicit TomlConverter(std::shared_ptr<const std::string> file) : file_(std::move(file)) {}
+
+  Node node(const ::toml::node& from, int depth) const {
+    if (depth > max_nesting) {
+      const Place deep = place(from.source());
+      refuse_text(deep, fmt::format("at most {} levels of tables and arrays", max_nesting), "more");
+    }
+    Node to;
+    to.place = place(from.source());
+    from.visit([&](const auto& value) { to.value = converted(value, depth); });
+    return to;
+  }
+
+ private:
+  using Value = decltype(Node::value);
+
+  Place place(const ::toml::source_region& source) const {
+    return {file_, int(source.begin.line), int(source.begin.column)};
+  }
+  Value converted(const ::toml::value<bool>& v, int) const { return *v; }
+  Value converted(const ::toml::value<std::int64_t>& v, int) const { return *v; }
+  Value converted(const ::toml::value<double>& v, int) const { return *v; }
+  Value converted(const ::toml::value<std::string>& v, int) const { return *v; }
+  template <typename Date>
+  Value converted(const ::toml::value<Date>& v, int) const {
+    std::ostringstream out;
+    out << *v;
+    return TomlDate{out.str()};
+  }
+  Value converted(const ::toml::array& from, int depth) const {
+    Node::Array to;
+    to.reserve(from.size());
+    for (const ::toml::node& element : from) to.push_back(node(element, depth + 1));
+    return to;
+  }
+  // toml++ keeps keys sorted by name; the order of the file is found again from their places.
+  Value converted(const ::toml::table& from, int depth) const {
+    Node::Table to;
+    to.reserve(from.size());
+    for (const auto& [key, element] : from) {
+      to.push_back({std::string(key.str()), place(key.source()), node(element, depth + 1)});
+    }
+    std::stable_sort(to.begin(), to.end(), [](const Node::Entry& a, const Node::Entry& b) {
+      return std::pair(a.place.line, a.place.column) < std::pair(b.place.line, b.place.column);
+    });
+    return to;
+  }
+
+  std::shared_ptr<const std::string> file_;
+};
+
+}  // namespace
+
+const Node* Node::find(std::string_view key) const {
+  const Table* entries = table();
+  if (!entries) return nullptr;
+  for (const Entry& entry : *entries) {
+    if (entry.key == key) return &entry.node;
+  }
+  return nullptr;
+}
+
+Node* Node::find(std::string_view key) { return const_cast<Node*>(std::as_const(*this).find(key)); }
+
+Node parse_toml(std::string_view bytes, const std::string& file) {
+  if (bytes.size() > max_toml_bytes) {
+    throw BadInput(file, 0, 0, "at most 16 MiB", fmt::format("{} bytes", bytes.size()));
+  }
+  check_encoding(bytes, file);
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
+  const std::string text = strip_tape_characters(bytes);
+  if (const auto byte = find_invalid_utf8(text))
+    refuse_text(place_at(text, *byte, file), "text in UTF-8",
+                fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
+  if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos) {
+    refuse_text(place_at(text, nul, file), "text", "a NUL byte");
+  }
+  report_deep_keys(text, file);
+  try {
+    const ::toml::table table = ::toml::parse(text, std::string_view(file));
+    Node node = TomlConverter(std::make_shared<const std::string>(file)).node(table, 0);
+    return node;
+  } catch (const ::toml::parse_error& e) {
+    const auto where = e.source().begin;
+    report_open_quote(text, file, int(where.line));
+    std::string seen(e.description());  // "Error while parsing value: what it is about"
+    if (const std::size_t colon = seen.find(": ");
+        seen.starts_with("Error while") && colon != std::string::npos) {
+      seen.erase(0, colon + 2);
+    }
+    throw BadInput(file, int(where.line), int(where.column), "valid TOML", seen);
+  }
+}
+
+Node read_toml_file(const std::filesystem::path& file) {
+  const std::string name = file.string();
+  std::error_code failure;
+  if (!std::filesystem::is_regular_file(file, failure)) {
+    throw BadInput(name, 0, 0, "a file that can be read",
+                   std::filesystem::is_directory(file, failure) ? "a folder" : "no such file");
+  }
+  const std::uintmax_t size = std::filesystem::file_size(file, failure);
+  if (!failure && size > max_toml_bytes) {
+    throw BadInput(name, 0, 0, "at most 16 MiB", fmt::format("{} bytes", size));
+  }
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) throw BadInput(name, 0, 0, "a file that can be read", "a failure while reading");
+  return parse_toml(text.view(), name);
+}
+
+namespace {
+
+/// Marks of format beyond ASCII as TOML spells them: U+2028 is \u2028, a tag \U000E0041.
+std::string with_toml_quotes(const std::string& text) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[at]);
+    const std::size_t bytes = lead < 0x80 ? 1 : lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
+    const std::string letter = text.substr(at, bytes), shown = escaped(letter);
+    at += bytes;
+    if (lead < 0x80 || shown == letter || shown.starts_with("\\x")) {
+      out += letter;
+    } else if (shown.size() == 6) {
+      out += shown;
+    } else {  // two halves of UTF-16
+      const unsigned high = unsigned(std::stoul(shown.substr(2, 4), nullptr, 16));
+      const unsigned low = unsigned(std::stoul(shown.substr(8, 4), nullptr, 16));
+      out += fmt::format("\\U{:08X}", 0x10000 + ((high - 0xD800) << 10) + (low - 0xDC00));
+    }
+  }
+  return out;
+}
+
+std::string quoted_text(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      out += '\\';
+      out += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) {
+      out += fmt::format("\\u{:04X}", static_cast<unsigned char>(c));
+    } else {
+      out += c;
+    }
+  }
+  return with_toml_quotes(out) + '"';
+}
+
+std::string key_text(const std::string& key) {
+  const bool bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
+    return (c < 0x80 && std::isalnum(c)) || c == '_' || c == '-';
+  });
+  return bare ? key : quoted_text(key);
+}
+
+bool is_list_of_tables(const Node& node) {
+  const Node::Array* array = node.array();
+  return array && !array->empty() &&
+         std::all_of(array->begin(), array->end(), [](const Node& n) { return n.table(); });
+}
+
+void write_section(const Node& table, const std::string& path, std::string& out) {
+  for (const Node::Entry& entry : *table.table()) {
+    if (entry.node.table() || is_list_of_tables(entry.node)) continue;
+    out += key_text(entry.key) + " = " + to_toml_value(entry.node) + "\n";
+  }
+  for (const Node::Entry& entry : *table.table()) {
+    const std::string inner = path.empty() ? key_text(entry.key) : path + "." + key_text(entry.key);
+    if (entry.node.table()) {
+      out += fmt::format("\n[{}]\n", inner);
+      write_section(entry.node, inner, out);
+    } else if (is_list_of_tables(entry.node)) {
+      for (const Node& element : *entry.node.array()) {
+        out += fmt::format("\n[[{}]]\n", inner);
+        write_section(element, inner, out);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::string to_toml_value(double number) {
+  if (!std::isfinite(number)) return std::isnan(number) ? "nan" : number > 0 ? "inf" : "-inf";
+  std::string text = fmt::format("{}", number);
+  if (text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+std::string to_toml_value(const std::string& text) {
+  Node node;
+  node.value = text;
+  return to_toml_value(node);
+}
+
+std::string to_toml_value(const Node& node) {
+  struct Writer {
+    std::string operator()(bool v) const { return v ? "true" : "false"; }
+    std::string operator()(std::int64_t v) const { return std::to_string(v); }
+    std::string operator()(double v) const { return to_toml_value(v); }
+    std::string operator()(const std::string& v) const { return quoted_text(v); }
+    std::string operator()(const TomlDate& v) const { return v.text; }
+    std::string operator()(const Node::Array& v) const {
+      std::string out = "[";
+      for (const Node& element : v) out += (out.size() > 1 ? ", " : "") + to_toml_value(element);
+      return out + "]";
+    }
+    std::string operator()(const Node::Table& v) const {
+      std::string out = "{";
+      for (const Node::Entry& entry : v) {
+        out +=
+            (out.size() > 1 ? ", " : " ") + key_text(entry.key) + " = " + to_toml_value(entry.node);
+      }
+      return out + " }";
+    }
+  };
+  return std::visit(Writer{}, node.value);
+}
+
+std::string to_toml(const Node& table) {
+  std::string out;
+  write_section(table, "", out);
+  return out;
+}
+
+std::string shown(const Node& node) {
+  if (node.table()) return "a table";
+  if (node.array()) return fmt::format("an array of {}", node.array()->size());
+  std::string text = to_toml_value(node);
+  if (text.size() > 60) {
+    text.resize(57);
+    while (!text.empty() && (static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) {
+      text.pop_back();
+    }
+    text += "...";
+  }
+  return text;
+}
+
+void InputErrors::add(const Place& place, const std::string& expected, const std::string& seen) {
+  add(BadInput(place.file ? *place.file : "", place.line, place.column, expected, seen));
+}
+
+namespace {
+
+std::string text_of(const std::vector<BadInput>& input_errors) {
+  std::string text;
+  for (const BadInput& fault : input_errors)
+    text += (text.empty() ? "" : "\n") + std::string(fault.what());
+  return text;
+}
+
+}  // namespace
+
+BadScene::BadScene(std::vector<BadInput> list)
+    : std::runtime_error(text_of(list)), input_errors(std::move(list)) {}
+
+}  // namespace abbe::sim

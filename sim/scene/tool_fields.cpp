@@ -1,0 +1,420 @@
+#include <algorithm>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "sim/scene/bodies.h"
+#include "sim/scene/fields.h"
+#include "sim/scene/table_reader.h"
+#include "sim/scene/tool.h"
+#include "sim/scene/tool_forms.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using cutting::Cutter;
+using cutting::Nose;
+using cutting::NoseWave;
+
+constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range tool_length{-10'000.0, 10'000.0};       // mm
+
+void check_cutter(TableReader& reader, const Cutter& cutter) {
+  if (cutter.corner_radius > cutter.radius) {
+    reader.refuse("corner_radius_mm", "at most the radius for tool.corner_radius_mm", "more");
+  } else if (cutter.flank_length < cutter.corner_radius) {
+    reader.refuse("flank_length_mm", "at least the corner radius for tool.flank_length_mm", "less");
+  }
+}
+
+Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
+  Fields<Cutter> fields;
+  fields.number(asked("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
+  if (kind == "ball") fields.then([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
+  if (kind == "flat") fields.then([](Cutter& cutter) { cutter.corner_radius = 0.0; });
+  if (kind == "bull")
+    fields.number(asked("corner_radius_mm"), &Cutter::corner_radius, positive,
+                  "of a bull nose, at most the radius");
+  return fields.number(asked("flank_length_mm"), &Cutter::flank_length, tool_size,
+                       "of a cutter: its cutting length above the tip; from there its radius goes "
+                       "on as a shank");
+}
+
+/// Dimensions that fit each other, which is looked at where each of them is good.
+Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
+  const Fields<Cutter> dimensions = dimension_fields(kind, asked);
+  return Fields<Cutter>().custom(
+      dimensions.keys(),
+      [dimensions](TableReader& reader, Cutter& cutter) {
+        const std::size_t before = reader.input_errors().list().size();
+        cutter = dimensions.read(reader, cutter);
+        if (has_all_keys(reader, dimensions.keys()) &&
+            reader.input_errors().list().size() == before)
+          check_cutter(reader, cutter);
+      },
+      [dimensions](const Cutter& cutter, Node::Table& table) {
+        append_entries(table, dimensions.written(cutter));
+      });
+}
+
+Fields<Nose> nose_fields(Asked asked) {
+  return Fields<Nose>().number(asked("radius_mm"), &Nose::radius, tool_size,
+                               "of the edge of a turning tool");
+}
+
+Fields<NoseWave> wave_fields() {
+  return Fields<NoseWave>()
+      .whole(must("order"), &NoseWave::order, 1, 1000, "waves in a full turn")
+      .number(must("amplitude_um"), &NoseWave::amplitude, any_number, "by which it stands out")
+      .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
+}
+
+bool is_form(const std::string& kind) {
+  return kind == "apt" || kind == "form" || kind == "profile";
+}
+
+bool has_profile(const std::string& kind) { return kind == "insert" || kind == "edge"; }
+
+Fields<ToolDescription> nominal_fields(const std::string& kind) {
+  if (is_form(kind)) return form_cutter_fields(kind, nominal_selector);
+  if (has_profile(kind)) return insert_fields(kind, nominal_selector);
+  Fields<ToolDescription> fields;
+  if (kind == "nose")
+    return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
+        .all_of(
+            [](auto& tool) -> auto& { return std::get<Nose>(tool.nominal); }, nose_fields(must));
+  return fields.all_of(
+      [](auto& tool) -> auto& { return std::get<Cutter>(tool.nominal); },
+      cutter_fields(kind, must));
+}
+
+Fields<ToolDescription> centring_fields() {
+  return Fields<ToolDescription>()
+      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
+              "turning: by which it stands off along the tool's x")
+      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
+              "turning: by which it stands off along the tool's y");
+}
+
+Fields<ToolDescription> actual_fields(const std::string& kind) {
+  Fields<ToolDescription> fields;
+  fields.number(optional_actual("length_mm"), &ToolDescription::actual_length, tool_length,
+                "from the nose of the spindle");
+  if (is_form(kind)) return fields.all_of(itself, form_cutter_fields(kind, actual_selector));
+  if (has_profile(kind))
+    return fields.all_of(itself, insert_fields(kind, actual_selector))
+        .all_of(itself, centring_fields());
+  if (kind != "nose")
+    return fields.all_of(
+        [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
+        cutter_fields(kind, optional_actual));
+  return fields
+      .all_of(
+          [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
+          nose_fields(optional_actual)
+              .tables("wave", &Nose::waves, wave_fields(),
+                      "of `kind = \"nose\"` alone: waves of the edge"))
+      .all_of(itself, centring_fields());
+}
+
+Fields<ToolWear> wear_fields() {
+  return Fields<ToolWear>()
+      .number(KeyName("time_min").one_of("use"), &ToolWear::time_s, positive,
+              "of cutting at feed, after which the cutter has lost what follows")
+      .number(KeyName("way_mm").one_of("use"), &ToolWear::way, positive,
+              "of the tip in the workpiece at feed, likewise")
+      .number("radius_um", &ToolWear::radius, non_negative, "lost then; the tip stays in its place")
+      .number("length_um", &ToolWear::length, non_negative, "lost then, at the tip")
+      .check([](TableReader& reader, ToolWear& wear) {
+        if (!wear.time_s && !wear.way) reader.missing("time_min", "a time, or a way_mm,");
+        if (wear.time_s && wear.way)
+          reader.refuse("way_mm", "either it or time_min, by which the cutter wears", "both");
+      });
+}
+
+/// A kind of tool: its word, and the keys of the nominal tool and of the actual one.
+struct ToolKind {
+  Word word;
+  Fields<ToolDescription> nominal, actual;
+};
+
+ToolKind tool_kind(const char* word, const char* sentence) {
+  ToolKind kind{{word, sentence, {}}, nominal_fields(word), actual_fields(word)};
+  kind.word.keys = kind.nominal.keys();
+  return kind;
+}
+
+const std::vector<ToolKind>& tool_kinds() {
+  static const std::vector<ToolKind> kinds{
+      tool_kind("ball", "its end is a hemisphere"),
+      tool_kind("bull", "a flat end with a round corner"),
+      tool_kind("flat", "a flat end with a sharp corner"),
+      tool_kind("apt",
+                "the cutter of APT by its seven parameters: taper, tapered ball, drill "
+                "point, dovetail"),
+      tool_kind("form", "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
+      tool_kind("profile",
+                "lines and arcs about the axis, hollow too: step drill, T-slot, dovetail on a "
+                "shank, grooved form cutter, corner rounding"),
+      tool_kind("nose", "a turning tool"),
+      tool_kind("insert", "a turning tool with a nose and two straight edges"),
+      tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
+  return kinds;
+}
+
+/// The first kind where there is no such word.
+const ToolKind& tool_kind_by_name(const std::string& word) {
+  for (const ToolKind& kind : tool_kinds())
+    if (kind.word.word == word) return kind;
+  return tool_kinds().front();
+}
+
+const ToolKind& read_tool_kind(TableReader& reader) {
+  std::set<std::string> words;
+  for (const ToolKind& kind : tool_kinds()) words.insert(kind.word.word);
+  return tool_kind_by_name(reader.word("kind", words, true).value_or(""));
+}
+
+/// A kind that can be both what the tool should be and what it is.
+const ToolKind& kind_of(const ToolDescription& tool) {
+  constexpr const char* of_form[] = {"",        "apt",    "form",
+                                     "profile", "insert", "edge"};  // as in ToolForm
+  static_assert(std::size(of_form) == std::variant_size_v<ToolForm>);
+  if (tool.nominal_form.index() > 0) return tool_kind_by_name(of_form[tool.nominal_form.index()]);
+  const auto* nominal = std::get_if<Cutter>(&tool.nominal);
+  if (!nominal) return tool_kind_by_name("nose");
+  const Cutter& actual = std::get<Cutter>(tool.actual);
+  if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0)
+    return tool_kind_by_name("flat");
+  const bool round =
+      nominal->corner_radius == nominal->radius && actual.corner_radius == actual.radius;
+  return tool_kind_by_name(round ? "ball" : "bull");
+}
+
+/// A cutter wears, and by far less than its size.
+void check_wear(TableReader& reader, ToolDescription& tool) {
+  const auto* cutter = std::get_if<Cutter>(&tool.actual);
+  if (!tool.wear) return;
+  if (cutter == nullptr)
+    reader.refuse("wear", "a milling cutter beside wear", "a turning tool");
+  else if (cutter->outline)
+    reader.refuse("wear", "a ball, bull-nosed or flat end beside wear", "a form cutter");
+  else if (!(tool.wear->radius < 0.5 * cutter->radius))
+    reader.refuse("wear", "a wear of less than half the radius", "more");
+}
+
+/// A turning tool has no shank of revolution.
+void check_shank(TableReader& reader, ToolDescription& tool) {
+  if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
+    reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
+}
+
+/// @param table  of the tool, or of what it really is; what it does not say is nominal
+void check_flank(TableReader& reader, const Node& table, const std::string& where,
+                 const ToolShape& shape, double length) {
+  const auto* cutter = std::get_if<Cutter>(&shape);
+  if (!cutter || length >= cutter->flank_length) return;
+  const Node* flank = table.find("flank_length_mm");
+  const Node* other = table.find("length_mm");
+  const Node* fault = flank ? flank : other;
+  if (!fault) return;
+  reader.input_errors().add(
+      fault->place,
+      flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
+                          where)
+            : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
+                          cutter->flank_length, where),
+      fmt::format("{:g}", flank ? cutter->flank_length : length));
+}
+
+/// A flank ends below the nose of the spindle, which is looked at where its numbers are good.
+void check_flanks(TableReader& reader, ToolDescription& tool) {
+  const Node* actual = reader.node().find("actual");
+  if (actual && !actual->table()) actual = nullptr;
+  const auto is_bad = [&](const Node* table) {
+    if (!table) return false;
+    return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
+      const Place& place = entry.node.place;
+      return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& fault) {
+        return fault.file == *place.file && fault.line == place.line &&
+               fault.column == place.column;
+      });
+    });
+  };
+  if (is_bad(&reader.node()) || is_bad(actual) || !reader.has("length_mm") ||
+      !has_all_keys(reader, read_tool_kind(reader).nominal.keys()))
+    return;
+  check_flank(reader, reader.node(), "tool", tool.nominal, tool.length);
+  if (actual) check_flank(reader, *actual, "tool.actual", tool.actual, tool.actual_length);
+}
+
+/// The tip of a cutter is outside of what holds it.
+void check_holder(TableReader& reader, ToolDescription& tool) {
+  if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
+    return;
+  const double begin = (*tool.holder)(0, 1);
+  if (begin > 0.0) return;
+  const Node* heights = reader.node().find("holder")->find("heights_mm");
+  reader.input_errors().add(
+      heights->place,
+      "heights above 0 for tool.holder.heights_mm, which count from the tip up: "
+      "the tip is outside of the holder",
+      fmt::format("a holder that begins {}", begin < 0.0
+                                                 ? fmt::format("{:g} mm below the tip", -begin)
+                                                 : std::string("at the tip")));
+}
+
+Key tool_kind_key() {
+  Key kind = make_field_key(must("kind"), Key::Kind::Text, "of tool");
+  for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
+  return kind;
+}
+
+Key actual_key() {
+  std::vector<Key> keys = tool_kind_by_name("bull").actual.keys();
+  for (const char* kind : {"apt", "profile", "form", "nose", "insert", "edge"})
+    for (Key& key : tool_kind_by_name(kind).actual.keys())
+      if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
+        keys.push_back(std::move(key));
+  return make_field_key(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
+                        "what the tool really is, where that differs", std::move(keys));
+}
+
+const Fields<ToolDescription>& tool_fields() {
+  using Tool = ToolDescription;
+  static const Fields<Tool> fields =
+      Fields<Tool>()
+          .text("name", &Tool::name, "of the tool")
+          .custom(
+              {tool_kind_key()},
+              [](TableReader& reader, Tool& tool) {
+                tool = read_tool_kind(reader).nominal.read(reader, std::move(tool));
+              },
+              [](const Tool& tool, Node::Table& table) {
+                put(table, "kind", kind_of(tool).word.word);
+                append_entries(table, kind_of(tool).nominal.written(tool));
+              })
+          .number(must("length_mm"), &Tool::length, tool_length,
+                  "from the nose of the spindle to the tip; of a turning tool to the centre of its "
+                  "edge")
+          .number(KeyName("shank_radius_mm").otherwise("that of the cutter"), &Tool::shank_radius,
+                  tool_size,
+                  "of a cutter, above its flank up to the holder, for collisions and for the "
+                  "warning of a shank in the design")
+          .table(KeyName("holder").otherwise("none"), &Tool::holder,
+                 profile_fields("above the tip"), "a body of revolution, for collisions")
+          .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,
+                 999'999, "T by which a program calls it: a call of another is refused")
+          .then([](Tool& tool) {
+            tool.actual = tool.nominal;
+            tool.actual_form = tool.nominal_form;
+            tool.actual_length = tool.length;
+          })
+          .custom(
+              {actual_key()},
+              [](TableReader& reader, Tool& tool) {
+                if (const Node* node = reader.section("actual"))
+                  tool = read_tool_kind(reader).actual.read_table(
+                      *node, reader.name_of("actual"), reader.input_errors(), std::move(tool));
+              },
+              [](const Tool& tool, Node::Table& table) {
+                put(table, "actual", kind_of(tool).actual.written(tool));
+              })
+          .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
+                 "what the true cutter loses while it cuts, in proportion")
+          .check(check_wear)
+          .check(check_shank)
+          .check(check_flanks)
+          .check(check_holder);
+  return fields;
+}
+
+ToolDescription read_tool(const Node& table, InputErrors& input_errors) {
+  return tool_fields().read_table(table, "tool", input_errors);
+}
+
+bool turns_workpiece(const ToolDescription& tool) {
+  return std::holds_alternative<Nose>(tool.nominal);
+}
+
+/// What several tools ask of each other. @param tools  those before it
+void check_among(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
+                 const Place& place, InputErrors& input_errors) {
+  if (!tool.number) {
+    input_errors.add(place, "tool.number of each of several tools", "a tool without");
+    return;
+  }
+  for (const ToolDescription& other : tools) {
+    if (other.number == tool.number)
+      input_errors.add(place, "a tool.number that no other tool has",
+                       std::to_string(*tool.number) + " again");
+    if (turns_workpiece(other) != turns_workpiece(tool))
+      input_errors.add(place, "tools that all mill, or all turn", "one of either kind");
+  }
+}
+
+}  // namespace
+
+KeyName optional_actual(KeyName key) { return key.otherwise("as nominal"); }
+
+Refusal refusal_of(const std::string& why) {
+  const std::string expected = "expected ", seen = ", seen ";
+  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
+  const std::size_t to = std::min(why.rfind(seen), why.size());
+  return {why.substr(from, to - from),
+          to < why.size() ? why.substr(to + seen.size()) : "other numbers"};
+}
+
+void report_point_error(TableReader& reader, const PointKeys& keys,
+                        const std::vector<cutting::OutlinePoint>& points,
+                        const cutting::OutlineError& fault) {
+  const auto nearest = std::ranges::min_element(
+      points, {}, [&](const cutting::OutlinePoint& one) { return (one.at - fault.at).norm(); });
+  const std::size_t entry = std::size_t(nearest - points.begin());
+  const std::string key = keys[std::size_t(fault.number)];
+  const Node* list = reader.node().find(key);
+  const bool has_entry = list && list->array() && entry < list->array()->size();
+  const Refusal refusal = refusal_of(fault.what());
+  reader.input_errors().add(
+      has_entry ? (*list->array())[entry].place : reader.place(),
+      fmt::format("{} for {}, entry {}", refusal.expected, reader.name_of(key), entry + 1),
+      refusal.seen);
+}
+
+KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
+
+bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys) {
+  return std::ranges::all_of(keys,
+                             [&](const Key& key) { return !key.required || reader.has(key.name); });
+}
+
+std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_errors) {
+  if (section.table()) return {read_tool(section, input_errors)};
+  const Node::Array* list = section.array();
+  if (!list || list->empty()) {
+    input_errors.add(section.place, "a table, a file or a list of them for tool", shown(section));
+    return {ToolDescription{}};
+  }
+  std::vector<ToolDescription> tools;
+  for (const Node& one : *list) {
+    if (one.text()) continue;  // a file that was refused
+    const std::size_t before = input_errors.list().size();
+    if (!one.table()) {
+      input_errors.add(one.place, "a table or a file for tool", shown(one));
+      continue;
+    }
+    ToolDescription tool = read_tool(one, input_errors);
+    if (list->size() > 1 && input_errors.list().size() == before)
+      check_among(tools, tool, one.place, input_errors);
+    tools.push_back(std::move(tool));
+  }
+  if (tools.empty()) tools.emplace_back();
+  return tools;
+}
+
+Node::Table written_tool(const ToolDescription& tool) { return tool_fields().written(tool); }
+
+std::vector<Key> tool_keys() { return tool_fields().keys(); }
+
+}  // namespace abbe::sim

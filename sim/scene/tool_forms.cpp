@@ -1,0 +1,272 @@
+#include "sim/scene/tool_forms.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "cutting/surface/tool.h"
+
+namespace abbe::sim {
+
+namespace {
+
+constexpr Range form_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range corner_size{0.0, 10'000.0, false, false};
+constexpr Range corner_place{-10'000.0, 10'000.0};
+constexpr Range bottom_angle{0.0, 90.0, false, true};  // deg
+constexpr Range flank_angle{-90.0, 90.0, true, true};
+
+template <auto member>
+constexpr auto numbers_member = [](auto& form) -> auto& {
+  return form.numbers.*member;
+};
+
+Fields<AptForm> apt_fields(Asked asked) {
+  using Apt = cutting::AptCutter;
+  return Fields<AptForm>()
+      .number(left_out(asked, KeyName("diameter_mm")
+                                  .otherwise("a ball: the corner's middle is on "
+                                             "the axis")),
+              &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
+      .number(left_out(asked, "corner_radius_mm"), numbers_member<&Apt::corner>, corner_size,
+              "of a bull nose, at most the radius; R of APT")
+      .number(
+          left_out(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
+          &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
+      .number(
+          left_out(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
+          &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
+      .number(left_out(asked, "bottom_deg"), numbers_member<&Apt::bottom>, bottom_angle,
+              "alpha of APT: by which the bottom rises outwards")
+      .number(left_out(asked, "flank_deg"), numbers_member<&Apt::flank>, flank_angle,
+              "beta of APT: by which the flank leans outwards, upwards")
+      .number(asked("flank_length_mm"), numbers_member<&Apt::height>, form_size,
+              "H of APT: of the flank's upper end above the tip")
+      .check([](TableReader& reader, AptForm& form) {
+        if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
+          return reader.missing("diameter_mm", "a number");
+        if (form.radial.has_value() == form.axial.has_value()) return;
+        reader.missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
+                       "both of corner_offset_mm and corner_height_mm, or neither,");
+      });
+}
+
+Fields<OutlineForm> outline_fields(Asked asked) {
+  return Fields<OutlineForm>()
+      .numbers(asked("radii_mm"), &OutlineForm::radii, 0,
+               "of the points of the outline from the tip up; flat below the first")
+      .numbers(asked("heights_mm"), &OutlineForm::heights, 0,
+               "of the same points above the tip; the first is 0")
+      .numbers(left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &OutlineForm::arcs,
+               0, "radius of the arc that bulges out on the way to each point; 0: straight");
+}
+
+Fields<ProfileForm> profile_form_fields(Asked asked) {
+  return Fields<ProfileForm>()
+      .numbers(asked("radii_mm"), &ProfileForm::radii, 0,
+               "of the points of the outline from the tip up; flat below the first")
+      .numbers(asked("heights_mm"), &ProfileForm::heights, 0,
+               "of the same points above the tip; the first is 0, none is below the one before")
+      .numbers(
+          left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &ProfileForm::arcs, 0,
+          "radius of the arc on the way to each point; 0: straight; below 0: it bulges in, and "
+          "is cut as chords inside of it, by which the tool is up to 1 um larger");
+}
+
+cutting::ToolOutline outline_of(const AptForm& form) {
+  cutting::AptCutter cutter = form.numbers;
+  if (!form.diameter) return cutting::apt_outline(cutting::with_ball_corner(cutter));
+  cutter.diameter = *form.diameter;
+  if (!form.radial || !form.axial)
+    return cutting::apt_outline(cutting::with_tangent_corner(cutter));
+  cutter.radial = *form.radial;
+  cutter.axial = *form.axial;
+  return cutting::apt_outline(cutter);
+}
+
+/// Lists of numbers for one outline of which one is longer than another.
+struct UnequalLists : std::invalid_argument {
+  UnequalLists(const char* which, Eigen::Index expected, Eigen::Index seen)
+      : std::invalid_argument(fmt::format("{} numbers and {}", expected, seen)),
+        key(which),
+        expected_text(fmt::format("as many numbers as radii_mm, {},", expected)),
+        seen_text(std::to_string(seen)) {}
+
+  const char* key;
+  std::string expected_text, seen_text;
+};
+
+/// @throws UnequalLists
+template <class Form>
+std::vector<cutting::OutlinePoint> points_of(const Form& form) {
+  const Eigen::Index n = form.radii.size();
+  if (form.heights.size() != n) throw UnequalLists("heights_mm", n, form.heights.size());
+  if (form.arcs && form.arcs->size() != n) throw UnequalLists("arc_radii_mm", n, form.arcs->size());
+  std::vector<cutting::OutlinePoint> points;
+  for (Eigen::Index i = 0; i < n; ++i)
+    points.push_back({{form.radii[i], form.heights[i]}, form.arcs ? (*form.arcs)[i] : 0.0});
+  return points;
+}
+
+cutting::ToolOutline outline_of(const OutlineForm& form) {
+  return cutting::outline_from_points(points_of(form));
+}
+
+cutting::ToolOutline outline_of(const ProfileForm& form) {
+  return cutting::profile_from_points(points_of(form));
+}
+
+template <class Form>
+cutting::Cutter cutter_of(const Form& form) {
+  return cutting::form_cutter(outline_of(form));
+}
+
+void report_tool_error(TableReader& reader, const std::invalid_argument& why) {
+  const Refusal refusal = refusal_of(why.what());
+  reader.input_errors().add(reader.place(), refusal.expected + " for tool", refusal.seen);
+}
+
+void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_argument& why) {
+  report_tool_error(reader, why);
+}
+
+template <class Form>
+void report_point_errors(TableReader& reader, const Form& form, const std::invalid_argument& why) {
+  if (const auto* unequal = dynamic_cast<const UnequalLists*>(&why))
+    reader.refuse(unequal->key, unequal->expected_text + " for " + reader.name_of(unequal->key),
+                  unequal->seen_text);
+  else if (const auto* fault = dynamic_cast<const cutting::OutlineError*>(&why))
+    report_point_error(reader, {"radii_mm", "heights_mm", "arc_radii_mm"}, points_of(form), *fault);
+  else
+    report_tool_error(reader, why);
+}
+
+/// A convex outline is asked for; what is hollow has a kind of its own.
+void report_outline_error(TableReader& reader, const OutlineForm& form,
+                          const std::invalid_argument& why) {
+  const auto* bend = dynamic_cast<const cutting::InwardBend*>(&why);
+  if (bend == nullptr) return report_point_errors(reader, form, why);
+  const std::string text = std::string(why.what()) + "; kind = \"profile\" takes hollow ones";
+  report_point_errors(reader, form, cutting::OutlineError(text, bend->at, bend->number));
+}
+
+}  // namespace
+
+double chord_sag(const ToolForm& form) {
+  const auto* profile = std::get_if<ProfileForm>(&form);
+  return profile ? cutting::chord_sag(points_of(*profile)) : 0.0;
+}
+
+Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& which) {
+  if (kind == "apt")
+    return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, report_apt_error);
+  if (kind == "profile")
+    return fields_of_form(which, profile_form_fields(which.asked), cutter_of<ProfileForm>,
+                          report_point_errors<ProfileForm>);
+  return fields_of_form(which, outline_fields(which.asked), cutter_of<OutlineForm>,
+                        report_outline_error);
+}
+
+namespace {
+
+using cutting::Insert;
+using cutting::Nose;
+using cutting::OutlinePoint;
+using Points = std::vector<OutlinePoint>;
+
+constexpr Range edge_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range edge_angle{0.0, 179.0};                 // deg
+
+Fields<Insert> insert_dimensions(Asked asked) {
+  return Fields<Insert>()
+      .number(asked("radius_mm"), &Insert::radius, edge_size, "of the nose")
+      .number(asked("cutting_edge_angle_deg"), &Insert::major, edge_angle,
+              "ISO 3002-1 κr, from the feed -x to the edge ahead, upwards")
+      .number(asked("minor_edge_angle_deg"), &Insert::minor, edge_angle,
+              "κr', from +x to the edge behind, upwards; with κr 1 to 179 deg")
+      .number(asked("cutting_edge_mm"), &Insert::major_length, edge_size,
+              "length of the edge ahead, from the nose")
+      .number(asked("minor_edge_mm"), &Insert::minor_length, edge_size,
+              "length of the edge behind, from nose or wiper")
+      .number(left_out(asked, "wiper_mm"), &Insert::wiper, non_negative,
+              "b_s, a flat along x from below the centre of the nose to the minor edge");
+}
+
+/// @return empty after a fault
+Points read_edge(TableReader& reader) {
+  const auto x = reader.maybe_numbers("x_mm"), z = reader.maybe_numbers("z_mm");
+  const auto arcs = reader.maybe_numbers("arc_radii_mm");
+  if (!x || !z) return {};
+  const auto expect_as_many = [&](const char* key, Eigen::Index seen) {
+    if (seen == x->size()) return true;
+    reader.refuse(key, fmt::format("as many numbers as x_mm, {}", x->size()), std::to_string(seen));
+    return false;
+  };
+  if (!expect_as_many("z_mm", z->size()) || (arcs && !expect_as_many("arc_radii_mm", arcs->size())))
+    return {};
+  Points points;
+  for (Eigen::Index i = 0; i < x->size(); ++i)
+    points.push_back({{(*x)[i], (*z)[i]}, arcs ? (*arcs)[i] : 0.0});
+  return points;
+}
+
+Fields<Points> edge_fields(Asked asked) {
+  const std::vector<Key> keys{
+      make_numbers_key(
+          asked("x_mm"), 0,
+          "of points around the edge, counter-clockwise from x to z, the centre inside"),
+      make_numbers_key(asked("z_mm"), 0, "of the same points"),
+      make_numbers_key(left_out(asked, "arc_radii_mm"), 0,
+                       "of the arcs to them from the points before, that to the first from the "
+                       "last; 0: a line")};
+  return Fields<Points>().custom(
+      keys,
+      [asked](TableReader& reader, Points& points) {
+        const bool required = asked("x_mm").required;
+        for (const char* key : {"x_mm", "z_mm"})
+          if (!reader.has(key) &&
+              (required || reader.has("x_mm") || reader.has("z_mm") || reader.has("arc_radii_mm")))
+            reader.missing(key, "a list of numbers");
+        if (Points read = read_edge(reader); !read.empty()) points = std::move(read);
+      },
+      [](const Points& points, Node::Table& table) {
+        const auto n = Eigen::Index(points.size());
+        Eigen::VectorXd x(n), z(n), arcs(n);
+        for (Eigen::Index i = 0; i < n; ++i) {
+          const OutlinePoint& point = points[std::size_t(i)];
+          x[i] = point.at.x(), z[i] = point.at.y(), arcs[i] = point.radius;
+        }
+        put_numbers(table, "x_mm", x, 1.0);
+        put_numbers(table, "z_mm", z, 1.0);
+        put_numbers(table, "arc_radii_mm", arcs, 1.0);
+      });
+}
+
+Nose insert_nose(const Insert& insert) { return cutting::nose_of(cutting::insert_profile(insert)); }
+Nose edge_nose(const Points& points) {
+  return cutting::nose_of(cutting::edge_profile_from_points(points));
+}
+
+void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& why) {
+  reader.input_errors().add(reader.place(), "a turning insert that can be", why.what());
+}
+
+void report_edge_error(TableReader& reader, const Points& points,
+                       const std::invalid_argument& why) {
+  if (const auto* fault = dynamic_cast<const cutting::OutlineError*>(&why))
+    return report_point_error(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *fault);
+  const Refusal refusal = refusal_of(why.what());
+  reader.refuse("x_mm", refusal.expected + " for " + reader.name_of("x_mm") + " and z_mm",
+                refusal.seen);
+}
+
+}  // namespace
+
+Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& which) {
+  if (kind == "insert")
+    return fields_of_form(which, insert_dimensions(which.asked), insert_nose, report_insert_error);
+  return fields_of_form(which, edge_fields(which.asked), edge_nose, report_edge_error);
+}
+
+}  // namespace abbe::sim
