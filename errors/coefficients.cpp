@@ -13,12 +13,14 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Where a shape keeps its numbers, in their order; `Vector` is VectorXd or const VectorXd.
+/// Appends pointers to the numbers of a vector; `Vector` is VectorXd or const VectorXd.
 template <typename Number, typename Vector>
 void append(std::vector<Number*>& places, Vector& numbers) {
   for (Index i = 0; i < numbers.size(); ++i) places.push_back(&numbers[i]);
 }
 
+// Returns pointers to the numbers of a shape in their fixed order, so that reading and writing
+// cannot disagree.
 template <typename SomeShape>
 auto places(SomeShape& shape) {
   using Number = std::conditional_t<std::is_const_v<SomeShape>, const double, double>;
@@ -46,7 +48,7 @@ auto places(SomeShape& shape) {
   return result;
 }
 
-/// What a spline prepares from its values is made again once they have changed.
+/// Recomputes the second derivatives of a spline after its values have changed.
 void renew(Table& table) {
   if (table.between == Between::Spline)
     table = make_table(table.q, table.value, table.between, table.outside);
@@ -74,14 +76,16 @@ std::string number_name(const Shape& shape, int number) {
   return fmt::format("[{}]", number);
 }
 
-std::string curve_name(const Element& element, std::size_t curve, bool numbered_name) {
+std::string curve_name(const Element& element, std::size_t curve, bool numbered) {
   std::string name = to_string(element.name);
   const Curve& c = element.curves[curve];
   if (element.curves.size() > 1 && !c.name.empty()) name += " " + c.name;
-  if (numbered_name) name += fmt::format(" #{}", curve + 1);
+  if (numbered) name += fmt::format(" #{}", curve + 1);
   return name;
 }
 
+// Two unnamed curves of one element would give their numbers the same name; then curves are
+// numbered.
 bool has_namesakes(const Element& element) {
   std::vector<std::string> names;
   for (std::size_t c = 0; c < element.curves.size(); ++c)
@@ -134,6 +138,8 @@ std::vector<Element> with_values(std::vector<Element> elements, const VectorXd& 
   return elements;
 }
 
+// Shapes are linear in their numbers: the value with one number at 1 and the others at 0 is its
+// factor.
 VectorXd basis(const Curve& curve, const CurveState& state) {
   Curve unit = curve;
   for (double* number : places(unit.shape)) *number = 0.0;
@@ -141,7 +147,7 @@ VectorXd basis(const Curve& curve, const CurveState& state) {
   VectorXd result(static_cast<Index>(n));
   for (std::size_t k = 0; k < n; ++k) {
     *places(unit.shape)[k] = 1.0;
-    renew(unit.shape);  // a renewed table keeps its numbers elsewhere
+    renew(unit.shape);  // renewing a table moves its numbers, hence places() again
     result[Index(k)] = value(unit, state);
     *places(unit.shape)[k] = 0.0;
   }

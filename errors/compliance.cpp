@@ -18,14 +18,14 @@ namespace abbe::errors {
 
 namespace {
 
-constexpr double arm = 100.0;  // mm, at which a turn counts as much as a shift
+constexpr double arm = 100.0;  // mm, lever arm at which a rotation counts as much as a translation
 
 void require(bool good, const std::string& what, const std::string& expected, double seen) {
   if (!good)
     throw std::invalid_argument(fmt::format("{}: expected {}, seen {}", what, expected, seen));
 }
 
-// Conditions are written so that NaN fails them.
+// The conditions are written so that NaN fails them.
 bool is_positive(double x) { return x > 0.0 && std::isfinite(x); }
 
 void check(const CantileverSection& section, const std::string& who) {
@@ -46,11 +46,13 @@ void validate(const Compliance& C, const std::string& what) {
   if (!scaled.allFinite())
     throw std::invalid_argument(what + ": expected finite compliances, seen one that is not");
   const double largest = scaled.cwiseAbs().maxCoeff();
+  // 1e-9 of the largest entry: covers compliances that were inverted or rotated in double
+  // precision, and is far below the accuracy of any measured one.
   const double slack = 1e-9 * largest;
   const double skew = (scaled - scaled.transpose()).cwiseAbs().maxCoeff();
   require(skew <= slack, what, "a symmetric compliance (off by 1e-9 of its largest entry at most)",
           skew / largest);
-  // divided first: squares of huge entries would overflow
+  // Divided by the largest entry first: squares of huge entries would overflow.
   const Compliance one = largest > 0.0 ? Compliance(scaled / largest) : scaled;
   const Eigen::SelfAdjointEigenSolver<Compliance> solver(one, Eigen::EigenvaluesOnly);
   require(solver.eigenvalues()[0] >= -1e-9, what,
@@ -71,7 +73,7 @@ Compliance stepped_cantilever(std::span<const CantileverSection> sections) {
     const double d2 = section.diameter * section.diameter;
     const double EI = E * pi * d2 * d2 / 64.0;
     const double GJ = EI / (1.0 + section.poisson_ratio);  // G = E / 2(1 + nu), J = 2 I
-    // integrals of 1, z and z^2 over the section
+    // Integrals of 1, z and z^2 over the section (Castigliano).
     const double i0 = section.length / EI;
     const double i1 = 0.5 * (to + from) * i0;
     const double i2 = (to * to + to * from + from * from) / 3.0 * i0;
@@ -81,7 +83,7 @@ Compliance stepped_cantilever(std::span<const CantileverSection> sections) {
     C(3, 3) += i0;
     C(4, 4) += i0;
     C(5, 5) += section.length / GJ;
-    C(3, 1) += i1;  // pushed along y, the free end turns about +x, since the clamp lies along +z
+    C(3, 1) += i1;  // Pushed along y, the free end turns about +x, since the clamp lies along +z.
     C(4, 0) -= i1;
     from = to;
   }
@@ -103,7 +105,8 @@ using kinematics::Wrench;
 
 constexpr double newton = 1e-3;  // N in kg mm/s^2
 
-/// Joints of one side up to and with `last`, from the bed outwards; all of the side without `last`.
+/// Returns the joints of one side up to and including `last`, from the bed outwards; without `last`
+/// all joints of the side.
 std::vector<int> carriers(const Chain& chain, Side side, std::optional<int> last) {
   std::vector<int> result;
   for (int n = 0; n < chain.size(); ++n) {
@@ -142,19 +145,21 @@ Wrench turned(const Eigen::Matrix3d& R, const Wrench& W) {
   return result;
 }
 
-/// A force at `arm` from where the wrench is stated.
+/// Returns the wrench of a force at `arm` from the point to which the wrench refers.
 Wrench wrench(const Vector3d& force, const Vector3d& arm) {
   Wrench result;
   result << force, arm.cross(force);
   return result;
 }
 
-/// What carries a mass, from the bed outwards, as it stands: where the deviation of each joint is
-/// put in, and the joint itself before its motion.
+/// The joints that carry a mass, from the bed outwards, in their current position: the frame before
+/// the motion of each joint, and the frame in which its deviation acts.
 struct Branch {
   struct Place {
-    Pose T_before = Pose::Identity();     ///< bed frame at zero to the joint's parent as it stands
-    Pose T_deviation = Pose::Identity();  ///< the same to where the joint's deviation is put in
+    Pose T_before = Pose::Identity();     ///< bed frame at zero to the current frame of the joint's
+                                          ///< parent
+    Pose T_deviation = Pose::Identity();  ///< bed frame at zero to the frame of the joint's
+                                          ///< deviation
   };
   std::array<Place, kinematics::max_joints> places;
   Vector3d centre_b;
@@ -169,6 +174,7 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
     const Joint& joint = chain.joints()[std::size_t(i)];
     const Pose T_after =
         T * kinematics::carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
+    // ISO 230-7: the error motion of a rotary axis is stated along axes that do not turn with it.
     const bool before =
         joint.motion == Motion::Rotary && joint.deviation_axes == kinematics::DeviationAxes::Fixed;
     result.places[n] = {T, before ? T : T_after};
@@ -178,6 +184,7 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
   return result;
 }
 
+// Without the centripetal and Coriolis terms, which are quadratic in the speeds.
 Vector3d mass_acceleration(const Branch& at, const Chain& chain, const ComplianceModel::Mass& mass,
                            const kinematics::AxisVector& acceleration) {
   Vector3d a = Vector3d::Zero();
@@ -198,6 +205,7 @@ void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
   const Chain& chain = model.nominal;
   const Branch at = branch(chain, mass, state.q);
   Vector3d field = model.gravity_b.value_or(Vector3d::Zero());
+  // d'Alembert: an accelerated mass loads the machine as a weight of -a does.
   if (model.inertia && load.acceleration.size() > 0)
     field -= mass_acceleration(at, chain, mass, load.acceleration);
   const Vector3d force_b = newton * mass.mass_kg * field;
@@ -224,6 +232,8 @@ void add_cutting_deviations(const ComplianceModel& model, const kinematics::Axis
   const Wrench on_tool_w = turned(T_wt.linear(), load.on_tool_t);
   if (std::any_of(model.joints.begin(), model.joints.end(), is_compliant)) {
     const Eigen::MatrixXd J = kinematics::motion_jacobian(model.nominal, state.q);
+    // C J' W: by virtual work the transposed motion Jacobian takes the wrench at the tip to the
+    // joint's point, with the opposite sign on the workpiece side.
     for (std::size_t i = 0; i < model.joints.size(); ++i) {
       if (!is_compliant(model.joints[i])) continue;
       sum.joints[i].motion +=
@@ -232,6 +242,7 @@ void add_cutting_deviations(const ComplianceModel& model, const kinematics::Axis
   }
   sum.tool_t += model.tool * load.on_tool_t;
   Wrench on_part_w = -on_tool_w;
+  // The wrench is stated at the tip; the fixture gives way at the origin of w.
   on_part_w.tail<3>() -= T_wt.translation().cross(on_tool_w.head<3>());
   sum.workpiece_w += model.fixture * on_part_w;
   if (model.workpiece) {
@@ -292,6 +303,7 @@ ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisS
   assert(load.acceleration.size() == 0 || load.acceleration.size() == model.nominal.size());
   ForceDeviations sum;
   sum.joints.resize(model.joints.size());
+  // The clamping wrench acts on the fixture at all times, with and without a cut.
   sum.workpiece_w = model.fixture * model.clamping_w;
   if (!load.on_tool_t.isZero(0.0)) add_cutting_deviations(model, state, load, sum);
   if (model.gravity_b || (model.inertia && load.acceleration.size() > 0)) {

@@ -16,40 +16,41 @@
 namespace abbe::errors {
 
 /// Deviation per wrench: rows [EX EY EZ | EA EB EC] in mm and rad, columns [FX FY FZ | MX MY MZ] in
-/// N and N mm. Physical ones are symmetric and have no negative eigenvalue.
+/// N and N mm. A physical one is symmetric and has no negative eigenvalue.
 using Compliance = Eigen::Matrix<double, 6, 6>;
 
+/// Checks a compliance.
 /// @throws std::invalid_argument beginning with `what` unless C is finite, and symmetric and
 ///         without a negative eigenvalue to 1e-9 of its largest scaled entry (scaled: lengths by
 ///         100 mm)
 void validate(const Compliance& C, const std::string& what);
 
-/// A round piece of a tool or holder.
+/// A round section of a tool or holder.
 struct CantileverSection {
   double length = 0.0;            ///< mm, > 0
-  double diameter = 0.0;          ///< mm, > 0; of a fluted part its effective one
+  double diameter = 0.0;          ///< mm, > 0; for a fluted section its effective diameter
   double youngs_modulus = 2.1e5;  ///< N/mm^2, > 0
   double poisson_ratio = 0.3;     ///< > -1, at most 0.5
 };
 
-/// Compliance at the free end of slender round sections, clamped at the far end of the last one, in
-/// frame t: z from the free end to the clamp. Bending after Euler and Bernoulli, stretch and
-/// torsion along the axis; shear is left out (it adds about 0.6 (d/L)^2 of the bending for a round
-/// carbide bar). A load at height a above the free end, handed over as a wrench at the free end,
-/// errs at the free end by at most F a^3 / (6 E I).
+/// Returns the compliance at the free end of slender round sections, clamped at the far end of the
+/// last one, in frame t: z from the free end to the clamp. Bending after Euler and Bernoulli,
+/// stretch and torsion along the axis; shear is neglected (it adds about 0.6 (d/L)^2 of the bending
+/// for a round carbide bar). A load at height a above the free end, given as a wrench at the free
+/// end, has an error at the free end of at most F a^3 / (6 E I).
 /// @param sections  from the free end to the clamp, at least one
-/// @throws std::invalid_argument naming the section and its number that is not physical
+/// @throws std::invalid_argument naming the section and the number that is not physical
 Compliance stepped_cantilever(std::span<const CantileverSection> sections);
 
-/// How a part gives way where the tool touches it: displacement of the surface per force there.
-struct WorkpieceBar {  ///< cantilever bar along `direction`, loaded across it
+/// Models of the workpiece compliance: displacement of the surface per force at the contact point.
+struct WorkpieceBar {  ///< cantilever bar along `direction_w`, loaded across it
   Eigen::Vector3d clamp_w = Eigen::Vector3d::Zero();       ///< mm, centre of the clamped end
   Eigen::Vector3d direction_w = Eigen::Vector3d::UnitZ();  ///< unit, from the clamp outwards
   double length = 0.0;                                     ///< mm
   double second_moment = 0.0;     ///< mm^4, the same about both axes across
   double youngs_modulus = 7.0e4;  ///< N/mm^2
 };
-struct WorkpiecePlate {  ///< wall clamped along its foot, long against its height
+struct WorkpiecePlate {  ///< wall clamped along its foot, long compared with its height
   Eigen::Vector3d foot_w = Eigen::Vector3d::Zero();     ///< mm, a point of the foot
   Eigen::Vector3d up_w = Eigen::Vector3d::UnitZ();      ///< unit, from the foot to the free edge
   Eigen::Vector3d normal_w = Eigen::Vector3d::UnitX();  ///< unit, across the wall
@@ -58,37 +59,39 @@ struct WorkpiecePlate {  ///< wall clamped along its foot, long against its heig
   double youngs_modulus = 7.0e4;                        ///< N/mm^2
   double poisson_ratio = 0.33;                          ///< > -1, at most 0.5
 };
-struct WorkpieceField {  ///< from a finite-element program: nodes of the surface, each loaded alone
+struct WorkpieceField {  ///< nodes of the surface from a finite-element program, each loaded alone
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> points_w;  ///< (n x 3) mm
   std::vector<Eigen::Matrix3d> compliance_w;                           ///< (n) mm/N, symmetric
-  std::string file = {};  ///< that it was read from; empty: none
+  std::string file = {};                                               ///< source file; empty: none
 };
 using WorkpieceCompliance = std::variant<WorkpieceBar, WorkpiecePlate, WorkpieceField>;
 
-/// @throws std::invalid_argument naming what is not physical, or the node of a field, counted from
-///         1; a node's compliance is symmetric and not negative to 1e-6 of its largest entry, which
-///         leaves room for what an iterative solver leaves
+/// Checks a workpiece compliance.
+/// @throws std::invalid_argument naming the quantity that is not physical, or the node of a field,
+///         counted from 1; the compliance of a node must be symmetric and not negative to 1e-6 of
+///         its largest entry, which covers the residual of an iterative solver
 void validate(const WorkpieceCompliance& part);
 
-/// Displacement of the surface at a point per force at it, (3 x 3) mm/N, workpiece frame. A bar and
-/// a plate give way only across themselves and only beyond the clamp; beyond their free end they
-/// give way as there. A plate's is that of an endless cantilever plate under a point load
+/// Returns the displacement of the surface at a point per force at it, (3 x 3) mm/N, workpiece
+/// frame.
+/// A bar and a plate deflect only across themselves and only beyond the clamp; beyond the free end
+/// they deflect as at the free end. The plate is an endless cantilever plate under a point load
 /// (Kirchhoff; at the free edge 0.1665 c^2 / D for nu = 0.3, for which Jaramillo 1950 prints
-/// 0.168). A field is weighted over its four nearest nodes at distances d by (1/d - 1/d5)^2, d5
-/// that of the fifth, so that it does not jump where the neighbours change. NaN of a point that is
-/// not finite. One-off: it integrates the plate (50 us) and searches the whole field. See
-/// PreparedWorkpiece.
+/// 0.168). A field is averaged over its four nearest nodes at distances d with weights (1/d -
+/// 1/d5)^2, d5 the distance of the fifth, so that it is continuous where the neighbours change.
+/// NaN for a point that is not finite. For single calls: it integrates the plate (50 us) and
+/// searches the whole field. See PreparedWorkpiece.
 Eigen::Matrix3d local_compliance(const WorkpieceCompliance& part, const Eigen::Vector3d& point_w);
 
-/// Compliance of an endless cantilever plate under a point load at height s c above its foot,
-/// in units of c^2/D, to 1e-9 of itself and 1e-17. @param s  0 .. 1
+/// Returns the compliance of an endless cantilever plate under a point load at height s c above its
+/// foot, in units of c^2/D, to 1e-9 relative and 1e-17 absolute. @param s  0 .. 1
 double cantilever_plate(double s, double poisson_ratio);
 
-/// A field with a tree over its nodes.
+/// A field with a k-d tree over its nodes.
 struct IndexedField {
   WorkpieceField field;            ///< nodes in the order of the tree
-  std::vector<int> node;           ///< (n) number of each in the field that was given
-  std::vector<std::int8_t> split;  ///< (n) coordinate by which a node parts those around it
+  std::vector<int> node;           ///< (n) index of each node in the original field
+  std::vector<std::int8_t> split;  ///< (n) coordinate along which a node splits the nodes around it
 };
 /// A plate with its compliance tabulated over the height.
 struct PlateTable {
@@ -96,34 +99,35 @@ struct PlateTable {
   WorkpiecePlate plate;
   std::array<double, intervals + 1> ratio{};  ///< cantilever_plate / s^2 at s = (1 - cos(pi i/n))/2
 };
-/// What a part's compliance becomes to be asked often. Immutable.
+/// A workpiece compliance prepared for many evaluations. Immutable.
 using PreparedWorkpiece = std::variant<WorkpieceBar, PlateTable, IndexedField>;
 
-/// @throws std::invalid_argument as `validate`
+/// Returns the prepared compliance. @throws std::invalid_argument as `validate`
 PreparedWorkpiece prepare(const WorkpieceCompliance& part);
 
-/// The same as of what it was made from: bar and field to the last bit, the plate within 1e-6 of
-/// its value; 2 us in a field of 100 000 nodes.
+/// Returns the same as for the original compliance: bar and field bit for bit, the plate within
+/// 1e-6 of its value; 2 us in a field of 100 000 nodes.
 Eigen::Matrix3d local_compliance(const PreparedWorkpiece& part, const Eigen::Vector3d& point_w);
 
 inline constexpr std::size_t max_field_bytes = std::size_t(64) << 20;
 
-/// Reads a field from CSV: a head `x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N,
-/// Cxy_um_per_N,Cyz_um_per_N,Cxz_um_per_N` in any order (cross terms may be left out, then they are
-/// zero), a node a row; commas or semicolons, empty lines and lines that begin with # are skipped.
+/// Reads a field from CSV. Header
+/// `x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N,Cxy_um_per_N,Cyz_um_per_N,Cxz_um_per_N`
+/// in any order (cross terms may be omitted, then they are zero), one node a row; separated by
+/// commas or semicolons. Empty lines and lines that begin with # are skipped.
 /// @throws BadInput, also beyond max_field_bytes
 WorkpieceField read_compliance_field(std::string_view text, const std::string& file);
 
-/// Distance of neighbouring nodes of a field: the median over up to 1000 of them, mm;
-/// 0 for one node.
+/// Returns the typical distance of neighbouring nodes of a field: the median over up to 1000 of
+/// them, mm; 0 for one node.
 double node_spacing(const WorkpieceField& field);
 
-/// Largest distance from a point to the nearest node of a field, mm: shows one of another mesh.
-/// Zero without points.
+/// Returns the largest distance from a point to the nearest node of a field, mm; a large one
+/// reveals a field of another mesh. 0 without points.
 double coverage(const WorkpieceField& field,
                 const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w);
 
-/// A moving mass, for gravity and inertia, as a point.
+/// A moving mass, for gravity and inertia, as a point mass.
 struct MovingMass {
   char axis = 'X';                                     ///< carriage that carries it; 'S' as for
                                                        ///< elements, 't' the tool, 'w' the part
@@ -131,25 +135,27 @@ struct MovingMass {
   Eigen::Vector3d centre_b = Eigen::Vector3d::Zero();  ///< mm, bed frame, axes at zero
 };
 
-/// What of a machine gives way.
+/// Compliances and masses of a machine.
 struct JointCompliance {
-  char axis = 'X';                    ///< joint of that letter; 'S' as for elements
+  char axis = 'X';                    ///< letter of the joint; 'S' as for elements
   Compliance C = Compliance::Zero();  ///< at the joint's point, along its deviation axes
 };
 struct ComplianceErrors {
   std::vector<JointCompliance> joints;
   Compliance tool = Compliance::Zero();     ///< nose to tip, at the tip in frame t
-  Compliance fixture = Compliance::Zero();  ///< of the part on its carriage, at w in frame w
+  Compliance fixture = Compliance::Zero();  ///< of the part on its carriage, at the origin of w in
+                                            ///< frame w
   std::optional<WorkpieceCompliance> workpiece;
   double scale = 1.0;  ///< of every compliance, >= 0
   std::vector<MovingMass> masses;
-  std::optional<Eigen::Vector3d> gravity_b;  ///< mm/s^2; off unless given
-  bool inertia = false;                      ///< of the masses, from the accelerations
-  kinematics::Wrench clamping_w = kinematics::Wrench::Zero();  ///< on the part at w; bears on the
-                                                               ///< fixture alone
+  std::optional<Eigen::Vector3d> gravity_b;  ///< mm/s^2; no gravity if empty
+  bool inertia = false;                      ///< inertia forces of the masses, from the
+                                             ///< accelerations
+  kinematics::Wrench clamping_w = kinematics::Wrench::Zero();  ///< on the part at the origin of w;
+                                                               ///< loads the fixture alone
 };
 
-/// The same bound to the nominal chain. Immutable: made by `bind`.
+/// The compliance errors bound to the nominal chain. Immutable: made by `bind`.
 struct ComplianceModel {
   kinematics::Chain nominal;
   std::vector<Compliance> joints;  ///< (chain size) zero where stiff
@@ -157,9 +163,9 @@ struct ComplianceModel {
   std::optional<PreparedWorkpiece> workpiece;
   double workpiece_factor = 1.0;
   struct Mass {
-    std::vector<int> joints;  ///< of the chain that carry it, from the bed outwards
-    bool on_tool = false;     ///< bears on the tool too
-    bool on_part = false;     ///< bears on the fixture too
+    std::vector<int> joints;  ///< joints that carry it, from the bed outwards
+    bool on_tool = false;     ///< also loads the tool
+    bool on_part = false;     ///< also loads the fixture
     double mass_kg = 0.0;
     Eigen::Vector3d centre_b;
   };
@@ -169,38 +175,40 @@ struct ComplianceModel {
   kinematics::Wrench clamping_w = kinematics::Wrench::Zero();
 };
 
-/// @throws std::invalid_argument naming the joint: an axis that the chain lacks or twice, a
-///         compliance that is not physical, a negative mass, a number that is not finite
+/// Binds the errors to a chain.
+/// @throws std::invalid_argument naming the joint: an axis that the chain lacks or that comes
+///         twice, a compliance that is not physical, a negative mass, a number that is not finite
 ComplianceModel bind(const ComplianceErrors& errors, const kinematics::Chain& nominal);
 
-/// What acts on the machine at an instant.
+/// Load on the machine at an instant.
 struct Load {
-  kinematics::Wrench on_tool_t = kinematics::Wrench::Zero();  ///< of the cut, at the tip, frame t
-  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();        ///< mm, where it acts, frame t
+  kinematics::Wrench on_tool_t = kinematics::Wrench::Zero();  ///< cutting wrench on the tool at the
+                                                              ///< tip, frame t
+  Eigen::Vector3d contact_t = Eigen::Vector3d::Zero();        ///< mm, contact point, frame t
   kinematics::AxisVector acceleration;  ///< (joints) mm/s^2, rad/s^2; may be empty: none
 };
 
-/// Force part of the deviations.
+/// Deviations that forces cause.
 struct ForceDeviations {
-  std::vector<kinematics::JointDeviation> joints;                     ///< (chain size)
-  kinematics::Deviation tool_t = kinematics::Deviation::Zero();       ///< of the tip, in frame t
-  kinematics::Deviation workpiece_w = kinematics::Deviation::Zero();  ///< of the part at w: fixture
-                                                                      ///< and wall at the contact
+  std::vector<kinematics::JointDeviation> joints;                ///< (chain size)
+  kinematics::Deviation tool_t = kinematics::Deviation::Zero();  ///< of the tip, in frame t
+  /// of the part at the origin of w: fixture, and part at the contact
+  kinematics::Deviation workpiece_w = kinematics::Deviation::Zero();
 };
 
-/// Where a chain brings the tool in the part, T_wt, under deviations of joints, part and tool.
+/// Returns the pose T_wt of the tool in the part under deviations of joints, part and tool.
 kinematics::Pose tool_in_workpiece(const kinematics::Chain& chain, const kinematics::AxisVector& q,
                                    const ForceDeviations& all);
 
-/// Every joint gives way by C J^T W, J the motion Jacobian of the nominal chain, so the workpiece
-/// side bears the reaction and moves the other way; of second order in the deviations are left out
-/// the changes of arm (20 um on 200 mm: 1e-4 of the force part). A mass bears by its weight and by
-/// -m a on every joint between it and the bed; of its acceleration the terms with squares of speed
-/// are left out.
+/// Returns the deviations under a load. Every joint deflects by C J^T W, J the motion Jacobian of
+/// the nominal chain, so the workpiece side takes the reaction and moves the other way. The change
+/// of lever arms by the deviations is neglected, of second order (20 um on 200 mm: 1e-4 of the
+/// force part). A mass loads every joint between it and the bed by its weight and by -m a; terms of
+/// its acceleration that are quadratic in speed are neglected.
 ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisState& state,
                            const Load& load);
 
-/// Every compliance of the model times `factor`.
+/// Returns the model with every compliance multiplied by `factor`.
 ComplianceModel scaled(const ComplianceModel& model, double factor);
 
 }  // namespace abbe::errors

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// What one curve sees of the state: its own argument and which way that goes.
+/// The part of the state that a curve uses: its own argument, and the direction in that argument.
 struct CurveInput {
   double q = 0.0;
   int direction = 0;
@@ -31,13 +31,13 @@ CurveInput curve_input(const Curve& curve, const CurveState& state) {
   return {state.carriage, sign * state.direction, state.stroke, double(sign)};
 }
 
-// ---- tables
+// Tables
 
 struct Piece {
-  Index i = 0;     ///< between rows i and i + 1
-  double h = 1.0;  ///< distance of the rows
-  double t = 0.0;  ///< 0 at row i, 1 at row i + 1
-  bool held = false;
+  Index i = 0;        ///< between rows i and i + 1
+  double h = 1.0;     ///< distance of the rows
+  double t = 0.0;     ///< 0 at row i, 1 at row i + 1
+  bool held = false;  ///< outside the table, which holds its last value
 };
 
 [[noreturn]] void throw_position_error(const Table& table, double q) {
@@ -47,7 +47,7 @@ struct Piece {
 
 Index row_before(const VectorXd& q, double x) {
   const Index last = q.size() - 2;
-  // most tables are evenly spaced: guess, look, and search only where the guess is wrong
+  // Most tables are evenly spaced: guess the row, and search only where the guess is wrong.
   const double guess = (x - q[0]) / (q[last + 1] - q[0]) * double(last + 1);
   const Index i = std::clamp<Index>(Index(guess), 0, last);
   if (q[i] <= x && (i == last || x < q[i + 1])) return i;
@@ -73,7 +73,7 @@ Piece piece(const Table& table, double q) {
 double height(const Table& table, double q) {
   const Piece p = piece(table, q);
   const double b = p.t;
-  const double a = 1.0 - b;  // a y0 + b y1 is exact at both rows
+  const double a = 1.0 - b;  // this form is exact at both rows
   const double line = a * table.value[p.i] + b * table.value[p.i + 1];
   if (table.between == Between::Linear) return line;
   return line + ((a * a * a - a) * table.second[p.i] + (b * b * b - b) * table.second[p.i + 1]) *
@@ -92,7 +92,8 @@ double rise(const Table& table, double q) {
              (p.h / 6.0);
 }
 
-/// Second derivatives of the natural cubic spline: a tridiagonal system, solved row by row.
+/// Returns the second derivatives of the natural cubic spline: a tridiagonal system, solved by
+/// elimination row by row.
 VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
   const Index n = q.size();
   VectorXd second = VectorXd::Zero(n);
@@ -109,13 +110,14 @@ VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
   return second;
 }
 
-// ---- shapes
+// Shapes
 
 double height(const Constant& shape, const CurveInput&) { return shape.value; }
 double rise(const Constant&, const CurveInput&) { return 0.0; }
 
 double height(const Polynomial& shape, const CurveInput& seen) {
   const double t = (seen.q - shape.centre) / shape.half_range;
+  // Horner's scheme.
   double sum = 0.0;
   for (Index k = shape.c.size() - 1; k >= 0; --k) sum = sum * t + shape.c[k];
   return sum;
@@ -142,6 +144,8 @@ double rise(const Legendre& shape, const CurveInput& seen) {
   double slope_P = 0.0;
   for (Index k = 0; k < shape.c.size(); ++k, at.next()) {
     sum += shape.c[k] * slope_P;
+    // P'_{k+1} = P'_{k-1} + (2 k + 1) P_k, so the derivatives need no division by 1 - t^2 at the
+    // ends.
     const double slope_next = slope_before + double(2 * k + 1) * at.P;
     slope_before = slope_P;
     slope_P = slope_next;
@@ -183,30 +187,33 @@ double rise(const DirectionalTables& shape, const CurveInput& seen) {
   return 0.5 * (rise(shape.up, seen.q) + rise(shape.down, seen.q));
 }
 
-// ---- asynchronous motion
+// Asynchronous error motion
 
 constexpr int waves = 32;
 
 struct Wave {
-  double order = 0.0;  ///< per rad of a spindle's angle: cosines per turn
+  double order = 0.0;  ///< per rad of the spindle's angle: cosines per turn
   double phase = 0.0;  ///< rad
 };
 
 double uniform(std::uint64_t seed, std::uint64_t counter);
 
-/// Wave number k of a stream: its order even over its own part of the range, but not synchronous.
+/// Returns wave k of a stream. Its order is uniform within its own part of the range, but never a
+/// whole number: that would repeat every turn and be synchronous.
 Wave wave(const Asynchronous& shape, int k) {
   const double width = (shape.highest_order - shape.lowest_order) / waves;
-  const double clear = std::min(0.02 * width, 0.02);  // off whole numbers
+  const double clear = std::min(0.02 * width, 0.02);  // distance from whole numbers
   std::uint64_t counter = std::uint64_t(k) << 32;
   const double phase = 2.0 * std::numbers::pi * uniform(shape.seed, counter);
-  for (;;) {                                                            // 1.05 tries on average
-    const double in_part = 0.1 + 0.8 * uniform(shape.seed, ++counter);  // no two orders meet
+  for (;;) {  // 1.05 attempts on average
+    // a gap between the parts, so that no two orders coincide
+    const double in_part = 0.1 + 0.8 * uniform(shape.seed, ++counter);
     const double order = shape.lowest_order + width * (k + in_part);
     if (std::abs(order - std::round(order)) > clear) return {order, phase};
   }
 }
 
+// The mean square of a cosine is 1/2, and those of different orders add up.
 double amplitude(const Asynchronous& shape) { return shape.rms * std::sqrt(2.0 / waves); }
 
 double height(const Asynchronous& shape, const CurveInput& seen) {
@@ -227,14 +234,14 @@ double rise(const Asynchronous& shape, const CurveInput& seen) {
   return amplitude(shape) * sum;
 }
 
-// ---- a draw a stroke
+// Repeatability: one draw per stroke
 
 double height(const Repeatability& shape, const CurveInput& seen) {
   return shape.sigma * normal_deviate(shape.seed, std::uint32_t(seen.stroke));
 }
 double rise(const Repeatability&, const CurveInput&) { return 0.0; }
 
-// ---- what a shape must hold
+// Validity of shapes
 
 void expect(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(fmt::format("expected {}", what));
@@ -289,7 +296,7 @@ void check(const Asynchronous& shape) {
          "a highest order above the lowest");
 }
 
-// ---- the most that harmonics bend
+// Bounds of the second derivative
 
 double bend_of(const Fourier& shape) {
   const double rate = 2.0 * std::numbers::pi / shape.period;
@@ -308,20 +315,22 @@ double bend_of(const Other&) {
   return 0.0;
 }
 
-// ---- chance
+// Random numbers
 
-/// Even in [-1, 1), 53 bits.
+/// Returns a uniform number in [-1, 1) from the upper 53 bits.
 double symmetric_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
 
-/// Even in [0, 1).
+/// Returns a uniform number in [0, 1).
 double uniform(std::uint64_t seed, std::uint64_t counter) {
   return double(split_mix::stream(seed, counter) >> 11) * 0x1p-53;
 }
 
-/// log by arithmetic alone, as libraries differ in their last bit. 0 < x; error below 1e-15.
+/// Returns the natural logarithm by arithmetic alone, since libraries differ in the last bit. 0 <
+/// x; error below 1e-15.
 double portable_log(double x) {
   int exponent = 0;
   double m = std::frexp(x, &exponent);
+  // With m in [1/sqrt 2, sqrt 2), |s| is at most 0.172 and twelve terms of the series reach 1e-18.
   if (m < std::numbers::sqrt2 / 2.0) {
     m *= 2.0;
     --exponent;
@@ -336,7 +345,7 @@ double portable_log(double x) {
 
 double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
   std::uint64_t bits = split_mix::stream(seed, counter);
-  for (;;) {  // polar method: a point of the unit disc; 1.27 tries on average
+  for (;;) {  // polar method (Marsaglia): a point of the unit disc; 1.27 attempts on average
     const double u = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
     const double v = symmetric_uniform(split_mix::mixed(bits += split_mix::golden));
     const double s = u * u + v * v;
@@ -381,7 +390,7 @@ DetrendedTable detrend(const Table& table, Detrend how) {
     result.slope = dq.dot(table.value) / dq.squaredNorm();
     result.offset = table.value.mean() - result.slope * q_mean;
   }
-  // a line has no second derivative, so those of a spline stay
+  // A line has no second derivative, so those of a spline are unchanged.
   result.table.value = table.value.array() - (result.offset + result.slope * table.q.array());
   return result;
 }
@@ -400,7 +409,7 @@ HarmonicRecurrence::HarmonicRecurrence(double angle)
 
 namespace {
 
-/// In the order of the functions.
+/// Returns the coefficients in the order of the basis functions.
 std::vector<double> series_coefficients(const Curve& curve) {
   if (const auto* legendre = std::get_if<Legendre>(&curve.shape))
     return {legendre->c.begin(), legendre->c.end()};
@@ -442,6 +451,8 @@ std::optional<SeriesBasis> basis_of(const Curve& curve) {
 
 int add(const Curve& curve, SeriesGroup& group) {
   const std::vector<double> own = series_coefficients(curve);
+  // Coefficients are stored function by function, `SeriesGroup::most` side by side, so that one
+  // basis value multiplies a contiguous row (SIMD).
   group.basis.functions = std::max(group.basis.functions, int(own.size()));
   group.coefficients.resize(std::size_t(group.basis.functions * SeriesGroup::most), 0.0);
   for (std::size_t k = 0; k < own.size(); ++k)

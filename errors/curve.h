@@ -11,68 +11,69 @@
 
 namespace abbe::errors {
 
-/// What a curve may depend on, for one axis.
+/// State of one axis on which a curve may depend.
 struct CurveState {
   double command = 0.0;   ///< mm or rad, commanded position of the axis
   double carriage = 0.0;  ///< mm or rad, travel of the carriage itself: -command on a primed axis
-  int direction = 0;      ///< +1 up, -1 down, of the command; 0 not moved yet
-  int stroke = 0;         ///< reversals so far
+  int direction = 0;      ///< of the command: +1 up, -1 down, 0 before the first motion
+  int stroke = 0;         ///< number of reversals so far
   bool primed = false;    ///< the carriage moves against the command
 };
 
-// Every shape holds plain numbers, mm or rad. The argument is q. "Up" is the way in which q grows.
-// Polynomial, Legendre and Fourier hold beyond their range too; only a table knows where it ends.
+// Shapes. Every shape holds plain numbers, mm or rad, and q is its argument; "up" is the direction
+// in which q grows. Polynomial, Legendre and Fourier extend beyond their range; only a table ends.
 
 struct Constant {
   double value = 0.0;
 };
-/// sum_k c[k] t^k, t = (q - centre) / half_range
+/// Polynomial sum_k c[k] t^k, t = (q - centre) / half_range.
 struct Polynomial {
-  Eigen::VectorXd c;  ///< (n + 1), unit of the value, so coefficients compare
+  Eigen::VectorXd c;  ///< (n + 1), in the unit of the value, so that coefficients are comparable
   double centre = 0.0;
   double half_range = 1.0;  ///< > 0
 };
-/// sum_k c[k] P_k(t), t = (q - centre) / half_range; P_k the Legendre polynomials
+/// Series sum_k c[k] P_k(t) of Legendre polynomials, t = (q - centre) / half_range.
 struct Legendre {
   Eigen::VectorXd c;  ///< (n + 1)
   double centre = 0.0;
   double half_range = 1.0;  ///< > 0
 };
-/// sum_k a[k] cos(2 pi (k+1) q / period) + b[k] sin(2 pi (k+1) q / period)
+/// Series sum_k a[k] cos(2 pi (k+1) q / period) + b[k] sin(2 pi (k+1) q / period).
 struct Fourier {
   Eigen::VectorXd a;    ///< (n)
   Eigen::VectorXd b;    ///< (n)
   double period = 1.0;  ///< mm or rad, > 0: a screw pitch, or 2 pi
 };
-enum class Between { Linear, Spline };  ///< how a table is read between its rows (natural cubic)
-enum class Outside { Refuse, Hold };    ///< what a table says beyond its range
+enum class Between { Linear, Spline };  ///< between rows: linear, or a natural cubic spline
+enum class Outside { Refuse, Hold };    ///< beyond the ends: an error, or the last value
 struct Table {
   Eigen::VectorXd q;      ///< (n) strictly increasing, n >= 2
   Eigen::VectorXd value;  ///< (n)
   Between between = Between::Linear;
   Outside outside = Outside::Refuse;
-  Eigen::VectorXd second;  ///< (n) second derivatives of the spline, made by `make_table`
+  Eigen::VectorXd second;  ///< (n) second derivatives of the spline, set by `make_table`
 };
-/// Reversal: +half while moving up, -half while moving down, 0 before the first motion. A carriage
-/// that lags has half < 0 on the tool side and, as "up" is the command's, half > 0 if primed.
+/// Reversal error: +half while moving up, -half while moving down, 0 before the first motion. A
+/// lagging carriage has half < 0 on the tool side and, as "up" refers to the command, half > 0 if
+/// primed.
 struct Backlash {
   double half = 0.0;
 };
-/// One table for each way of approach; before the first motion their mean.
+/// One table for each direction of approach; before the first motion their mean.
 struct DirectionalTables {
   Table up;
   Table down;
 };
-/// Normal deviate, one for every stroke (between two reversals), from a seed: not known to anyone.
-/// Curves of equal seed move together.
+/// Repeatability: one normal deviate for every stroke (between two reversals), from a seed. No
+/// belief knows it. Curves of equal seed move together.
 struct Repeatability {
   double sigma = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
 };
 /// Asynchronous error motion of a spindle over its own angle (q in rad, unwrapped): 32 cosines of
-/// equal amplitude, their orders drawn from a seed in equal parts of the range and off every whole
-/// number, their phases at will. The same at the same angle, never repeating; not known to anyone.
-/// Over n turns its mean square is rms^2 to 200 / (n (highest - lowest)) of it.
+/// equal amplitude, their orders drawn from a seed in equal parts of the range and away from whole
+/// numbers, their phases random. Equal at equal angles, never repeating. No belief knows it. Over n
+/// turns its mean square is rms^2 to 200 / (n (highest - lowest)) of it.
 struct Asynchronous {
   double rms = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
@@ -84,59 +85,62 @@ using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backl
 
 enum class Argument { Command, Carriage };
 
-/// One named part of an element.
+/// A named contribution to an element.
 struct Curve {
   Shape shape;
   std::string name = {};  ///< for reports: "screw pitch", "laser run 3"; may be empty
   Argument argument = Argument::Command;
-  bool negate = false;  ///< the source counted the other way
+  bool negate = false;  ///< true if the source counted in the opposite direction
   double scale = 1.0;   ///< for what-if studies
 };
 
-/// Value at the state; mm or rad.
-/// @throws std::out_of_range, naming the position and the range, if a table that refuses is left
+/// Returns the value at a state, mm or rad.
+/// @throws std::out_of_range, naming the position and the range, outside a table with
+///         `Outside::Refuse`
 double value(const Curve& curve, const CurveState& state);
 
-/// Derivative with respect to the commanded position, per mm or rad (of a table: of the piece to
-/// the right of a knot; of backlash and repeatability: 0).
+/// Returns the derivative with respect to the commanded position, per mm or rad (of a table at a
+/// row: to the right of it; of backlash and repeatability: 0).
 double slope(const Curve& curve, const CurveState& state);
 
-/// @throws std::invalid_argument if a shape breaks what is said beside its fields or holds a number
-///         that is not finite
+/// Checks a curve.
+/// @throws std::invalid_argument if a shape violates the conditions stated at its members or holds
+///         a number that is not finite
 void validate(const Curve& curve);
 
+/// Returns a table, with its spline prepared.
 /// @throws std::invalid_argument unless q is strictly increasing and finite with at least 2 rows of
 ///         finite values
 Table make_table(Eigen::VectorXd q, Eigen::VectorXd value, Between between = Between::Linear,
                  Outside outside = Outside::Refuse);
 
-/// Straight line taken out of a table.
+/// The straight line that is removed from a table.
 enum class Detrend {
-  Ends,          ///< the line through its first and last row
-  LeastSquares,  ///< the fitted line
+  Ends,          ///< line through the first and last row
+  LeastSquares,  ///< least-squares line
 };
-/// The table without its line, and that line's slope, which belongs to the squareness.
+/// A table without its line, and the slope of that line, which belongs to the squareness.
 struct DetrendedTable {
   Table table;
   double slope = 0.0;   ///< per mm or rad of q
-  double offset = 0.0;  ///< of the line at q = 0: a shift of the whole, which means nothing
+  double offset = 0.0;  ///< of the line at q = 0: a constant shift, without meaning
 };
 DetrendedTable detrend(const Table& table, Detrend how);
 
-/// Bound of the second derivative of harmonics, Fourier and asynchronous, with respect to the
-/// argument, per mm^2 or rad^2: sampled in steps d, lines between the samples miss the curve by at
-/// most that d^2 / 8. 0 for every other shape.
+/// Returns a bound of the second derivative of harmonics (Fourier and asynchronous) with respect to
+/// the argument, per mm^2 or rad^2: sampled in steps d, linear interpolation misses the curve by at
+/// most that bound times d^2 / 8. 0 for every other shape.
 double max_bend(const Curve& curve);
 
-/// True if the curve depends on chance. One that depends only on the way of approach does not: a
-/// backlash can be known.
+/// Returns true if the curve is random. A curve that depends only on the direction of approach is
+/// not: a backlash can be known.
 bool is_random(const Curve& curve);
 
-/// Standard normal deviate number `counter` of the stream `seed`: a hash of both, the same bits on
-/// every machine of IEEE arithmetic (only + - * / and square root are used).
+/// Returns standard normal deviate number `counter` of the stream `seed`: a hash of both, with the
+/// same bits on every machine with IEEE arithmetic (only + - * / and square root are used).
 double normal_deviate(std::uint64_t seed, std::uint64_t counter);
 
-/// P_0, P_1 ... one after the other, the Legendre polynomials at a place.
+/// Recurrence of the Legendre polynomials P_0, P_1 ... at one argument.
 struct LegendreRecurrence {
   double t;             ///< (q - centre) / half_range
   double before = 0.0;  ///< P_{k-1}
@@ -151,12 +155,12 @@ struct LegendreRecurrence {
   }
 };
 
-/// Cosine and sine of an angle, twice the angle ..., without a call for each.
+/// Recurrence of cosine and sine of multiples of an angle, without a library call for each.
 struct HarmonicRecurrence {
   explicit HarmonicRecurrence(double angle);
 
-  double c, s;              ///< of the harmonic
-  double first_c, first_s;  ///< of the angle
+  double c, s;              ///< of the current harmonic
+  double first_c, first_s;  ///< of the angle itself
 
   void next() {
     const double c_next = c * first_c - s * first_s;
@@ -165,8 +169,8 @@ struct HarmonicRecurrence {
   }
 };
 
-/// What Legendre or Fourier series of one argument and range share: their functions, whatever the
-/// coefficients are.
+/// The functions that Legendre or Fourier series of the same argument and range have in common,
+/// whatever their coefficients.
 struct SeriesBasis {
   enum class Kind {
     Legendre,   ///< P_0, P_1 ...
@@ -178,16 +182,16 @@ struct SeriesBasis {
   Argument argument = Argument::Command;
   double centre = 0.0;  ///< mm or rad, of Legendre series
   double range = 1.0;   ///< mm or rad: half range, period
-  int functions = 0;    ///< the most that a series uses
+  int functions = 0;    ///< number used by the longest series
 
-  /// True of series that need the same functions, few or many of them.
+  /// Returns true if two series use the same functions, whatever their number.
   bool shares(const SeriesBasis& other) const;
 };
 
-/// None of another shape, nor of a series with more than most_functions.
+/// Returns the basis of a curve; empty for another shape or a series with more than max_functions.
 std::optional<SeriesBasis> basis_of(const Curve& curve);
 
-/// Series of one basis, evaluated side by side.
+/// Series of one basis, evaluated together.
 struct SeriesGroup {
   static constexpr int most = 8;
   using Sums = std::array<double, most>;
@@ -197,13 +201,14 @@ struct SeriesGroup {
   std::vector<double> coefficients = {};  ///< (functions x most), function by function
 };
 
-/// Puts a curve of the group's basis into a group that is not full. @return its place there
+/// Adds a curve of the group's basis to a group that is not full. @return its position in the group
 int add(const Curve& curve, SeriesGroup& group);
 
-/// Every series to the last bit as `value` of its curve with a scale of 1, not negated.
+/// Returns the sum of every series, bit for bit as `value` of its curve with a scale of 1, not
+/// negated.
 SeriesGroup::Sums sums(const SeriesGroup& group, const CurveState& state);
 
-/// By what a curve multiplies its shape: its scale, with the sign of the source.
+/// Returns the factor of the shape: the scale, with the sign of the source.
 double factor(const Curve& curve);
 
 }  // namespace abbe::errors

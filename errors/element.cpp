@@ -17,7 +17,7 @@ namespace {
 constexpr std::string_view directions = "XYZABC";
 constexpr std::string_view axes = "XYZUVWABCS";
 
-/// Text that may be anything, made fit for a message.
+/// Returns external text in a form that is safe in a message.
 std::string shown(std::string_view text) {
   std::string result = "'";
   for (const char c : text.substr(0, 40)) result += c >= ' ' && c <= '~' ? c : '?';
@@ -29,8 +29,9 @@ std::string shown(std::string_view text) {
 ElementName parse_element_name(std::string_view text) {
   const bool is_long = !text.empty() && text.front() == 'E';
   const std::string_view rest = is_long ? text.substr(1) : text;
+  // The zero of EC0Y marks a location error.
   const bool location = rest.size() == 3 && rest[1] == '0';
-  // only a location element may leave out the E: "C0Y", but not "XX"
+  // Only a location element may omit the E: "C0Y", but not "XX".
   const bool fits = location || (is_long && rest.size() == 2);
   if (!fits || directions.find(rest.front()) == std::string_view::npos ||
       axes.find(rest.back()) == std::string_view::npos) {
@@ -76,6 +77,8 @@ using kinematics::Joint;
 
 bool is_along(const ElementName& name, const Joint& joint) {
   const Vector3d unit = Vector3d::Unit(name.component() % 3);
+  // 1e-9: sine below which the direction counts as parallel, far above the rounding of a unit
+  // vector.
   return unit.cross(joint.direction_b).norm() < 1e-9;
 }
 
@@ -121,6 +124,7 @@ void check_location(const ElementName& name, const kinematics::Chain& chain, int
 
 int joint_of(char axis, const kinematics::Chain& chain, const std::string& who) {
   if (const auto joint = chain.find(axis)) return *joint;
+  // Descriptions write S for the spindle; a chain names a workpiece spindle S and the nose s.
   if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
   std::string known;
   for (const Joint& joint : chain.joints())
@@ -145,14 +149,16 @@ std::string meaning(const ElementName& name, const kinematics::Chain& chain, int
   if (!element.reference) return fmt::format("tilt of {} about {}", name.axis, along);
   const Joint& axis = chain.joints()[std::size_t(joint)];
   const Joint& reference = chain.joints()[std::size_t(*element.reference)];
+  // 45 degrees separate the two cases: a rotary axis along its reference is parallel to it, one
+  // across it is square.
   const bool parallel = std::abs(axis.direction_b.dot(reference.direction_b)) > std::sqrt(0.5);
   return parallel
              ? fmt::format("parallelism of {} to {} about {}", name.axis, reference.name, along)
              : fmt::format("squareness of {} to {}", name.axis, reference.name);
 }
 
-// A turn about the bed axis along which the slide mainly travels moves it only as far as it is
-// oblique: with this sine 4e-4 of the slope are neglected.
+// Maximum sine of a rotation about the bed axis along which the slide mainly travels; it moves the
+// slide only as far as that is oblique. At this sine 4e-4 of the slope are neglected.
 constexpr double max_oblique_sine = 0.02;
 
 std::vector<SquarenessContribution> squareness_contributions(
@@ -165,6 +171,8 @@ std::vector<SquarenessContribution> squareness_contributions(
   });
   if (slide == joints.end() || straightness.location || straightness.is_angle())
     refuse("expected a straightness of a slide");
+  // A slope of the straightness is a rotation of the direction of travel about the axis normal to
+  // both.
   const Vector3d turn = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
   if (turn.norm() < 1e-9) refuse("expected a straightness of a slide");
   std::vector<SquarenessContribution> shares;

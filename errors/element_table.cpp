@@ -15,9 +15,10 @@
 namespace abbe::errors {
 namespace {
 
+// An axis and its six elements.
 constexpr std::size_t max_cells = 7;
 
-/// A name of the head and what follows its underscore.
+/// A name of the header and the unit after its underscore.
 struct HeaderCell {
   std::string_view name;
   std::optional<std::string_view> unit;
@@ -37,7 +38,7 @@ struct Head {
   char separator = ' ';
 };
 
-/// Reader of a head's cells: one axis, then its elements.
+/// Parser of the header cells: one axis, then its elements.
 class HeaderReader {
  public:
   HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
@@ -75,6 +76,7 @@ class HeaderReader {
   void read_element(const Cell& cell) {
     const HeaderCell head = header_cell(cell);
     const ElementName name = element_name(cell, head.name);
+    // The positions of the rows belong to one axis, and a location element has none.
     if (name.location || name.axis != head_.table.axis)
       refuse(cell, fmt::format("an error motion of {}, such as EX{}", head_.table.axis,
                                head_.table.axis));
@@ -102,7 +104,7 @@ class HeaderReader {
   Head head_;
 };
 
-/// One row after another: 1 + m numbers each.
+/// Reads the rows: 1 + m numbers each, converted to mm and rad.
 std::vector<double> read_rows(TableLines& lines, const Head& head) {
   const std::size_t width = head.units.size();
   std::vector<double> numbers;
@@ -115,6 +117,7 @@ std::vector<double> read_rows(TableLines& lines, const Head& head) {
       lines.refuse(int(line->text.size()) + 1, wanted, fmt::format("{}", cells.size()));
     if (cells.size() > width) lines.refuse(cells[width].column, wanted, "more");
     const std::size_t here = numbers.size() - width;
+    // The negated comparison also rejects NaN.
     if (here > 0 && !(numbers[here] > numbers[here - width]))
       lines.refuse(cells[0], "positions that increase from row to row");
   }
@@ -136,6 +139,7 @@ ElementTable read_element_table(std::string_view text, const std::string& file,
   const auto width = Eigen::Index(head.units.size());
   const Eigen::Index rows = Eigen::Index(numbers.size()) / width;
   if (rows < 2) lines.refuse(0, "at least 2 rows", fmt::format("{}", rows));
+  // The numbers were collected row by row, whereas Eigen matrices store columns by default.
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const Eigen::Map<const Rows> all(numbers.data(), rows, width);
   head.table.q = all.col(0);
@@ -154,7 +158,7 @@ std::string write_element_table(const ElementTable& table, char separator) {
     throw std::invalid_argument("element table: expected a value for every position and element");
   std::string text(1, table.axis);
   for (const ElementName& name : table.elements) text += separator + to_string(name);
-  // the nearest number of degrees: if any reads back exactly, this one does
+  // The nearest number of degrees: if any reads back exactly, this one does.
   const double unit = is_rotary(table.axis) ? units::deg : 1.0;
   for (Eigen::Index i = 0; i < table.q.size(); ++i) {
     text += fmt::format("\n{}", table.q[i] / unit);

@@ -52,7 +52,7 @@ double& slot(std::vector<JointDeviation>& deviations, const GeometricModel::Boun
   return (bound.location ? deviation.location : deviation.motion)[bound.component];
 }
 
-/// The group that a series joins; none where there are too many.
+/// Returns the group of a series, a new one if needed; empty if there are already `max_groups`.
 std::optional<int> group_of(GeometricModel& model, int joint, const SeriesBasis& basis) {
   const auto known = std::ranges::find_if(model.groups, [&](const GeometricModel::Group& group) {
     return group.joint == joint && group.series.basis.shares(basis) &&
@@ -77,7 +77,7 @@ void add_term(GeometricModel& model, int element, int curve) {
   model.terms.push_back(term);
 }
 
-/// The model with its constant part and its terms made from its elements.
+/// Returns the model with its constant part and its terms rebuilt from its elements.
 GeometricModel prepared(GeometricModel model) {
   model.constant.assign(model.is_joint_primed.size(), JointDeviation{});
   model.terms.clear();
@@ -102,7 +102,7 @@ GeometricModel prepared(GeometricModel model) {
   throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
 }
 
-/// Value of a term that shares its functions with none.
+/// Returns the value of a term that belongs to no group.
 double curve_value(const GeometricModel& model, const GeometricModel::Term& term,
                    const AxisState& state) {
   const GeometricModel::Bound& bound = model.elements[std::size_t(term.element)];
@@ -114,7 +114,8 @@ double curve_value(const GeometricModel& model, const GeometricModel::Term& term
   }
 }
 
-/// d(P) = d(M) - theta x (M - P): the translations as they are at the joint's point P.
+/// Moves the translations from the measured point M to the joint's point P: d(P) = d(M) - theta x
+/// (M - P).
 void carry_to_joint(const GeometricModel::Line& line, double travel, JointDeviation& deviation) {
   Vector3d arm = line.arm_b;
   if (line.is_fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
@@ -156,6 +157,7 @@ CurveState curve_state(const GeometricModel& model, const AxisState& state, int 
 std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisState& state) {
   assert(std::size_t(state.q.size()) == model.is_joint_primed.size());
   std::vector<JointDeviation> result = model.constant;
+  // Each group is evaluated once; its terms below only pick their sum.
   std::array<SeriesGroup::Sums, GeometricModel::max_groups> series;
   for (std::size_t g = 0; g < model.groups.size(); ++g)
     series[g] = sums(model.groups[g].series, curve_state(model, state, model.groups[g].joint));
@@ -169,6 +171,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
   return result;
 }
 
+// Constants and terms are prepared sums, so they are rebuilt rather than edited.
 GeometricModel without_random(const GeometricModel& model) {
   GeometricModel known = model;
   for (GeometricModel::Bound& bound : known.elements)
@@ -187,7 +190,7 @@ namespace {
 
 using kinematics::AxisVector;
 
-/// The largest value of an element, mm or rad, and where its axis then stands.
+/// The largest value of an element, mm or rad, and the position of its axis there.
 struct LargestDeviation {
   double value = 0.0;
   double at = 0.0;  // mm or rad
@@ -206,6 +209,7 @@ double value_at(const GeometricModel& model, const GeometricModel::Bound& bound,
 
 LargestDeviation largest_deviation(const GeometricModel& model, const GeometricModel::Bound& bound,
                                    const AxisVector& least, const AxisVector& most) {
+  // 128 intervals: more than two samples per period of every harmonic below the 64th of the travel.
   constexpr int places = 129;
   LargestDeviation largest;
   for (int i = 0; i < places; ++i) {
@@ -214,7 +218,7 @@ LargestDeviation largest_deviation(const GeometricModel& model, const GeometricM
       const double value = value_at(model, bound, q);
       if (std::abs(value) > std::abs(largest.value)) largest = {value, q[bound.joint]};
     } catch (const std::out_of_range&) {
-      continue;  // reported where the table is left
+      continue;  // reported where the deviation is evaluated
     }
   }
   return largest;
@@ -224,9 +228,10 @@ bool is_slide_element(const ElementName& name) {
   return !name.location && std::string_view("XYZUVW").find(name.axis) != std::string_view::npos;
 }
 
-/// Returns how far from its middle a position lies, in half ranges of a curve that has one; else 0.
+/// Returns the distance of a position from the centre of a curve that states a range, in half
+/// ranges; else 0.
 double position_in_half_ranges(const Curve& curve, double q) {
-  // a half range of 1 or 10 mm is none: the polynomial is one of mm or cm, as papers print it
+  // A half range of 1 or 10 mm is no range: the polynomial is one in mm or cm, as papers print it.
   const auto* polynomial = std::get_if<Polynomial>(&curve.shape);
   if (polynomial && polynomial->half_range != 1.0 && polynomial->half_range != 10.0)
     return std::abs(q - polynomial->centre) / polynomial->half_range;
@@ -235,8 +240,8 @@ double position_in_half_ranges(const Curve& curve, double q) {
   return 0.0;
 }
 
-/// Returns how far beyond the ends of a table that holds its last value a position lies, in lengths
-/// of the table; 0 within it.
+/// Returns the distance of a position beyond the ends of a table that holds its last value, in
+/// lengths of the table; 0 within it.
 double excess_in_lengths(const Table& table, double q) {
   if (table.outside != Outside::Hold) return 0.0;
   const double low = table.q[0], high = table.q[table.q.size() - 1];
@@ -254,8 +259,9 @@ double curve_argument(const Curve& curve, const CurveState& at) {
   return curve.argument == Argument::Command ? at.command : at.carriage;
 }
 
-/// "EXX 3.33, EYX 2" of the elements whose curves are followed beyond a limit at either end.
-/// @param beyond  (curve, position) of a curve
+/// Returns e.g. "EXX 3.33, EYX 2" for the elements whose curves are extrapolated beyond a limit at
+/// either end of travel.
+/// @param beyond  function of (curve, position)
 template <typename Beyond>
 std::string extrapolated_elements(const GeometricModel& model,
                                   const std::array<const AxisVector*, 2>& ends, double limit,
@@ -277,10 +283,10 @@ std::string extrapolated_elements(const GeometricModel& model,
   return text;
 }
 
-/// Returns what is said of curves that are followed beyond the range that they are stated over.
+/// Returns warnings for curves that are used beyond the range for which they are stated.
 std::vector<std::string> extrapolated(const GeometricModel& model, const AxisVector& least,
                                       const AxisVector& most, const std::string& section) {
-  // a table that is held over half of its own length more is one of another travel, or in m
+  // A table held over more than half of its own length belongs to another travel, or is in m.
   constexpr double max_held = 0.5;
   const std::array<const AxisVector*, 2> ends{&least, &most};
   std::vector<std::string> texts;
@@ -288,6 +294,7 @@ std::vector<std::string> extrapolated(const GeometricModel& model, const AxisVec
   const auto by_range = [](const Curve& curve, double q) {
     return position_in_half_ranges(curve, q);
   };
+  // 1e-9: the end of the range itself is within it, whatever the rounding of its limits.
   if (const auto beyond = extrapolated_elements(model, ends, 1.0 + 1e-9, by_range); !beyond.empty())
     texts.push_back(of +
                     "curves are followed beyond the range that they are stated over, in half "
@@ -313,7 +320,7 @@ std::string place_text(const ElementName& name, const LargestDeviation& largest)
 std::string oversize_warning(const ElementName& name, const LargestDeviation& largest,
                              const ElementSource& source) {
   const std::string key = to_string(name);
-  const char* enum_value = name.is_angle() ? "urad" : "um";
+  const char* unit_name = name.is_angle() ? "urad" : "um";
   const double unit = name.is_angle() ? units::urad : units::um;
   const std::string size =
       fmt::format("{:.4g} {}{}, and no machine is that wrong", largest.value / (unit * 1e3),
@@ -323,13 +330,15 @@ std::string oversize_warning(const ElementName& name, const LargestDeviation& la
         "{} comes to {}: readings may be in another unit, of the other sign or in another order",
         key, size);
   return fmt::format("{}.{} is {}: numbers of {}_{} are in {}, {:.4g} of them here", source.section,
-                     key, size, key, enum_value, enum_value, largest.value / unit);
+                     key, size, key, unit_name, unit_name, largest.value / unit);
 }
 
 }  // namespace
 
 std::vector<std::string> element_warnings(const GeometricModel& model, const AxisVector& least,
                                           const AxisVector& most, const ElementSource& source) {
+  // Numbers in a wrong unit (um taken as mm, urad as rad, or the reverse) are off by 1e3 or 1e6, so
+  // the bounds need not be sharp.
   constexpr double large_mm = 0.25, large_rad = 2.5e-3, small_mm = 1e-5, small_rad = 1e-8;
   std::vector<std::string> warnings;
   for (const auto& bound : model.elements) {
@@ -340,15 +349,16 @@ std::vector<std::string> element_warnings(const GeometricModel& model, const Axi
       warnings.push_back(oversize_warning(name, largest, source));
       continue;
     }
-    // a perfect machine read without noise is found right, with elements of nearly nothing
+    // A perfect machine, read without noise, is identified correctly with elements of nearly
+    // nothing.
     if (source.identified || !(is_slide_element(name) || name.location)) continue;
-    const char* enum_value = name.is_angle() ? "urad" : "um";
+    const char* unit_name = name.is_angle() ? "urad" : "um";
     if (size > 0.0 && size <= (name.is_angle() ? small_rad : small_mm))
       warnings.push_back(fmt::format(
           "{}.{} is at most {:.4g} {}, and no {} is that good: numbers of {}_{} "
           "are in {}, not in {}",
           source.section, to_string(name), size / (name.is_angle() ? units::urad : units::um),
-          enum_value, name.location ? "machine" : "slide", to_string(name), enum_value, enum_value,
+          unit_name, name.location ? "machine" : "slide", to_string(name), unit_name, unit_name,
           name.is_angle() ? "rad" : "mm"));
   }
   if (!source.identified)

@@ -41,6 +41,7 @@ void check(const ThermalElement& element, const Chain& chain, int joint, int nod
   const std::string who = to_string(element.name);
   check_meaning(element.name, chain, joint);
   const bool moves = !element.name.location && element.name.axis != 'S';
+  // A slope needs a position over which it acts, which only an axis has.
   if (!moves && !is_zero_function(element.slope))
     refuse(who, "a location or spindle element has no slope along an axis");
   check(element.offset, nodes, who);
@@ -54,9 +55,10 @@ void check(const Expansion& expansion, int nodes, const std::string& who) {
   expect_finite(expansion.fixed, who, "fixed position");
 }
 
-/// What of an axis shows, by how it is measured.
+/// Returns the expansion that is visible at the given feedback.
 const Expansion& shown(const AxisExpansion& axis, int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
+  // Both expansions are checked, also the one that the feedback hides.
   if (axis.screw) check(*axis.screw, nodes, who + ", screw");
   if (axis.scale) check(*axis.scale, nodes, who + ", scale");
   const bool motor = axis.feedback == Feedback::Motor;
@@ -67,7 +69,8 @@ const Expansion& shown(const AxisExpansion& axis, int nodes) {
   return *one;
 }
 
-/// Growth along a slide as elements of its joint: one where it lies along a bed axis.
+/// Returns the growth along a slide as elements of its joint: one if the slide lies along a bed
+/// axis.
 std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const Chain& chain,
                                                 int nodes) {
   const std::string who = std::string("expansion of ") + axis.axis;
@@ -77,6 +80,7 @@ std::vector<ThermalModel::Bound> bind_expansion(const AxisExpansion& axis, const
   const Expansion& growth = shown(axis, nodes);
   std::vector<ThermalModel::Bound> parts;
   for (int i = 0; i < 3; ++i) {
+    // Exact zeros are skipped, so a slide along a bed axis needs a single element.
     if (joint.direction_b[i] == 0.0) continue;
     ThermalElement element;
     element.name = {char('X' + i), axis.axis, false};
@@ -93,6 +97,7 @@ void check(const WorkpieceExpansion& workpiece, int nodes) {
   expect_node(workpiece.node, nodes, who);
   expect_finite(workpiece.per_K, who, "growth per K");
   if (!workpiece.fixed_w.allFinite()) refuse(who, "expected a finite fixed point");
+  // 1e-3 per K is a hundred times steel: such a number is in um/(m K) or per cent.
   if (!(std::abs(workpiece.per_K) < 1e-3))
     refuse(who, fmt::format("expected a growth below 1e-3 per K, seen {}", workpiece.per_K));
 }
@@ -100,6 +105,7 @@ void check(const WorkpieceExpansion& workpiece, int nodes) {
 void append_terms(ThermalModel& model, int element, bool of_slope) {
   const ThermalElement& from = model.elements[std::size_t(element)].element;
   const ThermalFunction& function = of_slope ? from.slope : from.offset;
+  // Zero constants and absent nodes are dropped, so `deviations` walks only what contributes.
   if (function.constant != 0.0)
     model.terms.push_back({element, of_slope, -1, -1, function.constant, -1});
   for (const ThermalFunction::Term& term : function.terms) {
@@ -122,6 +128,7 @@ ThermalModel prepared(ThermalModel model) {
 }
 
 double term_value(const ThermalModel& model, const ThermalModel::Term& term, const VectorXd& T_C) {
+  // A term without a node is the constant of its function.
   if (term.node < 0) return term.factor;
   const double against = term.minus < 0 ? model.reference_T_C : T_C[term.minus];
   const double dT_K = T_C[term.node] - against;
@@ -140,6 +147,7 @@ void scale(ThermalFunction& function, double factor) {
   for (ThermalFunction::Term& term : function.terms) {
     term.per_K *= factor;
     if (!term.table) continue;
+    // Values and second derivatives of a spline scale alike.
     term.table->value *= factor;
     term.table->second *= factor;
   }
@@ -193,6 +201,7 @@ std::vector<JointDeviation> deviations(const ThermalModel& model, const kinemati
 
 Eigen::Vector3d at_20_C(const ThermalModel& model, const VectorXd& T_C,
                         const Eigen::Vector3d& point_w) {
+  // At 20 deg C the point is returned unchanged, not divided by 1: the bits stay the same.
   if (!model.workpiece) return point_w;
   const WorkpieceExpansion& workpiece = *model.workpiece;
   const double growth = workpiece.per_K * (T_C[workpiece.node] - length_reference_T_C);
@@ -207,6 +216,7 @@ ThermalModel scaled(const ThermalModel& model, double factor) {
     scale(bound.element.slope, factor);
   }
   if (result.workpiece) result.workpiece->per_K *= factor;
+  // The flat list of terms contains factors, so it is made again from the scaled elements.
   return prepared(std::move(result));
 }
 

@@ -11,35 +11,35 @@
 
 namespace abbe::errors {
 
-/// Function of node temperatures: constant + sum of terms.
+/// A function of node temperatures: a constant plus a sum of terms.
 struct ThermalFunction {
   struct Term {
     int node = 0;
-    std::optional<int> minus;    ///< of the difference to this node, as a tilt is
-    double per_K = 0.0;          ///< times dT_K, where there is no table
+    std::optional<int> minus;    ///< node that is subtracted, for differences such as a tilt
+    double per_K = 0.0;          ///< per K of dT_K, if there is no table
     std::optional<Table> table;  ///< of dT_K, instead of `per_K`
   };
   double constant = 0.0;  ///< at dT = 0
   std::vector<Term> terms;
 };
 
-/// What heat adds to one element: delta = offset(T) + slope(T) (p - fixed), p the axis position.
+/// Thermal part of one element: delta = offset(T) + slope(T) (p - fixed), p the axis position.
 struct ThermalElement {
   ElementName name;
   ThermalFunction offset;  ///< mm or rad
-  ThermalFunction slope;   ///< mm or rad per mm or rad of the axis; none for location and spindle
-  double fixed = 0.0;      ///< mm or rad, the fixed bearing, in the axis's commanded positions
+  ThermalFunction slope;   ///< mm or rad per mm or rad of travel; none for location and spindle
+  double fixed = 0.0;      ///< mm or rad, commanded position of the fixed bearing
 };
 
-/// Where an axis is measured, hence what of its growth shows.
+/// The position feedback of an axis, which determines the growth that is visible.
 enum class Feedback {
-  Motor,  ///< encoder on the screw: the screw's growth shows
-  Scale,  ///< linear scale: the scale's growth shows, the screw's does not
+  Motor,  ///< encoder on the screw: the growth of the screw is visible
+  Scale,  ///< linear scale: the growth of the scale is visible, that of the screw is not
 };
-/// Something that grows along a slide.
+/// A part that grows along a slide.
 struct Expansion {
   int node = 0;
-  double per_K = 0.0;  ///< relative growth, 11.7e-6 for steel
+  double per_K = 0.0;  ///< relative growth, e.g. 11.7e-6 for steel
   double fixed = 0.0;  ///< mm, commanded position of the fixed bearing or end
 };
 struct AxisExpansion {
@@ -49,14 +49,14 @@ struct AxisExpansion {
   std::optional<Expansion> scale;
 };
 
-/// The workpiece grows while it is cut and is judged at 20 deg C (ISO 1).
+/// The workpiece: it grows while it is cut and is judged at 20 deg C (ISO 1).
 struct WorkpieceExpansion {
   int node = 0;
   double per_K = 0.0;
-  Eigen::Vector3d fixed_w = Eigen::Vector3d::Zero();  ///< mm, where it is held
+  Eigen::Vector3d fixed_w = Eigen::Vector3d::Zero();  ///< mm, the point where it is held
 };
 
-/// A description of thermal errors. dT_K of a node is its temperature minus `reference_T_C`.
+/// Thermal errors as described in a scene. dT_K of a node is its temperature minus `reference_T_C`.
 struct ThermalErrors {
   std::vector<ThermalElement> elements;
   std::vector<AxisExpansion> expansions;
@@ -64,18 +64,19 @@ struct ThermalErrors {
   double reference_T_C = 20.0;
 };
 
-/// The same bound to a chain. Immutable: made by `bind`. A grown screw or scale moves the carriage
-/// itself farther from its fixed end along its travel, so on either side it adds per_K dT (carriage
-/// travel - carriage travel of the fixed end): E_LL where the slide lies along a bed axis.
+/// The errors bound to a chain. Immutable: made by `bind`. A grown screw or scale moves the
+/// carriage away from its fixed end along its travel, so on either side of the bed it adds per_K dT
+/// (carriage travel - carriage travel of the fixed end): E_LL if the slide lies along a bed axis.
 struct ThermalModel {
   struct Bound {
     int joint = 0;
     int component = 0;  ///< 0..5
     bool location = false;
     ThermalElement element;
-    bool primed = false;  ///< the slope counts the carriage's own travel, against the command
+    bool primed = false;  ///< the slope refers to the carriage's own travel, opposite to the
+                          ///< command
   };
-  std::vector<Bound> elements;  ///< those described, then those of the expansions
+  std::vector<Bound> elements;  ///< the described ones, then those of the expansions
   std::optional<WorkpieceExpansion> workpiece;
   double reference_T_C = 20.0;
   int joints = 0;
@@ -85,38 +86,39 @@ struct ThermalModel {
     int element = 0;  ///< index in elements
     bool of_slope = false;
     int node = -1;        ///< -1: a constant
-    int minus = -1;       ///< -1: against the reference
-    double factor = 0.0;  ///< the constant, or per K
-    int table = -1;       ///< index in tables, instead of the factor
+    int minus = -1;       ///< -1: relative to the reference temperature
+    double factor = 0.0;  ///< the constant, or the value per K
+    int table = -1;       ///< index in tables, instead of the factor; -1: none
   };
   std::vector<Term> terms;
   std::vector<Curve> tables;
 };
 
+/// Binds the errors to a chain.
 /// @param nodes  number of nodes of the network
 /// @throws std::invalid_argument naming the element: an axis that the chain lacks, an element that
 ///         the axis cannot have (as for geometric errors), a slope of a location or spindle
-///         element, an element twice, a node out of range, a table that `validate` refuses, an
-///         expansion of an axis that is no slide, `motor` without a screw or `scale` without a
+///         element, an element twice, a node out of range, a table that `validate` rejects, an
+///         expansion of an axis that is not a slide, `motor` without a screw or `scale` without a
 ///         scale, an expansion twice, a workpiece that grows by 1e-3 per K or more, a number that
 ///         is not finite
 ThermalModel bind(const ThermalErrors& errors, const kinematics::Chain& chain, int nodes);
 
-/// Thermal part of every joint's deviation, in the order of the chain.
+/// Returns the thermal part of every joint's deviation, in the order of the chain.
 /// @param q    (joints) commanded positions
 /// @param T_C  (nodes)
-/// @throws std::out_of_range where a table that refuses is left, naming the element and node
+/// @throws std::out_of_range outside a table that does not extrapolate, naming the element and node
 std::vector<kinematics::JointDeviation> deviations(const ThermalModel& model,
                                                    const kinematics::AxisVector& q,
                                                    const Eigen::VectorXd& T_C);
 
-/// Place on the part, once it is back at 20 deg C, of a point of the workpiece as it is now:
-/// fixed + (point - fixed) / (1 + per_K (T - 20)). The same bits where the model has no workpiece
-/// or it stands at 20 deg C.
+/// Returns the position that a point of the workpiece has once the part is back at 20 deg C: fixed
+/// + (point - fixed) / (1 + per_K (T - 20)). Bit for bit the point itself if the model has no
+/// workpiece or it is at 20 deg C.
 Eigen::Vector3d at_20_C(const ThermalModel& model, const Eigen::VectorXd& T_C,
                         const Eigen::Vector3d& point_w);
 
-/// Every value of the model times `factor` (of the workpiece's growth too).
+/// Returns the model with every value multiplied by `factor`, the growth of the workpiece too.
 ThermalModel scaled(const ThermalModel& model, double factor);
 
 }  // namespace abbe::errors

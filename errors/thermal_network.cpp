@@ -28,6 +28,7 @@ void check_nodes(const ThermalNetwork& network) {
     const ThermalNode& node = network.nodes[std::size_t(i)];
     if (node.name.empty()) refuse(fmt::format("node {}", i), "expected a name");
     const std::string who = named(network, i);
+    // Links and sensors refer to nodes by name.
     if (!names.insert(node.name).second) refuse(who, "comes twice");
     expect_positive(node.capacity_J_per_K, who, "heat capacity");
     expect_finite(network.start_T_C[i], who, "start temperature");
@@ -86,10 +87,11 @@ void check_sources(const ThermalNetwork& network) {
 
 double watts(const SpindleHeat& heat, const Activity& activity) {
   const double speed = std::abs(activity.spindle_speed);
-  if (speed == 0.0) return 0.0;  // also where the exponent is 0
+  if (speed == 0.0) return 0.0;  // also at exponent 0
   return heat.power_W * std::pow(speed / heat.reference_speed, heat.exponent);
 }
 double watts(const AxisHeat& heat, const Activity& activity) {
+  // An activity at rest may have an empty vector of speeds.
   if (heat.joint >= activity.axis_speed.size()) return 0.0;
   const double speed = std::abs(activity.axis_speed[heat.joint]);
   return 1e-3 * (heat.coulomb + heat.viscous * speed) * speed;  // N mm/s are mW
@@ -111,6 +113,8 @@ void validate(const ThermalNetwork& network) {
     refuse(named(network, *node), "no heat can reach the room from it");
 }
 
+// Breadth first search from the nodes that have a link to the room. The coolant does not count: it
+// can be off for ever, and a node without any path has no steady state.
 std::optional<int> isolated_node(const ThermalNetwork& network) {
   std::vector<std::vector<int>> neighbours(network.nodes.size());
   for (const ThermalLink& link : network.links) {

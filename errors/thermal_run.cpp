@@ -15,18 +15,18 @@
 #include "errors/element.h"
 #include "kinematics/decompositions.h"
 
-/// Divided differences of exp, by which one mode answers linear heat; inline, for they are asked of
-/// every mode at every knot.
+/// Divided differences of exp: the response of one mode to heat that is linear in time. Inline,
+/// since they are evaluated for every mode at every knot.
 namespace abbe::errors {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Divided difference of exp over `zeros` zeros, -x and -y: sum of (-1)^k h_k(x, y) / (k + zeros +
-/// 1)!, h_k the complete homogeneous polynomial.
+/// Returns the divided difference of exp over `zeros` zeros, -x and -y: sum of (-1)^k h_k(x, y) /
+/// (k + zeros + 1)!, h_k the complete homogeneous polynomial.
 inline double series(int zeros, double x, double y) {
-  constexpr int terms = 20;  // the last is below 1e-19 where both arguments are at most 1
+  constexpr int terms = 20;  // the last one is below 1e-19 if both arguments are at most 1
   double coefficient = 1.0;
   for (int k = 2; k <= zeros + 1; ++k) coefficient /= k;
   double h = 1.0, power = 1.0, sum = coefficient;
@@ -39,14 +39,16 @@ inline double series(int zeros, double x, double y) {
   return sum;
 }
 
-// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0; below 1 the
-// differences would cancel.
+// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0. Below 1 the
+// differences would cancel, so the series is used.
 inline double phi1(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
 inline double phi2(double x) { return x < 1.0 ? series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
 inline double phi3(double x) { return x < 1.0 ? series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
 
-/// Divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >= 0.
+/// Returns the divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >=
+/// 0.
 inline std::array<double, 3> lagged(double x, double y) {
+  // The larger argument is the divisor, so y - x and y lose nothing.
   if (x > y) std::swap(x, y);
   const double first = std::exp(-x) * phi1(y - x);
   if (y < 1.0) return {first, series(1, x, y), series(2, x, y)};
@@ -54,27 +56,28 @@ inline std::array<double, 3> lagged(double x, double y) {
   return {first, second, (phi2(x) - second) / y};
 }
 
-/// The modes' equations from one knot to the next: z' = -rate z + flow + t flow_rise.
+/// The equations of the modes between two knots: z' = -rate z + flow + t flow_rise.
 struct ThermalSegment {
   const ThermalModes* modes = nullptr;
   Eigen::VectorXd flow, flow_rise;  ///< (nodes) in modes
-  double length = 0.0;              ///< s; 0 after the last knot, whose activity goes on
+  double length = 0.0;              ///< s; 0 after the last knot, whose activity continues
 };
 
-/// After a knot of a run.
+/// Returns the equations after a knot of a run.
 ThermalSegment segment_after(const ThermalRun& run, std::size_t knot);
 
-/// Temperatures of a run at a knot over its base, in modes.
+/// Returns the temperatures of a run at a knot above its base, in modes.
 Eigen::VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot);
 
-/// The last knot that is not after an instant, which is not before the first.
+/// Returns the last knot that is not after an instant; the instant is not before the first knot.
 std::size_t last_knot_before(const ThermalRun& run, double time_s);
 
-/// All is counted from the room as it was first, so that a machine at that temperature stays there
-/// to the last bit.
+/// Returns the initial room temperature. All temperatures are computed relative to it, so that a
+/// machine at that temperature stays there to the last bit.
 double base_T_C(const ThermalRun& run);
 
-/// Heat from the surroundings into every node at an instant if all stood at `base_T_C`, W.
+/// Returns the heat from the surroundings into every node at an instant if all nodes were at
+/// `base_T_C`, W.
 Eigen::VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, bool coolant,
                                     double base_T_C);
 
@@ -122,7 +125,7 @@ VectorXd surroundings_heat_W(const ThermalNetwork& network, const Activity& at, 
 
 namespace {
 
-// ---- what a machine does
+// Activity of a machine
 
 void check(const Activity& activity, const ThermalNetwork& network) {
   const std::string who = fmt::format("activity at {} s", activity.time_s);
@@ -154,9 +157,9 @@ VectorXd node_heats_W(const ThermalNetwork& network, const Activity& activity) {
   return heats;
 }
 
-// ---- modes
+// Modes
 
-/// The network as conductances, parallel ones added up.
+/// The network as conductances, parallel ones added.
 struct Mesh {
   MatrixXd between;    ///< (nodes x nodes) symmetric
   VectorXd to_ground;  ///< (nodes) to the surroundings
@@ -175,7 +178,7 @@ Mesh mesh_of(const ThermalNetwork& network, bool coolant) {
   return mesh;
 }
 
-/// Square roots of heat capacities.
+/// Returns the square roots of the heat capacities.
 VectorXd capacity_roots(const ThermalNetwork& network) {
   VectorXd root(Index(network.nodes.size()));
   for (Index i = 0; i < root.size(); ++i)
@@ -183,7 +186,7 @@ VectorXd capacity_roots(const ThermalNetwork& network) {
   return root;
 }
 
-/// A column sqrt(G) / sqrt(C) for every conductance.
+/// Returns the weighted incidence matrix: a column sqrt(G) / sqrt(C) for every conductance.
 MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
   const Index n = root.size();
   MatrixXd B = MatrixXd::Zero(n, n * (n + 1) / 2);
@@ -200,9 +203,9 @@ MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
   return B.leftCols(column);
 }
 
-/// S = C^-1/2 L C^-1/2 is B B^T of the incidence, so its modes are those of B. Forming L would lose
-/// a slow rate in the rounding of a fast one; the singular values of B lie only half as many
-/// decades apart.
+/// Returns the modes of S = C^-1/2 L C^-1/2 = B B^T as singular vectors of the incidence B. Forming
+/// L would lose a slow rate in the rounding of a fast one; the singular values of B span only half
+/// as many decades.
 ThermalModes modes(const ThermalNetwork& network, bool coolant) {
   const VectorXd root = capacity_roots(network);
   const MatrixXd B = incidence(mesh_of(network, coolant), root);
@@ -223,10 +226,10 @@ bool has_coolant(const ThermalNetwork& network) {
                      [](const SurroundingsLink& link) { return link.to == Surroundings::Coolant; });
 }
 
-// ---- from knot to knot
+// Steps between knots
 
-/// How far the modes go in a time h, from z. As a difference, so that its rounding is that of the
-/// change and not of the whole.
+/// Returns the change of the modes from z in a time h. The difference is computed directly, so that
+/// its rounding is relative to the change and not to the whole.
 VectorXd change(const ThermalSegment& stretch, const VectorXd& z, double h) {
   VectorXd dz(z.size());
   for (Index k = 0; k < z.size(); ++k) {
@@ -237,7 +240,7 @@ VectorXd change(const ThermalSegment& stretch, const VectorXd& z, double h) {
   return dz;
 }
 
-/// Integral of the modes over a whole stretch.
+/// Returns the integral of the modes over a whole segment.
 VectorXd integral(const ThermalSegment& stretch, const VectorXd& z) {
   const double h = stretch.length;
   VectorXd sum(z.size());
@@ -249,8 +252,8 @@ VectorXd integral(const ThermalSegment& stretch, const VectorXd& z) {
   return sum;
 }
 
-/// A sum that keeps what rounding takes off: near a steady state a knot's change is far below an
-/// ulp of the whole, and it must not stop there.
+/// Compensated summation (Kahan): near a steady state the change from knot to knot is far below an
+/// ulp of the temperature, and must still accumulate.
 struct CompensatedSum {
   VectorXd value, lost;
 
@@ -264,8 +267,9 @@ struct CompensatedSum {
   }
 };
 
-/// Temperatures over the ground for heat into the nodes, by turning the star about one node after
-/// another into a mesh. Nothing is subtracted, so no conductance is lost beside a larger one.
+/// Returns the temperatures above ground for heat into the nodes, eliminating one node after
+/// another by the star-mesh transform. Nothing is subtracted, so no conductance is lost beside a
+/// larger one.
 VectorXd solve_star_mesh(Mesh mesh, VectorXd heat) {
   const Index n = heat.size();
   VectorXd total(n);
@@ -302,10 +306,13 @@ ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> kno
   run.T_C.row(0) = network.start_T_C;
   const ThermalModes* current = nullptr;
   CompensatedSum z{VectorXd()};
+  // A jump: two knots at one instant leave the temperatures unchanged.
   for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
     run.T_C.row(Index(i) + 1) = run.T_C.row(Index(i));
     const ThermalSegment stretch = segment_after(run, i);
     if (stretch.length == 0.0) continue;
+    // Dry and wet network have different modes, so the state is converted where the coolant is
+    // switched; otherwise it stays in modes and gathers no rounding.
     if (stretch.modes != current) z = CompensatedSum(modal(run, *stretch.modes, i));
     current = stretch.modes;
     z.add(change(stretch, z.value, stretch.length));
@@ -363,10 +370,12 @@ HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size
 
 namespace {
 
-/// The sensor's own mass behind its node: S' = (T_node - S) / lag, mode by mode.
+/// A sensor with its own thermal mass behind its node: S' = (T_node - S) / lag, solved mode by
+/// mode.
 class LaggedNode {
  public:
   LaggedNode(const ThermalRun& run, const TemperatureSensor& sensor)
+      // 1e200: a lag of almost 0 must not overflow; the sensor then simply follows its node.
       : run_(run), node_(sensor.node), per_s_(std::min(1.0 / sensor.lag_s, 1e200)) {
     at_knot_.push_back(run.T_C(0, node_) - base_T_C(run));
   }
@@ -399,12 +408,13 @@ class LaggedNode {
   const ThermalRun& run_;
   Index node_;
   double per_s_;
-  std::vector<double> at_knot_;  ///< sensor over the base, as far as it was asked for
+  std::vector<double> at_knot_;  ///< sensor above the base at the knots evaluated so far
 };
 
-/// Number of the last sample that is not after an instant.
+/// Returns the number of the last sample that is not after an instant.
 double last_sample_number(double time_s, double sampling_s) {
   double k = std::floor(time_s / sampling_s);
+  // The quotient may round across a whole number in either direction.
   if ((k + 1.0) * sampling_s <= time_s) k += 1.0;
   if (k * sampling_s > time_s) k -= 1.0;
   return k;
@@ -413,6 +423,7 @@ double last_sample_number(double time_s, double sampling_s) {
 void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
   const std::string who = "sensor " + sensor.name;
   for (Index i = 0; i < times_s.size(); ++i) {
+    // 9e15 is about 2^53: above it a double cannot represent every sample number.
     if (!(std::abs(times_s[i]) < 9e15 * std::min(1.0, sensor.sampling_s)))
       refuse(who, fmt::format("expected a time that its samples can be counted to, seen {} s",
                               times_s[i]));
@@ -441,6 +452,7 @@ VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run, const 
   double last = 0.0;
   for (Index i = 0; i < times_s.size(); ++i) {
     const double k = last_sample_number(times_s[i], sensor.sampling_s);
+    // Between samples the reading stands, noise included.
     if (i > 0 && k == last) {
       result[i] = result[i - 1];
       continue;

@@ -10,19 +10,21 @@
 
 #include "errors/thermal_network.h"
 
-/// Heat in a machine: its network, a run of it over time, and the sensors that read it.
+/// Heat in a machine: the run of its network over time, and the sensors that read it.
 
 namespace abbe::errors {
 
-/// The modes of a network while its links stand: (T - T_steady) decays mode by mode.
+/// Modes of a network with constant links: T - T_steady decays mode by mode.
 struct ThermalModes {
   Eigen::VectorXd rate_per_s;  ///< (nodes) > 0
-  Eigen::MatrixXd to_modes;    ///< (nodes x nodes) of temperatures
-  Eigen::MatrixXd to_nodes;    ///< (nodes x nodes) its inverse; transposed, modes of heat flows
+  Eigen::MatrixXd to_modes;    ///< (nodes x nodes) temperatures to modes
+  Eigen::MatrixXd to_nodes;    ///< (nodes x nodes) its inverse; its transpose converts heat flows
+                               ///< to modes
 };
 
-/// Temperatures of a network over the knots of its activity, with all that it takes to say them
-/// exactly at any instant between. Immutable: made by `simulate`. Memory is linear in the knots.
+/// Temperatures of a network at the knots of its activity, with all that is needed to compute them
+/// exactly at any instant between. Immutable: made by `simulate`. Memory is linear in the number of
+/// knots.
 struct ThermalRun {
   ThermalNetwork network;
   std::vector<Activity> knots;  ///< (n)
@@ -31,51 +33,52 @@ struct ThermalRun {
   ThermalModes dry, wet;        ///< without and with coolant
 };
 
-/// Runs the network from its start temperatures at the first knot to the last. Exact for heat flows
-/// that change linearly between knots, to 1e-12 of the largest temperature change (2e-11 K at 20
-/// K), also where the rates of the network lie 1e9 apart; flows that curve between knots (a
-/// sinusoidal room) are met to second order in the spacing.
+/// Simulates the network from its start temperatures at the first knot to the last. Exact for heat
+/// flows that change linearly between knots, to 1e-12 of the largest temperature change (2e-11 K at
+/// 20 K), also if the rates of the network differ by 1e9; curved flows (a sinusoidal room) are
+/// approximated to second order in the knot spacing.
 /// @throws std::invalid_argument if the network is not valid, there is no knot, time goes back, the
-///         speed of an axis with friction is not said, or a number is not finite
+///         speed of an axis with friction is missing, or a number is not finite
 ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> knots);
 
-/// Temperatures at an instant, (nodes) deg C: before the first knot the start, after the last knot
-/// as if its activity went on.
+/// Returns the temperatures at an instant, (nodes) deg C: before the first knot those of the start,
+/// after the last knot as if its activity continued.
 Eigen::VectorXd temperatures(const ThermalRun& run, double time_s);
 
-/// Where the temperatures go if an activity lasts for ever, (nodes) deg C; to some ulp of the
-/// change however far apart the conductances lie. @throws std::invalid_argument as `simulate`
+/// Returns the steady temperatures under a constant activity, (nodes) deg C; accurate to some ulp
+/// of the change however much the conductances differ. @throws std::invalid_argument as `simulate`
 Eigen::VectorXd steady_state(const ThermalNetwork& network, const Activity& activity);
 
-/// Heat between two knots of a run, J, each integrated in closed form.
+/// Heat between two knots of a run, J, integrated in closed form.
 struct HeatBalance {
   double generated_J = 0.0;
   double to_surroundings_J = 0.0;
   double stored_J = 0.0;
 };
-/// generated = to_surroundings + stored to 1e-10 of the largest of them, or of the heat that flows
-/// on the way where they cancel. @throws std::out_of_range
+/// Returns the heat balance: generated = to_surroundings + stored to 1e-10 of the largest of them,
+/// or of the heat that flows between if they cancel. @throws std::out_of_range
 HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot);
 
 /// A temperature sensor of the control.
 struct TemperatureSensor {
   std::string name;
   int node = 0;
-  double offset_K = 0.0;      ///< reading minus truth, constant
-  double noise_K = 0.0;       ///< standard deviation, one draw a sample
-  double resolution_K = 0.0;  ///< readings are rounded to multiples of it; 0: not rounded
-  double lag_s = 0.0;         ///< time constant of the sensor's own mass
-  double sampling_s = 1.0;    ///< > 0; between samples the last reading stands
-  std::uint64_t seed = 0;     ///< of its noise: the same time gives the same reading
+  double offset_K = 0.0;      ///< constant; reading minus true temperature
+  double noise_K = 0.0;       ///< standard deviation, one draw per sample
+  double resolution_K = 0.0;  ///< readings are rounded to its multiples; 0: not rounded
+  double lag_s = 0.0;         ///< time constant of the sensor's own thermal mass
+  double sampling_s = 1.0;    ///< > 0; the reading is held between samples
+  std::uint64_t seed = 0;     ///< of its noise: equal times give equal readings
 };
 
+/// Checks a sensor.
 /// @throws std::invalid_argument naming the sensor: an unknown node, a negative noise, resolution
 ///         or lag, a sampling time that is not positive, a number that is not finite
 void validate(const TemperatureSensor& sensor, const ThermalNetwork& network);
 
-/// What a sensor says at instants that do not decrease, (times) deg C. It samples at whole
-/// multiples of its sampling time, of which time 0 is one, and has stood at its node's temperature
-/// before the first knot. Its lag is met in closed form, as the temperatures are.
+/// Returns the readings of a sensor at instants that do not decrease, (times) deg C. It samples at
+/// whole multiples of its sampling time, from time 0, and was at its node's temperature before the
+/// first knot. Its lag is solved in closed form, like the temperatures.
 /// @throws std::invalid_argument if the sensor is not valid or time goes back
 Eigen::VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run,
                          const Eigen::VectorXd& times_s);

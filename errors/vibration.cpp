@@ -20,6 +20,7 @@ void expect(const Vibration& vibration, bool holds, const char* what, double see
 bool positive(double x) { return x > 0.0 && std::isfinite(x); }
 
 void check(const Vibration& v) {
+  // A location element describes a constant position of an axis and cannot vibrate.
   if (v.name.location) {
     throw std::invalid_argument(fmt::format(
         "vibration of {}: expected an error motion, seen a location element", to_string(v.name)));
@@ -49,10 +50,12 @@ VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::
 }
 
 double amplitude(const Vibration& v, double spindle_speed) {
+  // The amplitude is the same in both senses of rotation.
   const double n = std::abs(spindle_speed);
   const double driven = v.amplitude * std::pow(n / v.reference_speed, v.exponent);
   if (!v.resonance) return driven;
   const double r = v.order * n / *v.resonance;
+  // Steady response of a one-mass oscillator driven at the order's frequency.
   return driven / std::hypot(1.0 - r * r, 2.0 * v.damping * r);
 }
 
@@ -61,6 +64,7 @@ std::vector<kinematics::JointDeviation> deviations(const VibrationModel& model,
   std::vector<kinematics::JointDeviation> result(std::size_t(model.joints));
   for (const VibrationModel::Bound& bound : model.harmonics) {
     const Vibration& v = bound.vibration;
+    // Harmonics of one component add up.
     result[std::size_t(bound.joint)].motion[bound.component] +=
         amplitude(v, spindle_speed) * std::cos(v.order * spindle_angle + v.phase);
   }

@@ -16,10 +16,9 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 
-// Along the endless wall the deflection is a Fourier integral. For a wave number k (in units of
-// 1/c) the deflection over the height obeys (d^2 - k^2)^2 f = delta(y - s), clamped at y = 0, free
-// at y = 1, which four coefficients solve; its value under the load, integrated over k, is the
-// compliance.
+// Deflection of the endless wall as a Fourier integral along it. For a wave number k (in units of
+// 1/c) the deflection over the height solves (d^2 - k^2)^2 f = delta(y - s), clamped at y = 0, free
+// at y = 1, with four coefficients; its value under the load, integrated over k, is the compliance.
 namespace abbe::errors {
 
 namespace {
@@ -30,12 +29,13 @@ using Eigen::Vector4d;
 /// Value and three derivatives.
 using Jet = std::array<double, 4>;
 
-/// x cosh x - sinh x and x sinh x, which with their first derivatives vanish at 0, over the height
-/// y; divided by k^3 and k^2, so that k = 0 leaves the cubic and the parabola.
+/// Returns x cosh x - sinh x and x sinh x, which vanish at 0 with their first derivatives, over the
+/// height y; divided by k^3 and k^2, so that k = 0 leaves the cubic and the parabola.
 std::array<Jet, 2> clamped(double k, double y) {
   const double x = k * y, ch = std::cosh(x), sh = std::sinh(x);
   const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;  // sinh x / x
   double odd = 0.0;                                            // (x cosh x - sinh x) / x^3
+  // Below 1 the difference of two nearly equal numbers would lose digits; nine terms reach 1e-17.
   if (x < 1.0) {
     double power = 1.0, factorial = 6.0;  // x^2n-2, (2n + 1)!
     for (int n = 1; n <= 9; ++n) {
@@ -50,8 +50,8 @@ std::array<Jet, 2> clamped(double k, double y) {
           Jet{y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh, k * (3.0 * sh + x * ch)}};
 }
 
-/// The two that leave no moment and no shear at the free end, over the distance t below it; their
-/// derivatives count upwards.
+/// Returns the two solutions without moment and shear at the free end, over the distance t below
+/// it; derivatives are taken upwards.
 std::array<Jet, 2> free_end(double k, double t, double nu) {
   const double x = k * t, ch = std::cosh(x), sh = std::sinh(x);
   const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;
@@ -64,7 +64,7 @@ std::array<Jet, 2> free_end(double k, double t, double nu) {
           k * ((1.0 + 2.0 * b) * sh + b * x * ch), -k2 * ((1.0 + 3.0 * b) * ch + b * x * sh)}};
 }
 
-/// Long waves: both halves from their own ends, joined at the load.
+/// Returns the deflection for long waves: solutions from both ends, joined at the load.
 double long_wave(double k, double s, double nu) {
   const auto below = clamped(k, s);
   const auto above = free_end(k, 1.0 - s, nu);
@@ -76,12 +76,13 @@ double long_wave(double k, double s, double nu) {
   return c[0] * below[0][0] + c[1] * below[1][0];
 }
 
-/// Short waves: that of an endless plate in both directions, and what each end adds to it, which
-/// dies away from there. In units of y = k times the height; the result times k^3.
+/// Returns k^3 times the deflection for short waves: that of a plate endless in both directions
+/// plus the contributions of the two ends, which decay away from them. In units of y = k times the
+/// height. The hyperbolic functions of `long_wave` would overflow and cancel here.
 double short_wave(double k, double s, double nu) {
   const double r0 = k * s, r1 = k - r0, e0 = 0.25 * std::exp(-r0), e1 = 0.25 * std::exp(-r1);
   const double e = std::exp(-k);
-  // rows: value and slope at the clamp, moment and shear at the free end
+  // Rows: value and slope at the clamp, moment and shear at the free end.
   const auto ends = [&](const Jet& at_foot, const Jet& at_top) {
     return Vector4d(at_foot[0], at_foot[1], at_top[2] - nu * at_top[0],
                     at_top[3] - (2.0 - nu) * at_top[1]);
@@ -97,11 +98,12 @@ double short_wave(double k, double s, double nu) {
   return 0.25 + 4.0 * (e0 * (c[0] + c[1] * r0) + e1 * (c[2] + c[3] * r1));
 }
 
+// `long_wave` overflows for large k; `short_wave` divides by k^3 and cancels for small k.
 double under_load(double k, double s, double nu) {
   return k < 3.0 ? long_wave(k, s, nu) : short_wave(k, s, nu) / (k * k * k);
 }
 
-/// Integral from a to b by eight Gauss points.
+/// Returns the integral from a to b by eight Gauss points.
 double gauss(double a, double b, double s, double nu) {
   constexpr std::array<double, 4> x{0.1834346424956498, 0.5255324099163290, 0.7966664774136267,
                                     0.9602898564975363};
@@ -124,9 +126,13 @@ double cantilever_plate(double s, double nu) {
         "seen {} and {}",
         s, nu));
   if (s == 0.0) return 0.0;
+  // The integrand is smooth: eight points on steps of 0.25, then on steps that grow by a quarter,
+  // reach the promised 1e-9.
   double sum = 0.0, k = 0.0;
   for (const double step = 0.25; k < 6.0; k += step) sum += gauss(k, k + step, s, nu);
-  // beyond `far` both ends are far from the load, or it is on the free end: f goes as 1/k^3
+  // Beyond `far` both ends are far from the load, or the load is at the free end: f decays as
+  // 1/k^3, whose integral to infinity is half of k f.
+  // 4e-6: a load this close to the free end counts as this far from it, so that the integral ends.
   const double above = s < 1.0 ? std::max(1.0 - s, 4e-6) : 1.0;
   const double far = 40.0 / std::min(s, above);
   for (; k < far; k *= 1.25) sum += gauss(k, 1.25 * k, s, nu);
@@ -140,9 +146,10 @@ using Eigen::Matrix3d;
 using Eigen::RowVector3d;
 using Eigen::Vector3d;
 
-constexpr int leaf = 8;  // nodes that are looked at one by one
+constexpr int leaf = 8;  // nodes of a leaf, compared one by one
 
-/// Best five so far. Compared with the number too, so that the order of the search does not matter.
+/// The five nearest nodes so far. Equal distances are ordered by the index, so that the result does
+/// not depend on the order of the search.
 class Best {
  public:
   void offer(double squared, int number, int place) {
@@ -172,6 +179,8 @@ void build(IndexedField& index, std::vector<int>& order, const WorkpieceField& f
     most = most.cwiseMax(field.points_w.row(order[std::size_t(i)]));
   }
   int axis = 0;
+  // Splits the longest side at the median: the tree is balanced, so the recursion is at most log2 n
+  // deep.
   (most - least).maxCoeff(&axis);
   const int middle = from + (to - from) / 2;
   std::nth_element(order.begin() + from, order.begin() + middle, order.begin() + to,
@@ -200,6 +209,7 @@ class Search {
     offer(middle);
     if (beyond < 0.0) {
       look(from, middle);
+      // <=, not <: an equally distant node of a lower index may lie on the other side.
       if (beyond * beyond <= best_.worst()) look(middle + 1, to);
     } else {
       look(middle + 1, to);
@@ -253,7 +263,8 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
   };
   if (nodes[0].place < 0) return Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
   if (nodes[0].squared == 0.0) return C(0);
-  // Times the first distance, so that nothing overflows; a fifth that is not there is far away.
+  // Weights times the first distance, so that nothing overflows; a missing fifth node is infinitely
+  // far.
   const double first = std::sqrt(nodes[0].squared);
   const double last = first / std::sqrt(nodes[4].squared);
   Matrix3d sum = Matrix3d::Zero();
@@ -264,13 +275,14 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
     weights += near * near;
   }
   if (weights > 0.0) return sum / weights;
-  sum.setZero();  // five at one distance
+  sum.setZero();  // five nodes at one distance
   for (std::size_t i = 0; i < 5; ++i) sum += C(i) / 5.0;
   return sum;
 }
 
 double node_spacing(const WorkpieceField& field) {
   const IndexedField index = indexed(field);
+  // 1000 nodes give the median to a few per cent at constant cost.
   const Eigen::Index n = field.points_w.rows(), every = std::max<Eigen::Index>(1, n / 1000);
   std::vector<double> squared;
   for (Eigen::Index i = 0; i < n; i += every)
@@ -299,7 +311,7 @@ void require(bool good, const std::string& expected) {
   if (!good) throw std::invalid_argument("workpiece: expected " + expected);
 }
 
-// Conditions are written so that NaN fails them.
+// The conditions are written so that NaN fails them.
 void require_positive(double x, const char* what) {
   require(x > 0.0 && std::isfinite(x), fmt::format("{} above 0, seen {}", what, x));
 }
@@ -346,12 +358,12 @@ Matrix3d across(const WorkpieceBar& bar, const Vector3d& point_w) {
   return per_force * (Matrix3d::Identity() - bar.direction_w * bar.direction_w.transpose());
 }
 
-/// Height of a point over the foot, in heights of the plate.
+/// Returns the height of a point above the foot, in heights of the plate, 0 .. 1.
 double relative_height(const WorkpiecePlate& plate, const Vector3d& point_w) {
   return std::clamp(plate.up_w.dot(point_w - plate.foot_w) / plate.height, 0.0, 1.0);
 }
 
-/// @param ratio  of the compliance to c^2 / D
+/// Returns the compliance of a plate. @param ratio  of the compliance to c^2 / D
 Matrix3d across(const WorkpiecePlate& plate, double ratio) {
   const double t = plate.thickness, nu = plate.poisson_ratio;
   const double D = plate.youngs_modulus * t * t * t / (12.0 * (1.0 - nu * nu));
@@ -360,7 +372,7 @@ Matrix3d across(const WorkpiecePlate& plate, double ratio) {
 
 PlateTable table_of(const WorkpiecePlate& plate) {
   PlateTable table{plate, {}};
-  table.ratio[0] = 0.25 / pi;  // near the clamp it is that of half an endless plate
+  table.ratio[0] = 0.25 / pi;  // limit near the clamp: half an endless plate
   for (int i = 1; i <= PlateTable::intervals; ++i) {
     const double s = 0.5 * (1.0 - std::cos(pi * i / PlateTable::intervals));
     table.ratio[std::size_t(i)] = cantilever_plate(s, plate.poisson_ratio) / (s * s);
@@ -368,8 +380,8 @@ PlateTable table_of(const WorkpiecePlate& plate) {
   return table;
 }
 
-/// Cubic through four entries. As a function of the angle whose cosine counts the height, the ratio
-/// goes on beyond both ends as its mirror image.
+/// Returns the tabulated compliance by a cubic through four entries. As a function of the angle
+/// whose cosine counts the height, the ratio continues beyond both ends as its mirror image.
 double looked_up(const PlateTable& table, double s) {
   constexpr int n = PlateTable::intervals;
   const double at = std::acos(1.0 - 2.0 * s) / pi * n;
@@ -389,6 +401,7 @@ std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
   if (!point_w.allFinite()) return "a finite point";
   if (!C.allFinite()) return "a finite compliance";
   const double largest = C.cwiseAbs().maxCoeff();
+  // 1e-6: finite-element solvers iterate to about this, so a finer bound would reject good fields.
   const double slack = 1e-6 * largest;
   if ((C - C.transpose()).cwiseAbs().maxCoeff() > slack) return "a symmetric compliance";
   if (largest == 0.0) return {};
@@ -432,7 +445,7 @@ namespace {
 constexpr std::string_view expected_header =
     "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
 
-/// A column of the head: the coordinate it holds, or the entry of the compliance.
+/// A column of the header: a coordinate, or an entry of the compliance.
 struct Column {
   std::string_view name;
   int row = 0;
@@ -449,7 +462,7 @@ constexpr std::array columns{Column{"x_mm", 0},
                              Column{"Cyz_um_per_N", 1, 2, false},
                              Column{"Cxz_um_per_N", 0, 2, false}};
 
-/// A line at a time, with its number for refusals.
+/// Iterator over the lines of the file, which adds their number to input errors.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
@@ -460,7 +473,7 @@ class Reader {
     throw BadInput(file_, lines_.number(), column, expected, seen);
   }
 
-  /// Goes on to the next line that says something; false at the end.
+  /// Advances to the next line with content; returns false at the end.
   bool next() {
     while (const auto line = lines_.next()) {
       line_ = *line;

@@ -6,30 +6,30 @@
 
 #include "errors/compliance.h"
 
-/// Search in a field of nodes; what `compliance.h` needs of it.
+/// Nearest-node search in a compliance field, for `compliance.h`.
 namespace abbe::errors {
 
-/// The five nodes nearest to a point, nearest first; of equal distance the one given first.
+/// The five nodes nearest to a point, nearest first; at equal distance the one of lower index.
 struct NearestNodes {
   struct Node {
-    double squared = std::numeric_limits<double>::infinity();  ///< distance, mm^2
-    int number = std::numeric_limits<int>::max();              ///< in the field that was given
+    double squared = std::numeric_limits<double>::infinity();  ///< squared distance, mm^2
+    int number = std::numeric_limits<int>::max();              ///< index in the original field
     int place = -1;                                            ///< row of the field; -1: none
   };
   std::array<Node, 5> nodes;
 };
 
-/// One by one, and by the tree: the same.
+/// Return the nearest nodes, by exhaustive search and by the tree, with the same result.
 NearestNodes nearest_nodes(const WorkpieceField& field, const Eigen::Vector3d& point_w);
 NearestNodes nearest_nodes(const IndexedField& index, const Eigen::Vector3d& point_w);
 
-/// The field as a balanced tree: the middle node of a stretch parts it along `split`.
+/// Returns the field as a balanced tree: the middle node of a range splits it along `split`.
 IndexedField indexed(const WorkpieceField& field);
 
-/// Mean of the first four as `local_compliance` weighs them.
+/// Returns the mean of the four nearest, weighted as in `local_compliance`.
 Eigen::Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes& nearest);
 
-/// What was expected of a node that is not as it should be; empty if it is.
+/// Returns what was expected of an invalid node; empty if the node is valid.
 std::string node_error(const Eigen::Vector3d& point_w, const Eigen::Matrix3d& C);
 
 }  // namespace abbe::errors

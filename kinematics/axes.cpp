@@ -6,6 +6,7 @@ namespace abbe::kinematics {
 
 namespace {
 
+// A control character in a message would act on the terminal, so it is given as its code.
 std::string quoted(char c) {
   if (c >= ' ' && c <= '~') return {'\'', c, '\''};
   return "a character of code " + std::to_string(int(static_cast<unsigned char>(c)));
@@ -15,6 +16,7 @@ std::string quoted(char c) {
   throw std::invalid_argument("structural code: expected " + expected + ", seen " + seen);
 }
 
+// Letters of ISO 841, in upper case; the spindle nose is a lower-case s.
 constexpr std::string_view axis_letters = "XYZUVWABCS";
 
 }  // namespace
@@ -39,6 +41,7 @@ Topology parse_structural_code(std::string_view code) {
     const bool nose = c == 's';
     if (!nose && axis_letters.find(c) == std::string_view::npos)
       refuse("an axis letter of " + std::string(axis_letters) + ", b or s", quoted(c));
+    // A prime stands after its letter, so the letter is judged with the character that follows it.
     const bool primed = marks[i + 1] == '\'';
     if (nose && (!is_past_bed || i + 2 != marks.size())) refuse("s right before t", "it elsewhere");
     if (!is_past_bed && !primed)
@@ -77,6 +80,7 @@ BodyArray low_order_body_array(const Topology& topology) {
     array.parent.push_back(parent);
     parent = int(array.body.size());
   };
+  // The structural code lists the workpiece side towards the bed, so it is walked backwards.
   for (auto axis = topology.rbegin(); axis != topology.rend(); ++axis)
     if (axis->side == Side::Workpiece) add(std::string(1, axis->name));
   add("workpiece");

@@ -13,14 +13,15 @@ namespace abbe {
 
 namespace {
 
-/// A character at the front of a text: its code point and bytes; 0 bytes if it is not UTF-8.
+/// The first character of a text: its code point and its length; 0 bytes if it is not valid UTF-8.
 struct Character {
   std::uint32_t code = 0;
   std::size_t bytes = 0;
 };
 
 Character first_of(std::string_view text) {
-  constexpr std::array<std::uint32_t, 5> least{0, 0, 0x80, 0x800, 0x10000};  // by bytes
+  // smallest code point by length: a longer encoding than needed is invalid UTF-8
+  constexpr std::array<std::uint32_t, 5> least{0, 0, 0x80, 0x800, 0x10000};
   const auto lead = static_cast<unsigned char>(text.front());
   if (lead < 0x80) return {lead, 1};
   const std::size_t bytes = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : lead >= 0xC0 ? 2 : 0;
@@ -31,20 +32,22 @@ Character first_of(std::string_view text) {
     if ((next & 0xC0) != 0x80) return {};
     code = (code << 6) | (next & 0x3Fu);
   }
+  // UTF-8 excludes the halves of a UTF-16 pair and code points beyond U+10FFFF (RFC 3629).
   const bool surrogate = code >= 0xD800 && code <= 0xDFFF;
   if (code < least[bytes] || code > 0x10FFFF || surrogate) return {};
   return {code, bytes};
 }
 
-/// Code points from U+007F on that are no letters: controls, and marks of format that are not seen
-/// but turn or hide what is.
+/// Returns true for code points from U+007F on that are invisible: control characters, and format
+/// characters that reorder or hide the text around them.
 bool is_mark(std::uint32_t code) {
   constexpr std::array<std::pair<std::uint32_t, std::uint32_t>, 12> marks{{
       {0x7F, 0x9F},      // DEL and C1
       {0xAD, 0xAD},      // soft hyphen
       {0x61C, 0x61C},    // Arabic letter mark
       {0x180E, 0x180E},  // Mongolian vowel separator
-      {0x200B, 0x200B},  // zero width space; joiners are part of words
+      {0x200B, 0x200B},  // zero width space; the joiners U+200C and U+200D are part of words in
+                         // several scripts
       {0x200E, 0x200F},  // left-to-right and right-to-left marks
       {0x2028, 0x202E},  // separators, embeddings and overrides
       {0x2060, 0x206F},  // word joiner, isolates and the like
@@ -62,7 +65,7 @@ void append_escape(std::string& out, std::uint32_t code) {
     out += fmt::format("\\x{:02x}", code);
   } else if (code < 0x10000) {
     out += fmt::format("\\u{:04x}", code);
-  } else {  // the two halves that UTF-16, and so JSON, makes of it
+  } else {  // surrogate pair of UTF-16, which JSON uses as well
     const std::uint32_t rest = code - 0x10000;
     out += fmt::format("\\u{:04x}\\u{:04x}", 0xD800 + (rest >> 10), 0xDC00 + (rest & 0x3FF));
   }
@@ -74,6 +77,7 @@ std::string with_escapes(std::string_view text, bool lines) {
   while (!text.empty()) {
     const Character c = first_of(text);
     const bool kept = lines && (c.code == '\n' || c.code == '\t');
+    // An invalid byte is escaped alone, so that the character after it stays readable.
     if (c.bytes == 0)
       out += fmt::format("\\x{:02x}", static_cast<unsigned char>(text.front()));
     else if ((c.code < 0x20 && !kept) || is_mark(c.code))
@@ -116,6 +120,7 @@ void InputErrorList::add(const BadInput& fault) {
     return std::string_view(other.what()) == std::string_view(fault.what());
   };
   if (full() || std::any_of(list_.begin(), list_.end(), same)) return;
+  // One entry beyond the limit: it says that there are more.
   if (list_.size() == most) {
     list_.emplace_back(fault.file, 0, 0, "fewer than 200 faults", "more, which are not listed");
     return;

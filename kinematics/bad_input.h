@@ -6,29 +6,27 @@
 #include <string_view>
 #include <vector>
 
-/// Text from outside on its way to a terminal, a table or a JSON file.
+/// Input errors, and escaping of external text for terminals, tables and JSON files.
 namespace abbe {
 
-/// The same text on one line that any terminal can show: letters of UTF-8 stay, and what would act
-/// on a terminal or turn the reading order is spelt out. Control characters below U+0020 and bytes
-/// that are not UTF-8 read \x1b; DEL, the controls U+0080 to U+009F, line and paragraph separators,
-/// bidirectional and other invisible marks of format read \u202e, as JSON spells them. What is
-/// escaped stays as it is when it is escaped again.
+/// Returns the text on one line that is safe to print on any terminal. Letters of UTF-8 are kept.
+/// Control characters below U+0020 and bytes that are not UTF-8 become \x1b; DEL, the controls
+/// U+0080 to U+009F, line and paragraph separators, bidirectional marks and other invisible format
+/// characters become \u202e, as in JSON. Escaping is idempotent.
 std::string escaped(std::string_view text);
 
-/// The same, but the ends of its lines and its tabs stay.
+/// Returns the escaped text with its line ends and tabs kept.
 std::string escaped_lines(std::string_view text);
 
-/// Throws std::invalid_argument of this text unless `holds`.
+/// Throws std::invalid_argument with this text unless `holds` is true.
 inline void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(what);
 }
 inline void require(bool holds, const std::string& what) { require(holds, what.c_str()); }
 
-/// Refusal of something that came from outside: where it stands, what was expected, what was seen.
-/// `what()` reads "file:line:column: expected ..., seen ...". Line and column count from 1; 0 is
-/// "not known" and is left out of the text. It is one line, with what came from outside escaped;
-/// the members are as they came.
+/// Input error: location, what was expected and what was seen. `what()` reads "file:line:column:
+/// expected ..., seen ..." on one line, with external text escaped; the members hold the text
+/// unescaped. Lines and columns count from 1; 0 means unknown and is omitted.
 struct BadInput : std::runtime_error {
   BadInput(std::string file, int line, int column, std::string expected, std::string seen);
 
@@ -39,8 +37,8 @@ struct BadInput : std::runtime_error {
   std::string seen;
 };
 
-/// All that is wrong with something from outside, in the order found; a fault found twice is kept
-/// once, and beyond 200 no more but one that says so.
+/// The input errors of one source in the order in which they were added. Duplicates are dropped;
+/// after 200 errors a last entry says that more are not listed.
 class InputErrorList {
  public:
   static constexpr std::size_t most = 200;

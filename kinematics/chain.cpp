@@ -15,10 +15,12 @@ namespace abbe::kinematics {
 
 namespace {
 
-// What moves a frame is inlined: a frame then stays in registers all along the chain.
+// Functions that move a frame are always inlined: the frame then stays in registers along the
+// chain.
 
-/// R - 1 of a rotation vector. Angles of deviations are small: three terms of each sine in it are
-/// then exact to the last bit, at a tenth of the price.
+/// Returns R - 1 of a rotation vector. Below 1e-5 rad^2 (3 mrad) three terms of each series are
+/// exact to the last bit, at a tenth of the cost of sine and cosine; angles of deviations are that
+/// small.
 [[gnu::always_inline]] inline Eigen::Matrix3d rotation_minus_identity(const Eigen::Vector3d& v) {
   const double angle2 = v.squaredNorm();
   if (!(angle2 < 1e-5)) return rotation(v) - Eigen::Matrix3d::Identity();
@@ -33,7 +35,7 @@ namespace {
   return change;
 }
 
-/// T * motion(deviation, point)
+/// Returns T * motion(deviation, point).
 [[gnu::always_inline]] inline Frame displaced(const Frame& T, const Deviation& deviation,
                                               const Eigen::Vector3d& point) {
   const Eigen::Matrix3d change = rotation_minus_identity(deviation.tail<3>());
@@ -46,7 +48,7 @@ bool is_none(const Deviation& E) {
   return E[0] == 0.0 && E[1] == 0.0 && E[2] == 0.0 && E[3] == 0.0 && E[4] == 0.0 && E[5] == 0.0;
 }
 
-/// A location error, parted by what it displaces.
+/// A location error, split into what it displaces.
 struct LocationDisplacements {
   Deviation frame = Deviation::Zero();
   Deviation carried = Deviation::Zero();
@@ -54,6 +56,7 @@ struct LocationDisplacements {
 };
 
 LocationDisplacements parts(const Deviation& location, const LocationRule& rule) {
+  // The rule of most joints: the whole error displaces the frame, so nothing has to be split.
   constexpr LocationRule all_frame{};
   LocationDisplacements result;
   if (rule == all_frame) {
@@ -76,7 +79,7 @@ LocationDisplacements parts(const Deviation& location, const LocationRule& rule)
   return result;
 }
 
-/// T * location * motion with its error motion, as the joint asks for them
+/// Returns T * location * motion with the deviations in the order that the joint requires.
 [[gnu::always_inline]] inline Frame displaced(const Frame& T, const Joint& joint,
                                               const LocationRule& rule, double travel,
                                               const JointDeviation& deviation) {
@@ -88,6 +91,9 @@ LocationDisplacements parts(const Deviation& location, const LocationRule& rule)
     if (!is_none(location.frame)) result = displaced(result, location.frame, joint.point_b);
     if (!location.axis.isZero(0.0)) direction += rotation_minus_identity(location.axis) * direction;
   }
+  // ISO 230-7 states the error motion of a rotary axis along fixed axes, hence before the rotation.
+  // A slide does not turn its axes, so there the order is free; after the motion the joint's point
+  // is the one that has travelled.
   const bool moves = !is_none(deviation.motion);
   const bool before =
       joint.motion == Motion::Rotary && joint.deviation_axes == DeviationAxes::Fixed;
@@ -98,7 +104,7 @@ LocationDisplacements parts(const Deviation& location, const LocationRule& rule)
   return result;
 }
 
-/// T and the motion of joint i, with its deviations if there are any.
+/// Returns T moved by joint i, with its deviations if there are any.
 [[gnu::always_inline]] inline Frame carried(const Frame& T, const Chain& chain, int i,
                                             double travel,
                                             std::span<const JointDeviation> deviations) {
@@ -108,11 +114,12 @@ LocationDisplacements parts(const Deviation& location, const LocationRule& rule)
              : displaced(T, joint, chain.location_rule(i), travel, deviations[std::size_t(i)]);
 }
 
-/// The workpiece, or the tool, in the bed.
+/// Returns T_bw; `tool_frame` returns T_bt.
 Frame workpiece_frame(const Chain& chain, const AxisVector& q,
                       std::span<const JointDeviation> deviations) {
   assert(q.size() == chain.size() &&
          (deviations.empty() || int(deviations.size()) == chain.size()));
+  // The code lists the workpiece side towards the bed, the frames chain outwards from it.
   Frame T_bw = identity_frame();
   for (int i = chain.size() - 1; i >= 0; --i)
     if (chain.joints()[std::size_t(i)].side == Side::Workpiece)
@@ -135,8 +142,9 @@ Frame tool_frame(const Chain& chain, const AxisVector& q,
   throw std::invalid_argument(std::string("axis ") + joint.name + ": expected " + expected);
 }
 
-// Conditions are written so that NaN fails them.
+// The conditions are written so that NaN fails them.
 void check(const Joint& joint) {
+  // 1e-12: far above the rounding of a normalised vector (2e-16), far below any angle of interest.
   if (!(std::abs(joint.direction_b.norm() - 1.0) <= 1e-12)) refuse(joint, "a unit direction");
   if (!joint.point_b.allFinite()) refuse(joint, "a finite point");
   if (!(joint.min <= joint.max)) refuse(joint, "the lower limit of travel below the upper");
@@ -160,6 +168,8 @@ Chain::Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_
   check(T_bt_home_, "tool at zero");
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     check(joints_[i]);
+    // The check admits 1e-12; normalised here, so that rotations about it stay orthogonal to
+    // rounding.
     joints_[i].direction_b.normalize();
     for (std::size_t k = 0; k < i; ++k)
       if (joints_[k].name == joints_[i].name)
@@ -243,21 +253,26 @@ namespace {
 
 using MainSlides = std::array<std::optional<int>, 3>;
 
+// Order of rank of the letters (ISO 841 and the additional slides of a structural code): the first
+// that travels along a bed axis is the main slide of that axis.
 constexpr std::string_view slide_letters = "XYZUVWPQR";
 constexpr double min_axis_cosine =
     0.5;                           // cosine: a slide within 60 degrees of a bed axis may be its own
-constexpr double is_along = 1e-9;  // sine between two directions that are one
+constexpr double is_along = 1e-9;  // sine of the angle below which two directions count as parallel
 
+// Returns the bed axis of which the joint is the main slide; empty for every other joint.
 std::optional<int> bed_axis_index(const MainSlides& slides, int joint) {
   for (int k = 0; k < 3; ++k)
     if (slides[std::size_t(k)] == joint) return k;
   return std::nullopt;
 }
 
-/// Main slides that see a component of another joint, in the order of their rank.
+/// Returns the main slides that can measure a component of another joint, by rank: for an offset
+/// the slide along it, for an angle the two slides across it.
 std::vector<int> seen_by(const MainSlides& slides, int joint, int component) {
   std::vector<int> result;
   for (int k = 0; k < 3; ++k) {
+    // Components 0 to 2 are offsets, 3 to 5 angles about the same bed axes.
     const bool sees = component < 3 ? k == component : k != component - 3;
     const std::optional<int> slide = slides[std::size_t(k)];
     if (sees && slide && *slide != joint) result.push_back(*slide);
@@ -270,6 +285,8 @@ DisplacedPart displaces(std::span<const Joint> joints, int joint, int component,
   const bool is_angle = component >= 3;
   if (is_angle && joints[std::size_t(joint)].squareness == Squareness::Travel)
     return DisplacedPart::Axis;
+  // An axis that carries all slides by which it is located would show no error if its frame moved
+  // with them; one that carries some of them would show it partly, so its axis alone is turned.
   const auto carried = std::count_if(seen.begin(), seen.end(),
                                      [&](int slide) { return carries(joints, joint, slide); });
   if (carried == 0) return DisplacedPart::Frame;
@@ -292,6 +309,8 @@ MainSlides main_slides(std::span<const Joint> joints) {
     if (joint == joints.end() || joint->motion != Motion::Linear) continue;
     int best = -1;
     double most = min_axis_cosine;
+    // The largest cosine wins, and an axis that is taken is skipped: every slide gets its own bed
+    // axis.
     for (int k = 0; k < 3; ++k) {
       const double along = std::abs(joint->direction_b[k]);
       if (slides[std::size_t(k)] || along <= most) continue;
@@ -311,10 +330,11 @@ LocationElement location_element(std::span<const Joint> joints, int joint, int c
   if (!seen.empty()) element.reference = seen.front();
   const Eigen::Vector3d unit = Eigen::Vector3d::Unit(component % 3);
   element.defined = !(unit.cross(one.direction_b).norm() < is_along);
+  // A slide has no position, only a direction; without a slide to compare with it has no angle.
   if (one.motion == Motion::Linear)
     element.defined = element.defined && component >= 3 && !seen.empty();
   if (const auto own = bed_axis_index(slides, joint); own && element.defined) {
-    // the angle of a pair of main slides is the later one's
+    // The angle of a pair of main slides belongs to the later one, as ISO 230-1 writes EC0Y.
     element.defined = seen.size() == 1 && *bed_axis_index(slides, seen.front()) < *own;
     if (!element.defined && seen.size() == 1) element.stating_slide = seen.front();
   }

@@ -16,12 +16,13 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// The decomposition that gives its parts away.
+/// Eigen's decomposition keeps its factors protected; this class moves them out.
 struct Parts : Eigen::HouseholderQR<MatrixXd> {
   explicit Parts(const MatrixXd& A) : HouseholderQR(A) {}
   HouseholderQr taken() && { return {std::move(m_qr), std::move(m_hCoeffs)}; }
 };
 
+// Eigen stores the reflections by columns below the diagonal; the sequence applies them unformed.
 Eigen::HouseholderSequence<MatrixXd, VectorXd> Q(const HouseholderQr& A) {
   return {A.packed, A.factor};
 }
@@ -130,8 +131,8 @@ LeastSquares<Eigen::Vector2d> least_squares(const Eigen::MatrixX2d& A, const Vec
   return solve_by_pivots<Eigen::Vector2d>(A, b, threshold);
 }
 
-// By pivoted triangularisation: the packaged divide-and-conquer SVD has shown a singular value of
-// 4e-7 where it is 5e-16.
+// Uses pivoted QR: Eigen's divide-and-conquer SVD has returned a singular value of 4e-7 where the
+// exact one is 5e-16, which would hide a null direction.
 MatrixXd null_space(const MatrixXd& A, double threshold) {
   const Index n = A.cols();
   Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
@@ -140,6 +141,8 @@ MatrixXd null_space(const MatrixXd& A, double threshold) {
   const Index d = n - rank;
   if (d == 0) return MatrixXd(n, 0);
   MatrixXd along(n, d);
+  // With A P = [R1 R2], the columns [-R1^-1 R2; I] span the null space; they are then
+  // orthonormalised.
   along.bottomRows(d).setIdentity();
   along.topRows(rank) = -qr.matrixR()
                              .topLeftCorner(rank, rank)

@@ -4,86 +4,90 @@
 
 #include <Eigen/Core>
 
-/// A matrix turned into a triangle, A = Q R, kept in its parts for many right-hand sides.
+/// Matrix decompositions and linear equations on dynamic matrices, compiled once for all modules.
 namespace abbe {
 
-/// By reflections, without pivots.
+/// QR decomposition by Householder reflections without pivoting, kept factored for many right-hand
+/// sides.
 struct HouseholderQr {
-  Eigen::MatrixXd packed;  ///< (m x n) R on and above the diagonal, the reflections below
-  Eigen::VectorXd factor;  ///< (least of m and n) of each reflection
+  Eigen::MatrixXd packed;  ///< (m x n) R on and above the diagonal, the reflections below it
+  Eigen::VectorXd factor;  ///< (min(m, n)) scale of each reflection
 };
 HouseholderQr factor_by_householder(const Eigen::MatrixXd& A);
 
-/// R (n x n), zeros below; m >= n.
+/// Returns R (n x n), zeros below the diagonal; m >= n.
 Eigen::MatrixXd triangle(const HouseholderQr& A);
 
-/// Q' b. (m)
+/// Returns Q' b (m).
 Eigen::VectorXd apply_reflections(const HouseholderQr& A, const Eigen::VectorXd& b);
 
-/// x of least |A x - b| where the columns are independent; m >= n. (n)
+/// Returns the x (n) that minimises |A x - b|, for independent columns; m >= n.
 Eigen::VectorXd solve(const HouseholderQr& A, const Eigen::VectorXd& b);
 
-/// R^-1 B and R'^-1 B of an upper triangle, L^-1 B of a lower; the other half is not read.
+/// Return R^-1 B and R'^-1 B of an upper triangular matrix, L^-1 B of a lower one. The other half
+/// is not read.
 Eigen::MatrixXd solve_upper(const Eigen::MatrixXd& R, const Eigen::MatrixXd& B);
 Eigen::MatrixXd solve_upper_transposed(const Eigen::MatrixXd& R, const Eigen::MatrixXd& B);
 Eigen::MatrixXd solve_lower(const Eigen::MatrixXd& L, const Eigen::MatrixXd& B);
 
-// Symmetric matrices, such as normal equations, covariances and stiffnesses; of each only the
-// lower half is read.
+// Symmetric matrices, such as normal equations, covariances and stiffnesses. Only the lower half is
+// read.
 
 struct Eigenvectors {
-  Eigen::VectorXd values;   ///< least first
-  Eigen::MatrixXd vectors;  ///< a unit column for each
+  Eigen::VectorXd values;   ///< ascending
+  Eigen::MatrixXd vectors;  ///< unit columns, in the order of the values
 };
 Eigenvectors eigenvectors(const Eigen::MatrixXd& A);
 
-/// Least first.
+/// Returns the eigenvalues in ascending order.
 Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A);
 
-/// A = L L'.
+/// The decomposition A = L L'.
 struct Cholesky {
   Eigen::MatrixXd L;              ///< lower triangle, zeros above
-  bool positive_definite = true;  ///< else L is worth nothing
+  bool positive_definite = true;  ///< if false, L is meaningless
 };
 Cholesky cholesky(const Eigen::MatrixXd& A);
 
-/// A^-1 b of a positive definite matrix.
+/// Returns A^-1 b of a positive definite matrix.
 Eigen::VectorXd solve_positive(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
-/// A^-1 b of a matrix that may be semidefinite, by its roots without square roots and with pivots.
+/// Returns A^-1 b of a matrix that may be semidefinite, by a pivoted L D L' decomposition without
+/// square roots.
 Eigen::VectorXd solve_semidefinite(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 Eigen::MatrixXd solve_semidefinite(const Eigen::MatrixXd& A, const Eigen::MatrixXd& b);
 
-/// A = U diag(values) V', by rotations of Jacobi.
+/// The decomposition A = U diag(values) V', by Jacobi rotations.
 struct SingularValues {
-  Eigen::VectorXd values;  ///< largest first
-  Eigen::MatrixXd U, V;    ///< empty where not asked for
+  Eigen::VectorXd values;  ///< descending
+  Eigen::MatrixXd U, V;    ///< empty if not requested
 };
 
 /// @param vectors  Eigen::ComputeThinU, ComputeFullU, ComputeThinV, ComputeFullV or two of them
 SingularValues singular_values(const Eigen::MatrixXd& A, unsigned vectors);
 
-/// Directions in which points, or normals, spread most and least.
+/// Principal directions of points or normals, by singular values.
 struct PrincipalAxes {
-  Eigen::Vector3d size;  ///< largest first; 0 past the number of rows
-  Eigen::Matrix3d axes;  ///< a column for each
+  Eigen::Vector3d size;  ///< singular values, descending; 0 beyond the number of rows
+  Eigen::Matrix3d axes;  ///< unit columns, in the order of the sizes
 };
 PrincipalAxes principal_axes(const Eigen::MatrixX3d& rows);
 
-// Linear equations in many unknowns. The decompositions behind them are costly to compile, so they
-// stand in one source for all modules.
+// Least squares. The decompositions behind these functions are costly to compile, so they are
+// instantiated in one source for all modules.
 
 template <typename Unknowns>
 struct LeastSquares {
   Unknowns x;
-  Eigen::Index rank = 0;  ///< of A, by the pivots above the threshold
+  Eigen::Index rank = 0;  ///< rank of A: number of pivots above the threshold
 };
 
-/// x of least |A x - b|, by reflections with pivots; of columns that depend on others within
-/// rounding some are left at 0.
-/// @param A          (m x n), m >= n unless only a solution is wanted that meets every row
+/// Returns the x that minimises |A x - b|, by column-pivoted QR. Of columns that are dependent
+/// within rounding, some get the value 0.
+/// @param A          (m x n); m < n only if any x that solves every row will do
 /// @param b          (m) or (m x k)
-/// @param threshold  least pivot that counts, of the largest; else of the order of rounding
+/// @param threshold  smallest pivot that counts, relative to the largest; by default of the order
+///                   of rounding
 LeastSquares<Eigen::VectorXd> least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b,
                                             std::optional<double> threshold = {});
 LeastSquares<Eigen::MatrixXd> least_squares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& b,
@@ -93,17 +97,17 @@ LeastSquares<Eigen::Vector3d> least_squares(const Eigen::MatrixX3d& A, const Eig
 LeastSquares<Eigen::Vector2d> least_squares(const Eigen::MatrixX2d& A, const Eigen::VectorXd& b,
                                             std::optional<double> threshold = {});
 
-/// The shortest x of least |A x - b|, whatever the rank of A; the threshold as above.
+/// Returns the shortest x that minimises |A x - b|, whatever the rank of A; threshold as above.
 Eigen::VectorXd shortest_least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b,
                                        std::optional<double> threshold = {});
 
-/// (n x 3), what takes b to that shortest x.
+/// Returns the pseudo-inverse (n x 3), which maps b to that shortest x.
 Eigen::MatrixXd pseudo_inverse(const Eigen::Matrix3Xd& A);
 
-/// Orthonormal columns N (n x n - rank) with A N = 0; the threshold as above.
+/// Returns orthonormal columns N (n x n - rank) with A N = 0; threshold as above.
 Eigen::MatrixXd null_space(const Eigen::MatrixXd& A, double threshold);
 
-/// A^-1, by pivots from the whole matrix.
+/// Returns A^-1 by LU with full pivoting.
 Eigen::MatrixXd full_pivot_inverse(const Eigen::MatrixXd& A);
 
 }  // namespace abbe

@@ -11,16 +11,16 @@
 
 #include "kinematics/chain.h"
 
-/// Rigid transforms column by column, four numbers at a time, for what is composed by the million.
-/// Every number is summed as Eigen sums those of a Pose, so that both have the same bits: of three
-/// products the upper two rows are added up one by one, fused where the processor can, the lowest
-/// as a + (b + c).
+/// Rigid transforms as four columns of four numbers (SIMD), for transforms composed by the million.
+/// Every number is summed in the order in which Eigen sums those of a Pose, so both give the same
+/// bits: of three products the upper two rows are accumulated one after another, fused where the
+/// processor supports it, the lowest row as a + (b + c).
 namespace abbe::kinematics {
 
 namespace stdx = std::experimental;
 using Vector4 = stdx::simd<double, stdx::simd_abi::deduce_t<double, 4>>;
 
-/// A rigid transform: columns of its rotation, its translation; the fourth numbers are zero.
+/// A rigid transform: columns of its rotation, and its translation. The fourth numbers are zero.
 struct Frame {
   Vector4 x, y, z, p;
 };
@@ -52,7 +52,7 @@ inline Pose to_pose(const Frame& T) {
 
 inline Eigen::Vector3d vector(const Vector4& v) { return {v[0], v[1], v[2]}; }
 
-/// a * b + c as Eigen has it
+/// Returns a * b + c, fused where Eigen fuses it.
 [[gnu::always_inline]] inline Vector4 fused(const Vector4& a, const Vector4& b, const Vector4& c) {
 #ifdef __FMA__
   return Vector4(_mm256_fmadd_pd(__m256d(a), __m256d(b), __m256d(c)));
@@ -61,7 +61,7 @@ inline Eigen::Vector3d vector(const Vector4& v) { return {v[0], v[1], v[2]}; }
 #endif
 }
 
-/// The first two rows of a, the others of b.
+/// Returns the first two elements of a and the last two of b.
 [[gnu::always_inline]] inline Vector4 blend_halves(const Vector4& a, const Vector4& b) {
 #ifdef __AVX__
   return Vector4(_mm256_blend_pd(__m256d(a), __m256d(b), 0b1100));
@@ -70,7 +70,7 @@ inline Eigen::Vector3d vector(const Vector4& v) { return {v[0], v[1], v[2]}; }
 #endif
 }
 
-/// R * v
+/// Returns R * v.
 [[gnu::always_inline]] inline Vector4 turned(const Frame& T, double v_x, double v_y, double v_z) {
   const Vector4 x = T.x * v_x;
   return blend_halves(fused(T.z, Vector4(v_z), fused(T.y, Vector4(v_y), x)),
@@ -80,7 +80,7 @@ inline Vector4 turned(const Frame& T, const Eigen::Vector3d& v) {
   return turned(T, v.x(), v.y(), v.z());
 }
 
-/// T * point
+/// Returns T * point.
 inline Eigen::Vector3d placed(const Frame& T, const Eigen::Vector3d& point) {
   const Vector4 sum =
       fused(T.z, Vector4(point.z()), fused(T.y, Vector4(point.y()), T.x * point.x()));
@@ -100,9 +100,10 @@ inline Frame inverse(const Frame& T) {
   return result;
 }
 
-// What moves a frame is inlined: a frame then stays in registers all along a chain.
+// Functions that move a frame are always inlined: the frame then stays in registers along the
+// chain.
 
-/// T, then a rotation about a line.
+/// Returns T followed by a rotation about a line.
 [[gnu::always_inline]] inline Frame turned(const Frame& T, const Eigen::Vector3d& direction,
                                            const Eigen::Vector3d& point, double angle) {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, direction).toRotationMatrix();
@@ -110,7 +111,8 @@ inline Frame inverse(const Frame& T) {
   return {turned(T, R.col(0)), turned(T, R.col(1)), turned(T, R.col(2)), T.p + turned(T, shift)};
 }
 
-/// T, then the nominal motion of a joint along a direction. @param travel  of the carriage itself
+/// Returns T followed by the nominal motion of a joint along a direction.
+/// @param travel  of the carriage itself, mm or rad
 [[gnu::always_inline]] inline Frame moved(const Frame& T, const Joint& joint,
                                           const Eigen::Vector3d& direction, double travel) {
   if (joint.motion == Motion::Rotary) return turned(T, direction, joint.point_b, travel);

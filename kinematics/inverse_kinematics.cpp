@@ -18,43 +18,47 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A direction this close to an axis counts as lying on it, one this far outside the reachable ones
-// as reachable. Well above rounding, and two of them stay below the promised 1e-12 rad.
+// A direction within this angle of an axis counts as parallel to it, one within this angle beyond
+// the reachable cone as reachable. Well above rounding (4e-16), and two of them stay below the
+// promised 1e-12 rad.
 constexpr double angle_tolerance = 2e-13;  // rad
-// A slide this far beyond its limit is set on the limit; a fifth of the promise.
+// A slide at most this far beyond its limit is set on the limit; a fifth of the promised 1e-9 mm.
 constexpr double slide_tolerance = 2e-10;  // mm
-// Near a singular pose, and where two branches meet, rounding moves an axis far more than it moves
-// the direction. A rotary axis this far beyond a limit is set on the limit if the direction allows.
+// Near a singular pose, and where two branches meet, rounding moves an axis far more than the tool
+// direction. A rotary axis at most this far beyond a limit is set on the limit if the direction
+// stays within `direction_tolerance`.
 constexpr double limit_slack = 1e-6;           // rad
 constexpr double direction_tolerance = 8e-13;  // rad
-// Sides of the spherical triangle are known to a few ulp of pi.
+// The sides of the spherical triangle are known to a few ulp of pi (4e-16 rad).
 constexpr double rounding = 1e-15;  // rad
-// Slides whose directions span less than this volume cannot reach a point in a promised way.
+// Minimum volume spanned by the unit directions of the three slides (1 if square); below it they
+// count as dependent.
 constexpr double smallest_volume = 1e-9;
 
-// One rotary axis of the nominal chain.
+// A rotary axis of the nominal chain.
 struct Rotary {
   int joint;
   Vector3d direction_b;
-  double kept;  // where it stays while it is free
+  double kept;  // position while the axis is free
 };
 
-// One way to give the direction: a position for each rotary axis, empty where the axis is free.
+// A rotary solution for the direction: a position for each rotary axis, empty where the axis is
+// free.
 using RotaryAngles = std::array<std::optional<double>, 2>;
 
 bool parallel(double angle) { return std::min(angle, pi - angle) <= angle_tolerance; }
 
-// Turn about `axis` from one direction to another. Both are projected first: near the axis the
-// cross product of the full vectors would keep nothing but rounding.
+// Returns the rotation about `axis` from one direction to another. Both are projected first: near
+// the axis the cross product of the full vectors would be nothing but rounding.
 double rotation_between(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
   const Vector3d f = axis.cross(from);
   const Vector3d t = axis.cross(to);
   return std::atan2(axis.dot(f.cross(t)), f.dot(t));
 }
 
-// Corner of a spherical triangle between the sides a and b, opposite to c; empty where the sides
-// make no triangle. By tan^2(corner/2) = sin(s-a) sin(s-b) / (sin s sin(s-c)), s half the sum: the
-// cosine rule loses half of the digits where the triangle collapses, as it does at singular poses.
+// Returns the angle of a spherical triangle between the sides a and b, opposite to c; empty if the
+// sides form no triangle. Uses tan^2(angle/2) = sin(s-a) sin(s-b) / (sin s sin(s-c)), s half the
+// sum: the cosine rule loses half of the digits where the triangle collapses, as at singular poses.
 std::optional<double> corner(double a, double b, double c) {
   const double s_a = 0.5 * ((b - a) + c);
   const double s_b = 0.5 * ((a - b) + c);
@@ -65,8 +69,8 @@ std::optional<double> corner(double a, double b, double c) {
   return 2.0 * std::atan2(std::sqrt(sine(s_a) * sine(s_b)), std::sqrt(sine(rest) * sine(s_c)));
 }
 
-// Turn of one axis that brings `tool` to `wanted`: nothing if it cannot, an empty turn if it need
-// not.
+// Returns the rotation of one axis that brings `tool` to `wanted`: nullopt if there is none, an
+// engaged but empty optional if every rotation does, i.e. the tool lies along the axis.
 std::optional<std::optional<double>> one_axis_solution(const Vector3d& axis, const Vector3d& tool,
                                                        const Vector3d& wanted) {
   const double cone = angle_between(axis, tool);
@@ -75,8 +79,8 @@ std::optional<std::optional<double>> one_axis_solution(const Vector3d& axis, con
   return rotation_between(axis, tool, wanted);
 }
 
-// R_0 R_1 tool = wanted (Paden and Kahan's second subproblem): R_1 brings the tool to the height of
-// `wanted` above axis 0, R_0 turns it there.
+// Solves R_0 R_1 tool = wanted (Paden and Kahan's second subproblem): R_1 brings the tool to the
+// angle that `wanted` makes with axis 0, R_0 turns it there. Up to two solutions.
 std::vector<RotaryAngles> two_axis_solutions(const std::array<Rotary, 2>& axes,
                                              const Vector3d& tool, const Vector3d& wanted) {
   const Vector3d& outer = axes[0].direction_b;
@@ -85,17 +89,21 @@ std::vector<RotaryAngles> two_axis_solutions(const std::array<Rotary, 2>& axes,
   const double cone = angle_between(inner, tool);
   double height = angle_between(outer, wanted);
 
+  // The tool lies along the inner axis: only the outer one moves it.
   if (parallel(cone)) {
     const auto turn = one_axis_solution(outer, tool, wanted);
     if (!turn) return {};
     return {RotaryAngles{*turn, std::nullopt}};
   }
+  // Parallel axes act as one; the outer keeps its position and the inner does the rest.
   if (parallel(between)) {
     const Vector3d left = Eigen::AngleAxisd(-axes[0].kept, outer) * wanted;
     const auto turn = one_axis_solution(inner, tool, left);
     if (!turn) return {};
     return {RotaryAngles{std::nullopt, *turn}};
   }
+  // The wanted direction lies along the outer axis, which is then free. Snapped to 0 or pi: the
+  // rest of the angle is rounding.
   const bool free = parallel(height);
   if (free) height = height < 0.5 * pi ? 0.0 : pi;
   const std::optional<double> opening = corner(between, cone, height);
@@ -107,6 +115,7 @@ std::vector<RotaryAngles> two_axis_solutions(const std::array<Rotary, 2>& axes,
     if (free) return {std::nullopt, turn};
     return {rotation_between(outer, raised, wanted), turn};
   };
+  // A collapsed triangle has one solution; two equal branches would be listed twice.
   if (*opening == 0.0 || *opening == pi) return {with_inner_angle(middle + *opening)};
   return {with_inner_angle(middle + *opening), with_inner_angle(middle - *opening)};
 }
@@ -123,7 +132,9 @@ std::vector<RotaryAngles> rotary_solutions(const std::vector<Rotary>& axes, cons
   return {};
 }
 
-// The position whole turns away from `angle` that is nearest to `previous` within limits, if any.
+// Returns the angle plus whole turns that is within limits and nearest to `previous`; empty if
+// there is none. The small slack is tried first, so that the wide one moves an axis only where
+// nothing else helps.
 std::optional<double> unwound(double angle, double previous, const Joint& joint) {
   constexpr double turn = 2.0 * pi;
   for (const double slack : {angle_tolerance, limit_slack}) {
@@ -136,7 +147,7 @@ std::optional<double> unwound(double angle, double previous, const Joint& joint)
   return std::nullopt;
 }
 
-// Puts slides that rounding has left just outside on their limits; false if one is really outside.
+// Clamps slides that rounding has left just beyond a limit; returns false if one is really outside.
 bool slides_within_limits(const Chain& chain, AxisVector& q) {
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
@@ -147,12 +158,13 @@ bool slides_within_limits(const Chain& chain, AxisVector& q) {
   return true;
 }
 
-// Directions of the slides in the workpiece frame, columns in the order of the code; empty if there
-// are not three.
+// Returns the directions of the slides in the workpiece frame, columns in the order of the code;
+// empty unless there are exactly three.
 std::optional<Eigen::Matrix3d> slide_direction_matrix(const Chain& chain, const AxisVector& q) {
   Eigen::Matrix3d directions;
   int slides = 0;
-  Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // of what stands so far, to w
+  Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // rotation of the joints so far,
+                                                               // relative to w
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.motion == Motion::Rotary && q[i] != 0.0)
@@ -194,7 +206,7 @@ double rotary_travel(const std::vector<Rotary>& axes, const AxisVector& from,
   return travel;
 }
 
-// Where the tool points and where it should, bed frame at zero.
+// Actual and wanted tool direction, bed frame at zero.
 struct Directions {
   Vector3d tool_b;
   Vector3d target_b;
@@ -207,7 +219,7 @@ bool gives_direction(const std::vector<Rotary>& axes, const AxisVector& q, const
   return angle_between(turned, d.target_b) <= direction_tolerance;
 }
 
-// The rotary positions of one branch, unwound; empty beyond the limits.
+// Returns the rotary positions of one solution, unwound; empty if one is beyond its limits.
 std::optional<AxisVector> with_turns(const Chain& chain, const std::vector<Rotary>& axes,
                                      const RotaryAngles& turns, const AxisVector& previous) {
   AxisVector q = previous;
@@ -231,7 +243,7 @@ std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q
   AxisVector result = q;
   for (int i = 0; i < chain.size(); ++i)
     if (chain.joints()[std::size_t(i)].motion == Motion::Linear) result[i] = 0.0;
-  for (int pass = 0; pass < 2; ++pass) {  // the second takes out the rounding of the first
+  for (int pass = 0; pass < 2; ++pass) {  // the second pass removes the rounding of the first
     const Vector3d step = solve * (tip_w - chain.tool_in_workpiece(result).translation());
     int slide = 0;
     for (int i = 0; i < chain.size(); ++i)
@@ -243,15 +255,15 @@ std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q
 
 namespace {
 
-/// A branch without its slides.
+/// A solution of the rotary axes, without the slides.
 struct Branch {
   AxisVector q;
-  bool free = false;  ///< a rotary axis keeps its position
+  bool free = false;  ///< a rotary axis is free and keeps its position
 };
 
-/// The branches that give the direction within the limits of rotary axes, the one of least rotary
-/// travel first; a tie goes to the upper one, whatever rounding says.
-/// @param reach  what is known where there are none
+/// Returns the branches that give the direction within the limits of the rotary axes, least rotary
+/// travel first. A tie goes to the upper branch of the triangle, independent of rounding.
+/// @param reach  set to the reason if there are none
 std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
                                     const AxisVector& previous, Reach& reach) {
   check(chain, target, previous);
@@ -271,6 +283,7 @@ std::vector<Branch> rotary_branches(const Chain& chain, const TipTarget& target,
         {*turned, std::any_of(turns.begin(), turns.begin() + std::ptrdiff_t(axes.size()),
                               [](const auto& turn) { return !turn; })});
   }
+  // 1e-9 rad: equal travels differ by rounding only, and must not swap from pose to pose.
   if (branches.size() == 2 && rotary_travel(axes, previous, branches[1].q) <
                                   rotary_travel(axes, previous, branches[0].q) - 1e-9)
     std::swap(branches[0], branches[1]);
@@ -313,20 +326,20 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double one_line = 1e-9;  // rad, between two lines that count as one
+constexpr double one_line = 1e-9;  // rad, between two axes that count as parallel
 
 double between_lines(const Vector3d& a, const Vector3d& b) {
   const double angle = angle_between(a, b);
   return std::min(angle, pi - angle);
 }
 
-/// Turn about `axis` that brings one direction as near as it can to another.
+/// Returns the rotation about `axis` that brings one direction as near as possible to another.
 double turn_towards(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
   const Vector3d f = axis.cross(from), t = axis.cross(to);
   return std::atan2(axis.dot(f.cross(t)), f.dot(t));
 }
 
-/// A position within a turn of zero, a multiple of `step` away from `at`, between two others.
+/// Returns the first position at + k * step between two others; empty if there is none.
 std::optional<double> between(double a, double b, double at, double step) {
   const double first = at + std::ceil((std::min(a, b) - at) / step) * step;
   if (first > std::max(a, b)) return std::nullopt;
@@ -341,6 +354,7 @@ std::optional<Pole> nearest_pole(const Chain& chain, const AxisVector& from, con
   Pole pole{-1, -1, 0.0, 0.0};
   for (int j = 0; j < chain.size(); ++j) {
     if (chain.joints()[std::size_t(j)].motion != Motion::Rotary) continue;
+    // More than two rotary axes have no pole in this sense.
     if (pole.other >= 0) return std::nullopt;
     (pole.axis < 0 ? pole.axis : pole.other) = j;
   }
@@ -356,6 +370,8 @@ std::optional<Pole> nearest_pole(const Chain& chain, const AxisVector& from, con
   };
   const double a = from[pole.other], b = to[pole.other];
   pole.angle = std::min(angle_at(a), angle_at(b));
+  // Along the move the angle is monotonic except at `at` and half a turn on, so the ends and these
+  // positions are enough.
   for (const double extreme : {pole.at, pole.at + pi})
     if (const auto turn = between(a, b, extreme, 2.0 * pi))
       pole.angle = std::min(pole.angle, angle_at(*turn));

@@ -9,12 +9,12 @@ namespace abbe::kinematics {
 
 enum class Reach {
   Reached,
-  Singular,     ///< reached, but a rotary axis was free and keeps its previous position
-  OutOfLimits,  ///< every branch that gives the direction leaves the limits of travel
-  Unreachable,  ///< no rotary position gives the direction, or the slides cannot give the point
+  Singular,     ///< reached, but a rotary axis is free and keeps its previous position
+  OutOfLimits,  ///< every branch that gives the direction exceeds the limits of travel
+  Unreachable,  ///< no rotary position gives the direction, or the slides cannot reach the point
 };
 
-/// A wanted place of the tool in the workpiece.
+/// Target pose of the tool tip in the workpiece.
 struct TipTarget {
   Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();         ///< mm
   Eigen::Vector3d direction_w = Eigen::Vector3d::UnitZ();  ///< from the tip to the spindle, of any
@@ -23,60 +23,62 @@ struct TipTarget {
 
 struct InverseSolution {
   Reach reach = Reach::Unreachable;
-  std::vector<AxisVector> branches;  ///< all within limits, rotary turns unwound towards
-                                     ///< `previous`, the chosen one (least rotary travel) first
+  std::vector<AxisVector> branches;  ///< solutions within limits, rotary axes unwound towards
+                                     ///< `previous`; first the one of least rotary travel
 };
 
-/// Axis positions that put the tip and the tool axis where they are wanted, for any chain of three
+/// Returns the axis positions that bring tip and tool axis to the target, for any chain of three
 /// slides and up to two rotary axes.
-/// @param previous  (size) where the axes are: chooses the branch, unwinds turns, and is kept by an
-///                  axis that is free in a singular pose (brought to its limits if it lies beyond)
-///                  and by the spindle nose
+/// @param previous  (size) current positions: they choose the branch and the number of turns, and
+///                  are kept by an axis that is free in a singular pose (clamped to its limits) and
+///                  by the spindle nose
 /// Bound: tool_in_workpiece of every branch returns the target within 1e-9 mm and 1e-12 rad over a
-/// workspace of 1 m, singular poses included. Never NaN. A rotary axis counts as free where the
+/// workspace of 1 m, singular poses included. Never NaN. A rotary axis counts as free if the
 /// direction lies within 2e-13 rad of it (0.1 pm at 500 mm).
-/// @throws std::invalid_argument if the chain has not three slides, independent at zero, or has
-///         more than two rotary axes; if the target is not finite or its direction is zero; if
+/// @throws std::invalid_argument if the chain does not have three slides, independent at zero, or
+///         has more than two rotary axes; if the target is not finite or its direction is zero; if
 ///         `previous` has the wrong size or is not finite
 [[nodiscard]] InverseSolution inverse(const Chain& chain, const TipTarget& target,
                                       const AxisVector& previous);
 
-/// What `inverse` puts first, at less than its cost.
+/// First branch of `inverse`, at lower cost.
 struct NearestPose {
   Reach reach = Reach::Unreachable;
-  AxisVector q;  ///< empty unless it is reached
+  AxisVector q;  ///< empty unless reached
 };
 
-/// The first branch of `inverse` alone, bit for bit, for long programs. @throws the same
+/// Returns the first branch of `inverse`, bit for bit; for long programs. @throws as `inverse`
 [[nodiscard]] NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target,
                                                    const AxisVector& previous);
 
-/// Positions of the slides that put the tip at `tip_w` with the rotary axes as in `q`, the rest of
-/// q unchanged and limits not looked at; this is what a control does under G43.4. Empty if there
-/// are not three slides, independent at q, or if a number is not finite.
+/// Returns q with its slides set such that the tip is at `tip_w`; rotary axes are unchanged and
+/// limits are not checked. This is what a control does under G43.4. Empty if there are not three
+/// slides, independent at q, or if a number is not finite.
 [[nodiscard]] std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q,
                                                        const Eigen::Vector3d& tip_w);
 
-/// A pole of a chain of two rotary axes: where the tool lies along the one nearer to the workpiece
-/// in the structural code, so that turning it does not turn the tool.
+/// The pole of a chain of two rotary axes: the tool lies along the axis that is nearer to the
+/// workpiece in the structural code, so turning that axis does not turn the tool.
 struct Pole {
-  int axis = 0;        ///< joint that is free there
-  int other = 0;       ///< the other rotary joint, which alone leads to it and away from it
-  double at = 0.0;     ///< rad, position of `other` at which the tool is nearest to the line of
-                       ///< `axis` in its own direction; half a turn on, to the opposite one
-  double angle = 0.0;  ///< rad, of the tool to the line of `axis`, 0 .. pi/2
+  int axis = 0;        ///< joint that is free at the pole
+  int other = 0;       ///< the other rotary joint, which alone leads to the pole and away from it
+  double at = 0.0;     ///< rad, position of `other` at which the tool is nearest to the direction
+                       ///< of `axis`; half a turn on it is nearest to the opposite direction
+  double angle = 0.0;  ///< rad, between the tool and the line of `axis`, 0 .. pi/2
 };
 
-/// How near the tool comes to the pole while the axes go from one position to another in
-/// proportion, both ends included. None unless the chain has two rotary axes, the tool leaves the
-/// line of the second, and that of the first is not parallel to it.
-/// Bound: `angle` within 1e-14 rad; where the way leads through the pole of a machine whose axes
-/// and tool are at right angles to 1e-15, 1e-15.
-/// @param from, to  (size) of which the rotary axes count
+/// Returns the pole and the smallest angle to it while the axes move linearly from one position to
+/// another, both ends included. Empty unless the chain has two rotary axes, the tool is not
+/// parallel to the second, and the two are not parallel to each other.
+/// Bound: `angle` within 1e-14 rad; 1e-15 if the path leads through the pole of a machine whose
+/// axes and tool are square to 1e-15.
+/// @param from, to  (size) only the rotary axes are used
 std::optional<Pole> nearest_pole(const Chain& chain, const AxisVector& from, const AxisVector& to);
 
-/// The position of `pole.other` that turns the tool nearest to a direction while `pole.axis` stays.
-/// @param q  (size) of which `pole.axis` counts  @param direction_w  of any length but zero
+/// Returns the position of `pole.other` that turns the tool nearest to a direction while
+/// `pole.axis` stays.
+/// @param q            (size) only `pole.axis` is used
+/// @param direction_w  of any length but zero
 double nearest_rotary_position(const Chain& chain, const Pole& pole, const AxisVector& q,
                                const Eigen::Vector3d& direction_w);
 

@@ -9,11 +9,11 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-// The chain from workpiece to tool, cut before and after every joint: T[i] takes the bed frame at
-// zero to the workpiece frame as the joints before i, in the order of the code, have moved it. In
-// that order both sides turn by the command itself, since the workpiece side comes inverted.
+// The chain from workpiece to tool, cut before and after every joint: T[i] maps the bed frame at
+// zero to the workpiece frame after the motion of all joints before i, in the order of the code. In
+// this order both sides turn by the command itself, since the workpiece side is inverted.
 struct ChainFrames {
-  std::array<Frame, max_joints + 1> T;  // size + 1 of them
+  std::array<Frame, max_joints + 1> T;  // size + 1 are used
   Eigen::Vector3d tip_w;
 };
 
@@ -30,7 +30,8 @@ ChainFrames cuts(const Chain& chain, const AxisVector& q) {
   return result;
 }
 
-// What a small [translation | rotation] at `point_b`, put into the chain at T, does to the tool.
+// Returns the effect on the tool of a small [translation | rotation] at `point_b`, inserted into
+// the chain at T.
 Matrix6 transport(const Pose& T, const Eigen::Vector3d& point_b, const Eigen::Vector3d& tip_w) {
   Matrix6 M = Matrix6::Zero();
   M.topLeftCorner<3, 3>() = T.linear();
@@ -39,22 +40,24 @@ Matrix6 transport(const Pose& T, const Eigen::Vector3d& point_b, const Eigen::Ve
   return M;
 }
 
-// A displacement stands before the motion of the carriage in its own order, bed outwards, which a
-// chain from workpiece to tool meets reversed and inverted on the workpiece side.
+// Returns the effect of a displacement of joint i. It precedes the motion of the carriage in the
+// order from the bed outwards; a chain from workpiece to tool meets the workpiece side reversed and
+// inverted.
 Matrix6 displaced(const ChainFrames& cut, const Joint& joint, int i, bool before_motion) {
   const bool primed = joint.side == Side::Workpiece;
   const Pose T = to_pose(cut.T[std::size_t(before_motion == primed ? i + 1 : i)]);
   return (primed ? -1.0 : 1.0) * transport(T, joint.point_b, cut.tip_w);
 }
 
-// Turns of the direction of travel alone.
+// Returns the effect of rotations of the direction of travel alone.
 Eigen::Matrix<double, 6, 3> travel_rotation_columns(const ChainFrames& cut, const Joint& joint,
                                                     int i, double q) {
   Eigen::Matrix<double, 6, 3> M = Eigen::Matrix<double, 6, 3>::Zero();
   const Pose T = to_pose(cut.T[std::size_t(i)]);
   if (joint.motion == Motion::Linear)
     M.topRows<3>() = -q * T.linear() * cross_matrix(joint.direction_b);
-  if (joint.motion == Motion::Rotary)  // turn, go round, turn back
+  if (joint.motion == Motion::Rotary)  // turned axis, motion, turned back: the difference before
+                                       // and after the motion
     M = (transport(T, joint.point_b, cut.tip_w) -
          transport(to_pose(cut.T[std::size_t(i) + 1]), joint.point_b, cut.tip_w))
             .rightCols<3>();

@@ -14,7 +14,7 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
   const double angle2 = v.squaredNorm();
   if (angle2 == 0.0) return Eigen::Matrix3d::Identity();
   const double angle = std::sqrt(angle2);
-  // sin(a)/a and (1 - cos a)/a^2 in forms that lose nothing at small angles
+  // Forms of sin(a)/a and (1 - cos a)/a^2 that lose no digits at small angles.
   const double half = std::sin(0.5 * angle) / (0.5 * angle);
   const double s = std::sin(angle) / angle;
   const double c = 0.5 * half * half;
@@ -23,8 +23,8 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
 }
 
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R) {
-  // The quaternion is taken from the largest of its components, so nothing is lost near a half
-  // turn, where the antisymmetric part of R vanishes.
+  // Via the quaternion, which Eigen computes from its largest component: nothing is lost near half
+  // a turn, where the antisymmetric part of R vanishes.
   const Eigen::Quaterniond quaternion(R);
   const Eigen::Vector3d axis = quaternion.vec();
   const double sine = axis.norm();
@@ -41,7 +41,8 @@ Pose motion(const Deviation& deviation, const Eigen::Vector3d& point) {
   return T;
 }
 
-// Opposite vectors take a decomposition, so this is costly to compile.
+// The case of opposite vectors uses a decomposition, which is costly to compile; hence this
+// wrapper.
 Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   return Eigen::Quaterniond::FromTwoVectors(from, to);
 }
@@ -54,6 +55,7 @@ Eigen::Vector3d great_circle_point(const Eigen::Vector3d& from, const Eigen::Vec
                                    double part) {
   const Eigen::Vector3d across = to - from.dot(to) * from;
   const double sine = across.norm();
+  // 1e-14: sine of nearly equal or opposite vectors, whose plane is only rounding.
   if (sine < 1e-14) return from;
   const double angle = part * std::atan2(sine, from.dot(to));
   return std::cos(angle) * from + std::sin(angle) * (across / sine);
@@ -63,16 +65,17 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double small_turn = 1e-2;  // rad: below, the quotients lose digits and series have them
+constexpr double small_turn = 1e-2;  // rad: below it the quotients lose digits, and three terms of
+                                     // the series are exact to 1e-15
 
-/// (angle - sin angle) / angle^3
+/// Returns (angle - sin angle) / angle^3.
 double third_order_coefficient(double angle) {
   const double square = angle * angle;
   if (angle < small_turn) return 1.0 / 6 - square / 120 + square * square / 5040;
   return (angle - std::sin(angle)) / (square * angle);
 }
 
-/// (1 - angle/2 cot(angle/2)) / angle^2
+/// Returns (1 - angle/2 cot(angle/2)) / angle^2.
 double inverse_coefficient(double angle) {
   const double square = angle * angle;
   if (angle < small_turn) return 1.0 / 12 + square / 720 + square * square / 30240;

@@ -15,11 +15,13 @@ namespace abbe {
 
 namespace {
 
-constexpr std::size_t max_sample_bytes = std::size_t(1) << 16;  // bytes
+constexpr std::size_t max_sample_bytes = std::size_t(1) << 16;  // bytes: enough for the statistics
+                                                                // of an encoding, and constant
+                                                                // effort for large files
 
 bool is_control(unsigned char c) { return (c < 0x20 && (c < 0x09 || c > 0x0d)) || c == 0x7f; }
 
-/// A letter, digit or blank of EBCDIC, or what ends its lines.
+/// Returns true for a letter, digit, blank, line end or common punctuation mark of EBCDIC.
 bool is_ebcdic(unsigned char c) {
   const int low = c & 0x0f;
   const bool letter = (c >= 0xc1 && c <= 0xe9 && low >= 1 && low <= 9) ||
@@ -46,13 +48,14 @@ Counts counts_of(std::string_view text) {
   return counts;
 }
 
-/// The encoding in words; none where the text may be ASCII, UTF-8 or a code page above ASCII.
+/// Returns the name of the encoding; empty if the text may be ASCII, UTF-8 or a code page that
+/// extends ASCII.
 std::optional<std::string> foreign_encoding(std::string_view text) {
   using namespace std::string_view_literals;
   if (text.starts_with("\xff\xfe\0\0"sv) || text.starts_with("\0\0\xfe\xff"sv)) return "UTF-32";
   if (text.starts_with("\xff\xfe"sv)) return "UTF-16, little endian";
   if (text.starts_with("\xfe\xff"sv)) return "UTF-16, big endian";
-  // leaders of NUL bytes are of a tape
+  // NUL bytes at the beginning are the leader of a paper tape.
   const std::size_t begin = text.find_first_not_of('\0');
   if (begin == std::string_view::npos) return std::nullopt;
   text = text.substr(begin - begin % 2, max_sample_bytes);
@@ -60,10 +63,14 @@ std::optional<std::string> foreign_encoding(std::string_view text) {
   text = text.substr(0, std::min(text.size(), (last / 2 + 1) * 2));
   const Counts n = counts_of(text);
   const double half = 0.5 * double(n.bytes);
+  // Latin text in UTF-16 has NUL in every other byte. 0.7 leaves room for other letters, 0.1 for a
+  // stray NUL; fewer than 8 bytes prove nothing.
   if (n.bytes >= 8 && double(n.odd_nul) > 0.7 * half && double(n.even_nul) < 0.1 * half)
     return "UTF-16, little endian";
   if (n.bytes >= 8 && double(n.even_nul) > 0.7 * half && double(n.odd_nul) < 0.1 * half)
     return "UTF-16, big endian";
+  // EBCDIC has its letters above 0x7F; 0.4 and 0.9 are far from text in a code page, of which few
+  // bytes are EBCDIC letters.
   if (n.high >= 8 && double(n.high) > 0.4 * double(n.bytes) &&
       double(n.ebcdic) > 0.9 * double(n.bytes))
     return "EBCDIC";
@@ -71,8 +78,8 @@ std::optional<std::string> foreign_encoding(std::string_view text) {
   return std::nullopt;
 }
 
-/// Returns the first CR between words without a LF beside it. Controls read such lines as one: to
-/// take it as the end of a line would move otherwise than they do, to pass over it too.
+/// Returns the first CR between two tokens that has no LF beside it. A control reads such lines as
+/// one line, so neither splitting at the CR nor dropping it would move as the control does.
 std::optional<std::size_t> find_lone_cr(std::string_view text) {
   using namespace std::string_view_literals;
   constexpr std::string_view moves = "\r\n\0"sv;
@@ -92,6 +99,7 @@ std::optional<std::size_t> find_lone_cr(std::string_view text) {
 std::optional<std::size_t> find_invalid_utf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto c = static_cast<unsigned char>(text[i]);
+    // 0xC0 and 0xC1 would only start overlong encodings; 4 marks an invalid first byte.
     const std::size_t more = c < 0x80 ? 0 : c >= 0xf0 ? 3 : c >= 0xe0 ? 2 : c >= 0xc2 ? 1 : 4;
     if (more == 4 || c > 0xf4 || i + more >= text.size()) return i;
     for (std::size_t k = 1; k <= more; ++k)
@@ -127,6 +135,8 @@ std::string strip_tape_characters(std::string_view text) {
     while (end < text.size() && moves(text[end])) ++end;
     const std::string_view run = text.substr(at, end - at);
     const auto lines = std::count(run.begin(), run.end(), '\n');
+    // Within a line, NUL and CR separate tokens and are kept for `check_encoding`; at a line end
+    // they are feed characters of the tape.
     if (lines > 0 || at == 0 || end == text.size())
       plain.append(std::size_t(lines), '\n');
     else
@@ -163,13 +173,14 @@ std::optional<std::string_view> Lines::next() {
   const std::size_t end = rest_.find('\n');
   std::string_view line = rest_.substr(0, end);
   rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
-  // CR LF, and the LF CR CR of a tape
+  // CR LF, and LF CR CR as punched on tape.
   while (line.ends_with('\r')) line.remove_suffix(1);
   while (line.starts_with('\r')) line.remove_prefix(1);
   return line;
 }
 
 std::string shown(std::string_view text) {
+  // 40 bytes identify an entry and keep a message on one line.
   std::string out;
   for (const char c : text.substr(0, 40)) {
     if (c >= ' ' && c <= '~')
@@ -200,6 +211,7 @@ Cell trimmed(std::string_view text, std::size_t at) {
 }  // namespace
 
 char cell_separator(std::string_view line) {
+  // The semicolon comes first: where it separates, the comma may be the decimal sign.
   for (const char c : {';', ','})
     if (line.find(c) != std::string_view::npos) return c;
   return ' ';
@@ -224,6 +236,7 @@ std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t mo
 
 std::optional<double> number_of(std::string_view text) {
   double x = 0.0;
+  // std::from_chars accepts no plus sign.
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), x);
   if (fault != std::errc{} || end != text.data() + text.size() || !(std::abs(x) <= 1e9))

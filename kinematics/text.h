@@ -8,28 +8,28 @@
 #include <string_view>
 #include <vector>
 
-/// Texts from outside that are no text, or one of another encoding than ASCII and UTF-8.
+/// Encodings of external text, and lines, cells and numbers of it.
 namespace abbe {
 
-/// Returns the first byte that is not UTF-8; none if all are.
+/// Returns the position of the first byte that is not valid UTF-8; empty if all are valid.
 std::optional<std::size_t> find_invalid_utf8(std::string_view text);
 
-/// One input error for a file that no reader of text understands, instead of one a line.
-/// @throws BadInput with the encoding: UTF-16, UTF-32, EBCDIC, or none, and for a CR between words
-///         without a LF beside it, as in texts whose lines end in CR alone
+/// Throws one input error for a file in a foreign encoding, instead of one error per line.
+/// @throws BadInput naming the encoding if the text is UTF-16, UTF-32, EBCDIC or binary; also for a
+///         CR between two tokens without LF beside it, as in files whose lines end in CR alone
 void check_encoding(std::string_view text, const std::string& file);
 
-/// The text without what only moves a paper tape or a print head: NUL bytes at either end of a line
-/// or of the text, and CR beside LF. Lines keep their numbers.
+/// Returns the text without characters that only move a paper tape or a print head: NUL bytes at
+/// either end of a line or of the text, and CR beside LF. Line numbers are unchanged.
 std::string strip_tape_characters(std::string_view text);
 
-// The one limit on how deep a text from outside may nest. Readers descend by recursion: without it
-// a file of nothing but brackets ends the stack.
+// Nesting limit of external text. Parsers descend by recursion: without a limit a file of nothing
+// but brackets overflows the stack.
 
-/// Levels of brackets, signs, functions, parameters, tables or arrays within each other.
+/// Maximum number of nested brackets, signs, functions, parameters, tables or arrays.
 inline constexpr int max_nesting = 100;
 
-/// One level of a recursive descent, counted in `depth` while it lives.
+/// One level of a recursive descent; counts itself in `depth` during its lifetime.
 class NestingLevel {
  public:
   explicit NestingLevel(int& depth) : depth_(depth) { ++depth_; }
@@ -43,8 +43,9 @@ class NestingLevel {
   int& depth_;
 };
 
-/// Returns how deep the brackets and braces of a JSON text nest, those in strings left out. Its
-/// values are copied, written and thrown away by recursion, so this is asked before it is parsed.
+/// Returns the nesting depth of the brackets and braces of a JSON text, those within strings
+/// ignored. JSON values are copied, written and destroyed by recursion, so the depth is checked
+/// before parsing.
 inline int json_depth(std::string_view text) {
   int depth = 0, deepest = 0;
   bool quoted = false;
@@ -59,67 +60,69 @@ inline int json_depth(std::string_view text) {
   return deepest;
 }
 
-// Text from outside, as every reader takes it apart.
+// Reading of external text.
 
-/// Whole text of a file.
+/// Returns the whole text of a file.
 /// @throws BadInput if it cannot be read or is larger than `max_bytes`
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes);
 
-/// Walks through the lines of a text; a byte order mark and the CR of a CRLF are left out.
+/// Iterator over the lines of a text, without byte order mark and without the CR of CR LF.
 class Lines {
  public:
   explicit Lines(std::string_view text);
   std::optional<std::string_view> next();
-  int number() const { return number_; }  ///< of the line last given, from 1
+  int number() const { return number_; }  ///< of the last line returned, from 1
 
  private:
   std::string_view rest_;
   int number_ = 0;
 };
 
-/// At most 40 bytes of something seen, unprintable ones as \xNN.
+/// Returns at most the first 40 bytes of a text, non-printable ones as \xNN.
 std::string shown(std::string_view text);
-/// The same between quotes; "nothing" if it is empty.
+/// Returns that excerpt between quotes; "nothing" if the text is empty.
 std::string in_quotes(std::string_view text);
 
-/// One cell of a line of a table, without the blanks around it.
+/// A cell of a table row, without surrounding blanks.
 struct Cell {
   std::string_view text;
   int column = 1;  ///< from 1
 };
 
-/// What parts the cells of a line: the first of ; and , that it has, else blanks and tabs (' ').
+/// Returns the cell separator of a line: the first of ; and , that occurs, else ' ' for blanks and
+/// tabs.
 char cell_separator(std::string_view line);
 
-/// Cells of a line, but no more than one beyond `most`, so that a line of nothing but separators
-/// costs nothing.
+/// Returns the cells of a line, at most one more than `most`, so that a line of nothing but
+/// separators costs nothing.
 std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t most);
 
-/// The whole text as a number within +-1e9 (beyond is a mistake, and sums of it stay finite).
+/// Returns the number if the whole text is one within +-1e9 (a larger one is a mistake, and sums of
+/// these stay finite); else empty.
 std::optional<double> number_of(std::string_view text);
 
-/// A line that says something.
+/// A line with content.
 struct Line {
   std::string_view text;
   int number = 0;
 };
 
-/// The lines of a table that say something, one after another: empty lines and those that begin
-/// with `comment` are passed over. Refusals name the file and the line last given.
+/// Iterator over the lines of a table that have content: empty lines and lines that begin with
+/// `comment` are skipped. Input errors name the file and the last line returned.
 class TableLines {
  public:
   TableLines(std::string_view text, std::string file, std::optional<char> comment = '#');
 
-  /// @throws BadInput for a control byte
+  /// Returns the next line; empty at the end. @throws BadInput for a control byte
   std::optional<Line> next();
   int number() const { return lines_.number(); }
 
   [[noreturn]] void refuse(int column, const std::string& expected, const std::string& seen) const;
   [[noreturn]] void refuse(const Cell& cell, const std::string& expected) const;
 
-  /// The number that a cell holds. @throws BadInput unless it is one within +-1e9
+  /// Returns the number in a cell. @throws BadInput unless it is a number within +-1e9
   double number_in(const Cell& cell) const;
-  /// A whole number. @throws BadInput unless it is one from `least` to `most`
+  /// Returns the whole number in a cell. @throws BadInput unless it is one from `least` to `most`
   int whole_number_in(const Cell& cell, int least, int most) const;
 
  private:

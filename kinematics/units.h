@@ -3,7 +3,8 @@
 #include <limits>
 #include <numbers>
 
-/// Units inside are mm, rad, s, N, K. These literals are for the borders: `4.0_um`, `90.0_deg`.
+/// Internal units are mm, rad, s, N, K. These literals are for input and output: `4.0_um`,
+/// `90.0_deg`.
 namespace abbe {
 
 inline constexpr double pi = std::numbers::pi;
@@ -26,7 +27,7 @@ constexpr double operator""_deg(long double value) { return double(value) * unit
 }  // namespace literals
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
-/// A figure that there is none of.
+/// Value of a quantity that does not exist (NaN).
 inline constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace abbe

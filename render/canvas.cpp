@@ -53,12 +53,12 @@ class vtkTextProperty;
 
 namespace abbe::render {
 
-inline constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
+inline constexpr int dots_per_inch = 72;  // one point of a font is then one pixel
 
-/// Sets font, size and colour for a text.
+/// Sets font, size and colour of a text.
 void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property);
 
-/// Everything flat, painted in the order it was drawn.
+/// All flat elements, painted in the order in which they were drawn.
 class FlatItem : public vtkContextItem {
  public:
   static FlatItem* New();
@@ -79,8 +79,8 @@ using Eigen::Vector2d;
 
 std::recursive_mutex canvas_mutex;  // VTK's font cache and OpenGL state belong to the whole process
 
-/// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
-/// pixels, so that the letters do not blur.
+/// Returns the lower left corner of a text of `size` such that the anchor of its style is at `at`;
+/// rounded to whole pixels, since letters between pixels are blurred.
 Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
   Vector2d shift(style.across * size.x(), style.upward * size.y());
   if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};
@@ -103,6 +103,7 @@ vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
 vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   const auto data = poly_data(solid.points);
   data->SetPolys(cells(solid.triangles.data(), solid.triangles.rows(), 3));
+  // Normals are needed for shading only.
   if (solid.normals.rows() > 0 && solid.shade > 0.0) {
     vtkNew<vtkFloatArray> normals;
     normals->SetNumberOfComponents(3);
@@ -112,6 +113,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
     data->GetPointData()->SetNormals(normals);
   }
   vtkNew<vtkPolyDataMapper> mapper;
+  // Faces are moved back by one depth step, so that lines on them are not half hidden.
   mapper->SetResolveCoincidentTopologyToPolygonOffset();
   mapper->SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 1.0);
   mapper->ScalarVisibilityOff();
@@ -123,7 +125,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
     data->GetPointData()->SetScalars(values);
     mapper->SetLookupTable(lookup_table(solid.scale));
     mapper->UseLookupTableScalarRangeOn();
-    // values are interpolated, not colours: between blue and red lies grey, never purple
+    // Values are interpolated, not colours: halfway between blue and red is grey, never purple.
     mapper->InterpolateScalarsBeforeMappingOn();
     mapper->ScalarVisibilityOn();
   }
@@ -133,7 +135,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   vtkProperty& look = *result->GetProperty();
   look.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
   look.SetOpacity(solid.opacity);
-  // without shade a colour is that of the colour bar wherever its face looks
+  // Without shading a colour equals that of the colour bar, whatever the direction of its face.
   look.SetAmbient(1.0 - solid.shade);
   look.SetDiffuse(solid.shade);
   look.SetSpecular(0.0);
@@ -142,13 +144,14 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   return result;
 }
 
-/// Three bytes a point, the lowest row first.
+/// Rendered pixels, three bytes each, the lowest row first.
 struct Drawn {
-  int width, height, finer;  // points of a pixel each way
+  int width, height, finer;  // samples per pixel in each direction
   vtkSmartPointer<vtkUnsignedCharArray> bytes;
 };
 
-/// Each pixel the mean of `finer` x `finer` drawn, the upper row first.
+/// Returns the picture in which each pixel is the mean of `finer` x `finer` samples, the upper row
+/// first.
 Pixels averaged(const Drawn& all) {
   const auto& [width, height, finer, bytes] = all;
   const unsigned char* const drawn = bytes->GetPointer(0);
@@ -158,6 +161,7 @@ Pixels averaged(const Drawn& all) {
   std::vector<unsigned> sums(row);
   const auto points = unsigned(finer * finer);
   for (int y = finer * height - 1; y >= 0;) {
+    // Starting at half of the divisor rounds the mean to the nearest value.
     std::ranges::fill(sums, points / 2);
     for (int k = 0; k < finer; ++k, --y) {
       const unsigned char* from = drawn + supersampled_row * std::size_t(y);
@@ -180,6 +184,7 @@ void apply_style(const TextStyle& style, const std::string& text, vtkTextPropert
     property.SetFontFamily(VTK_FONT_FILE);
     property.SetFontFile(file.c_str());
   }
+  // A font file has its own bold face; only the built-in font is emboldened by VTK.
   property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
   property.SetBold(style.bold && file.empty());
   property.SetColor(style.colour.r, style.colour.g, style.colour.b);
@@ -194,7 +199,7 @@ struct Canvas::Sheet {
   int finer;
   vtkNew<vtkGenericOpenGLRenderWindow> window;
   vtkNew<FlatItem> flat;
-  std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
+  std::vector<FlatMark> marks;  ///< flat elements, for formats that keep them as vectors
   bool has_scene = false;
 
   Sheet(int width_px, int height_px, int points_each_way);
@@ -207,9 +212,11 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
   window->SetOwnContext(0);
   window->SetSize(finer * width, finer * height);
   window->SetDPI(finer * dots_per_inch);
-  // smoothing by the driver costs several times as much where the driver is software
+  // Multisampling costs several times as much with a software driver, and averaging samples is
+  // already done here.
   window->SetMultiSamples(0);
   window->SetUseOffScreenBuffers(true);
+  // The context exists and is current, so VTK need not look for a display.
   window->SetShowWindow(false);
   window->SetReadyForRendering(true);
   window->SetSupportsOpenGL(1);
@@ -218,6 +225,7 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
   if (!window->InitializeFromCurrentContext()) {
     throw std::runtime_error("no picture can be drawn: VTK refused the OpenGL context");
   }
+  // Three layers: paper, scenes in space, flat elements in front.
   window->SetNumberOfLayers(3);
   vtkNew<vtkRenderer> paper;
   paper->SetBackground(1.0, 1.0, 1.0);
@@ -239,6 +247,7 @@ Canvas::Canvas(int width, int height, int finer) {
   }
   if (finer < 1 || finer > 4)
     throw std::invalid_argument("a pixel is the mean of 1 to 4 points each way");
+  // A large picture gets fewer samples, since the buffer is limited to longest_side as well.
   sheet_ = std::make_unique<Sheet>(width, height,
                                    std::min(finer, longest_side / std::max(width, height)));
 }
@@ -250,7 +259,7 @@ Vector2d text_size(const std::string& text, const TextStyle& style) {
   vtkNew<vtkTextProperty> property;
   apply_style(style, text, *property);
   int box[4] = {0, -1, 0, -1};
-  // as fine as it is drawn, since letters end at whole points
+  // Measured at the resolution at which it is drawn, since letters end at whole samples.
   vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box,
                                                  supersampling * dots_per_inch);
   return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / supersampling;
@@ -272,11 +281,12 @@ void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& 
 }
 
 void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, double width_px) {
-  // each piece a rectangle of its own, lengthened to close the joints: wide lines of OpenGL differ
-  // between drivers
+  // Each segment is its own rectangle, extended to close the joints: wide lines of OpenGL differ
+  // between drivers.
   for (std::size_t i = 1; i < points.size(); ++i) {
     const Vector2d d = points[i] - points[i - 1];
     if (!(d.norm() > 0.0)) continue;
+    // 0.3 of the width closes joints of up to about 60 degrees without visible ends.
     const Vector2d along = d.normalized() * (points.size() > 2 ? 0.3 * width_px : 0.0);
     const Vector2d across = Vector2d(-d.y(), d.x()).normalized() * (0.5 * width_px);
     fill({points[i - 1] - along - across, points[i] + along - across, points[i] + along + across,
@@ -334,6 +344,7 @@ vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
 
 void look(vtkRenderer& scene, const View& view) {
   vtkCamera& camera = *scene.GetActiveCamera();
+  // Twice the depth away, the whole scene lies between the clipping planes.
   const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
   camera.ParallelProjectionOn();
   camera.SetFocalPoint(view.centre.data());
@@ -357,8 +368,8 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
                    const std::vector<Wire>& wires) {
   vtkNew<vtkRenderer> renderer;
   for (const Solid& solid : solids) renderer->AddActor(actor(solid));
-  // towards the eye, which moves nothing in the picture, so that no surface hides half of a line on
-  // it
+  // Lines are moved towards the eye, which does not change their position in the picture, so that
+  // no surface hides half of a line on it.
   const Eigen::Vector3d nearer = 2.0 * view.mm_per_px * view.toward;
   for (const Wire& wire : wires) {
     const auto lines = wire_actor(wire);
@@ -387,12 +398,14 @@ void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureF
 
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
   const bool keeps_flat_apart = format != PictureFormat::Png;
+  // In SVG and PDF flat elements are vectors, so the raster behind them contains scenes only.
   if (keeps_flat_apart) sheet_->flat->strokes.clear();
   const int width = sheet_->width, height = sheet_->height;
   const std::vector<FlatMark> marks = std::move(sheet_->marks);
   std::optional<Drawn> drawn;
   if (!keeps_flat_apart || sheet_->has_scene) drawn = sheet_->draw();
-  sheet_.reset();  // so that the next canvas is drawn while this one is compressed
+  sheet_.reset();  // releases the lock, so that the next canvas is drawn while this one is
+                   // compressed
   Raster raster;
   if (drawn) {
     const Pixels picture = averaged(*drawn);
@@ -410,13 +423,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// A piece of an outline: M to a point, L a line, C a cubic, Z closed.
+/// A segment of an outline: M move to a point, L line, C cubic curve, Z close.
 struct Piece {
   char kind = 'M';
   std::array<Vector2d, 3> to;
 };
 
-/// VTK 9.1 leaves out what is not ASCII, unless it is asked in the older way.
+/// VTK 9.1 drops non-ASCII characters unless it is called through its older interface.
 void to_path(const std::string& text, vtkTextProperty& property, vtkPath& path) {
 #if VTK_VERSION_NUMBER < VTK_VERSION_CHECK(9, 2, 0)
 #pragma GCC diagnostic push
@@ -429,7 +442,7 @@ void to_path(const std::string& text, vtkTextProperty& property, vtkPath& path) 
 #endif
 }
 
-/// The letters of a text, in px of the picture.
+/// Returns the outlines of the letters of a text, in px of the picture.
 std::vector<Piece> outlines(const FlatText& text) {
   vtkNew<vtkTextProperty> property;
   apply_style(text.style, text.text, *property);
@@ -457,6 +470,7 @@ std::vector<Piece> outlines(const FlatText& text) {
       pieces.push_back({'L', {first, first, first}});
       last = first;
       i += 1;
+      // A quadratic curve as a cubic one: control points at two thirds towards its own.
     } else if (code == vtkPath::CONIC_CURVE) {
       const Vector2d end = place(i + 1);
       pieces.push_back(
@@ -494,8 +508,9 @@ std::string hex(const Colour& c) {
   return fmt::format("#{:02x}{:02x}{:02x}", byte(c.r), byte(c.g), byte(c.b));
 }
 
-/// SVG counts downwards.
+/// Returns the path of a mark in SVG, whose y axis points downwards.
 std::string svg_path(const FlatMark& mark, double height) {
+  // Hundredths of a pixel: finer digits would only lengthen the file.
   const auto xy = [&](const Vector2d& p) {
     return fmt::format("{:.2f} {:.2f}", p.x(), height - p.y());
   };
@@ -555,7 +570,7 @@ std::string stream(const std::string& entries, const std::string& bytes) {
          packed + "\nendstream";
 }
 
-/// Objects 1, 2 ... with the table of where they begin.
+/// Returns the file of objects 1, 2 ... with the table of their offsets.
 std::string pdf_file(const std::vector<std::string>& objects) {
   std::string file = "%PDF-1.5\n%\xE2\xE3\xCF\xD3\n";
   std::string table = fmt::format("xref\n0 {}\n0000000000 65535 f \n", objects.size() + 1);
@@ -597,6 +612,7 @@ std::string pdf_document(int width, int height, const std::vector<FlatMark>& mar
   std::string page = fmt::format("{0} 0 0 {0} 0 0 cm\n", point_per_px);
   if (!behind.rgb.empty()) page += fmt::format("q {} 0 0 {} 0 0 cm /Im Do Q\n", width, height);
   std::string states;
+  // PDF takes opacity from a graphics state: 21 states in steps of 5 %.
   for (int i = 0; i <= 20; ++i) states += fmt::format("/G{} << /ca {:.2f} >> ", i, i / 20.0);
   for (const FlatMark& mark : marks) {
     const Ink ink = mark_ink(mark);

@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Bars that grow to the left, the longest `width` long.
+/// Draws a histogram of bars that extend to the left, the longest of length `width`.
 void draw_shares(Canvas& canvas, const Rectangle& box, const std::vector<double>& shares,
                  double width) {
   if (shares.empty() || !(width > 0.0)) return;
@@ -39,6 +39,7 @@ std::vector<double> histogram_fractions(const Eigen::VectorXd& values,
   std::vector<double> shares(std::size_t(std::max(bins, 1)), 0.0);
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const double part = (values[i] - ends.lower) / (ends.upper - ends.lower);
+    // The upper end belongs to the last bin.
     if (!(part >= 0.0 && part <= 1.0)) continue;
     const auto bin = std::min(std::size_t(part * double(shares.size())), shares.size() - 1);
     shares[bin] += weights.size() == values.size() ? weights[i] : 1.0;
@@ -50,6 +51,7 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
                 const TextStyle& style) {
   const double bottom = std::round(box.y);
   const double rows = std::round(box.height);
+  // One row of pixels per step, so that the bar has the exact colours of the map.
   for (double i = 0.0; i < rows; ++i)
     canvas.fill({box.x, bottom + i, box.width, 1.0}, colour_at(bar.scale, i / (rows - 1.0)));
   const double top = bottom + rows;
@@ -75,7 +77,9 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
   }
   for (const double mark : bar.marks) {
     const double y = bottom + rows * (mark * unit.per_um - low) / (high - low);
+    // A limit that was scaled to the very end of the bar may be half a pixel beyond it.
     if (y < bottom - 0.5 || y > top + 0.5) continue;
+    // A white line below makes the mark visible on any colour.
     canvas.line({{box.x - 4.0, y}, {right + 4.0, y}}, colours::white, 6.0);
     canvas.line({{box.x - 4.0, y}, {right + 4.0, y}}, {0.1, 0.4, 0.15}, 3.0);
   }
@@ -86,6 +90,7 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
 
 void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar,
                    const TextStyle& style) {
+  // Half of the bar is the tolerance, a quarter each lies above and below it.
   const double quarter = std::round(0.25 * box.height), bottom = std::round(box.y);
   const double right = box.x + box.width, beside = right + 0.65 * style.size_px;
   TextStyle head = style, figure_style = style;
@@ -110,6 +115,7 @@ void tolerance_bar(Canvas& canvas, const Rectangle& box, const ToleranceBar& bar
   for (const int upper : {0, 1}) {
     const double y = bottom + (upper ? 3.0 : 1.0) * quarter;
     canvas.line({{box.x, y}, {right + 0.35 * style.size_px, y}}, style.colour, 2.0);
+    // Limits that differ between regions have no common figures.
     if (!bar.limits_um) continue;
     const LengthUnit unit =
         length_unit(std::max(std::abs(bar.limits_um->lower), std::abs(bar.limits_um->upper)));
@@ -134,6 +140,7 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar
   label.upward = 0.5;
   const double gap = 0.9 * style.size_px, y = box.y + 0.5 * box.height;
   const double first = std::round(box.x + text_size(low, label).x() + gap);
+  // The labels at both ends take their room first, and the bar has what remains.
   const int steps = std::max(1, int(box.x + box.width - text_size(high, label).x() - gap - first));
   canvas.text({box.x, y}, low, label);
   canvas.text({first + steps + gap, y}, high, label);
@@ -149,7 +156,8 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar
 
 void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const HorizontalBar& bar,
                            const TextStyle& style) {
-  const int digits = std::max(0, significant_decimals(bar.range) - 1);  // ranges have two digits
+  // ranges have two significant digits
+  const int digits = std::max(0, significant_decimals(bar.range) - 1);
   const std::string low = bar.one_sided ? "0" : fixed(-bar.range, digits);
   std::string high = bar.one_sided ? fixed(bar.range, digits) : signed_fixed(bar.range, digits);
   if (!bar.unit.empty()) high += " " + bar.unit;
@@ -162,6 +170,7 @@ void horizontal_colour_bar(Canvas& canvas, const Rectangle& box, const Horizonta
   const int steps = std::max(1, int(room));
   canvas.text({box.x, y}, low, label);
   canvas.text({first + steps + gap, y}, high, label);
+  // A one-sided bar is the upper half of the diverging scale.
   const std::vector<Colour> scale = diverging(bar.one_sided ? 2 * steps : steps);
   const double half = 0.36 * style.size_px, arrow = 0.6 * style.size_px, last = first + steps;
   for (int i = 0; i < steps; ++i)

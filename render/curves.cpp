@@ -35,6 +35,7 @@ void check(const std::vector<Panel>& panels) {
 }
 
 void include(std::optional<Span>& span, double value) {
+  // Values that are not finite mark gaps and have no position.
   if (!std::isfinite(value)) return;
   if (!span) span = Span{value, value};
   widen(*span, value);
@@ -51,37 +52,38 @@ void include(Extent& extent, const Series& s) {
   }
 }
 
-/// Round ticks, as many as leave room between their labels.
+/// Returns round ticks, as many as fit with a gap between their labels.
 Ticks fitting_ticks(const Span& span, double length_px, const TextStyle& style, bool across) {
   Ticks best = round_ticks(span.lower, span.upper, 1);
   for (int wanted = 2; wanted <= 10; ++wanted) {
     const Ticks ticks = round_ticks(span.lower, span.upper, wanted);
+    // A single tick does not show the scale.
     if (ticks.values.size() < 2) continue;
     double widest = 0.0;
     for (const double value : ticks.values)
       widest = std::max(widest, text_size(fixed(value, ticks.decimals), style).x());
-    const double length_mismatch_text =
+    const double apart =
         length_px * (ticks.values[1] - ticks.values[0]) / (span.upper - span.lower);
-    if (length_mismatch_text > (across ? widest + style.size_px : 1.9 * style.size_px))
-      best = ticks;
+    // Along x a label needs its width and a gap of one letter, along y twice its height.
+    if (apart > (across ? widest + style.size_px : 1.9 * style.size_px)) best = ticks;
   }
   return best;
 }
 
-/// A panel laid out in its cell of the page.
+/// The layout of a panel in its cell of the page.
 struct PanelGeometry {
   Axes axes;
   Ticks x;
   Ticks y;
 };
 
-/// As many of the names as have room: all, every second, every third ...
+/// Returns as many of the names as fit: all, every second, every third ...
 Ticks named_ticks(const std::vector<std::string>& names, const Axes& axes, const TextStyle& style) {
   double widest = 0.0;
   for (const std::string& name : names) widest = std::max(widest, text_size(name, style).x());
-  const double length_mismatch_text = axes.box.width / (axes.x.upper - axes.x.lower);
-  const auto every = std::max<std::size_t>(
-      1, std::size_t(std::ceil((widest + style.size_px) / length_mismatch_text)));
+  const double apart = axes.box.width / (axes.x.upper - axes.x.lower);
+  const auto every =
+      std::max<std::size_t>(1, std::size_t(std::ceil((widest + style.size_px) / apart)));
   Ticks ticks;
   for (std::size_t i = 0; i < names.size(); i += every)
     if (double(i) >= axes.x.lower && double(i) <= axes.x.upper) ticks.values.push_back(double(i));
@@ -100,9 +102,11 @@ PanelGeometry placed(const Panel& panel, const Rectangle& cell, const Extent& se
   const Span y = seen.y.value_or(Span{});
   const bool points = std::any_of(panel.series.begin(), panel.series.end(),
                                   [](const Series& s) { return s.mark != Mark::Line; });
+  // Marks at the edge of the axes would be cut in half.
   if (points || p.axes.x.lower == p.axes.x.upper) p.axes.x = padded(p.axes.x);
   p.axes.y = padded(y);
   const double em = look.body.size_px;
+  // In em: the room for tick labels, and for the axis label below them.
   const double below = (panel.x_label.empty() ? 1.9 : 3.4) * em;
   const double above = panel.title.empty() ? 0.8 * em : line_height(look.title) + 0.6 * em;
   p.axes.box.y = cell.y + below;
@@ -132,6 +136,7 @@ void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p, const
   tick.upward = 0.5;
   for (const double value : p.y.values) {
     const Vector2d foot(a.box.x, at(a, a.x.lower, value).y());
+    // 1e-9 of the range: a tick computed as a multiple of the step may miss 0 by rounding.
     const bool zero = std::abs(value) < 1e-9 * (a.y.upper - a.y.lower);
     canvas.line({foot, foot + right}, zero ? colours::faint_ink : colours::rule, thin);
     canvas.text(foot - Vector2d(0.5 * em, 0.0), fixed(value, p.y.decimals), tick);
@@ -148,6 +153,7 @@ void draw_axes(Canvas& canvas, const Panel& panel, const PanelGeometry& p, const
 }
 
 void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
+  // The band is filled in quadrilaterals, since a canvas fills convex polygons only.
   if (s.lower.size() == 0) return;
   std::vector<Vector2d> low, high;
   const auto flush = [&] {
@@ -174,9 +180,11 @@ void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
   flush();
 }
 
+// A value that is not finite interrupts the curve.
 void draw_series(Canvas& canvas, const Axes& a, const Series& s, int colour, double unit) {
   std::vector<Vector2d> run;
   const auto flush = [&] {
+    // Thinning to pixel columns keeps the picture and bounds its cost.
     if (s.mark != Mark::Points) stroke(canvas, thinned(run), colour, 3.0 * unit);
     if (s.mark != Mark::Line) {
       constexpr std::size_t max_marks = 20000;
@@ -235,7 +243,7 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
   for (std::size_t i = 0; i < panel.series.size(); ++i)
     draw_series(canvas, p.axes, panel.series[i], colour_of(panel, i), look.unit);
   const double top = p.axes.box.y + p.axes.box.height;
-  const double room = cell.x + cell.width - p.axes.box.x;  // beyond the axes: a legend is lower
+  const double room = cell.x + cell.width - p.axes.box.x;  // beyond the axes: the legend is lower
   paragraph(canvas, {p.axes.box.x, top + line_height(look.title) + 0.1 * look.title.size_px},
             wrapped(panel.title, look.title, room, 1), look.title);
   return p.axes;
@@ -243,7 +251,7 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
 
 namespace {
 
-/// Extents of the panels, y made the same where that is wanted.
+/// Returns the extents of the panels, with a common y if requested.
 std::vector<Extent> extents(const std::vector<Panel>& panels, bool common_y) {
   std::vector<Extent> all;
   Extent together;
@@ -256,7 +264,7 @@ std::vector<Extent> extents(const std::vector<Panel>& panels, bool common_y) {
   return all;
 }
 
-/// Cells of a page in rows from the top left.
+/// Returns a cell of a page, in rows from the top left.
 Rectangle cell(const Rectangle& inner, int columns, int rows, std::size_t i) {
   const double w = inner.width / columns, h = inner.height / rows;
   const int column = int(i) % columns, row = int(i) / columns;
@@ -278,6 +286,7 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
   check(panels);
   const int columns = std::clamp(options.columns, 1, int(panels.size()));
   const int rows = rows_of(panels.size(), columns);
+  // 1600 px is the width for which the sizes of type are chosen.
   const double unit = options.width / 1600.0;
   const double row_height =
       options.panel_height > 0 ? options.panel_height : (rows == 1 ? 700.0 : 520.0) * unit;
@@ -305,6 +314,7 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
 void write_grid(const std::filesystem::path& path, const std::vector<Panel>& panels,
                 const GridOptions& options) {
   check(panels);
+  // Cells are about 5 : 4, so 0.8 of the number of panels makes the sheet about square.
   const int wanted = options.columns > 0 ? options.columns
                                          : int(std::ceil(std::sqrt(double(panels.size()) * 0.8)));
   const int columns = std::clamp(wanted, 1, int(panels.size()));
@@ -331,6 +341,7 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
     const double free = a.box.width - text_size(panels[i].title, look.title).x() - em;
     std::string text;
     for (const std::string& line : panels[i].note) text += (text.empty() ? "" : ", ") + line;
+    // A note is omitted if the title leaves no room for it.
     if (!text.empty() && free > 2.0 * em)
       canvas.text({a.box.x + a.box.width, top}, wrapped(text, note, free, 1).front(), note);
   }
@@ -345,9 +356,10 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector2d;
 
-constexpr double nominal_radius_ratio = 0.6;  // radius of the nominal circle, of the outermost one
+constexpr double nominal_radius_ratio = 0.6;  // radius of the nominal circle relative to the
+                                              // outermost one
 
-/// The magnified circle of a picture.
+/// Geometry of the magnified circle.
 struct Dial {
   Vector2d centre = Vector2d::Zero();
   double nominal_px = 0.0;
@@ -373,6 +385,8 @@ double largest(const std::vector<PolarTrace>& traces) {
 Dial dial(const Vector2d& centre, double radius_px, double largest_um, double division_um) {
   Dial d;
   d.centre = centre;
+  // About four divisions on either side are readable; -1e-9 keeps an exact multiple within its
+  // division.
   d.division_um = division_um > 0.0 ? division_um : round_up_125(largest_um / 4.0);
   if (!(d.division_um > 0.0)) d.division_um = 1.0;
   d.divisions = std::clamp(int(std::ceil(largest_um / d.division_um - 1e-9)), 2, 20);
@@ -384,6 +398,7 @@ Dial dial(const Vector2d& centre, double radius_px, double largest_um, double di
 void draw_circle(Canvas& canvas, const Dial& d, double deviation_um, const Colour& colour,
                  double width) {
   std::vector<Vector2d> points;
+  // One degree per segment: the chord error is below 0.1 px at a radius of 1000 px.
   for (int i = 0; i <= 360; ++i) points.push_back(d.at(2.0 * pi * i / 360.0, deviation_um));
   canvas.line(points, colour, width);
 }
@@ -423,7 +438,7 @@ void draw_dial(Canvas& canvas, const Dial& d, const PolarOptions& options, const
                 (k == 0 ? 3.0 : 1.5) * unit);
 }
 
-/// Values of the circles, where no spoke is; every second or fifth where they stand close.
+/// Draws the labels of the circles between two spokes; every second or fifth if they are close.
 void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
   TextStyle style = body;
   style.size_px = 0.85 * body.size_px;
@@ -433,6 +448,7 @@ void draw_scale(Canvas& canvas, const Dial& d, const TextStyle& body) {
   const int decimals = round_decimals(d.division_um);
   for (int k = -d.divisions; k <= d.divisions; ++k) {
     if (k % every != 0) continue;
+    // 67.5 degrees: midway between two spokes.
     const Vector2d p = d.at(0.375 * pi, k * d.division_um);
     const std::string text = signed_fixed(k * d.division_um, decimals);
     const Vector2d size = text_size(text, style) + Vector2d(6.0, 2.0);

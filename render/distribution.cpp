@@ -19,7 +19,7 @@ using Eigen::Vector2d;
 
 constexpr std::size_t max_series = 24;
 constexpr double beyond_share =
-    0.001;  // of the values, at either end, that may lie beyond the axis
+    0.001;  // fraction of the values, at either end, that may lie beyond the axis
 
 std::vector<double> sorted(const Eigen::VectorXd& values) {
   std::vector<double> finite;
@@ -33,20 +33,22 @@ double rank_value(const std::vector<double>& rising, double share) {
   return rising[std::size_t(std::lround(share * double(rising.size() - 1)))];
 }
 
-/// Bins of one width from `first` on.
+/// Bins of equal width, from `first` on.
 struct Bins {
   double first = 0.0;
   double width = 1.0;
   std::size_t count = 1;
 };
 
-/// Bins that show the narrowest series and hold nearly all values of all of them.
+/// Returns bins that resolve the narrowest series and contain nearly all values of all series.
 Bins bins(const std::vector<std::vector<double>>& series) {
   std::vector<double> all;
   double narrowest = std::numeric_limits<double>::infinity();
   for (const std::vector<double>& one : series) {
     all.insert(all.end(), one.begin(), one.end());
+    // A single value has no width.
     if (one.size() < 2) continue;
+    // The central 98 %, so that outliers do not widen the bins.
     const double core = rank_value(one, 0.99) - rank_value(one, 0.01);
     if (core > 0.0) narrowest = std::min(narrowest, core);
   }
@@ -54,12 +56,15 @@ Bins bins(const std::vector<std::vector<double>>& series) {
   std::sort(all.begin(), all.end());
   Span span{all.front(), all.back()};
   const Span most{rank_value(all, beyond_share), rank_value(all, 1.0 - beyond_share)};
+  // The axis is cut only if that gains a third of its length.
   if (span.upper - span.lower > 1.5 * (most.upper - most.lower) && most.upper > most.lower)
     span = most;
   const double range = span.upper - span.lower;
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
+  // Twelve bins across the narrowest series, but 40 to 300 in all.
   const double wanted = std::clamp(narrowest / 12.0, range / 300.0, range / 40.0);
   Bins b;
+  // 1e-7 of the largest value keeps bins above the rounding of their edges.
   b.width = round_up_125(std::max({wanted, 1e-7 * largest, 1e-9}));
   const double first = std::floor(span.lower / b.width) - 1.0;
   b.first = first * b.width;
@@ -69,7 +74,7 @@ Bins bins(const std::vector<std::vector<double>>& series) {
 
 struct Histogram {
   std::vector<double> percent;
-  std::size_t beyond = 0;  ///< values
+  std::size_t beyond = 0;  ///< number of values
 };
 
 Histogram histogram(const std::vector<double>& values, const Bins& b) {
@@ -84,13 +89,14 @@ Histogram histogram(const std::vector<double>& values, const Bins& b) {
   return h;
 }
 
-/// The outline of a histogram, from the first bin that holds something to the last one.
+/// Returns the outline of a histogram, from the first non-empty bin to the last.
 Series outline(const Histogram& h, const Bins& b, int colour) {
   const auto holds = [](double percent) { return percent > 0.0; };
   const auto first = std::find_if(h.percent.begin(), h.percent.end(), holds);
   const auto last = std::find_if(h.percent.rbegin(), h.percent.rend(), holds).base();
   Series s;
   s.colour = colour;
+  // A series may lie entirely beyond the axis.
   if (first == h.percent.end()) return s;
   const auto n = Eigen::Index(last - first);
   s.x.resize(2 * n + 2);
@@ -117,8 +123,9 @@ void draw_bodies(Canvas& canvas, const Axes& a, const Histogram& h, const Bins& 
   }
 }
 
-/// A regular polygon about a point of the strip below zero.
+/// Draws a regular polygon at a position in the strip below zero.
 void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colour, double size) {
+  // The negated comparison also skips NaN.
   if (!(x >= a.x.lower && x <= a.x.upper)) return;
   const Vector2d middle(at(a, x, 0.0).x(), 0.5 * (a.box.y + at(a, x, 0.0).y()));
   std::vector<Vector2d> shape;
@@ -149,12 +156,12 @@ void draw_limit(Canvas& canvas, const Axes& a, const DistributionOptions& option
   canvas.text({centre, top + 0.25 * body.size_px}, text, style);
 }
 
-/// Height in px that the table takes.
+/// Returns the height of the table, px.
 double table_height(std::size_t rows, const TextStyle& body) {
   return double(rows + 1) * line_height(body) + 1.2 * body.size_px;
 }
 
-/// Names with the colours of their series, figures in columns under their heads.
+/// Draws names with the colours of their series, and figures in columns below their heads.
 void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
                 const DistributionOptions& options, const Rectangle& box, const TextStyle& body) {
   std::vector<double> widths;
@@ -172,6 +179,7 @@ void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
     longest = std::max(longest, text_size(s.name, body).x());
   const double key = 2.8 * body.size_px;  // the colour before a name
   const double gaps = double(widths.size()) * 1.6 * body.size_px;
+  // Names give way to the figures, down to a quarter of the width; then the figures shrink.
   const double names = std::clamp(box.width - all - gaps - key, 0.25 * box.width - key, longest);
   const double shrink = std::min(1.0, (box.width - names - key) / std::max(all + gaps, 1.0));
   style.size_px *= shrink;
@@ -223,12 +231,13 @@ std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
   return lines;
 }
 
-/// Where the outlines, and a limit not too far away, are seen.
+/// Returns the range of the outlines, including a limit that is not too far away.
 Extent seen(const Panel& panel, const DistributionOptions& options) {
   Extent e = extent(panel);
   if (e.x && options.limit) {
     const double range = e.x->upper - e.x->lower;
     const double away = std::max(*options.limit - e.x->upper, e.x->lower - *options.limit);
+    // A limit beyond 1.5 times the range would squeeze the histogram; it is then named at the edge.
     if (away < 1.5 * range) widen(*e.x, *options.limit + (away > 0.0 ? 0.03 * range : 0.0));
   }
   return e;
@@ -264,7 +273,7 @@ void write_distribution(const std::filesystem::path& path,
   const Axes a = draw_panel(canvas, panel, cell, shown, look);
   for (std::size_t i = 0; i < series.size(); ++i) draw_bodies(canvas, a, histograms[i], b, int(i));
   for (std::size_t i = 0; i < series.size(); ++i) {
-    draw_outline(canvas, a, panel.series[i], 3.0 * unit);  // once more: no body hides it
+    draw_outline(canvas, a, panel.series[i], 3.0 * unit);  // once more: no body may hide it
     if (series[i].mean) draw_marker(canvas, a, *series[i].mean, disc, int(i), 13.0 * unit);
     if (series[i].p95) draw_marker(canvas, a, *series[i].p95, triangle, int(i), 17.0 * unit);
   }

@@ -10,6 +10,7 @@ namespace abbe::render {
 
 std::string fixed(double value, int decimals) {
   std::string text = fmt::format("{:.{}f}", std::abs(value), decimals);
+  // A value that rounds to zero must not show a minus sign.
   const bool zero = text.find_first_not_of("0.") == std::string::npos;
   return value < 0.0 && !zero ? "−" + text : text;
 }
@@ -22,6 +23,7 @@ std::string signed_fixed(double value, int decimals) {
 
 int significant_decimals(double value) {
   if (value == 0.0 || !std::isfinite(value)) return 0;
+  // Three significant digits, with at most six decimals.
   return std::clamp(2 - static_cast<int>(std::floor(std::log10(std::abs(value)))), 0, 6);
 }
 
@@ -30,6 +32,7 @@ std::string figure(double value) {
 }
 
 int round_decimals(double value) {
+  // 1e-9: a power of ten may come out of log10 just below its whole number.
   return std::max(0, -static_cast<int>(std::floor(std::log10(value) + 1e-9)));
 }
 
@@ -37,6 +40,7 @@ double round_up_125(double value) {
   if (!(value > 0.0)) return 0.0;
   const double decade = std::pow(10.0, std::floor(std::log10(value)));
   for (const double step : {1.0, 2.0, 5.0}) {
+    // 1e-12: a value that is a round number but for rounding is not raised to the next.
     if (step * decade >= value * (1.0 - 1e-12)) return step * decade;
   }
   return 10.0 * decade;
@@ -54,6 +58,7 @@ Ticks round_ticks(double lower, double upper, int wanted) {
   Ticks ticks;
   const double span = upper - lower;
   if (!(span > 0.0) || !std::isfinite(span) || wanted < 1) return ticks;
+  // 0.999 avoids the next larger step where the range is a multiple of the step.
   const double step = round_up_125(span / wanted * 0.999);
   ticks.decimals = round_decimals(step);
   const auto first = static_cast<long long>(std::ceil(lower / step - 1e-9));
@@ -65,12 +70,14 @@ Ticks round_ticks(double lower, double upper, int wanted) {
 std::string signed_figure(double value) {
   std::string text = signed_fixed(value, significant_decimals(value));
   if (text.find('.') == std::string::npos) return text;
+  // Trailing zeros are removed only behind a decimal point.
   text.erase(text.find_last_not_of('0') + 1);
   if (text.back() == '.') text.pop_back();
   return text;
 }
 
 std::string percent_text(double percent) {
+  // Rounding must not turn a small fraction into none, or an almost complete one into all.
   if (percent > 0.0 && percent < 0.01) return "< 0.01 %";
   if (percent < 100.0 && percent > 99.99) return "> 99.99 %";
   return fixed(percent, percent == 0.0 || percent == 100.0 ? 0
@@ -98,6 +105,7 @@ Figures figures(const Eigen::VectorXd& deviation_um, const Eigen::VectorXd& weig
   double highest = -lowest;
   for (Eigen::Index i = 0; i < deviation_um.size(); ++i) {
     const double d = deviation_um[i];
+    // Vertices that are uncut or not judged have no deviation.
     if (!std::isfinite(d)) continue;
     total += weights[i];
     sum += weights[i] * d;

@@ -33,16 +33,17 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr Colour body_edge{0.35, 0.37, 0.40};
+// FXAA smooths the edges of a film, at a fraction of the cost of supersampling.
 constexpr int points_each_way = 1;
-constexpr double finest_px = 1.5;  // of the triangles of a part
+constexpr double finest_px = 1.5;  // smallest size of the triangles of a part, px
 
-/// Where everything stands in a frame, px.
+/// Positions of the elements of a frame, px.
 struct FilmLayout {
   TypeSizes type;
   double margin = 0.0;
-  Rectangle machine, part;  ///< the scenes
-  double heading = 0.0;     ///< height of the words over a scene
-  double foot = 0.0;        ///< top of what is below them
+  Rectangle machine, part;  ///< areas of the scenes
+  double heading = 0.0;     ///< height of the text above a scene
+  double foot = 0.0;        ///< top of the area below the scenes
 };
 
 FilmLayout film_layout(int width, int height) {
@@ -53,7 +54,7 @@ FilmLayout film_layout(int width, int height) {
   const double head = layout.margin + 1.5 * layout.type.title;
   layout.heading = 2.0 * 1.5 * layout.type.body;
   layout.foot = layout.margin + 5.2 * layout.type.body;
-  const double low = layout.foot + 1.9 * layout.type.body;  // a scale bar stands below a scene
+  const double low = layout.foot + 1.9 * layout.type.body;  // a scale bar is below each scene
   const double high = height - head - layout.heading - 8.0 * u;
   const double gap = 36.0 * u, room = width - 2.0 * layout.margin - gap;
   layout.machine = {layout.margin, low, 0.5 * room, high - low};
@@ -76,7 +77,7 @@ void colour_actor(vtkActor& actor, const Colour& colour, double shade) {
   look.SetSpecular(0.0);
 }
 
-/// Surfaces stand back a little, so that no line on them is half hidden.
+/// Returns a mapper that moves surfaces back slightly, so that lines on them are not half hidden.
 vtkSmartPointer<vtkPolyDataMapper> surface_mapper(vtkPolyData* data) {
   auto mapper = vtkSmartPointer<vtkPolyDataMapper>::New();
   mapper->SetInputData(data);
@@ -85,7 +86,7 @@ vtkSmartPointer<vtkPolyDataMapper> surface_mapper(vtkPolyData* data) {
   return mapper;
 }
 
-/// The faces and the edges of one body.
+/// Faces and edges of one body.
 struct BodyActors {
   vtkSmartPointer<vtkActor> faces, edges;
 };
@@ -100,27 +101,29 @@ BodyActors body_actors(const FilmBody& body, double edge_px) {
   actors.faces->SetMapper(mapper);
   colour_actor(*actors.faces, body.colour, 0.4);
   actors.faces->GetProperty()->SetOpacity(body.opacity);
+  // Bodies have sharp edges, which smooth shading would blur.
   actors.faces->GetProperty()->SetInterpolationToFlat();
   actors.edges =
       wire_actor({body.vertices, sharp_edges(body.vertices, body.triangles), body_edge, edge_px});
   return actors;
 }
 
-/// A view of the workpiece frame as it is seen from the bed, the eye going with the part.
+/// Returns a view given in the workpiece frame, in the bed frame: the eye moves with the part.
 View carried(View view, const Pose& T_bw) {
   view.centre = T_bw * view.centre;
   for (Vector3d* axis : {&view.right, &view.up, &view.toward}) *axis = T_bw.linear() * *axis;
   return view;
 }
 
-/// A mesh with one vertex in every cell of a grid.
+/// A mesh with at most one vertex in every cell of a grid.
 struct DecimatedMesh {
   FilmMesh mesh;
-  std::vector<Eigen::Index> kept;  ///< (vertices) rows of the mesh that it was
+  std::vector<Eigen::Index> kept;  ///< (vertices) rows of the original mesh
 };
 
-/// The mean edge of a mesh, of some of its triangles.
+/// Returns the mean edge length of a mesh, from a sample of its triangles.
 double mean_edge(const FilmMesh& mesh) {
+  // About a thousand triangles are enough for a mean.
   const Eigen::Index step = std::max<Eigen::Index>(1, mesh.triangles.rows() / 1000);
   double sum = 0.0;
   Eigen::Index count = 0;
@@ -130,8 +133,10 @@ double mean_edge(const FilmMesh& mesh) {
   return count > 0 ? sum / double(count) : 0.0;
 }
 
-/// What is smaller than a cell cannot be seen, and costs as much time as what can.
+/// Returns the mesh decimated to cells: details smaller than a cell are invisible and cost as much
+/// time as visible ones.
 DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
+  // A mesh that is coarser than the grid would lose nothing but time by the decimation.
   if (mean_edge(mesh) >= cell) {
     DecimatedMesh whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
     std::iota(whole.kept.begin(), whole.kept.end(), Eigen::Index(0));
@@ -143,6 +148,7 @@ DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
   const Eigen::RowVector3d low = mesh.vertices.colwise().minCoeff();
   for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i) {
     const Eigen::Array3d at = ((mesh.vertices.row(i) - low) / cell).array().floor();
+    // Three coordinates of 21 bits fill one 64-bit key.
     constexpr double most = double(1 << 21) - 1.0;
     std::uint64_t key = 0;
     for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(at[k], most));
@@ -154,6 +160,7 @@ DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
   for (const auto& t : mesh.triangles.rowwise()) {
     const std::array<int, 3> corners{number[std::size_t(t[0])], number[std::size_t(t[1])],
                                      number[std::size_t(t[2])]};
+    // Triangles whose corners merged have no area.
     if (corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0])
       triangles.push_back(corners);
   }
@@ -165,12 +172,12 @@ DecimatedMesh thinned(const FilmMesh& mesh, double cell) {
   return made;
 }
 
-/// The part as it is now, in one view.
+/// The part in its current shape, in one view.
 class PartActor {
  public:
-  /// @param cell  mm, of the grid to which it is thinned
-  PartActor(const std::vector<FilmSetting::NamedFiles>& looks, double cell) : cell_(cell) {
-    for (const FilmSetting::NamedFiles& look : looks)
+  /// @param cell  mm, of the grid for decimation
+  PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
+    for (const FilmSetting::Named& look : looks)
       colours_.push_back({to_byte(look.colour.r), to_byte(look.colour.g), to_byte(look.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
   }
@@ -178,6 +185,7 @@ class PartActor {
   void show(const FilmState& state) {
     actor->SetVisibility(state.part != nullptr && state.part->triangles.rows() > 0);
     if (!actor->GetVisibility()) return;
+    // The shape is rebuilt only if the pointer changes; colours change in every frame.
     if (state.part != mesh_) reshape(state.part);
     vtkNew<vtkUnsignedCharArray> rgb;
     rgb->SetNumberOfComponents(3);
@@ -208,6 +216,7 @@ class PartActor {
     } else {
       actor->GetProperty()->SetInterpolationToFlat();
     }
+    // The rear faces of a closed mesh are never visible, but an open one shows both sides.
     actor->GetProperty()->SetBackfaceCulling(given->closed);
     if (mapper_ == nullptr) {
       mapper_ = surface_mapper(data_);
@@ -261,6 +270,7 @@ Film::Stage::Stage(FilmSetting given)
       part_view(fit_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
       part_far(setting.looks, finest_px * machine_view.mm_per_px),
       part_near(setting.looks, finest_px * part_view.mm_per_px) {
+  // The tool above the part must not be cut off by the clipping plane.
   part_view.depth = std::max(part_view.depth, setting.part_depth);
   for (const FilmBody& body : setting.bodies) {
     bodies.push_back(body_actors(body, std::max(1.0, 1.6 * layout.type.unit)));
@@ -271,6 +281,7 @@ Film::Stage::Stage(FilmSetting given)
   }
   machine->AddActor(part_far.actor);
   part->AddActor(part_near.actor);
+  // One actor per scene, since each view decimates the part to its own pixels.
   for (vtkRenderer* scene : {machine.Get(), part.Get()}) scene->UseFXAAOn();
   canvas.add(*machine, machine_view);
   canvas.add(*part, part_view);
@@ -279,15 +290,18 @@ Film::Stage::Stage(FilmSetting given)
 void Film::Stage::place(const FilmState& state) {
   for (std::size_t i = 0; i < bodies.size(); ++i)
     for (vtkActor* actor : {bodies[i].faces.Get(), bodies[i].edges.Get()}) {
+      // A body without a pose is hidden in this frame.
       actor->SetVisibility(state.T_b[i].has_value());
       if (state.T_b[i]) actor->SetUserMatrix(matrix_of(*state.T_b[i]));
     }
   part_far.show(state);
   part_near.show(state);
+  // Paths change in every frame, so their actors are replaced.
   for (const auto& path : paths) part->RemoveActor(path);
   paths.clear();
   const View eye = carried(part_view, state.T_bw);
   Pose nearer = state.T_bw;
+  // Paths lie on the surface, so they are moved two pixels towards the eye to stay visible.
   nearer.translation() += 2.0 * eye.mm_per_px * eye.toward;
   for (const Wire& wire : state.paths) {
     if (wire.segments.empty()) continue;
@@ -302,7 +316,7 @@ void Film::Stage::write_legend() {
   const TextStyle small{.size_px = 0.85 * layout.type.body};
   Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
   for (const auto* names : {&setting.looks, &setting.lines})
-    for (const FilmSetting::NamedFiles& one : *names)
+    for (const FilmSetting::Named& one : *names)
       if (!one.name.empty())
         at.x() += swatch(canvas, at, one.colour, one.name, small) + 1.2 * small.size_px;
 }
@@ -325,6 +339,7 @@ void Film::Stage::write_values(const FilmState& state) {
 }
 
 void Film::Stage::write(const FilmState& state) {
+  // The canvas is used again for every frame.
   canvas.wipe();
   const double margin = layout.margin, room = setting.width - 2.0 * margin;
   const TypeSizes& type = layout.type;

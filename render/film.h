@@ -11,65 +11,68 @@
 #include "render/canvas.h"
 #include "render/picture.h"
 
-/// Pictures of a machine that moves, one after the other by one camera.
+/// Pictures of a moving machine, rendered one after the other by one camera.
 namespace abbe::render {
 
-/// A body that moves and keeps its shape.
+/// A rigid moving body.
 struct FilmBody {
-  cutting::Points vertices;      ///< (n x 3) mm, in a frame of its own
+  cutting::Points vertices;      ///< (n x 3) mm, in its own frame
   cutting::Triangles triangles;  ///< (m x 3)
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< seen beside the part, too
+  bool close = false;  ///< also shown beside the part
 };
 
 /// The shape of a part.
 struct FilmMesh {
   cutting::Points vertices;      ///< (n x 3) mm, workpiece frame
-  cutting::Points normals;       ///< (n x 3) unit; empty: the triangles look flat
+  cutting::Points normals;       ///< (n x 3) unit; empty: flat shading
   cutting::Triangles triangles;  ///< (m x 3)
   bool closed = false;           ///< all triangles counter-clockwise seen from outside
 };
 
-/// What does not change in a film.
+/// The constant settings of a film.
 struct FilmSetting {
   int width = 1280;  ///< px
   int height = 720;  ///< px
   std::string title, subtitle, machine_name = "machine", part_name = "part and tool";
   std::vector<FilmBody> bodies;
-  struct NamedFiles {
+  struct Named {
     std::string name;
     Colour colour;
   };
-  std::vector<NamedFiles> looks;  ///< of the vertices of the part, by number
-  std::vector<NamedFiles> lines;  ///< of the paths, for the legend
-  cutting::Points machine_b;  ///< (n x 3) all that the picture of the machine must hold, bed frame
-  cutting::Points part_w;  ///< (n x 3) all that the picture of the part must hold, workpiece frame
-  double part_depth = 1000.0;               ///< mm, before and behind it anything else is cut off
-  Eigen::Vector3d from_b{-0.5, -1.0, 0.6};  ///< from the machine to the eye
-  Eigen::Vector3d from_w{-0.5, -1.0, 0.9};  ///< from the part to the eye, which goes with the part
+  std::vector<Named> looks;   ///< appearance of the part's vertices, by index
+  std::vector<Named> lines;   ///< of the paths, for the legend
+  cutting::Points machine_b;  ///< (n x 3) points that the picture of the machine must contain, bed
+                              ///< frame
+  cutting::Points part_w;  ///< (n x 3) points that the picture of the part must contain, workpiece
+                           ///< frame
+  double part_depth = 1000.0;               ///< mm; anything farther in front or behind is clipped
+  Eigen::Vector3d from_b{-0.5, -1.0, 0.6};  ///< direction from the machine to the eye
+  Eigen::Vector3d from_w{-0.5, -1.0, 0.9};  ///< direction from the part to the eye, which moves
+                                            ///< with the part
   Eigen::Vector3d up_w = Eigen::Vector3d::UnitZ();
   struct Label {
     std::string name;
-    double share = 1.0;  ///< of the width
+    double share = 1.0;  ///< fraction of the width
   };
   std::vector<Label> labels;  ///< of the values below the pictures
 };
 
-/// What is seen at one moment.
+/// The state of one frame.
 struct FilmState {
-  std::vector<std::optional<kinematics::Pose>> T_b;  ///< (bodies) in the bed; none: not there now
+  std::vector<std::optional<kinematics::Pose>> T_b;  ///< (bodies) in the bed; empty: not present
   kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< the workpiece in the bed
-  std::shared_ptr<const FilmMesh> part;  ///< the same pointer: the same shape as before
-  std::vector<std::uint8_t> looks;       ///< (vertices of the part)
-  std::vector<Wire> paths;               ///< workpiece frame, beside the part only
-  std::string text;                      ///< of the program
+  std::shared_ptr<const FilmMesh> part;  ///< an unchanged pointer means an unchanged shape
+  std::vector<std::uint8_t> looks;       ///< (vertices of the part) index in FilmSetting::looks
+  std::vector<Wire> paths;               ///< workpiece frame, shown with the part only
+  std::string text;                      ///< text of the program
   std::vector<std::string> values;       ///< (labels)
-  double done = 0.0;                     ///< 0 .. 1, of the progress bar
+  double done = 0.0;                     ///< progress, 0 .. 1
 };
 
-/// A film in the making: set up once, then asked for one frame after the other. It holds the one
-/// canvas that may live. The same setting and states give the same pixels.
+/// A film: set up once, then rendered frame by frame. It owns the only canvas that may exist. The
+/// same settings and states give the same pixels.
 class Film {
  public:
   /// @throws as Canvas
@@ -78,7 +81,8 @@ class Film {
   Film(const Film&) = delete;
   Film& operator=(const Film&) = delete;
 
-  /// @throws std::invalid_argument if a state does not fit the setting
+  /// Returns the picture of a state. @throws std::invalid_argument if the state does not match the
+  /// settings
   Pixels frame(const FilmState& state);
 
  private:

@@ -9,9 +9,9 @@ constexpr unsigned no_glx_display = 4;  // GLEW_ERROR_NO_GLX_DISPLAY
 
 }  // namespace
 
-// GLEW ends with "no GLX display" on a context that came from EGL, although it has loaded every
-// function by then; VTK would call that a failure. This one stands in the executable, before the
-// library's own in the order of symbols, and forgives that one code.
+// GLEW ends with "no GLX display" on a context from EGL, although it has loaded every function by
+// then; VTK would treat that as a failure. This function is in the executable, which precedes the
+// library in the symbol order, and ignores that one code.
 extern "C" unsigned glewInit() {
   using Init = unsigned (*)();
   static const auto library_init = reinterpret_cast<Init>(::dlsym(RTLD_NEXT, "glewInit"));

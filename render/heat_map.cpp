@@ -17,6 +17,7 @@ using Eigen::Vector2d;
 
 constexpr int most_rows = 256;
 constexpr int max_columns = 64;
+// Small tables get larger cells, so that they do not become strips.
 constexpr std::size_t few_rows = 6, few_columns = 8;
 constexpr double row_px = 36.0;  // of a picture 1600 px wide
 
@@ -36,9 +37,11 @@ ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
   }
   ColourRange s;
   s.range = options.range.value_or(std::max(-low, high));
+  // A table of zeros needs a scale as well.
   if (!options.range && s.range == 0.0) s.range = 1.0;
   if (!(s.range > 0.0) || !std::isfinite(s.range))
     throw std::invalid_argument("heat map: the range must be positive");
+  // Without negative values half of the diverging scale would be unused.
   s.one_sided = !options.range && low >= 0.0 && high > 0.0;
   s.low_end = low < -s.range;
   s.high_end = high > s.range;
@@ -46,15 +49,17 @@ ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
 }
 
 Colour colour_of(double value, const ColourRange& s) {
+  // 511 is odd, so that zero has its own, neutral colour.
   static const std::vector<Colour> table = diverging(511);
   if (value > s.range) return colours::beyond_high;
   if (value < -s.range) return colours::beyond_low;
   return table[std::size_t(std::lround(255.0 + 255.0 * value / s.range))];
 }
 
+// Luma weights of Rec. 601: white text on dark cells, black on light ones.
 bool is_dark(const Colour& c) { return 0.3 * c.r + 0.59 * c.g + 0.11 * c.b < 0.5; }
 
-/// Decimals of all numbers: such that the largest has three digits.
+/// Returns the decimals of all numbers, such that the largest has three digits.
 int decimals(const HeatMap& map, const HeatMapOptions& options) {
   if (options.decimals >= 0) return options.decimals;
   double largest = 0.0;
@@ -77,12 +82,12 @@ double widest(const std::vector<std::string>& texts, const TextStyle& style) {
 struct TableSizes {
   double unit = 1.0;
   TextStyle body;
-  double names = 0.0;  ///< width of the names of rows, with their gap
+  double names = 0.0;  ///< width of the row names, including the gap
   double cell = 0.0;   ///< width of a cell
   double row = 0.0;
-  double heads = 0.0;  ///< height of the names of columns
+  double heads = 0.0;  ///< height of the column names
   bool turned = false;
-  int width = 0;  ///< of the picture
+  int width = 0;  ///< width of the picture
 };
 
 TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
@@ -92,15 +97,16 @@ TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
   const double em = l.body.size_px, margins = 120.0 * l.unit;
   const int digits = decimals(map, options);
   const double names = std::max(widest(map.rows, l.body), text_size(options.row_label, l.body).x());
+  // Long names are cut, so that the cells keep most of the width.
   l.names = std::min(names, 0.4 * options.width) + 0.8 * em;
-  // a table of few rows is not a strip
+  // A table of few rows should not be a strip.
   l.row = row_px * l.unit * (map.rows.size() <= few_rows ? 2.0 : 1.0);
   double number_px = 2.0 * em;
   for (const double value : map.values.reshaped())
     number_px = std::max(number_px, text_size(number(value, digits), l.body).x());
   const double room = (options.width - margins - l.names) / double(map.columns.size());
   const double heads = widest(map.columns, l.body);
-  // upright names where their place is wide enough, else turned
+  // Column names are horizontal if they fit, otherwise turned.
   l.turned = heads + em > std::min(room, 9.0 * em);
   const double least = map.columns.size() <= few_columns ? 7.0 * em : 0.0;
   l.cell = std::min(room, std::max({number_px, l.turned ? 0.0 : heads, least}) + 1.2 * em);
@@ -157,6 +163,7 @@ void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
       canvas.fill({cell.x + 1.0, cell.y + 1.0, cell.width - 2.0, cell.height - 2.0}, colour);
       style.colour = is_dark(colour) ? colours::white : colours::ink;
       const std::string text = number(value, digits);
+      // A number that does not fit is omitted; its colour still shows it.
       if (text_size(text, style).x() < cell.width - 4.0) canvas.text(middle, text, style);
     }
 }

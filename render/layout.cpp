@@ -18,9 +18,10 @@ namespace {
 
 using Eigen::Vector2d;
 
+// UTF-8: continuation bytes are 10xxxxxx; a text may only be cut before a first byte.
 bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u; }
 
-/// The longest beginning of `text` that fits with an ellipsis.
+/// Returns the longest beginning of `text` that fits with an ellipsis.
 std::string shortened(std::string text, const TextStyle& style, double width) {
   while (!text.empty()) {
     while (text.size() > 1 && is_continuation(text.back())) text.pop_back();
@@ -31,20 +32,20 @@ std::string shortened(std::string text, const TextStyle& style, double width) {
   return {};
 }
 
-/// Whether a unit stands there, which stays with its number.
+/// Returns true if the text begins with a unit, which stays with its number.
 bool unit_at(std::string_view text) {
   constexpr std::array units = {"%", "µm", "nm", "mm"};
   return std::ranges::any_of(units, [&](const char* unit) { return text.starts_with(unit); });
 }
 
-/// Whether a sign ends there, which stays with the number that follows.
+/// Returns true if the text ends with a sign that stays with the following number.
 bool ends_with_sign(std::string_view text) {
   constexpr std::array signs = {" ±", " <", " >"};
   return std::ranges::any_of(signs, [&](const char* sign) { return text.ends_with(sign); });
 }
 
-/// Words of text, each up to and including a space, in pieces that end at a hyphen or an
-/// underscore: there a word is parted that is longer than a line.
+/// Returns the words of a text, each including its space, in parts that end at a hyphen or an
+/// underscore: there a word longer than a line is divided.
 std::vector<std::vector<std::string>> words(const std::string& text) {
   std::vector<std::vector<std::string>> found(1, std::vector<std::string>(1));
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -66,6 +67,7 @@ std::vector<std::vector<std::string>> words(const std::string& text) {
 }  // namespace
 
 TypeSizes type_sizes(int width, int height) {
+  // Below 0.4 letters become illegible, so small pictures keep this size.
   const double unit = std::max(0.4, std::min(width / 1600.0, height / 1200.0));
   return {36.0 * unit, 28.0 * unit, 22.0 * unit, unit};
 }
@@ -73,6 +75,7 @@ TypeSizes type_sizes(int width, int height) {
 std::vector<std::string> wrapped(const std::string& text, const TextStyle& style, double width,
                                  std::size_t most) {
   const auto fits = [&](const std::string& line) { return text_size(line, style).x() <= width; };
+  // Most texts fit, and their words need not be separated.
   if (fits(text)) return {text};
   std::vector<std::string> lines(1);
   bool is_full = false;
@@ -85,6 +88,7 @@ std::vector<std::string> wrapped(const std::string& text, const TextStyle& style
   };
   for (const std::vector<std::string>& pieces : words(text)) {
     const std::string word = std::accumulate(pieces.begin(), pieces.end(), std::string());
+    // A word stays whole if it fits into a line of its own.
     if (fits(word) && lines.size() < most)
       append(word);
     else
@@ -98,6 +102,7 @@ std::vector<std::string> wrapped(const std::string& text, const TextStyle& style
 
 double line_height(const TextStyle& style) { return std::round(1.38 * style.size_px); }
 
+// 1.38 of the size is the usual leading of DejaVu Sans.
 double paragraph(Canvas& canvas, const Vector2d& top_left, const std::vector<std::string>& lines,
                  const TextStyle& style) {
   TextStyle hung = style;
@@ -145,7 +150,7 @@ void triad(Canvas& canvas, const View& view, const Vector2d& centre, double radi
     const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
     const Vector2d d(axis.dot(view.right), axis.dot(view.up));
     const double length = d.norm();
-    if (length < 0.05) {  // along the line of sight
+    if (length < 0.05) {  // parallel to the line of sight
       const double s = 1.4 * width;
       canvas.fill({centre.x() - s, centre.y() - s, 2 * s, 2 * s}, style.colour);
       canvas.text(centre + Vector2d(-0.8, -0.8) * style.size_px, names[i], centred);
@@ -176,10 +181,10 @@ double swatch(Canvas& canvas, const Vector2d& left, const Colour& colour, const 
 
 namespace {
 
-/// Beyond the colours there are, series are distinguished by their dashes: lengths drawn and left
-/// out, in widths of the line.
+/// Beyond the available colours, series are distinguished by dashes: lengths drawn and skipped, in
+/// line widths.
 struct Dash {
-  double drawn = 0.0;  ///< 0: without gaps
+  double drawn = 0.0;  ///< 0: solid
   double gap = 0.0;
 };
 Dash series_dash(int index) {
@@ -201,10 +206,12 @@ void widen(Span& span, double value) {
 
 Span padded(Span span) {
   const double size = span.upper - span.lower;
+  // A constant series gets a range of a tenth of its value.
   const double pad = size > 0.0 ? 0.06 * size : std::max(1e-6, 0.1 * std::abs(span.lower));
   return {span.lower - pad, span.upper + pad};
 }
 
+// First, lowest, highest and last point of a column of pixels give the same picture as all of them.
 std::vector<Vector2d> thinned(const std::vector<Vector2d>& run) {
   std::vector<Vector2d> kept;
   for (std::size_t i = 0; i < run.size();) {
@@ -236,6 +243,7 @@ void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, doub
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (i > 0) {
       Vector2d from = points[i - 1];
+      // The remainder of a dash continues across the corners of the line.
       double length = (points[i] - from).norm();
       while (length > left) {
         from += (points[i] - from) * (left / length);
@@ -259,7 +267,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double side_margin = 40.0;  // of the chosen size
+constexpr double side_margin = 40.0;  // at the reference size
 
 std::vector<std::string> caption_lines(int width, const std::vector<std::string>& caption,
                                        const TextStyle& body, double unit) {
@@ -270,7 +278,7 @@ std::vector<std::string> caption_lines(int width, const std::vector<std::string>
   return lines;
 }
 
-/// The sign of a series in a legend, about `left` and as wide as two letters.
+/// Draws the symbol of a series in a legend, at `left` and as wide as two letters.
 void draw_sign(Canvas& canvas, const Vector2d& left, const LegendEntry& entry, double size) {
   const Vector2d right = left + Vector2d(2.0 * size, 0.0);
   if (entry.band)
@@ -301,7 +309,7 @@ Page page(int width, int height, const std::string& title, const std::vector<std
 
 double page_margins(int width, const std::string& title, const std::vector<std::string>& caption,
                     double unit) {
-  constexpr int height = 1000;  // the margins are the same for any
+  constexpr int height = 1000;  // the margins do not depend on it
   return height - page(width, height, title, caption, unit).inner.height;
 }
 
@@ -313,12 +321,14 @@ void draw_page(Canvas& canvas, const Page& p) {
 }
 
 void draw_mark(Canvas& canvas, const Vector2d& at, int colour, double size_px) {
+  // Corners and first angle (in turns) of disc, square, diamond and triangle.
   constexpr int corners[] = {12, 4, 4, 3};
   constexpr double turns[] = {0.0, 0.125, 0.0, 0.25};
   const int kind = colour % 4;
   std::vector<Vector2d> shape;
   for (int i = 0; i < corners[kind]; ++i) {
     const double angle = 2.0 * pi * (turns[kind] + double(i) / corners[kind]);
+    // Polygons have less area than a disc of the same radius, so they are drawn larger.
     shape.push_back(at + 0.5 * size_px * (kind == 0 ? 0.9 : 1.15) *
                              Vector2d(std::cos(angle), std::sin(angle)));
   }

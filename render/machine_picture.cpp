@@ -18,7 +18,9 @@ namespace abbe::render {
 std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
                                             const cutting::Triangles& triangles) {
   using Eigen::Vector3d;
-  constexpr double facet = 0.9;  // cosine of the angle between facets of one face
+  constexpr double facet = 0.9;  // cosine of the largest angle between facets of one smooth face
+                                 // (26 degrees)
+  // An edge that is still open at the end has one triangle only: it is a rim.
   std::map<std::array<int, 2>, Vector3d> open;
   std::vector<std::array<int, 2>> sharp;
   for (const auto& t : triangles.rowwise()) {
@@ -27,6 +29,7 @@ std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
     for (int k = 0; k < 3; ++k) {
       const auto [low, high] = std::minmax({t[k], t[(k + 1) % 3]});
       const auto [seen, first] = open.try_emplace({low, high}, normal);
+      // The first triangle at an edge only leaves its normal for the second.
       if (first) continue;
       if (seen->second.dot(normal) < facet) sharp.push_back({low, high});
       open.erase(seen);
@@ -66,6 +69,7 @@ Shell shell(const BlockShape& block) {
 }
 
 Shell shell(const CylinderShape& cylinder) {
+  // 64 sides look round at the size of a machine in a picture.
   constexpr int sides = 64;
   Shell s;
   s.middle = {0.0, 0.0, 0.5 * cylinder.height};
@@ -104,7 +108,7 @@ Shell shell(const Body& body) {
   return std::visit([](const auto& shape) { return shell(shape); }, body.shape);
 }
 
-/// Solids and wires, and every point that a view must hold.
+/// Solids and wires, and all points that a view must contain.
 struct Stage {
   std::vector<Solid> solids;
   std::vector<Wire> wires;
@@ -135,10 +139,11 @@ void add(Stage& stage, const Body& body) {
   hold(stage, points);
 }
 
-/// Without points that are nearer to each other than can be seen: pieces shorter than a pixel leave
-/// gaps in a line.
-cutting::Points length_mismatch_text(const cutting::Points& points) {
+/// Returns the points without those closer together than can be seen: segments shorter than a pixel
+/// leave gaps in a line.
+cutting::Points apart(const cutting::Points& points) {
   const Eigen::RowVector3d size = points.colwise().maxCoeff() - points.colwise().minCoeff();
+  // A two-hundredth of the path is a few pixels in a picture of usual size.
   const double least = size.norm() / 200.0;
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < points.rows(); ++i)
@@ -150,7 +155,7 @@ cutting::Points length_mismatch_text(const cutting::Points& points) {
 
 void add(Stage& stage, const Polyline& path) {
   if (path.points.rows() == 0) return;
-  Wire wire{length_mismatch_text(path.points), {}, path.colour, path.width_px};
+  Wire wire{apart(path.points), {}, path.colour, path.width_px};
   for (int i = 1; i < static_cast<int>(wire.points.rows()); ++i)
     wire.segments.push_back({i - 1, i});
   stage.wires.push_back(std::move(wire));
@@ -187,7 +192,7 @@ void check(const MachinePicture& picture) {
           "there is nothing to draw");
 }
 
-/// A name in the column beside the machine and the point that a thin line leads to.
+/// A name in the column beside the machine, and the point to which its leader points.
 struct Callout {
   std::string text;
   Vector2d point;
@@ -197,7 +202,7 @@ std::vector<Callout> callouts(const MachinePicture& picture, const View& view) {
   std::vector<Callout> result;
   for (const Body& body : picture.bodies) {
     if (body.label.empty()) continue;
-    // the corner farthest to the right is seldom hidden
+    // The rightmost corner is rarely hidden.
     Vector2d point = projected(view, body.T * shell(body).points.front());
     for (const Vector3d& p : shell(body).points) {
       const Vector2d seen = projected(view, body.T * p);
@@ -208,18 +213,21 @@ std::vector<Callout> callouts(const MachinePicture& picture, const View& view) {
   for (const Frame& frame : picture.frames) {
     if (!frame.name.empty()) result.push_back({frame.name, projected(view, frame.T.translation())});
   }
+  // Sorted by height, so that the leaders do not cross.
   std::stable_sort(result.begin(), result.end(),
                    [](const Callout& a, const Callout& b) { return a.point.y() > b.point.y(); });
   return result;
 }
 
-/// Heights of labels as near to their points as may be, from above, at least `pitch` apart.
+/// Returns the heights of labels, from above, as near to their points as possible and at least
+/// `pitch` apart.
 std::vector<double> spread(const std::vector<Callout>& all, const Rectangle& column, double pitch) {
   std::vector<double> y;
   for (const Callout& one : all) {
     const double free = y.empty() ? column.y + column.height - 0.5 * pitch : y.back() - pitch;
     y.push_back(std::min(one.point.y(), free));
   }
+  // The first pass pushes labels down, the second pushes those back up that left the column.
   double lowest = column.y + 0.5 * pitch;
   for (std::size_t i = y.size(); i-- > 0;) {
     y[i] = std::max(y[i], lowest);
@@ -228,7 +236,7 @@ std::vector<double> spread(const std::vector<Callout>& all, const Rectangle& col
   return y;
 }
 
-/// px that names take beside the machine, at most; longer ones are cut off.
+/// Returns the width of the names beside the machine, px, at most `most`; longer names are cut.
 double column_width(const std::vector<std::string>& names, const TextStyle& style, double most) {
   double width = 5.0 * style.size_px;
   for (const std::string& name : names) width = std::max(width, text_size(name, style).x() + 1.0);
@@ -242,7 +250,7 @@ std::vector<std::string> names_of(const MachinePicture& picture) {
   return names;
 }
 
-/// The style, smaller where so many names would not fit above each other.
+/// Returns the style, reduced if so many names would not fit one above the other.
 TextStyle fitting(TextStyle style, std::size_t count, double height) {
   const double needed = double(count) * line_height(style);
   if (needed > height) style.size_px *= 0.98 * height / needed;
@@ -266,7 +274,7 @@ void draw_callouts(Canvas& canvas, const std::vector<Callout>& all, const Rectan
   }
 }
 
-/// Arrows along the directions of a frame; X red, Y green, Z blue.
+/// Draws arrows along the axes of a frame; X red, Y green, Z blue.
 void draw_frame(Canvas& canvas, const View& view, const Frame& frame, double length_px) {
   constexpr std::array<Colour, 3> colour{
       {{0.75, 0.15, 0.12}, {0.12, 0.50, 0.18}, {0.13, 0.27, 0.70}}};
@@ -278,7 +286,7 @@ void draw_frame(Canvas& canvas, const View& view, const Frame& frame, double len
   }
 }
 
-/// Colours and names of the paths, and of the part.
+/// Draws colours and names of the paths and the part; returns the height used.
 double legend(Canvas& canvas, const MachinePicture& picture, Vector2d at, const TextStyle& style) {
   const double top = at.y();
   const auto entry = [&](const Colour& colour, const std::string& name) {
@@ -313,6 +321,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   Stage detail;
   add_part(detail, picture);
   for (const Polyline& line : picture.paths) add(detail, line);
+  // The detailed view has no bodies yet, and those near the part are added to it afterwards.
   Stage whole = detail;
   for (const Body& one : picture.bodies) add(whole, one);
   for (const Frame& frame : picture.frames) hold(whole, frame.T.translation().transpose());

@@ -15,11 +15,12 @@
 
 namespace abbe::render {
 
-/// Edges at which a surface bends by more than can be a facet, or ends: pairs of rows of `points`.
+/// Returns the edges at which a surface bends by more than the angle between facets, or ends: pairs
+/// of rows of `points`.
 std::vector<std::array<int, 2>> sharp_edges(const cutting::Points& points,
                                             const cutting::Triangles& triangles);
 
-/// A block about the origin of its frame.
+/// A block centred at the origin of its frame.
 struct BlockShape {
   Eigen::Vector3d size = Eigen::Vector3d::Constant(100.0);  ///< mm
 };
@@ -29,31 +30,31 @@ struct CylinderShape {
   double height = 100.0;  ///< mm
 };
 
-/// Any closed surface.
+/// An arbitrary closed surface.
 struct SolidShape {
   cutting::Points vertices;      ///< (n x 3) mm
   cutting::Triangles triangles;  ///< (m x 3)
 };
 
-/// A carriage, the bed, a tool: drawn as a plain solid with its edges.
+/// A carriage, the bed or a tool: drawn as a plain solid with its edges.
 struct Body {
   std::string label;                                  ///< written beside it; may be empty
   kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of the picture
   std::variant<BlockShape, CylinderShape, SolidShape> shape;
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
-  bool close = false;  ///< drawn at the right, too
+  bool close = false;  ///< also drawn in the right half
 };
 
-/// A line through points: a tool path, nominal or actual.
+/// A polyline: a tool path, nominal or actual.
 struct Polyline {
-  std::string name;  ///< for the legend; empty: not in it
+  std::string name;  ///< for the legend; empty: not listed
   cutting::Points points;
   Colour colour = colours::ink;
   double width_px = 2.0;
 };
 
-/// A frame shown by its three directions: X red, Y green, Z blue.
+/// A frame drawn as its three axes: X red, Y green, Z blue.
 struct Frame {
   std::string name;
   kinematics::Pose T = kinematics::Pose::Identity();
@@ -68,7 +69,7 @@ struct MachinePicture {
   cutting::Triangles part_triangles;
   std::vector<Polyline> paths;
   std::vector<Frame> frames;
-  double magnification = 1.0;  ///< of the errors in the paths that show them; said
+  double magnification = 1.0;  ///< magnification of the errors in the paths; printed
   std::vector<std::string> caption;
 };
 
@@ -80,12 +81,10 @@ struct MachineOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Draws the machine as a whole with part and paths at the left, part, paths and close bodies alone
-/// at the right,
-/// each with a scale bar, and says by how much errors are magnified.
-/// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or the
-/// triangles
-///         name vertices that are not there
+/// Draws the whole machine with part and paths at the left, and part, paths and close bodies alone
+/// at the right, each with a scale bar, and states the magnification of the errors.
+/// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or a triangle
+///         refers to a missing vertex
 /// @throws std::system_error with the path if the file cannot be written
 void write_machine(const std::filesystem::path& path, const MachinePicture& picture,
                    const MachineOptions& options = {});

@@ -22,16 +22,16 @@ namespace {
 
 constexpr double gap_px = 36.0;  // between cells
 constexpr double own_scale_ratio =
-    0.4;  // of the common scale: a map that needs less has two panels
+    0.4;  // relative to the common scale: a map that needs less gets a second panel
 
-/// A map in the picture.
+/// A panel of a comparison.
 struct MapPanel {
-  std::size_t of = 0;  ///< case
-  bool own = false;    ///< on its own scale, behind the one on that of all
+  std::size_t of = 0;  ///< index of the case
+  bool own = false;    ///< on its own scale, after the panel on the common scale
   Span ends_um;
 };
 
-/// Where panels stand, and the size of one map.
+/// Arrangement of the panels, and the size of one map.
 struct Grid {
   int columns = 1;
   int rows = 1;
@@ -40,13 +40,14 @@ struct Grid {
   std::vector<std::array<int, 2>> at;  ///< column and row of each panel
 };
 
-/// Panels one after the other, the two of a case in one row.
+/// Returns a grid with the panels in order, the two of a case in one row.
 Grid filled(const std::vector<MapPanel>& panels, int columns) {
   Grid g;
   g.columns = columns;
   int place = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const bool is_first_of_pair = i + 1 < panels.size() && panels[i + 1].own;
+    // A pair would be split at the end of the row, so one cell remains empty.
     if (is_first_of_pair && columns > 1 && place % columns == columns - 1) ++place;
     g.at.push_back({place % columns, place / columns});
     ++place;
@@ -55,7 +56,7 @@ Grid filled(const std::vector<MapPanel>& panels, int columns) {
   return g;
 }
 
-/// The grid whose picture comes nearest to 4 : 3.
+/// Returns the grid whose picture is closest to 4 : 3.
 Grid grid(const std::vector<MapPanel>& panels, double width, double aspect, double text_height) {
   Grid best;
   double min_layout_cost = 0.0;
@@ -65,6 +66,8 @@ Grid grid(const std::vector<MapPanel>& panels, double width, double aspect, doub
     g.map_height = std::round(g.cell_width * std::clamp(aspect, 0.3, 1.1));
     const double height = g.rows * (g.map_height + text_height + gap_px);
     const int empty = g.rows * columns - int(panels.size());
+    // 0.7: the width to height ratio with texts is aimed at 4 : 3; an empty cell costs as much as
+    // 15 % of distortion.
     const double layout_cost = std::abs(std::log(width / height * 0.7)) + 0.15 * empty;
     if (columns == 1 || layout_cost < min_layout_cost) {
       best = std::move(g);
@@ -74,7 +77,7 @@ Grid grid(const std::vector<MapPanel>& panels, double width, double aspect, doub
   return best;
 }
 
-/// Text of a case, broken to the width of its cell.
+/// Text of a case, wrapped to the width of its cell.
 struct CellText {
   std::vector<std::string> title;
   std::vector<std::string> below;
@@ -112,7 +115,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
   return lines;
 }
 
-/// Room for what stands above a map and below it, px.
+/// Widths for the text above and below a map, px.
 struct TextWidths {
   double title, below;
 };
@@ -132,14 +135,14 @@ CellText cell_text(const MapPicture& c, const Tally& counts, bool with_datum, Te
   return text;
 }
 
-/// Everything of a comparison that is settled before it is drawn.
+/// The layout of a comparison, computed before drawing.
 struct Plan {
   std::vector<MapPanel> panels;
   std::vector<Tally> counts;  ///< of the panels
   Grid cells;
   std::vector<CellText> text;  ///< of the panels
   std::size_t title_lines = 1;
-  double text_height = 0.0;  ///< px of one cell, without its map
+  double text_height = 0.0;  ///< px, of one cell without its map
 };
 
 const TextStyle head_style{.size_px = 36.0, .bold = true};
@@ -162,13 +165,15 @@ std::vector<MapPanel> panels_of(const std::vector<MapPicture>& cases,
     panels.push_back({i, false, common});
     const bool any = tally(cases[i].field, common).cut > 0;
     const double size = size_of(own[i]);
+    // Without cut vertices a scale of its own would show nothing.
     if (any && size > min_range_um && size < own_scale_ratio * size_of(common))
       panels.push_back({i, true, own[i]});
   }
   return panels;
 }
 
-/// Of a second panel only what it is; all else stands below both.
+/// Returns the text of a panel. A second panel only states its scale; everything else is below the
+/// first.
 CellText text_of(const std::vector<MapPanel>& panels, std::size_t i, const MapPicture& c,
                  const Tally& counts, bool with_datum, const Grid& cells) {
   const double width = cells.cell_width;
@@ -203,7 +208,7 @@ Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options
   return p;
 }
 
-/// A panel in its cell, not drawn yet.
+/// A panel in its cell, not yet drawn.
 struct Cell {
   double x = 0.0, y = 0.0;  ///< upper left corner, px
   Rectangle box;            ///< of the map
@@ -268,6 +273,7 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const int height = static_cast<int>(std::ceil(head + cells + foot));
 
   std::vector<Cell> drawn(p.panels.size());
+  // Scenes are built in parallel, before the canvas exists; drawing itself is serial in OpenGL.
   tbb::parallel_for(std::size_t(0), drawn.size(), [&](std::size_t i) {
     drawn[i] = cell_of(p, i, cases[p.panels[i].of], options, height - head);
   });
@@ -287,15 +293,15 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr Eigen::Index max_drawn = 3000000;  // vertices of all maps, each about 350 bytes
+constexpr Eigen::Index max_drawn = 3000000;  // vertices of all maps together, about 350 bytes each
 
-/// Some vertices of a design, and the triangles that are left between them.
+/// Some vertices of a design, and the remaining triangles between them.
 struct Drawn {
   cutting::Design design;
-  std::vector<Eigen::Index> vertices;  ///< of the whole design, one for each
+  std::vector<Eigen::Index> vertices;  ///< rows of the whole design, one for each vertex
 };
 
-/// One vertex, the first, of every cell of a grid.
+/// Returns the first vertex of every cell of a grid.
 Drawn decimate_by_cells(const cutting::Design& whole, double cell_mm) {
   Drawn d;
   std::map<std::array<long long, 3>, int> cells;
@@ -330,6 +336,8 @@ Drawn drawn(const cutting::Design& whole, std::size_t maps) {
   if (n <= most) return d;
   const Eigen::Vector3d size =
       whole.vertices.colwise().maxCoeff() - whole.vertices.colwise().minCoeff();
+  // Cells grow by a fifth until few enough vertices are left; the start is about their mean
+  // distance.
   for (double cell = std::max(size.norm(), 1e-6) / std::sqrt(double(n));
        Eigen::Index(d.vertices.size()) > most; cell *= 1.2)
     d = decimate_by_cells(whole, cell);
@@ -414,7 +422,7 @@ Layout layout(const std::vector<SheetMap>& maps, const SheetOptions& options, do
   int best = 1;
   double least = 0.0;
   for (int columns = 1; columns <= std::min(most, 16); ++columns) {
-    // about what laid_out() gives, without measuring every title
+    // Estimate of lay_out_grid(), without measuring every title.
     const int rows = (most + columns - 1) / columns;
     const double height = rows * (width / columns) * (std::clamp(shape, 0.25, 1.2) + 0.35);
     const double layout_cost =
@@ -426,12 +434,12 @@ Layout layout(const std::vector<SheetMap>& maps, const SheetOptions& options, do
   return lay_out_grid(best, maps, width, shape);
 }
 
-/// What is drawn in one cell.
+/// Contents of one cell.
 struct SheetCell {
   const Field& field;
   const SheetMap& map;
   const MapScale& scale;
-  Vector2d corner;  ///< the lower left one
+  Vector2d corner;  ///< lower left corner
 };
 
 View draw_cell(Canvas& canvas, const Layout& l, const SheetCell& cell,
@@ -481,7 +489,7 @@ std::vector<std::string> common_text(const std::vector<MapScale>& maps, const Sh
   return lines;
 }
 
-/// Scale bar, swatches and axes below the maps.
+/// Draws scale bar, swatches and axes below the maps.
 void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
                const std::vector<MapScale>& maps) {
   const double em = p.body.size_px;

@@ -14,49 +14,51 @@ namespace abbe::render {
 
 struct ComparisonOptions {
   std::string title;
-  int width = 1600;  ///< px; the height follows from the number of cases and their shape
-  std::optional<double> range_um;  ///< as of a map; else the largest of the cases'
+  int width = 1600;                ///< px; the height follows from number and shape of the cases
+  std::optional<double> range_um;  ///< as for a map; by default the largest of the cases
   Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
-  std::vector<std::string> caption;  ///< further lines below all
+  std::vector<std::string> caption;  ///< further lines below the maps
 };
 
-/// Draws every case on one colour scale and one length scale, its title above and its figures,
-/// share in tolerance and caption lines ("−92 % RMS") below; a case whose own scale ends below 40 %
-/// of the common one a second time beside it on its own. Each panel has its colour bar.
-/// @throws std::invalid_argument if there is no case, sizes do not fit, or the range is not
-/// positive
+/// Draws every case on one colour scale and one length scale, its title above, and its figures,
+/// area fraction in tolerance and caption lines ("−92 % RMS") below. A case whose own scale ends
+/// below 40 % of the common one is repeated beside it on its own scale. Each panel has a colour
+/// bar.
+/// @throws std::invalid_argument if there is no case, sizes do not match, or the range is not
+///         positive
 /// @throws std::system_error with the path if the file cannot be written
 void write_comparison(const std::filesystem::path& path, const std::vector<MapPicture>& cases,
                       const ComparisonOptions& options = {});
 
-/// One of many maps of the same design.
+/// One of several maps of the same design.
 struct SheetMap {
   std::string title;
   std::string figures;               ///< one or two, below the title: "RMS 1.23 µm   PV 5.6 µm"
-  Eigen::VectorXd values_um;         ///< (n) NaN where there is none
-  std::optional<double> range_um{};  ///< end of its scale; else fitted as that of a map
+  Eigen::VectorXd values_um;         ///< (n) NaN if there is no value
+  std::optional<double> range_um{};  ///< end of its scale; by default fitted as for a map
 };
 
 struct SheetOptions {
   std::string title{};
-  std::optional<std::string> values{};  ///< what they are, in the caption; else a residual's signs
-  int columns = 0;                      ///< 0: as many as make the sheet about 4 : 3
+  std::optional<std::string> values{};  ///< meaning of the values, in the caption; by default the
+                                        ///< sign convention of a residual
+  int columns = 0;                      ///< 0: such that the sheet is about 4 : 3
   int width = 2400;                     ///< px; the height follows
-  bool common_range = false;            ///< the largest range for all maps
-  Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< as of a map
+  bool common_range = false;            ///< use the largest range for all maps
+  Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< as for a map
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
   std::vector<std::string> caption{};  ///< further lines
 };
 
 inline constexpr std::size_t max_sheet_maps = 256;
 
-/// Draws small maps side by side, seen alike, each with title, figures and a colour bar of its own
-/// scale: symmetric about zero, or from zero where no value is negative (a standard deviation).
-/// A fine design is drawn on fewer vertices, so that memory stays below about 2 GB, and the sheet
-/// says so.
-/// @throws std::invalid_argument for no map or more than 256, sizes that do not fit, a range that
-///         is not positive, a design that is none, or a sheet higher than 16384 px
+/// Draws small maps side by side in the same view, each with title, figures and a colour bar of its
+/// own scale: symmetric about zero, or from zero if no value is negative (a standard deviation). A
+/// fine design is drawn on fewer vertices, so that memory stays below about 2 GB, and the sheet
+/// states that.
+/// @throws std::invalid_argument for no map or more than 256, sizes that do not match, a range that
+///         is not positive, an invalid design, or a sheet higher than 16384 px
 /// @throws std::system_error with the path if the file cannot be written
 void write_sheet(const std::filesystem::path& path, const cutting::Design& design,
                  const std::vector<SheetMap>& maps, const SheetOptions& options = {});

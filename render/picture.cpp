@@ -34,7 +34,7 @@ std::vector<Colour> diverging(int n) {
 
 namespace {
 
-/// Between colours at equal distances, `part` in 0 .. 1.
+/// Interpolates between colours at equal distances, `part` in 0 .. 1.
 template <std::size_t n>
 Colour between(const std::array<Colour, n>& stops, double part) {
   const double at = std::clamp(part, 0.0, 1.0) * (n - 1);
@@ -51,7 +51,8 @@ constexpr Colour rgb(int code) {
 constexpr std::array cividis{rgb(0x00224e), rgb(0x123570), rgb(0x3b496c), rgb(0x575d6d),
                              rgb(0x707173), rgb(0x8a8678), rgb(0xa59c74), rgb(0xc3b369),
                              rgb(0xe1cc55), rgb(0xfee838)};
-// lightness falls evenly from that of the middle of the diverging scale to below that of its ends
+// The lightness falls evenly from that of the middle of the diverging scale to below that of its
+// ends.
 constexpr std::array reds{rgb(0xefece9), rgb(0xf2c5ac), rgb(0xe8926f),
                           rgb(0xcc5540), rgb(0xa01b26), rgb(0x6b0018)};
 constexpr std::array blues{rgb(0xe9ecef), rgb(0xb6cdf2), rgb(0x85a6e4),
@@ -60,6 +61,7 @@ constexpr std::array blues{rgb(0xe9ecef), rgb(0xb6cdf2), rgb(0x85a6e4),
 }  // namespace
 
 ColourScale colour_scale(double low, double high, Palette palette) {
+  // 1024 entries: neighbouring colours differ by less than a screen can show.
   constexpr int entries = 1024;
   ColourScale scale{low, high, {}, colours::beyond_low, colours::beyond_high};
   if (palette == Palette::Cividis) {
@@ -70,6 +72,8 @@ ColourScale colour_scale(double low, double high, Palette palette) {
   const std::vector<Colour> diverging_colours = diverging(2 * entries - 1);
   for (int i = 0; i < entries; ++i) {
     const double part = i / (entries - 1.0), value = low + part * (high - low);
+    // The farther end determines the colour, so that equal magnitudes have equal strength on both
+    // sides.
     const auto place = std::size_t(std::lround((1.0 + value / end) * (entries - 1)));
     scale.colours.push_back(palette == Palette::Cividis ? between(cividis, part)
                             : low >= 0.0                ? between(reds, part)
@@ -101,7 +105,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Part of `up` across the line of sight, or of the first axis that is not along it.
+/// Returns the component of `up` across the line of sight, or of the first axis that is not
+/// parallel to it.
 Vector3d upward(const Vector3d& toward, const Vector3d& up) {
   for (const Vector3d& wanted : {up, Vector3d(Vector3d::UnitY()), Vector3d(Vector3d::UnitX())}) {
     const Vector3d across = wanted - wanted.dot(toward) * toward;
@@ -128,7 +133,7 @@ View fit_view(const cutting::Points& points, const Vector3d& from, const Vector3
   const Vector3d upper = seen.colwise().maxCoeff();
   const Vector3d size = upper - lower;
   view.centre = to_view.transpose() * (0.5 * (lower + upper));
-  constexpr double rim_px = 6.0;  // left free for the lines along the rim
+  constexpr double rim_px = 6.0;  // reserved for lines along the rim
   view.mm_per_px = std::max(size.x() / std::max(area.width - rim_px, 1.0),
                             size.y() / std::max(area.height - rim_px, 1.0));
   if (!(view.mm_per_px > 0.0)) view.mm_per_px = 1.0;
@@ -137,7 +142,7 @@ View fit_view(const cutting::Points& points, const Vector3d& from, const Vector3
 }
 
 double aspect(const cutting::Points& points, const Vector3d& from, const Vector3d& up) {
-  // the scale that fits a width, and the one that fits a height, of one pixel
+  // Scales that fit a width, and a height, of one pixel.
   const double width = fit_view(points, from, up, {0, 0, 1.0, 1e12}).mm_per_px;
   const double height = fit_view(points, from, up, {0, 0, 1e12, 1.0}).mm_per_px;
   return height / width;
@@ -175,7 +180,8 @@ void append_chunk(std::string& file, std::string_view kind, std::string_view dat
   append_number(file, std::uint32_t(crc32_z(0, begin, file.size() - start)));
 }
 
-/// Rows as differences to the row above: most of a drawing is zero then.
+/// Returns the rows as differences from the row above (PNG filter 2): in most drawings these are
+/// mostly zero.
 std::string filtered_rows(const Pixels& pixels) {
   constexpr char up = 2;
   const std::size_t row = 3 * std::size_t(pixels.width);
@@ -204,7 +210,7 @@ std::string compressed(const std::string& bytes, int level) {
   return packed;
 }
 
-// colours in steps of 8 by a number: 32 steps to 256, for which white's 255 stands
+// Colours in steps of 8: 32 steps up to 256, which stands for 255 of white.
 constexpr int step = 8, steps = 33, colour_count = steps * steps * steps;
 
 using Rgb = std::array<int, 3>;
@@ -214,7 +220,7 @@ Rgb colour_of(int number) {
   return {value(number / steps / steps), value(number / steps % steps), value(number % steps)};
 }
 
-/// The number of every pixel's colour.
+/// Returns the index of every pixel's colour.
 std::vector<int> rounded_colours(const Pixels& pixels) {
   std::vector<int> colours(pixels.rgb.size() / 3, 0);
   for (std::size_t i = 0; i < pixels.rgb.size(); ++i) {
@@ -231,9 +237,10 @@ int distance(int number_a, int number_b) {
   return sum;
 }
 
-/// 256 colours at most: the most frequent, and then each time the one that is farthest from all
-/// before, so that a rare colour that is like no other keeps its place.
+/// Returns at most 256 colours: the most frequent, then repeatedly the one that is farthest from
+/// all previous ones, so that a rare but distinct colour is kept.
 std::vector<int> palette_of(const std::vector<int>& colours) {
+  // 192 by frequency leave a quarter of the palette for rare colours.
   constexpr std::size_t most = 256, by_count = 192;
   std::vector<std::size_t> count(colour_count, 0);
   for (const int colour : colours) ++count[std::size_t(colour)];
@@ -256,13 +263,13 @@ std::vector<int> palette_of(const std::vector<int>& colours) {
   return palette;
 }
 
-/// Which colour of the palette is nearest.
+/// Returns the index of the nearest colour of the palette.
 std::size_t nearest(const std::vector<int>& palette, int colour) {
   const auto far = [&](int other) { return distance(colour, other); };
   return std::size_t(std::ranges::min_element(palette, {}, far) - palette.begin());
 }
 
-/// Rows of places in the palette, unfiltered: neighbouring places mean nothing.
+/// Returns rows of palette indices, unfiltered: differences between indices are meaningless.
 std::string indexed_rows(const Pixels& pixels, const std::vector<int>& colours,
                          const std::vector<int>& palette) {
   std::vector<int> place(colour_count, -1);
@@ -278,6 +285,8 @@ std::string indexed_rows(const Pixels& pixels, const std::vector<int>& colours,
 }
 
 void append_true_colours(std::string& file, const Pixels& pixels) {
+  // Level 2 takes a third of the time of the default; the filter has already removed most
+  // redundancy.
   constexpr int level = 2;
   append_chunk(file, "IDAT", compressed(filtered_rows(pixels), level));
 }
@@ -302,7 +311,7 @@ std::string png_file(const Pixels& pixels, PngPurpose png_purpose) {
   std::string head;
   append_number(head, std::uint32_t(pixels.width));
   append_number(head, std::uint32_t(pixels.height));
-  // eight bits each of red, green and blue, or of the number of a colour
+  // Eight bits each of red, green and blue, or of a palette index.
   head.append(png_purpose == PngPurpose::Size ? "\x08\x03" : "\x08\x02", 2).append(3, '\0');
   append_chunk(file, "IHDR", head);
   png_purpose == PngPurpose::Size ? append_few_colours(file, pixels)

@@ -25,7 +25,8 @@ struct Labels {
   std::vector<std::string> caption;
 };
 
-/// A page with room for title and caption; grid and labels are drawn, the curves are the caller's.
+/// A page with room for title and caption; grid and labels are drawn by the sheet, curves by the
+/// caller.
 struct Sheet {
   TypeSizes type;
   TextStyle body;
@@ -90,7 +91,7 @@ void draw_text(Canvas& canvas, const Sheet& s, const Labels& labels, int width, 
             s.caption, s.body);
 }
 
-/// Deviations in rising order with their weights.
+/// Deviations in ascending order with their weights.
 struct Sorted {
   std::vector<double> value;
   std::vector<double> weight;
@@ -111,7 +112,7 @@ Sorted sorted(const Eigen::VectorXd& deviation, const Eigen::VectorXd& weights) 
   return result;
 }
 
-/// Value below which `share` of the weight lies.
+/// Returns the value below which the given fraction of the weight lies.
 double quantile(const Sorted& data, double share) {
   double sum = 0.0;
   for (std::size_t i = 0; i < data.value.size(); ++i) {
@@ -130,14 +131,15 @@ struct AreaShares {
 
 AreaShares area_shares(const Sorted& data) {
   Span span{data.value.front(), data.value.back()};
+  // The central 99.9 % of the area; the axis is cut only if that at least halves it.
   const Span most{quantile(data, 0.0005), quantile(data, 0.9995)};
   if (span.upper - span.lower > 2.0 * (most.upper - most.lower) && most.upper > most.lower)
     span = most;
   AreaShares result;
   const double range = span.upper - span.lower;
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
-  constexpr double min_bin_um = 1e-4;  // what is computed is not better than 0.1 nm
-  // a map without any spread still gets a few bins about its value
+  constexpr double min_bin_um = 1e-4;  // values are not accurate to better than 0.1 nm
+  // A map without any spread still gets a few bins around its value.
   result.width = round_up_125(std::max({range / 80.0, 1e-7 * largest, min_bin_um}));
   const double first = std::floor(span.lower / result.width);
   const double last = std::floor(span.upper / result.width);
@@ -156,6 +158,7 @@ AreaShares area_shares(const Sorted& data) {
 void draw_vertical_line(Canvas& canvas, const Sheet& s, double x, const Colour& colour,
                         const std::string& label) {
   const Axes& a = s.axes;
+  // The axis may have been cut, and the line must not leave the box.
   if (x < a.x.lower || x > a.x.upper) return;
   const double u = s.type.unit;
   const Vector2d low = at(a, x, a.y.lower);
@@ -166,6 +169,8 @@ void draw_vertical_line(Canvas& canvas, const Sheet& s, double x, const Colour& 
   style.turned_left = true;
   style.across = 1.0;
   style.upward = 0.0;
+  // At the left edge the label would cover the labels of the axis, so it is moved to the right of
+  // the line.
   const bool is_near_left = low.x() - a.box.x < 1.5 * style.size_px;
   if (is_near_left) style.upward = 1.0;
   canvas.text({low.x() + (is_near_left ? 6.0 : -6.0) * u, high.y() - 8.0 * u}, label, style);
@@ -173,6 +178,7 @@ void draw_vertical_line(Canvas& canvas, const Sheet& s, double x, const Colour& 
 
 void draw_bars(Canvas& canvas, const Sheet& s, const AreaShares& b, double per_um) {
   for (std::size_t i = 0; i < b.percent.size(); ++i) {
+    // Empty bins would still draw a bar of the minimum width.
     if (b.percent[i] <= 0.0) continue;
     const double left = (b.first + static_cast<double>(i) * b.width) * per_um;
     const Vector2d low = at(s.axes, left, 0.0);
@@ -189,12 +195,14 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
                      const Eigen::VectorXd& weights, const HistogramOptions& options) {
   const Figures shown = options.figures ? *options.figures : figures(deviation_um, weights);
   const Sorted data = sorted(deviation_um, weights);
+  // A map without cut vertices still gives a picture with axes.
   const bool any = !data.value.empty();
   const AreaShares b = any ? area_shares(data) : AreaShares{0.0, 1.0, {0.0}, 0.0};
   const double end = b.first + b.width * static_cast<double>(b.percent.size());
   Span x{b.first, end};
   if (options.tolerance_um) {
     const auto [lower, upper] = *options.tolerance_um;
+    // A limit beyond three times the values would squeeze the histogram; it is then not shown.
     const double seen = std::max(std::abs(b.first), std::abs(end)), margin = 0.05 * (upper - lower);
     if (std::abs(lower) < 3.0 * seen) widen(x, lower - margin);
     if (std::abs(upper) < 3.0 * seen) widen(x, upper + margin);
@@ -217,6 +225,7 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
                     figure(b.beyond_percent), figure(data.value.front() * unit.per_um),
                     figure(data.value.back() * unit.per_um), unit.name));
   }
+  // A quarter above the highest bar is left for the labels of the lines.
   const Sheet s =
       sheet(options.width, options.height, labels, {x.lower * unit.per_um, x.upper * unit.per_um},
             {0.0, peak > 0.0 ? 1.25 * peak : 1.0});
@@ -243,6 +252,7 @@ namespace {
 void draw_series(Canvas& canvas, const Sheet& s, const ProfileSeries& one, int index) {
   std::vector<Vector2d> run;
   const auto flush = [&] {
+    // Points of one column of pixels are combined, which leaves the picture unchanged.
     stroke(canvas, thinned(run), index, 3.0 * s.type.unit);
     run.clear();
   };
@@ -256,7 +266,7 @@ void draw_series(Canvas& canvas, const Sheet& s, const ProfileSeries& one, int i
   flush();
 }
 
-/// In a column at the right, outside the curves' rectangle.
+/// Draws the legend in a column at the right, outside the rectangle of the curves.
 void draw_legend(Canvas& canvas, const Sheet& s, const std::vector<std::vector<std::string>>& names,
                  double x) {
   const double u = s.type.unit;
@@ -292,6 +302,7 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
     }
   }
   const Labels labels{options.title, {}, options.x_label, options.y_label, options.caption};
+  // A single position gives no axis.
   if (x.lower == x.upper) x = padded(x);
   Sheet s = sheet(options.width, options.height, labels, x, padded(y));
   const double legend_width = 330.0 * s.type.unit;
@@ -317,7 +328,7 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr std::size_t max_bars = 400;
-constexpr double bar_px = 38.0;     // from bar to bar, of a picture 1600 px wide
+constexpr double bar_px = 38.0;     // distance of the bars in a picture 1600 px wide
 constexpr double legend_px = 44.0;  // above the bars
 constexpr double bar_opacity = 0.85;
 
@@ -328,7 +339,7 @@ std::vector<double> running_sums(const std::vector<Bar>& bars) {
   return sums;
 }
 
-/// Ends of the axis: zero, every bar, whisker, running sum and the reference.
+/// Returns the ends of the axis: zero, every bar, whisker, running sum and the reference.
 Span reach(const std::vector<Bar>& bars, const BarsOptions& options) {
   std::optional<Span> span;
   if (options.from_zero) span = Span{0.0, 0.0};
@@ -346,23 +357,26 @@ Span reach(const std::vector<Bar>& bars, const BarsOptions& options) {
   if (!options.running_sum.empty())
     for (const double sum : running_sums(bars)) take(sum);
   if (options.reference) take(*options.reference);
+  // Bars that are all zero still need an axis.
   if (!span || (span->lower == 0.0 && span->upper == 0.0)) return {0.0, 1.0};
+  // An end at zero stays at zero: bars start there.
   Span wide = padded(*span);
   if (span->lower == 0.0) wide.lower = 0.0;
   if (span->upper == 0.0) wide.upper = 0.0;
   return wide;
 }
 
-/// The value, to two digits of its uncertainty where there is one.
+/// Returns the value, to two digits of its uncertainty if there is one.
 std::string shown_value(const Bar& bar) {
   if (!bar.text.empty()) return bar.text;
   if (bar.other) return figure(bar.value) + " / " + figure(*bar.other);
   if (!bar.u || !(*bar.u > 0.0) || !std::isfinite(bar.value)) return figure(bar.value);
+  // Two significant digits of the uncertainty determine the digits of the value.
   const int decimals = std::clamp(1 - int(std::floor(std::log10(*bar.u))), 0, 6);
   return fixed(bar.value, decimals) + " ± " + fixed(*bar.u, decimals);
 }
 
-/// From zero to the value, between two heights in px.
+/// Draws a bar from zero to the value, between two heights in px.
 void draw_body(Canvas& canvas, const Axes& a, double value, const Span& rows, int colour) {
   if (!std::isfinite(value)) return;
   const double zero = std::clamp(0.0, a.x.lower, a.x.upper);
@@ -374,6 +388,7 @@ void draw_body(Canvas& canvas, const Axes& a, double value, const Span& rows, in
 void draw_bar(Canvas& canvas, const Axes& a, const Bar& bar, double y, const TextStyle& body) {
   const double unit = body.size_px / 22.0;
   const double half = 0.34 * bar_px * unit;
+  // Two bars of the same sign would hide each other, so they share the row.
   const bool shared = bar.other && bar.value * *bar.other > 0.0;
   draw_body(canvas, a, bar.value, {shared ? y : y - half, y + half}, bar.colour);
   if (bar.other)
@@ -405,6 +420,7 @@ bool has_legend(const BarsOptions& options) {
 void draw_legend(Canvas& canvas, const BarsOptions& options, Vector2d left, const TextStyle& body) {
   for (std::size_t i = 0; i < options.legend.size(); ++i) {
     const Colour c = series_colour(int(i));
+    // The swatch has the colour of a bar, which is drawn with this opacity on white.
     const auto paled = [](double part) { return 1.0 - bar_opacity * (1.0 - part); };
     left.x() += swatch(canvas, left, {paled(c.r), paled(c.g), paled(c.b)}, options.legend[i], body);
     left.x() += 1.8 * body.size_px;
@@ -428,6 +444,7 @@ void draw_scale(Canvas& canvas, const Axes& a, const BarsOptions& options, const
   const Ticks ticks = round_ticks(a.x.lower, a.x.upper, 7);
   for (const double value : ticks.values) {
     const double x = at(a, value, 0.0).x();
+    // A tick computed as a multiple of the step may miss 0 by rounding.
     const bool zero = std::abs(value) < 1e-9 * (a.x.upper - a.x.lower);
     canvas.line({{x, a.box.y}, {x, a.box.y + a.box.height}},
                 zero ? colours::faint_ink : colours::rule, (zero ? 2.0 : 1.5) * unit);
@@ -444,6 +461,7 @@ void draw_reference(Canvas& canvas, const Axes& a, const BarsOptions& options,
   canvas.line({{x, a.box.y}, {x, top}}, green, 3.0 * body.size_px / 22.0);
   TextStyle style = body;
   style.colour = green;
+  // The label extends towards the middle, where it stays inside of the picture.
   style.across = x > a.box.x + 0.5 * a.box.width ? 1.0 : 0.0;
   canvas.text({x, top + 0.1 * body.size_px}, options.reference_label, style);
 }
@@ -462,6 +480,7 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
       int(std::lround(double(bars.size()) * bar_px * unit + above + below + margins));
   const Page p = page(options.width, std::max(height, 64), options.title, options.caption, unit);
   const double em = p.body.size_px;
+  // Long labels must leave room for the bars.
   const double names = std::min(widest(bars, p.body, false), 0.4 * p.width);
   const double values = widest(bars, p.body, true);
   const double left = p.inner.x + names + 1.5 * em;

@@ -17,23 +17,24 @@ struct HistogramOptions {
   std::string title;
   int width = 1600;                                   ///< px
   int height = 900;                                   ///< px
-  std::optional<std::array<double, 2>> tolerance_um;  ///< limits; two lines are drawn
+  std::optional<std::array<double, 2>> tolerance_um;  ///< limits, drawn as two lines
   std::vector<std::string> caption;                   ///< further lines
-  std::optional<Figures> figures = {};                ///< in words, if not those of the values
+  std::optional<Figures> figures = {};                ///< printed figures, if not those of the
+                                                      ///< values
 };
 
-/// Draws how much of the area has which deviation: shares of bins of a round width, the mean as a
-/// line, PV, RMS and mean in words, tolerance lines where there are any. In nm where
-/// everything is below 0.1 µm. Where a few values would squeeze the rest, the axis spans 99.9 % of
-/// the area and the picture says how much lies beyond.
-/// @param deviation_um  (n); what is not finite (uncut) is left out
-/// @param weights       (n) >= 0, the areas of the vertices
+/// Draws the distribution of the deviation over the area: fractions in bins of a round width, the
+/// mean as a line, PV, RMS and mean as text, and lines for a tolerance. In nm if everything is
+/// below 0.1 µm. If a few values would squeeze the rest, the axis spans 99.9 % of the area and the
+/// picture states how much lies beyond.
+/// @param deviation_um  (n); values that are not finite (uncut) are excluded
+/// @param weights       (n) >= 0, areas of the vertices
 /// @throws std::invalid_argument if sizes differ or a weight is negative or not finite
 /// @throws std::system_error with the path if the file cannot be written
 void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& deviation_um,
                      const Eigen::VectorXd& weights, const HistogramOptions& options = {});
 
-/// One curve: points in their order, broken where a coordinate is not finite.
+/// A curve: points in order, interrupted where a coordinate is not finite.
 struct ProfileSeries {
   std::string name;
   Eigen::VectorXd x;
@@ -58,15 +59,15 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
 
 enum class Mark { Line, Points, LineAndPoints };
 
-/// One series of a panel, broken where a coordinate is not finite.
+/// A series of a panel, interrupted where a coordinate is not finite.
 struct Series {
-  std::string name{};  ///< in the legend; empty: not in it
+  std::string name{};  ///< in the legend; empty: not listed
   Eigen::VectorXd x;
   Eigen::VectorXd y;
-  Eigen::VectorXd lower;  ///< with `upper` a shaded band about the curve; both empty: none
+  Eigen::VectorXd lower;  ///< with `upper` a shaded band around the curve; both empty: none
   Eigen::VectorXd upper;
   Mark mark = Mark::Line;
-  std::optional<int> colour{};  ///< number of a series colour; else its place in the panel
+  std::optional<int> colour{};  ///< index of a series colour; by default the index in the panel
 };
 
 /// One diagram of a picture.
@@ -76,7 +77,8 @@ struct Panel {
   std::string y_label{};
   std::vector<Series> series{};
   std::vector<std::string> note{};     ///< at the right, below the legend
-  std::vector<std::string> x_names{};  ///< of x = 0, 1, 2 ...; not empty: instead of numbers
+  std::vector<std::string> x_names{};  ///< labels at x = 0, 1, 2 ...; if not empty, instead of
+                                       ///< numbers
 };
 
 struct CurvesOptions {
@@ -98,14 +100,14 @@ void write_curves(const std::filesystem::path& path, const std::vector<Panel>& p
 
 struct GridOptions {
   std::string title{};
-  int columns = 0;        ///< 0: as many as make the sheet about as high as wide
+  int columns = 0;        ///< 0: such that the sheet is about square
   bool common_y = false;  ///< one scale of y for all panels
   int width = 2400;       ///< px
   std::vector<std::string> caption{};
 };
 
-/// Draws a sheet of many small panels with one legend, that of the first panel; their notes stand
-/// behind their titles.
+/// Draws a sheet of many small panels with one legend, that of the first panel; notes follow the
+/// titles.
 /// @throws as write_curves
 void write_grid(const std::filesystem::path& path, const std::vector<Panel>& panels,
                 const GridOptions& options = {});
@@ -114,7 +116,7 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
 struct PolarTrace {
   std::string name{};
   Eigen::VectorXd angle;         ///< rad, from the first axis to the second
-  Eigen::VectorXd deviation_um;  ///< radial, + outwards
+  Eigen::VectorXd deviation_um;  ///< radial, positive outwards
 };
 
 struct PolarOptions {
@@ -128,38 +130,39 @@ struct PolarOptions {
   int height = 1200;  ///< px
 };
 
-/// Draws radial deviations magnified about the nominal circle, with circles a division apart.
+/// Draws radial deviations, magnified, about the nominal circle, with circles one division apart.
 /// @throws std::invalid_argument if there is no trace or the sizes of one differ
 /// @throws std::system_error with the path if the file cannot be written
 void write_polar(const std::filesystem::path& path, const std::vector<PolarTrace>& traces,
                  const PolarOptions& options = {});
 
-/// One horizontal bar.
+/// A horizontal bar.
 struct Bar {
   std::string label{};
   double value = 0.0;         ///< not finite: a label without a bar
   std::optional<double> u{};  ///< half length of a whisker about its end
-  int colour = 0;             ///< number of a series colour
+  int colour = 0;             ///< index of a series colour
   std::optional<double>
-      other{};         ///< the other side of a tornado: a second bar of the next colour
-                       ///< in the same row; where both point one way, each has half of it
+      other{};         ///< the other side of a tornado: a second bar of the next colour in the same
+                       ///< row; if both have the same sign, each takes half of the row
   std::string text{};  ///< at the right, instead of the value
 };
 
 struct BarsOptions {
   std::string title{};
   std::string x_label{};
-  std::optional<double> reference{};  ///< an upright line
+  std::optional<double> reference{};  ///< a vertical line
   std::string reference_label{};
-  bool from_zero = true;  ///< else the axis begins near the smallest value, for degrees near one
+  bool from_zero = true;  ///< if false, the axis begins near the smallest value, for degrees near
+                          ///< one
   int width = 1600;       ///< px
   std::vector<std::string> caption{};
-  std::vector<std::string> legend{};  ///< what series colours 0, 1 ... of the bars mean
-  std::string running_sum{};  ///< name of a line through the running sums of the values, for
-                              ///< a Pareto diagram; empty: none
+  std::vector<std::string> legend{};  ///< meaning of series colours 0, 1 ... of the bars
+  std::string running_sum{};  ///< name of a line through the running sums of the values, for a
+                              ///< Pareto diagram; empty: none
 };
 
-/// Draws labelled bars from above to below, each with its value.
+/// Draws labelled bars from top to bottom, each with its value.
 /// @throws std::invalid_argument for no bar or more than 400
 /// @throws std::system_error with the path if the file cannot be written
 void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,

@@ -46,7 +46,7 @@ cutting::Surface surface_of(const Field& field) {
     const auto vertex = int(surface.status.size());
     surface.status.push_back(cutting::VertexStatus(status));
     if (surface.status.back() == cutting::VertexStatus::Gouged)
-      surface.gouges.push_back({vertex, 0.0, true});  // how deep is not in the file
+      surface.gouges.push_back({vertex, 0.0, true});  // its depth is not in the file
   }
   surface.sampled_within = field.sampled_within;
   surface.within = field.within_um * units::um;
@@ -85,7 +85,7 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
                                     {"cut_time_s", view(field.cut_time_s)},
                                     {"cut_line", std::span(field.cut_line)},
                                     {"area_mm2", view(field.design.area)}};
-  // what the other arrays give exactly is there to be looked at: seven digits will do
+  // Derived values are for viewing only: seven digits suffice.
   Eigen::VectorXf texture_um;
   if (field.form_um.size() > 0) {
     texture_um = (field.deviation_um - field.form_um).cast<float>();
@@ -102,6 +102,7 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
   }
   const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> normals =
       field.design.normals.cast<float>();
+  // Normals are optional, and viewers shade without them.
   if (normals.rows() == field.design.vertices.rows())
     arrays.push_back(
         {"Normals", std::span<const float>(normals.data(), std::size_t(normals.size())), 3});
@@ -146,7 +147,7 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr std::string_view appended = "<AppendedData encoding=\"";
 
-/// What stands in the data's place: bytes, or bytes as base64.
+/// Encoding of the appended data: raw bytes, or base64.
 enum class Encoding { Raw, Base64 };
 
 struct Block {
@@ -169,7 +170,8 @@ void expect(const VtkFile& source, const VtkTag& tag, std::string_view name,
   }
 }
 
-/// A number of things of which each has at least a bit in the file, compressed ones too.
+/// Returns a number of items, each of which takes at least a bit of the file, even if compressed: a
+/// larger claim is rejected before memory is allocated.
 std::size_t count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::size_t value = whole_number(source, tag, name);
   if (value / 8 > source.text().size()) {
@@ -186,12 +188,13 @@ struct FileParts {
   std::map<std::string, Block> blocks;  ///< "PointData/deviation_um"
 };
 
-/// @param head  the text up to the data
+/// Returns the layout of the file. @param head  the text up to the data
 FileParts file_parts(const VtkFile& source, std::string_view head) {
   FileParts result;
   int pieces = 0;
   bool vtk_file = false;
   std::string section;
+  // Text before the first tag means that the file is not XML.
   if (head.find_first_not_of(xml_blank) != head.find('<'))
     source.refuse(0, "a tag of a VTK XML file", shown(head));
   VtkTags tags(source, head);
@@ -200,6 +203,8 @@ FileParts file_parts(const VtkFile& source, std::string_view head) {
       source.refuse(tag->at, "a tag of a VTK XML file", shown(tag->inner));
     if (tag->name == "VTKFile") {
       vtk_file = true;
+      // Only the form that this program writes is read, and every other is rejected by its first
+      // difference.
       expect(source, *tag, "type", "PolyData");
       expect(source, *tag, "byte_order", "LittleEndian");
       expect(source, *tag, "header_type", "UInt64");
@@ -242,9 +247,10 @@ constexpr std::array<std::int8_t, 256> sextets() {
   return table;
 }
 
-/// Exactly `size` bytes from base64 text of just the right length; empty if it is not that.
+/// Returns exactly `size` bytes from base64 text of matching length; empty if it is invalid.
 std::optional<std::string> decoded(std::string_view text, std::size_t size) {
   static constexpr std::array<std::int8_t, 256> table = sextets();
+  // Three bytes take four letters, with padding at the end.
   if (text.size() != (size + 2) / 3 * 4) return std::nullopt;
   std::string bytes;
   bytes.reserve(size + 2);
@@ -254,6 +260,7 @@ std::optional<std::string> decoded(std::string_view text, std::size_t size) {
     for (std::size_t k = 0; k < 4; ++k) {
       const std::size_t at = i + k;
       int sextet = table[static_cast<unsigned char>(text[at])];
+      // The padding must consist of exactly the expected equals signs.
       if (at + padding >= text.size()) sextet = text[at] == '=' ? 0 : -1;
       if (sextet < 0) return std::nullopt;
       group = (group << 6u) | static_cast<std::uint32_t>(sextet);
@@ -271,7 +278,7 @@ class Data {
   Data(const VtkFile& source, std::string_view text, Encoding encoding, const FileParts& parts)
       : source_(source), text_(text), encoding_(encoding), parts_(parts) {}
 
-  /// The `n` numbers of a named array, which the file must state to be of VTK type `type`.
+  /// Returns the `n` numbers of a named array, whose stated VTK type must be `type`.
   template <class T>
   std::vector<T> array(const std::string& name, std::string_view type, std::size_t n) const {
     const auto found = parts_.blocks.find(name);
@@ -283,6 +290,7 @@ class Data {
     const std::uint64_t size = n * sizeof(T);
     if (parts_.compressed) return values<T>(inflated(name, block, size), n);
     const std::string bytes = bytes_at(name, block, block.offset, sizeof size + size);
+    // VTK writes the length in front of the data.
     std::uint64_t stated = 0;
     std::memcpy(&stated, bytes.data(), sizeof stated);
     if (stated != size)
@@ -291,7 +299,7 @@ class Data {
     return values<T>(bytes.substr(sizeof stated), n);
   }
 
-  /// Whole numbers of 32 bits, or of 64 as earlier files have them.
+  /// Returns whole numbers of 32 bits, or of 64 bits as in earlier files.
   std::vector<std::int64_t> indices(const std::string& name, std::size_t n) const {
     const auto found = parts_.blocks.find(name);
     if (found != parts_.blocks.end() && found->second.type == "Int64")
@@ -306,20 +314,22 @@ class Data {
   template <class T>
   static std::vector<T> values(const std::string& bytes, std::size_t n) {
     std::vector<T> values(n);
+    // memcpy() must not be called with null pointers, even for no bytes.
     if (n > 0) std::memcpy(values.data(), bytes.data(), n * sizeof(T));
     return values;
   }
 
-  /// What so many bytes take in the file.
+  /// Returns the length of so many bytes in the file.
   std::size_t decoded_size(std::size_t size) const {
     return encoding_ == Encoding::Raw ? size : (size + 2) / 3 * 4;
   }
 
-  /// The bytes that stand at a place of the data.
+  /// Returns the bytes at a position of the data.
   std::string bytes_at(const std::string& name, const Block& block, std::size_t at,
                        std::size_t size) const {
     const std::size_t length = decoded_size(size);
     const std::string expected = fmt::format("{} with {} bytes of data", name, size);
+    // The subtraction in this order cannot overflow.
     if (at > text_.size() || length > text_.size() - at)
       source_.refuse(block.at, expected, "the end of the data");
     if (encoding_ == Encoding::Raw) return std::string(text_.substr(at, length));
@@ -328,8 +338,8 @@ class Data {
     return *std::move(bytes);
   }
 
-  /// An array that zlib compressed in blocks: their number, the size of one and of the last, unless
-  /// that is whole, the compressed size of each; then the blocks.
+  /// Returns an array compressed by zlib in blocks: the number of blocks, the size of one and of
+  /// the last (0 if it is full), the compressed size of each; then the blocks.
   std::string inflated(const std::string& name, const Block& block, std::uint64_t size) const {
     const auto refuse = [&](const char* seen) {
       source_.refuse(block.at,
@@ -338,9 +348,10 @@ class Data {
     constexpr std::size_t word = sizeof(std::uint64_t);
     if (size == 0) return {};
     std::array<std::uint64_t, 3> head{};
-    // three words are sixteen groups of base64 without padding, however many follow
+    // Three words are sixteen groups of base64 without padding, however many follow.
     std::memcpy(head.data(), bytes_at(name, block, block.offset, 3 * word).data(), 3 * word);
     const auto [blocks, whole, last] = head;
+    // Every claim is checked against the text present before memory is allocated for it.
     if (blocks == 0 || blocks > text_.size() || whole == 0 || last >= whole)
       refuse("another head of them");
     if (whole > size && blocks > 1) refuse("blocks larger than that");
@@ -379,13 +390,14 @@ class Data {
   const FileParts& parts_;
 };
 
-/// What stands between the underscore and the closing tags.
+/// Returns the text between the underscore and the closing tags.
 std::string_view data_text(const VtkFile& source, std::string_view tail, Encoding encoding) {
   const std::size_t start = tail.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tail[start] != '_') {
     source.throw_file_error("an underscore before the data", shown(tail));
   }
   tail.remove_prefix(start + 1);
+  // Raw data may contain any byte, so their end is found from the end of the file.
   const std::size_t found =
       encoding == Encoding::Raw ? tail.rfind("</AppendedData>") : tail.find_first_of(" \t\r\n<");
   const std::size_t end = std::min(found, tail.size());
@@ -413,13 +425,14 @@ cutting::Points vertices(const VtkFile& source, const Data& data, std::size_t n)
   return Eigen::Map<const cutting::Points>(xyz.data(), static_cast<Eigen::Index>(n), 3);
 }
 
-/// No rows where the file has none.
+/// Returns no rows if the file has no normals.
 cutting::Points normals(const VtkFile& source, const Data& data, std::size_t n) {
   if (!data.has("PointData/Normals")) return cutting::Points(0, 3);
   const auto xyz = data.array<float>("PointData/Normals", "Float32", 3 * n);
   cutting::Points result(static_cast<Eigen::Index>(n), 3);
   for (std::size_t i = 0; i < n; ++i) {
     const Eigen::RowVector3d normal(xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]);
+    // 1e-3: normals are stored in single precision; a larger error is no normal.
     if (!(std::abs(normal.norm() - 1.0) < 1e-3))
       source.throw_file_error("normals of length 1",
                               fmt::format("{} at vertex {}", normal.norm(), i));
@@ -452,6 +465,7 @@ Eigen::VectorXd vertex_area(const cutting::Points& points, const cutting::Triang
     const Eigen::Vector3d a = points.row(t[0]);
     const Eigen::Vector3d b = points.row(t[1]);
     const Eigen::Vector3d c = points.row(t[2]);
+    // Each corner gets a third of its triangle, as in the statistics.
     const double third = (b - a).cross(c - a).norm() / 6.0;
     for (const int corner : t) area[corner] += third;
   }
@@ -466,6 +480,7 @@ void check_values(const VtkFile& source, const Field& field) {
       source.throw_file_error("a status of 0, 1, 2 or 3",
                               fmt::format("{} at vertex {}", status, i));
     }
+    // A vertex outside the judged region may or may not have been cut.
     const bool fits = status == 0   ? std::isfinite(deviation)
                       : status == 2 ? !std::isinf(deviation)
                                     : std::isnan(deviation);

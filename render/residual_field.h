@@ -12,76 +12,78 @@
 #include "cutting/surface/surface.h"
 #include "render/vtk_writer.h"
 
-/// Pictures of results and the files that ParaView opens, made without a display. VTK stays in the
-/// .cpp files.
+/// Residuals of a design on its vertices, and the files that ParaView opens. No display is needed;
+/// VTK is used in the .cpp files only.
 namespace abbe::render {
 
 /// A residual in micrometres on the vertices of its design.
 struct Field {
-  cutting::Design design;            ///< mm; a field that was read has no facet error
+  cutting::Design design;            ///< mm; a field read from a file has no facet error
   Eigen::VectorXd deviation_um;      ///< (n) + material left, - gouged; NaN where not cut
   std::vector<std::uint8_t> status;  ///< (n) 0 cut, 1 uncut, 2 outside the judged region, 3 gouged
                                      ///< deeper than the band
   Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
   cutting::Surface::Within sampled_within = cutting::Surface::Within::None;
-  Eigen::VectorXd within_um = {};  ///< (m) the deviation at that place of every triangle, NaN
-                                   ///< where not cut; empty without them
-  Eigen::VectorXd form_um = {};    ///< (n) the deviation through the areal filter, NaN where not
-                                   ///< cut; empty where it was not filtered
-  cutting::ToleranceBands tolerance_um = {};  ///< of each vertex, where they differ; else no rows
+  Eigen::VectorXd within_um = {};  ///< (m) deviation at the sample point of every triangle, NaN
+                                   ///< where not cut; empty without samples
+  Eigen::VectorXd form_um = {};    ///< (n) deviation after the areal filter, NaN where not cut;
+                                   ///< empty if it was not filtered
+  cutting::ToleranceBands tolerance_um = {};  ///< of each vertex, if they differ; else no rows
 };
 
-/// @throws std::invalid_argument if the sizes do not fit
+/// Returns the field of a machined surface. @throws std::invalid_argument if the sizes do not match
 Field field(const cutting::Design& design, const cutting::Surface& surface);
 
-/// What a field comes to, mm.
-/// @throws std::invalid_argument if the sizes do not fit
+/// Returns the statistics of a field, mm.
+/// @throws std::invalid_argument if the sizes do not match
 cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance = {});
 
-/// The areas, mm^2, that vertices and places within triangles stand for: those of `statistics`.
-/// @throws std::invalid_argument if the sizes do not fit
+/// Returns the areas, mm^2, that vertices and sample points of triangles represent, as used in
+/// `statistics`.
+/// @throws std::invalid_argument if the sizes do not match
 cutting::Weights weights(const Field& field);
 
 /// Writes `residual.vtp`: VTK XML PolyData, little endian, appended bytes, compressed by zlib; the
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
-/// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,
-/// where the field has them, `form_um` (float64), `texture_um` (float32), `Normals` (float32,
-/// three), `lower_um` and `upper_um` (float64) and, of triangles, `middle_um` or `random_um`
-/// (float64). Facts are field data of the file. The same field gives the same bytes.
-/// @throws std::invalid_argument if the sizes do not fit
+/// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and, if the field has
+/// them, `form_um` (float64), `texture_um` (float32), `Normals` (float32, three), `lower_um` and
+/// `upper_um` (float64) and, for triangles, `middle_um` or `random_um` (float64). Facts become
+/// field data of the file. The same field gives the same bytes.
+/// @throws std::invalid_argument if the sizes do not match
 /// @throws std::system_error with the path if the file cannot be written
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts = {});
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface);
 
-/// A machined body held against its design, by the vertices of its mesh.
+/// A machined body compared with its design, at the vertices of its mesh.
 struct StockField {
   cutting::StockMesh mesh;
   Eigen::VectorXd deviation_um;        ///< (n) + material left, - gouged; NaN where not compared
-  Eigen::VectorXd largest_um;          ///< (n) the largest in the vertex's cell; NaN the same
+  Eigen::VectorXd largest_um;          ///< (n) largest deviation in the vertex's cell; NaN likewise
   std::vector<std::uint8_t> compared;  ///< (n) as cutting::SkinStatus
-  std::vector<int> finding;   ///< (n) number of the rest material or gouge of which it is; 0: none
-  std::vector<int> undercut;  ///< (n) number of the undercut
-  std::vector<std::uint8_t> kind;  ///< (n) 0 no finding, 1 rest material, 2 gouge, 3 undercut alone
+  std::vector<int> finding;        ///< (n) number of the rest material or gouge to which the vertex
+                                   ///< belongs; 0: none
+  std::vector<int> undercut;       ///< (n) number of the undercut
+  std::vector<std::uint8_t> kind;  ///< (n) 0 no finding, 1 rest material, 2 gouge, 3 undercut only
 };
 
-/// Writes `stock.vtp`, in the same layout: the machined body with point data `deviation_um`,
-/// `largest_um` (float64), `compared` (uint8: 0 yes, 1 further off than the band, 2 no design
-/// there, 3 not resolved), `finding`, `undercut` (int32), `kind`, `status` (uint8: 0 cut, 1 skin of
-/// the blank, 2 cut by a crash) and `cut_line` (int32).
-/// @throws std::invalid_argument if the sizes do not fit
+/// Writes `stock.vtp` in the same layout: the machined body with point data `deviation_um`,
+/// `largest_um` (float64), `compared` (uint8: 0 yes, 1 farther than the band, 2 no design there, 3
+/// not resolved), `finding`, `undercut` (int32), `kind`, `status` (uint8: 0 cut, 1 skin of the
+/// blank, 2 cut by a crash) and `cut_line` (int32).
+/// @throws std::invalid_argument if the sizes do not match
 /// @throws std::system_error with the path if the file cannot be written
 void write_stock(const std::filesystem::path& path, const StockField& stock,
                  const Facts& facts = {});
 
-/// Reads what `write_residual` wrote, compressed or not, bit for bit; vertex areas are computed
-/// from the triangles, normals made unit again, texture and field data left out. Memory stays
+/// Reads a file of `write_residual`, compressed or not, bit for bit; vertex areas are computed from
+/// the triangles, normals are normalised again, texture and field data are ignored. Memory stays
 /// within a few times the file's size whatever the file claims.
-/// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
-///         another type or length, vertices not finite, indices out of range, a status beyond 3, a
-///         deviation that is not finite where the status is 0 or a number where it is 1 or 3, a
-///         normal of another length than 1
+/// @throws BadInput for anything else: a missing or truncated file, another layout, arrays missing
+///         or of another type or length, vertices not finite, indices out of range, a status beyond
+///         3, a deviation that is not finite where the status is 0 or a number where it is 1 or 3,
+///         or a normal of another length than 1
 Field read_residual(const std::filesystem::path& path);
 
 }  // namespace abbe::render

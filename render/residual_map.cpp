@@ -20,7 +20,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// What stands where, from the lower left corner.
+/// Positions of the elements, from the lower left corner.
 struct MapPage {
   double margin;
   double title_top;
@@ -71,27 +71,28 @@ void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally&
   }
 }
 
-/// What of a field is coloured, and how.
+/// Coloured values of a field, and their scale.
 struct ColouredMap {
   Eigen::VectorXd values;
-  Eigen::VectorXd within;  ///< the same at the places within triangles; empty without
+  Eigen::VectorXd within;  ///< values at the sample points of triangles; may be empty
   ColourScale scale;
-  Span ends_um;                ///< on which a vertex is not beyond the scale
+  Span ends_um;                ///< a vertex outside these ends is beyond the scale
   std::vector<double> levels;  ///< of isolines
 };
 
-/// Deviations such that their limits, a row each, become 0 and 1.
+/// Returns deviations scaled such that their limits (one row each) become 0 and 1.
 Eigen::VectorXd within_band(const Eigen::VectorXd& deviation_um,
                             const cutting::ToleranceBands& bands) {
   Eigen::VectorXd values(deviation_um.size());
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const double width = bands(i, 1) - bands(i, 0);
+    // Without limits a vertex is in tolerance, i.e. in the middle of the band.
     values[i] = std::isfinite(width) ? (deviation_um[i] - bands(i, 0)) / width : 0.5;
   }
   return values;
 }
 
-/// The limits of the places within triangles: the mean of those of their corners.
+/// Returns the limits at the sample points of triangles: the mean of those of their corners.
 cutting::ToleranceBands bands_at_centroids(const Field& field,
                                            const cutting::ToleranceBands& bands) {
   cutting::ToleranceBands found(field.within_um.size(), 2);
@@ -111,6 +112,7 @@ ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
   if (options.colours == MapColours::Tolerance) {
     if (picture.tolerance_um.rows() == 0)
       throw std::invalid_argument("map: colours of a tolerance need one");
+    // No deviation is beyond the scale of a tolerance.
     const double huge = std::numeric_limits<double>::max();
     const cutting::ToleranceBands& bands = picture.tolerance_um;
     return {within_band(field.deviation_um, bands),
@@ -127,7 +129,7 @@ ColouredMap colour_map(const MapPicture& picture, const MapOptions& options) {
           round_ticks(ends.lower, ends.upper, 11).values};
 }
 
-/// The highest and the lowest vertex that is cut.
+/// Returns flags at the highest and the lowest vertex that is cut.
 std::vector<Flag> flags(const View& view, const Field& field) {
   Eigen::Index low = -1, high = -1;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
@@ -137,6 +139,7 @@ std::vector<Flag> flags(const View& view, const Field& field) {
   }
   if (low < 0) return {};
   const double pv = field.deviation_um[high] - field.deviation_um[low];
+  // Below this value the extremes are rounding, and flags would only mislead.
   if (!(pv > numerical_floor_um)) return {};
   const LengthUnit unit = length_unit(pv);
   std::vector<Flag> both;
@@ -152,9 +155,10 @@ std::vector<Flag> flags(const View& view, const Field& field) {
   return both;
 }
 
-/// The histogram of what is coloured, by the areas of the statistics.
+/// Returns the histogram of the coloured values, by the areas of the statistics.
 std::vector<double> shares_of(const Field& field, const ColouredMap& what, const Span& ends,
                               int bins) {
+  // Without areas every vertex has the same weight.
   if (field.design.area.size() == 0) return histogram_fractions(what.values, {}, ends, bins);
   const cutting::Weights w = weights(field);
   std::vector<double> shares = histogram_fractions(what.values, w.vertex, ends, bins);
@@ -187,7 +191,8 @@ void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
   colour_bar(canvas, p.bar, bar, body);
 }
 
-/// Largest magnitude below which a share of the cut vertices lies; none without any.
+/// Returns the magnitude below which the given fraction of the cut vertices lies; empty without
+/// any.
 std::optional<double> magnitude_um(const Field& field, double share) {
   std::vector<double> size;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
@@ -196,11 +201,12 @@ std::optional<double> magnitude_um(const Field& field, double share) {
   if (size.empty()) return std::nullopt;
   const auto rank =
       static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(size.size()))) - 1;
+  // Only one rank is needed, so a full sort would be wasted.
   std::nth_element(size.begin(), size.begin() + rank, size.end());
   return size[std::size_t(rank)];
 }
 
-/// A scale about zero without most of a side that has nearly nothing.
+/// Returns a scale about zero, with a nearly empty side cut short.
 Span trim_minor_side(const Span& ends, double largest_below, double largest_above) {
   constexpr double min_side_ratio = 0.25;
   const double range = ends.upper, step = round_up_125(range / 12.0);
@@ -222,6 +228,7 @@ double fitted_range_um(const Field& field) {
 Span fitted_ends_um(const Field& field) {
   const double range = fitted_range_um(field);
   const Tally all = tally(field, range);
+  // Both signs need a scale about zero; without any deviation the usual scale is kept.
   if (all.cut == 0 || (all.lowest_um == 0.0 && all.highest_um == 0.0)) return {-range, range};
   if (all.lowest_um < 0.0 && all.highest_um > 0.0)
     return trim_minor_side({-range, range}, -all.lowest_um, all.highest_um);
@@ -229,6 +236,7 @@ Span fitted_ends_um(const Field& field) {
   const double least = positive ? all.lowest_um : -all.highest_um;
   const double most = *magnitude_um(field, scale_quantile);
   Span ends{0.0, range};
+  // Values far from zero with little spread would all have the same colour on a scale from zero.
   if (least > 0.4 * most && most - least > 1e-3 * most) {
     const double step = round_up_125((most - least) / 10.0);
     ends = {step * std::floor(least / step), step * std::ceil(most / step)};
@@ -253,6 +261,7 @@ ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBan
   double all = 0.0;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     const auto status = cutting::VertexStatus(field.status[std::size_t(i)]);
+    // Vertices outside of the judged area have no verdict.
     if (status == cutting::VertexStatus::Outside) continue;
     const double area = field.design.area.size() > 0 ? field.design.area[i] : 1.0;
     const double d = field.deviation_um[i];
@@ -277,7 +286,7 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   const View named = fit_view({}, options.from, options.up, {});
-  // before any text is measured, which waits while another picture is drawn
+  // Before any text is measured, which waits while another picture is drawn.
   SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, named.toward);
   if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
   std::vector<std::string> lines;
@@ -293,7 +302,7 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const View view = fit_view(picture.field.design.vertices, options.from, options.up, p.map);
   const std::vector<Flag> flagged = flags(view, picture.field);
 
-  // one canvas at a time in the whole program, so that the rest is done before
+  // Only one canvas exists at a time in the whole program, so everything else is done before.
   Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
   draw_head(canvas, p, title, picture.figures, type);
@@ -322,7 +331,7 @@ std::string figures_text(const Figures& figures, Mean mean) {
   const LengthUnit unit = length_unit(std::isfinite(figures.pv_um) ? figures.pv_um : 0.0);
   std::vector<std::string> parts;
   const auto add = [&](const char* name, double um, int decimals) {
-    constexpr double min_um = 1e-6;  // below it figures are those of rounding
+    constexpr double min_um = 1e-6;  // below it figures are rounding
     const std::string length =
         um < min_um ? "under 0.001 nm"
                     : fmt::format("{} {}", fixed(um * unit.per_um, decimals), unit.name);
@@ -334,7 +343,7 @@ std::string figures_text(const Figures& figures, Mean mean) {
   }
   if (std::isfinite(figures.rms_um)) add("RMS", figures.rms_um, rms_decimals);
   if (std::isfinite(figures.mean_um) && mean == Mean::Stated) {
-    // no more digits than the RMS has: a mean near zero is rounding
+    // No more digits than the RMS: a mean near zero is rounding.
     parts.push_back(fmt::format(
         "mean {} {}", signed_fixed(figures.mean_um * unit.per_um, rms_decimals), unit.name));
   }
@@ -365,6 +374,7 @@ std::vector<std::string> excluded_text(const Tally& counts) {
 std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
   if (tolerance_um.rows() == 0) return std::nullopt;
   const Eigen::RowVector2d first = tolerance_um.row(0);
+  // Limits that differ between regions cannot be stated as a single pair.
   if (!first.allFinite() || (tolerance_um.rowwise() - first).cwiseAbs().maxCoeff() > 0.0)
     return std::nullopt;
   return Span{first[0], first[1]};

@@ -16,11 +16,11 @@
 
 namespace abbe::render {
 
-/// How much of the judged area of a field lies where, percent.
+/// Percentages of the judged area of a field in, over and under tolerance and uncut.
 struct ToleranceShares {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
 };
-/// A residual map and all that must be said with it.
+/// A residual map and all information printed with it.
 struct MapPicture {
   std::string title;
   Field field;
@@ -29,11 +29,11 @@ struct MapPicture {
   std::string alignment = "none";
   std::vector<std::string> caption;         ///< further lines
   std::string verdict{};                    ///< "FAIL by 3.2 µm at ..."; empty without a tolerance
-  std::optional<ToleranceShares> shares{};  ///< else those of the field
-  cutting::ToleranceBands tolerance_um{};   ///< of each vertex, or no rows: no tolerance
+  std::optional<ToleranceShares> shares{};  ///< by default those of the field
+  cutting::ToleranceBands tolerance_um{};   ///< of each vertex; no rows: no tolerance
 };
 
-/// Where the field has no areas all vertices are alike.
+/// Returns the percentages of a field; if it has no areas, all vertices count the same.
 ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um);
 
 enum class MapColours {
@@ -45,7 +45,7 @@ enum class MapColours {
 struct MapOptions {
   int width = 1600;                ///< px
   int height = 1200;               ///< px
-  std::optional<double> range_um;  ///< scale is -range .. +range; else fitted
+  std::optional<double> range_um;  ///< scale is -range .. +range; by default fitted
   MapColours colours = MapColours::Diverging;
   PictureFormat format = PictureFormat::Png;
   bool isolines = false;  ///< at the ticks of the scale, or at the limits of the tolerance
@@ -53,68 +53,71 @@ struct MapOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Below it a residual is rounding: the surface engine's bound. No flag says more of it.
+/// Numerical floor: below it a residual is rounding, as bounded by the surface engine, and is not
+/// flagged.
 inline constexpr double numerical_floor_um = 1e-4;
 
-/// The finest half range of a scale that is fitted: on it the floor is nearly white.
+/// Minimum half range of a fitted scale; on it the floor is nearly white.
 inline constexpr double min_range_um = 1e-3;
 
-/// Half range of the symmetric scale on which 99.5 % of the cut vertices lie, rounded up to
-/// 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least `min_range_um`; micrometres.
+/// Returns the half range of the symmetric scale that contains 99.5 % of the cut vertices, rounded
+/// up to 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least `min_range_um`; micrometres.
 double fitted_range_um(const Field& field);
 
-/// Ends of a scale fitted in the same way: -range .. +range where values have both signs, without
-/// most of a side that has less than a quarter of it; where all have one sign it begins at zero, or
-/// near the smallest if that is beyond 40 % of the largest.
+/// Returns the ends of a scale fitted likewise: -range .. +range if values have both signs, with a
+/// side cut short that reaches less than a quarter of it; if all have one sign it begins at zero,
+/// or near the smallest if that exceeds 40 % of the largest.
 Span fitted_ends_um(const Field& field);
 
-/// Ends that hold all of these: about zero, a side cut short as above, or from zero where none
-/// crosses it.
+/// Returns ends that contain all of these: about zero, a side cut short as above, or from zero if
+/// none crosses it.
 Span common_ends(const std::vector<Span>& ends_um);
 
 /// Draws the map: the design fills the picture in a parallel projection, coloured by deviation on a
-/// diverging scale symmetric about zero (of values of one sign on the whole scale), equal values in
-/// equal colours, uncut grey, with colour bar and histogram, flags at the highest and lowest
-/// vertex, figures, shares in tolerance, sign convention, datum, alignment, view, scale bar and the
-/// number of vertices. In nm where the scale ends below 0.1 µm.
-/// @throws std::invalid_argument if sizes do not fit, the range is not positive, or the colours of
-///         a tolerance are asked for where there is none
+/// diverging scale symmetric about zero (for values of one sign on the whole scale), equal values
+/// in equal colours, uncut grey, with colour bar and histogram, flags at the highest and lowest
+/// vertex, figures, percentages in tolerance, sign convention, datum, alignment, view, scale bar
+/// and the number of vertices. In nm if the scale ends below 0.1 µm.
+/// @throws std::invalid_argument if sizes do not match, the range is not positive, or the colours
+///         of a tolerance are requested without one
 /// @throws std::system_error with the path if the file cannot be written
 void write_map(const std::filesystem::path& path, const MapPicture& picture,
                const MapOptions& options = {});
 
-/// The same map as it is on a screen; the format of the options does not matter.
+/// Returns the same map as pixels; the format of the options is ignored.
 /// @throws std::invalid_argument as `write_map`
 Pixels map_pixels(const MapPicture& picture, const MapOptions& options = {});
 
-// What is said in words with a map.
+// Texts of a map.
 
 inline constexpr const char* sign_convention =
     "+ material left, − gouged; along the outward design normal";
 
-/// "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm where all of it is below 0.1 µm; what is NaN
-/// is left out.
+/// Returns "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm if all of it is below 0.1 µm; NaN is
+/// omitted.
 enum class Mean { Stated, Omitted };
 std::string figures_text(const Figures& figures, Mean mean = Mean::Stated);
 
-/// "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if none does.
+/// Returns e.g. "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if
+/// none does.
 std::string outlier_text(const Tally& counts, double range_um);
 
-/// "12 uncut (3.1 %)", "4 gouged deeper than the band": what of the judged vertices the figures
-/// leave out.
+/// Returns the judged vertices that the figures exclude: "12 uncut (3.1 %)", "4 gouged deeper than
+/// the band".
 std::vector<std::string> excluded_text(const Tally& counts);
 
-/// "−2 to +8 µm", or "by region" where vertices have different ones.
+/// Returns e.g. "−2 to +8 µm", or "by region" if vertices have different limits.
 std::string limits_text(const cutting::ToleranceBands& tolerance_um);
 
-/// "FAIL by 3.2 µm at ...  ·  92.1 % of the area in tolerance, over 5.2 %, under 2.7 %", of the
-/// judged area.
+/// Returns e.g. "FAIL by 3.2 µm at ...  ·  92.1 % of the area in tolerance, over 5.2 %, under 2.7
+/// %", of the judged area.
 std::string verdict_text(const MapPicture& picture);
 
-/// The limits that are the same for all vertices; none where they differ, or without a tolerance.
+/// Returns the limits that all vertices have in common; empty if they differ, or without a
+/// tolerance.
 std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um);
 
-/// The lines below a map.
+/// Returns the lines below a map.
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view);
 

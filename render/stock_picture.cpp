@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// The deviation as a map of the skin: what is compared as cut, all else as outside.
+/// Returns the deviation as a map of the skin: compared vertices as cut, all others as outside.
 Field skin_field(const StockField& stock, bool include_cut_off) {
   Field field;
   field.design.vertices = stock.mesh.vertices_w;
@@ -34,7 +34,7 @@ Field skin_field(const StockField& stock, bool include_cut_off) {
     const bool shows = status == cutting::SkinStatus::Compared ||
                        (include_cut_off && status == cutting::SkinStatus::CutOff);
     field.status.push_back(shows ? 0 : 2);
-    // what was cut off at the band lies beyond it, in the colour beyond the scale
+    // A value cut off at the band lies beyond it and gets the colour beyond the scale.
     if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
     if (!shows) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   }
@@ -45,7 +45,8 @@ bool has_compared(const Field& field) {
   return std::ranges::find(field.status, std::uint8_t(0)) != field.status.end();
 }
 
-/// Zero and most of what is compared, no finer than the dexels are cut where an axis turns.
+/// Returns ends with zero and most of the compared values, at least 1 µm, the resolution of the
+/// dexels where an axis turns.
 Span scale_ends(const Field& field) {
   constexpr double min_um = 1.0;
   if (!has_compared(field)) return {-min_um, min_um};
@@ -54,7 +55,8 @@ Span scale_ends(const Field& field) {
   return ends.upper - ends.lower < min_um ? Span{-min_um, min_um} : ends;
 }
 
-/// Values at an end of the scale are within it, not in the colour of what lies beyond.
+/// Returns the values for drawing: a value at an end of the scale is shown within it, not in the
+/// colour beyond.
 Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourScale& scale) {
   const double least = 1e-3 * (scale.high - scale.low);
   Eigen::VectorXd values = deviation_um.array().isFinite().select(deviation_um, scale.low);
@@ -65,7 +67,7 @@ Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourSc
   return values;
 }
 
-/// The triangles of which every corner has, or has not, a deviation.
+/// Returns the triangles with a deviation at every corner, and those without, as two solids.
 std::vector<Solid> skin_solids(const Field& field, const ColourScale& scale) {
   std::vector<int> corners[2];
   for (const auto& t : field.design.triangles.rowwise()) {
@@ -93,7 +95,7 @@ std::vector<Solid> skin_solids(const Field& field, const ColourScale& scale) {
   return solids;
 }
 
-/// The vertices of a finding, from its middle outwards.
+/// Returns the vertices of a finding, from its middle outwards.
 std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
   std::vector<Eigen::Index> vertices;
   Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
@@ -109,11 +111,13 @@ std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
   return vertices;
 }
 
-/// A place in view of a finding, where it is about as deep as anywhere if that is seen; none where
-/// all that is tried is hidden.
+/// Returns a visible point of a finding, nearly its deepest if that is visible; empty if all points
+/// tried are hidden.
 std::optional<Eigen::Vector3d> visible_point(const StockField& field, int number, const View& view,
                                              const cutting::Design& design) {
+  // 16 tries: each tests all triangles of the body.
   constexpr std::size_t max_tried = 16;
+  // Within 80 % of the largest depth one point represents the finding as well as another.
   constexpr double about = 0.8;
   const auto depth = [&](Eigen::Index v) {
     const double um = std::abs(field.deviation_um[v]);
@@ -132,7 +136,7 @@ std::optional<Eigen::Vector3d> visible_point(const StockField& field, int number
   return std::nullopt;
 }
 
-/// The marks that are shown, in their order.
+/// Returns the marks to be shown, in their order.
 std::vector<Flag> extreme_flags(const StockPicture& picture, const View& view,
                                 const cutting::Design& design) {
   std::vector<char> hidden, shown(picture.marks.size(), 0);
@@ -145,7 +149,8 @@ std::vector<Flag> extreme_flags(const StockPicture& picture, const View& view,
     hidden.back() = !other;
     at.back() = other.value_or(mark.at);
   }
-  std::map<int, int> count;  // of a kind
+  // Visible marks first; hidden ones only fill the remaining places of their kind.
+  std::map<int, int> count;  // by kind
   for (const char wanted : {0, 1})
     for (std::size_t i = 0; i < hidden.size(); ++i)
       if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.max_marks_per_kind) {

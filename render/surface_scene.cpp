@@ -28,7 +28,8 @@ constexpr std::uint8_t status_cut = static_cast<std::uint8_t>(cutting::VertexSta
 constexpr std::uint8_t status_uncut = static_cast<std::uint8_t>(cutting::VertexStatus::Uncut);
 constexpr std::uint8_t status_gouged = static_cast<std::uint8_t>(cutting::VertexStatus::Gouged);
 
-/// Unit normals of the vertices, those of the design or the mean of the triangles around.
+/// Returns unit normals of the vertices: those of the design, or the area-weighted mean of the
+/// adjacent triangles.
 cutting::Points normals(const cutting::Design& design) {
   if (design.normals.rows() == design.vertices.rows()) return design.normals;
   cutting::Points sum = cutting::Points::Zero(design.vertices.rows(), 3);
@@ -41,18 +42,20 @@ cutting::Points normals(const cutting::Design& design) {
   }
   for (auto row : sum.rowwise()) {
     const double length = row.norm();
+    // A vertex without triangles has no normal, and any unit vector serves.
     row = length > 0.0 ? Eigen::RowVector3d(row / length) : Eigen::RowVector3d(0.0, 0.0, 1.0);
   }
   return sum;
 }
 
-/// Rims by the cells of a grid that they pass.
+/// Rims, indexed by the cells of a grid that they pass.
 class Rims {
  public:
   Rims(const cutting::Design& design, const cutting::Points& normals, std::vector<int> ends)
       : ends_(std::move(ends)), design_(design), normals_(normals) {
     double length = 0.0;
     for (std::size_t i = 0; i < ends_.size(); i += 2) length += (at(i) - at(i + 1)).norm();
+    // Twice the mean length of a rim: few rims per cell, and few cells per rim.
     cell_ = std::max(2.0 * length / std::max<double>(1.0, double(ends_.size())), 1e-6);
     for (std::size_t i = 0; i < ends_.size(); i += 2) {
       const int steps = 1 + int(std::min(1e4, 2.0 * (at(i) - at(i + 1)).norm() / cell_));
@@ -64,7 +67,8 @@ class Rims {
     }
   }
 
-  /// Those beside which no other runs with the same normals: there two faces meet without an edge.
+  /// Returns the rims without another one beside them that has the same normals: there two faces
+  /// meet smoothly.
   std::vector<int> merged_rims() const {
     std::vector<int> kept;
     for (std::size_t i = 0; i < ends_.size(); i += 2)
@@ -75,6 +79,7 @@ class Rims {
  private:
   using Cell = std::array<std::int64_t, 3>;
 
+  // A mesh may have its faces joined by position only, so a seam appears as two coincident rims.
   bool is_seam(std::size_t i) const {
     constexpr double near = 1e-3, same = 0.99;  // mm, cosine
     const Vector3d middle = 0.5 * (at(i) + at(i + 1));
@@ -109,14 +114,15 @@ class Rims {
   std::map<Cell, std::vector<std::size_t>> cells_;
 };
 
-/// Rims, and in a lighter line sharp edges and where the surface turns away from the eye.
+/// Rims, and in a lighter line sharp edges and silhouettes.
 struct MapOutline {
   std::vector<int> rims, folds;  ///< two vertices each
 };
 
 MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
   constexpr double sharp = 0.866;  // cosine of 30 degrees
-  constexpr double thin = 0.05;    // height by length: what leans little leans a lot there
+  constexpr double thin = 0.05;    // height by length: the normal of a thinner triangle is
+                                   // inaccurate
   const cutting::Points smooth = normals(design);
   cutting::Points facing(design.triangles.rows(), 3);
   const auto normal = [&](Eigen::Index triangle) -> Vector3d {
@@ -137,9 +143,12 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
   for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
     for (next = i + 1; next < sides.size() && sides[next].same_edge(sides[i]);) ++next;
     const auto [low, high, triangle, corner] = sides[i];
+    // A side without a partner is a rim; with more than two triangles an edge is not a manifold
+    // one.
     if (next == i + 1) found.rims.insert(found.rims.end(), {low, high});
     if (next != i + 2) continue;
     const Vector3d a = facing.row(triangle), b = facing.row(sides[i + 1].triangle);
+    // Sharp, or one face visible and the other not: the silhouette.
     if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
       found.folds.insert(found.folds.end(), {low, high});
   }
@@ -154,8 +163,8 @@ Wire wire_of(const cutting::Points& points, const std::vector<int>& ends, const 
   return w;
 }
 
-/// Which look a triangle has: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of its
-/// corners.
+/// Returns the appearance of a triangle: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of
+/// its corners.
 std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
   std::size_t worst = 0;
   for (const int corner : t) {
@@ -206,7 +215,10 @@ SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
     solid.colour = colour[kind];
     if (kind == 0) {
       solid.scale = scale;
+      // Shading would change the colours that encode the deviation.
       solid.shade = 0.0;
+      // A value that is not finite would spoil the interpolation; its triangles are not drawn by
+      // value.
       solid.values = values.array().isFinite().select(values, scale.low);
     }
     scene.solids.push_back(std::move(solid));
@@ -219,6 +231,7 @@ SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
 
 Wire isolines(const Field& field, const Eigen::VectorXd& values,
               const std::vector<double>& levels) {
+  // Linear in each triangle: a level crosses none or two of its sides, so points come in pairs.
   std::vector<Vector3d> points;
   for (const auto& t : field.design.triangles.rowwise()) {
     if (look(field, t) != 0) continue;
@@ -280,7 +293,7 @@ Rectangle shift_into(Rectangle box, const Rectangle& room) {
   return box;
 }
 
-/// How much of a place is taken already; 0: free.
+/// Returns the number of collisions of a position with labels and points; 0: free.
 int collisions(const Rectangle& box, const std::vector<Rectangle>& taken,
                const std::vector<Vector2d>& points, double em) {
   int count = 0;
@@ -295,6 +308,7 @@ Rectangle label_box(const Vector2d& point, const Vector2d& size,
                     const Rectangle& room, double em) {
   Rectangle best = shift_into({point.x() + em, point.y() + em, size.x(), size.y()}, room);
   int least = collisions(best, taken, points, em);
+  // Twelve directions at growing distances, in letter heights; the first free position is taken.
   for (const double reach : {1.6, 3.0, 5.0, 8.0}) {
     for (int k = 0; k < 12 && least > 0; ++k) {
       const double angle = pi / 4.0 + k * pi / 6.0;
@@ -302,6 +316,7 @@ Rectangle label_box(const Vector2d& point, const Vector2d& size,
       const Vector2d middle = point + reach * em * d + 0.5 * d.cwiseProduct(size);
       const Rectangle box{middle.x() - 0.5 * size.x(), middle.y() - 0.5 * size.y(), size.x(),
                           size.y()};
+      // A label outside of the map would cover other elements.
       if (!is_within(box, room)) continue;
       const int count = collisions(box, taken, points, em);
       if (count >= least) continue;
@@ -312,7 +327,7 @@ Rectangle label_box(const Vector2d& point, const Vector2d& size,
   return best;
 }
 
-/// The point of a rectangle that is nearest to another.
+/// Returns the point of a rectangle that is nearest to another point.
 Vector2d nearest(const Rectangle& box, const Vector2d& p) {
   return {std::clamp(p.x(), box.x, box.x + box.width),
           std::clamp(p.y(), box.y, box.y + box.height)};
@@ -331,16 +346,18 @@ bool is_hidden(const View& view, const cutting::Design& design, const Vector3d& 
   Eigen::Matrix3d to_view;
   to_view << view.right.transpose(), view.up.transpose(), view.toward.transpose();
   const Vector3d p = to_view * point;
-  const double nearer = 3.0 * view.mm_per_px;  // about the point itself nothing counts
+  const double nearer = 3.0 * view.mm_per_px;  // the surface around the point itself does not count
   for (const auto& t : design.triangles.rowwise()) {
     const Vector3d a = to_view * design.vertices.row(t[0]).transpose();
     const Vector3d b = to_view * design.vertices.row(t[1]).transpose();
     const Vector3d c = to_view * design.vertices.row(t[2]).transpose();
+    // A triangle behind the point cannot hide it.
     if (std::max({a.z(), b.z(), c.z()}) < p.z() + nearer) continue;
     const auto side = [&](const Vector3d& from, const Vector3d& to) {
       return (to.x() - from.x()) * (p.y() - from.y()) - (to.y() - from.y()) * (p.x() - from.x());
     };
     const double u = side(b, c), v = side(c, a), w = side(a, b), all = u + v + w;
+    // The signed areas are barycentric coordinates, all positive inside of the triangle.
     if (all == 0.0 || u / all < 0.0 || v / all < 0.0 || w / all < 0.0) continue;
     if ((u * a.z() + v * b.z() + w * c.z()) / all > p.z() + nearer) return true;
   }

@@ -21,12 +21,13 @@ using Eigen::Vector3d;
 using Size = std::array<int, 3>;
 
 constexpr double mm_per_um = 1e-3;
-constexpr int most_lines = 24;  // of the grid that are drawn along each run
+constexpr int most_lines = 24;  // number of grid lines drawn along each direction
 constexpr Colour outline_colour{0.30, 0.45, 0.62};
 
 void check(const VolumePicture& picture, double magnification) {
   const Size& s = picture.size;
   require(s[0] > 0 && s[1] > 0 && s[2] > 0, "volume map: every size must be positive");
+  // A line of points has no hull to colour.
   require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2,
           "volume map: two sizes must be above 1");
   require(Eigen::Index(s[0]) * s[1] * s[2] == picture.points.rows() &&
@@ -40,7 +41,7 @@ void check(const VolumePicture& picture, double magnification) {
 
 int index(const Size& size, const Size& at) { return at[0] + size[0] * (at[1] + size[1] * at[2]); }
 
-/// A face of the hull: runs `u` and `v` over it, the third stands at `level`.
+/// A face of the hull: directions `u` and `v` span it, the third is constant.
 struct Face {
   int u, v;
   Size origin;
@@ -50,6 +51,7 @@ std::vector<Face> faces(const Size& size) {
   std::vector<Face> all;
   for (int w = 0; w < 3; ++w) {
     const int u = w == 0 ? 1 : 0, v = w == 2 ? 1 : 2;
+    // A flat grid has a single face.
     if (size[std::size_t(u)] < 2 || size[std::size_t(v)] < 2) continue;
     Size origin{0, 0, 0};
     all.push_back({u, v, origin});
@@ -71,6 +73,7 @@ cutting::Triangles hull(const Size& size) {
   for (const Face& face : faces(size))
     for (int k = 0; k + 1 < size[std::size_t(face.v)]; ++k)
       for (int i = 0; i + 1 < size[std::size_t(face.u)]; ++i) {
+        // Each cell of a face is split into two triangles.
         const int a = index(size, face, i, k), b = index(size, face, i + 1, k);
         const int c = index(size, face, i + 1, k + 1), d = index(size, face, i, k + 1);
         corners.insert(corners.end(), {a, b, c, a, c, d});
@@ -78,7 +81,7 @@ cutting::Triangles hull(const Size& size) {
   return Eigen::Map<const cutting::Triangles>(corners.data(), Eigen::Index(corners.size() / 3), 3);
 }
 
-/// Evenly chosen ones of n, about most_lines of them, the first and the last included.
+/// Returns evenly spaced indices of n, about most_lines of them, including the first and the last.
 std::vector<int> some_of(int n) {
   const int step = (n - 2) / most_lines + 1;
   std::vector<int> some;
@@ -87,7 +90,7 @@ std::vector<int> some_of(int n) {
   return some;
 }
 
-/// Lines of the grid on its hull.
+/// Returns the grid lines on the hull.
 std::vector<std::array<int, 2>> hull_lines(const Size& size) {
   std::vector<std::array<int, 2>> lines;
   for (const Face& face : faces(size)) {
@@ -102,7 +105,7 @@ std::vector<std::array<int, 2>> hull_lines(const Size& size) {
   return lines;
 }
 
-/// Edges of the block: lines along one run where the others stand at an end.
+/// Returns the edges of the block: lines along one direction with the others at an end.
 std::vector<std::vector<int>> edges(const Size& size) {
   std::vector<std::vector<int>> all;
   for (int u = 0; u < 3; ++u) {
@@ -112,6 +115,7 @@ std::vector<std::vector<int>> edges(const Size& size) {
       Size at{0, 0, 0};
       if ((ends & 1) != 0) at[std::size_t(v)] = size[std::size_t(v)] - 1;
       if ((ends & 2) != 0) at[std::size_t(w)] = size[std::size_t(w)] - 1;
+      // With a size of 1 both ends coincide, and the edge would appear twice.
       if (((ends & 1) != 0 && size[std::size_t(v)] == 1) ||
           ((ends & 2) != 0 && size[std::size_t(w)] == 1))
         continue;
@@ -129,22 +133,25 @@ cutting::Points displaced(const VolumePicture& picture, double magnification) {
   return picture.points + (mm_per_um * magnification) * picture.displacement_um;
 }
 
-/// Across a flat grid, so that it is seen in its true shape: from +Z, -Y or +X where it lies so.
+/// Returns the normal of a flat grid, so that it is seen undistorted: from +Z, -Y or +X if it is in
+/// a plane of the axes.
 std::optional<Vector3d> normal(const VolumePicture& picture) {
   const Size& s = picture.size;
   if (s[0] > 1 && s[1] > 1 && s[2] > 1) return std::nullopt;
   const Eigen::RowVector3d middle = picture.points.colwise().mean();
   const cutting::Points about = picture.points.rowwise() - middle;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(about.transpose() * about);
+  // 1e-12 of the variance: a grid counts as flat within 1e-6 of its size.
   if (spread.eigenvalues()[0] > 1e-12 * spread.eigenvalues()[2]) return std::nullopt;
   Vector3d n = spread.eigenvectors().col(0);
   for (double& x : n)
     if (std::abs(x) < 1e-9) x = 0.0;
+  // The sign of an eigenvector is arbitrary, so it is chosen towards a usual side.
   const Vector3d wanted(1.0, -2.0, 4.0);
   return n.dot(wanted) < 0.0 ? Vector3d(-n) : n;
 }
 
-/// End of a scale: 1 nm at least, so that a grid without displacement has one.
+/// Returns the end of a scale: at least 1 nm, so that a grid without displacement has one.
 double scale_end(double largest_um) { return std::max(round_up_range(largest_um), 1e-3); }
 
 Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
@@ -158,7 +165,7 @@ Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
   return result;
 }
 
-/// What stands where.
+/// Positions of the elements.
 struct Places {
   Rectangle main, main_foot;
   std::array<Rectangle, 3> components;
@@ -186,6 +193,7 @@ Places places(const Page& page, double figures_height) {
 View draw_main(Canvas& canvas, const VolumePicture& picture, double magnification,
                const Rectangle& area, const Vector3d& from, double range) {
   const cutting::Points moved = displaced(picture, magnification);
+  // The view contains the displaced and the undisplaced grid.
   cutting::Points both(2 * moved.rows(), 3);
   both << moved, picture.points;
   const View view = fit_view(both, from, Vector3d::UnitZ(), area);
@@ -264,8 +272,11 @@ double fitted_magnification(const VolumePicture& picture) {
   const double largest = mm_per_um * picture.displacement_um.rowwise().norm().maxCoeff();
   const Eigen::RowVector3d extent =
       picture.points.colwise().maxCoeff() - picture.points.colwise().minCoeff();
+  // Without displacement or extent no magnification can be derived.
   if (!(largest > 0.0) || !(extent.norm() > 0.0)) return 1.0;
+  // The largest displacement is drawn as about a twelfth of the grid.
   const double wanted = extent.norm() / 12.0 / largest;
+  // Rounded down to 1, 2, 5: rounding up could make displacements cross the grid.
   const double above = round_up_125(wanted);
   return std::max(above > wanted ? round_up_125(0.39 * above) : above, 1e-9);
 }

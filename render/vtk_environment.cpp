@@ -25,11 +25,10 @@ struct HeadlessContext::Handles {
     eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);
     if (surface != EGL_NO_SURFACE) eglDestroySurface(display, surface);
-    // EGL frees its state of a thread when the thread ends; a thread of a pool ends after EGL is
-    // gone
+    // EGL frees its per-thread state when the thread ends; a pool thread ends after EGL is gone.
     eglReleaseThread();
-    // the display is shared by the process and stays initialised: GLEW keeps pointers into its
-    // driver
+    // The display is shared by the process and stays initialised: GLEW keeps pointers into its
+    // driver.
   }
 };
 
@@ -68,10 +67,12 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
       eglChooseConfig(h.display, wanted.data(), &config, 1, &found) == EGL_TRUE && found == 1,
       "eglChooseConfig");
 
+  // VTK draws into its own buffers; a context merely needs some surface to be current.
   constexpr std::array<EGLint, 5> pbuffer_attributes{EGL_WIDTH, 1, EGL_HEIGHT, 1, EGL_NONE};
   h.surface = eglCreatePbufferSurface(h.display, config, pbuffer_attributes.data());
   require_step(h.surface != EGL_NO_SURFACE, "eglCreatePbufferSurface");
 
+  // OpenGL 3.2 core is the minimum of VTK.
   constexpr std::array<EGLint, 7> version{EGL_CONTEXT_MAJOR_VERSION,
                                           3,
                                           EGL_CONTEXT_MINOR_VERSION,
@@ -89,7 +90,7 @@ HeadlessContext::~HeadlessContext() = default;
 
 namespace {
 
-/// A font that Debian has, and the package that brings it.
+/// A font of Debian, and its package.
 struct Font {
   const char* regular;
   const char* bold;
@@ -98,12 +99,12 @@ struct Font {
 
 constexpr Font western{"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
                        "/usr/share/fonts/truetype/dejavu/DejaVuSans-Bold.ttf", "fonts-dejavu-core"};
-// which has no bold face
+// Without a bold face.
 constexpr Font eastern{"/usr/share/fonts/truetype/wqy/wqy-microhei.ttc",
                        "/usr/share/fonts/truetype/wqy/wqy-microhei.ttc", "fonts-wqy-microhei"};
 
-/// Whether a text has letters of China, Japan or Korea: U+2E80 to U+D7FF and the wide forms, of
-/// which the first byte in UTF-8 says enough.
+/// Returns true if a text contains Chinese, Japanese or Korean characters (U+2E80 to U+D7FF and the
+/// wide forms), judged by the first two bytes in UTF-8.
 bool is_eastern(const std::string& text) {
   for (std::size_t i = 0; i + 1 < text.size(); ++i) {
     const auto first = static_cast<std::uint8_t>(text[i]);

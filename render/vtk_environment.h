@@ -5,11 +5,11 @@
 
 namespace abbe::render {
 
-/// An OpenGL context without display, X server or window, current on this thread while it lives: an
-/// EGL surfaceless display and a pbuffer of one pixel. VTK draws into buffers of its own.
+/// An OpenGL context without display, X server or window, current on this thread during its
+/// lifetime: an EGL surfaceless display and a pbuffer of one pixel. VTK draws into its own buffers.
 class HeadlessContext {
  public:
-  /// @throws std::runtime_error naming the step that the graphics libraries refused
+  /// @throws std::runtime_error naming the step that failed in the graphics libraries
   HeadlessContext();
   ~HeadlessContext();
   HeadlessContext(const HeadlessContext&) = delete;
@@ -20,15 +20,14 @@ class HeadlessContext {
   std::unique_ptr<Handles> handles_;
 };
 
-// The letters of pictures. Those that VTK brings lack Greek and Chinese, and their square brackets
-// are round; so Debian's are taken where they are installed.
+// Fonts of pictures. VTK's own fonts lack Greek and Chinese, and their square brackets are round;
+// so those of Debian are used if installed.
 
-/// The file of the font that has all of a text; empty where that is not installed and VTK's own
-/// stands in.
+/// Returns the file of a font with all characters of a text; empty if it is not installed and VTK's
+/// own is used.
 std::string font_file(const std::string& text, bool bold);
 
-/// The Debian package without which a text is not drawn as it should be; empty if nothing is
-/// missing.
+/// Returns the Debian package that a text needs to be drawn correctly; empty if nothing is missing.
 std::string missing_font_package(const std::string& text);
 
 }  // namespace abbe::render

@@ -95,6 +95,7 @@ bool VtkTags::read_attribute(VtkTag& tag) {
   if (end == std::string_view::npos)
     source_.refuse(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
   const std::string_view name = text_.substr(at_, equals - at_);
+  // A limit, since attributes are kept in a map: noise must not fill it.
   if (tag.attributes.size() > 100) source_.refuse(tag.at, "at most 100 attributes", "more");
   if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
     source_.refuse(tag.at, "every attribute once", shown(name));
@@ -122,17 +123,17 @@ std::string shown(std::string_view text) {
   return "\"" + printable + (text.size() > 40 ? "...\"" : "\"");
 }
 
-// Of VTK only the decoders are used here, each with as many bytes as are there.
+// VTK contributes only the decoders, each called with the bytes that are present.
 
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::size_t max_deflation = 1100;  // neither zlib nor lz4 packs tighter
+constexpr std::size_t max_deflation = 1100;  // largest compression ratio of zlib and lz4
 
-/// Where the two arrays are and how the file writes them.
+/// Position and encoding of the two arrays.
 struct FileLayout {
-  std::size_t header_bytes = 4;  ///< of one number before binary data
+  std::size_t header_bytes = 4;  ///< size of a number before binary data
   enum class Packing { None, ZLib, Lz4 } packing = Packing::None;
   std::size_t nodes = 0;
   std::optional<VtkTag> points, tensors;
@@ -171,7 +172,7 @@ void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout)
   const std::size_t start = tag.inner.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tag.inner[start] != '_')
     source.refuse(tag.at, "an underscore before the appended data", shown(tag.inner));
-  // raw bytes may hold anything, so they go on to the end of the file
+  // Raw data may contain any byte, so they extend to the end of the file.
   layout.appended =
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
@@ -194,6 +195,7 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
       const std::string_view name = attribute(*tag, "Name", "");
       if (section == "Points") layout.points = *tag;
       if (section == "PointData" && name == array) layout.tensors = *tag;
+      // The names found are listed in the message if the wanted one is missing.
       if (section == "PointData" && seen.size() < 200) seen += " " + shown(name);
     } else if (tag->name == "AppendedData") {
       read_appended(source, *tag, layout);
@@ -215,12 +217,13 @@ FileLayout read_layout(const VtkFile& source, const std::string& array) {
 
 std::size_t base64_length(std::size_t bytes) { return (bytes + 2) / 3 * 4; }
 
-/// Binary data of one array, in whatever encoding: bytes from a place on.
+/// Binary data of one array, in any encoding, as a stream of bytes.
 class Stream {
  public:
   Stream(const VtkFile& source, const VtkTag& tag, const FileLayout& layout)
       : source_(source), tag_(tag), raw_(false) {
     if (attribute(tag, "format", "") == "binary") {
+      // Binary data stand inside of the tag, after blanks.
       text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(xml_blank), tag.inner.size()));
       return;
     }
@@ -231,9 +234,10 @@ class Stream {
     text_ = layout.appended.substr(offset);
   }
 
-  /// The next bytes; those that follow are encoded again, as VTK does after a header.
+  /// Returns the next bytes; the following ones are a separate base64 group, as VTK writes them
+  /// after a header.
   std::string take(std::size_t bytes) {
-    // first against the text that is there, so that no claim is believed and nothing overflows
+    // First compared with the text present, so that no claim is trusted and nothing overflows.
     if (bytes > text_.size() || (!raw_ && base64_length(bytes) > text_.size()))
       source_.refuse(tag_.at, fmt::format("{} bytes of data", bytes), "the end of the data");
     if (raw_) {
@@ -253,7 +257,7 @@ class Stream {
     return result;
   }
 
-  /// The next bytes without going on.
+  /// Returns the next bytes without advancing.
   std::string peek(std::size_t bytes) const { return Stream(*this).take(bytes); }
 
  private:
@@ -265,6 +269,7 @@ class Stream {
 
 std::uint64_t header_number(const std::string& bytes, std::size_t index, std::size_t width) {
   std::uint64_t value = 0;
+  // The file and the machine are little-endian, so a narrower number fills the low bytes.
   std::memcpy(&value, bytes.data() + index * width, width);
   return value;
 }
@@ -280,7 +285,7 @@ std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const FileLayo
 }
 
 bool unpack(FileLayout::Packing packing, const std::string& from, char* to, std::size_t bytes) {
-  // with an observer VTK does not print what it thinks of the data
+  // With an observer VTK does not print its own messages about the data.
   vtkNew<vtkCallbackCommand> quiet;
   const auto run = [&](vtkDataCompressor& compressor) {
     compressor.AddObserver(vtkCommand::ErrorEvent, quiet);
@@ -291,8 +296,8 @@ bool unpack(FileLayout::Packing packing, const std::string& from, char* to, std:
   return run(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
 }
 
-/// Blocks: their number, the size of a full one and of a last one that is not full (else 0), the
-/// packed size of each; then the blocks.
+/// Returns data in blocks: their number, the size of a full one and of a last one that is not full
+/// (else 0), the packed size of each; then the blocks.
 std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                          std::size_t bytes) {
   Stream stream(source, tag, layout);
@@ -312,9 +317,11 @@ std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const FileLay
   std::uint64_t packed = 0;
   for (std::size_t i = 0; i < blocks; ++i) {
     const std::uint64_t size = header_number(header, 3 + i, width);
+    // Each size is checked before the sum, which could overflow otherwise.
     if (size > source.text().size()) refuse("packed data that the file has room for", size);
     packed += size;
   }
+  // Stated sizes beyond the best possible compression would only allocate memory.
   if (bytes / max_deflation > packed) refuse("packed data of a likely size", packed);
   const std::string data = stream.take(packed);
   std::string result(bytes, '\0');
@@ -356,13 +363,14 @@ std::vector<double> numbers_of(const std::string& bytes) {
   return {values.begin(), values.end()};
 }
 
-/// All numbers of an array, `components` at each node.
+/// Returns all numbers of an array, `components` at each node.
 std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                             std::size_t components) {
   const std::string_view type = attribute(tag, "type", "");
   if (type != "Float32" && type != "Float64")
     source.refuse(tag.at, "numbers of type Float32 or Float64", shown(type));
-  // every node takes a packed byte at least; guards the products below too
+  // Every node takes at least one packed byte; this also guards the products below against
+  // overflow.
   if (layout.nodes > source.text().size() * max_deflation)
     source.refuse(tag.at, "as many points as the file has room for",
                   fmt::format("{}", layout.nodes));
@@ -383,6 +391,7 @@ void check_finite(const VtkFile& source, const VtkTag& tag, const std::vector<do
   const auto bad =
       std::find_if(values.begin(), values.end(), [](double x) { return !std::isfinite(x); });
   if (bad == values.end()) return;
+  // Nodes are counted from 1 in messages.
   const std::size_t node = std::size_t(bad - values.begin()) / components + 1;
   source.refuse(tag.at, "finite numbers", fmt::format("{} at node {}", *bad, node));
 }
@@ -391,6 +400,7 @@ Eigen::Matrix3d tensor(const double* v, std::size_t components) {
   Eigen::Matrix3d T;
   if (components == 9) {
     T << v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8];
+    // Six components in VTK's order: xx yy zz xy yz xz.
   } else {
     T << v[0], v[3], v[5], v[3], v[1], v[4], v[5], v[4], v[2];
   }

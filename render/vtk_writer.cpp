@@ -37,10 +37,11 @@ void write_bytes(const std::filesystem::path& path, std::string_view bytes) {
   };
   std::FILE* stream = std::fopen(path.c_str(), "wb");
   if (stream == nullptr) fail(errno);
+  // fwrite() need not set errno, so an old value must not appear as the reason.
   errno = 0;
   const bool written = std::fwrite(bytes.data(), 1, bytes.size(), stream) == bytes.size();
   const int reason = errno;
-  // a full disk may show only when the buffer is handed over
+  // A full disk may only be reported when the buffer is flushed.
   const bool closed = std::fclose(stream) == 0;
   if (!written) fail(reason != 0 ? reason : EIO);
   if (!closed) fail(errno);
@@ -63,6 +64,7 @@ vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int 
   vtkNew<vtkTypeInt32Array> connectivity;
   offsets->SetNumberOfValues(count + 1);
   connectivity->SetNumberOfValues(count * corners);
+  // VTK stores the start of each cell and the end of the last.
   for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, vtkTypeInt32(i * corners));
   std::copy(indices, indices + count * corners, connectivity->GetPointer(0));
   auto array = vtkSmartPointer<vtkCellArray>::New();
@@ -101,11 +103,11 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   writer->SetByteOrderToLittleEndian();
   writer->SetHeaderTypeToUInt64();
   writer->SetDataModeToAppended();
+  // Raw bytes instead of base64 make the file smaller by a quarter.
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();
-  writer->SetCompressionLevel(1);  // half the time of VTK's 5, and hardly larger
-  // VTK calls it success when the disk is full, so it only fills a string and the file is written
-  // here
+  writer->SetCompressionLevel(1);  // half the time of VTK's default 5, and hardly larger
+  // VTK reports success on a full disk, so it only fills a string and the file is written here.
   writer->WriteToOutputStringOn();
   if (writer->Write() == 0 || writer->GetErrorCode() != vtkErrorCode::NoError) {
     throw std::runtime_error(
@@ -115,7 +117,7 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   write_bytes(path, writer->GetOutputString());
 }
 
-/// VTK writes names as they are, whatever XML makes of them.
+/// Returns a name that is valid in XML; VTK writes names unescaped.
 std::string escape_xml(std::string name) {
   for (char& c : name)
     if (static_cast<unsigned char>(c) < 0x20 ||
@@ -133,16 +135,18 @@ void add_facts(vtkPolyData& mesh, const Facts& facts) {
   }
 }
 
-/// The arrays under names that can be written.
+/// Returns the arrays with valid names. Throws if sizes do not match or names coincide.
 std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index count) {
   std::set<std::string> names;
   for (PointArray& one : arrays) {
     const std::size_t size =
         std::visit([](const auto& values) { return values.size(); }, one.values);
+    // VTK itself would read past the end of a shorter array.
     if (size != static_cast<std::size_t>(count) * std::size_t(one.components))
       throw std::invalid_argument(fmt::format("point data: {} values each of {} are needed in {}",
                                               one.components, count, one.name));
     one.name = escape_xml(one.name);
+    // Two names may become equal by the escape, and VTK would then replace one array by the other.
     if (!names.insert(one.name).second)
       throw std::invalid_argument(fmt::format("point data: two arrays are called {}", one.name));
   }
@@ -161,6 +165,7 @@ void write_point_data(const std::filesystem::path& path, const cutting::Points& 
     std::visit([&](const auto& values) { add(*mesh->GetPointData(), one, values); }, one.values);
   for (const PointArray& one : checked(triangle_arrays, triangles.rows()))
     std::visit([&](const auto& values) { add(*mesh->GetCellData(), one, values); }, one.values);
+  // Viewers open the file coloured by the active scalars.
   if (!named.empty()) mesh->GetPointData()->SetActiveScalars(named.front().name.c_str());
   add_facts(*mesh, facts);
   write_poly_data(path, *mesh);
@@ -224,6 +229,7 @@ void write_structured_grid(const std::filesystem::path& path, const cutting::Poi
   }
   if (!arrays.empty()) {
     const std::string& first = arrays.front().name;
+    // Viewers select the active array, and glyphs need it to be marked as vectors.
     if (arrays.front().values.cols() == 3)
       data.SetActiveVectors(first.c_str());
     else
@@ -236,7 +242,7 @@ void write_structured_grid(const std::filesystem::path& path, const cutting::Poi
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOn();
   writer->SetCompressorTypeToNone();
-  // VTK calls a full disk success, so it fills a string and the file is written here
+  // VTK reports success on a full disk, so it only fills a string and the file is written here.
   writer->WriteToOutputStringOn();
   if (writer->Write() == 0 || writer->GetErrorCode() != vtkErrorCode::NoError)
     throw std::runtime_error(

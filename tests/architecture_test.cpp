@@ -156,18 +156,10 @@ const std::set<std::string> behind_the_wall = {"errors/identification/", "sim/co
 /// The door: the loop around a job, which also makes the perfect belief.
 const std::set<std::string> doors = {"sim/loop/compensate"};
 /// What says how the machine really is, or can reach it.
-const std::set<std::string> truth = {"sim/scene/scene",
-                                     "sim/scene/read_scene",
-                                     "sim/scene/tool",
-                                     "sim/scene/thermal",
-                                     "sim/scene/cutting",
-                                     "sim/machine/truth",
-                                     "sim/machine/run_out",
-                                     "sim/cut/job",
-                                     "sim/cut/cut",
-                                     "sim/cut/signals",
-                                     "sim/measure/",
-                                     "sim/loop/compensate"};
+const std::set<std::string> truth = {
+    "sim/scene/scene",   "sim/scene/read_scene", "sim/scene/tool",      "sim/scene/thermal",
+    "sim/scene/cutting", "sim/machine/truth",    "sim/machine/run_out", "sim/cut/job",
+    "sim/cut/cut",       "sim/cut/signals",      "sim/measure/",        "sim/loop/compensate"};
 
 /// Ways from behind the wall to the truth, each as "file <- file <- file"; `count` files were
 /// walked.
@@ -210,9 +202,9 @@ TEST(Architecture, NothingBehindTheWallReachesTheTruth) {
 TEST(Architecture, AnIncludeThatBreaksTheWallIsFound) {
   const Includes sound = includes_of_the_program();
   const std::size_t before = leaks(sound).ways.size();
-  for (const char* file : {"sim/loop/learn", "sim/loop/correction_channels", "sim/calibration/calibration",
-                           "sim/readings/readings_file", "sim/compensation/correct",
-                           "sim/cut/commands", "sim/machine/machine"})
+  for (const char* file : {"sim/loop/learn", "sim/loop/correction_channels",
+                           "sim/calibration/calibration", "sim/readings/readings_file",
+                           "sim/compensation/correct", "sim/cut/commands", "sim/machine/machine"})
     for (const char* target : {"sim/machine/truth", "sim/scene/scene", "sim/cut/job"}) {
       Includes broken = sound;
       broken[file].insert(target);

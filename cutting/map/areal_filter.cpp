@@ -28,35 +28,38 @@ using Eigen::Index;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+// 12 cells keep the transmission within the stated 0.5 %
 constexpr double cells_a_cutoff = 12.0;
-constexpr double reach_of_cutoff = 0.65;  // beyond it lie 0.25 % of the weight
+constexpr double reach_of_cutoff = 0.65;  // beyond it lies 0.25 % of the weight
 
-constexpr double max_spreads = 3.0;  // from the middle of the values to where their plane is read
+// largest distance of a point from the mean of the values, in their spreads, at which the plane is
+// evaluated
+constexpr double max_spreads = 3.0;
 
-constexpr double min_area = 1e-12;  // mm^2, of a vertex between triangles without any
+constexpr double min_area = 1e-12;  // mm^2, of a vertex between triangles without any area
 
 using GridPlace = std::array<std::int64_t, 4>;  // patch, then x, y, z
 
-/// A cut vertex, or the place within a triangle.
+/// A cut vertex, or the sample within a triangle.
 struct SampledPlace {
   GridPlace place;
   Index number;  // of the vertex, or n + that of the triangle
   auto operator<=>(const SampledPlace&) const = default;
 };
 
-/// Cut places that lie together.
+/// Neighbouring samples.
 struct FilterCell {
   GridPlace place;
-  int first = 0, last = 0;  // of the sorted places
+  int first = 0, last = 0;  // range of the sorted samples
   double area = 0.0;
   Vector3d middle = Vector3d::Zero(), normal = Vector3d::Zero();
   double residual = 0.0;  // mean
-  double spread = 0.0;    // mm^2, variance of the places in one direction of the surface
+  double spread = 0.0;    // mm^2, variance of the samples in one direction of the surface
   double squares = 0.0;   // mm^4, sum of the squared areas
   double low = std::numeric_limits<double>::infinity(), high = -low;  // residuals
 };
 
-/// Places sorted by cells of a size, and the cells.
+/// The samples, sorted by cells of a given size, and the cells.
 struct Cells {
   std::vector<SampledPlace> places;
   std::vector<FilterCell> cells;
@@ -68,7 +71,7 @@ GridPlace place_of(const Vector3d& p, int patch, double size) {
   return place;
 }
 
-/// A sampled place: point and normal, residual, and the area that it stands for.
+/// A sample: point and normal, residual, and the area it represents.
 struct SampledValue {
   Vector3d point, normal;
   double residual, area;
@@ -102,6 +105,7 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
     place = place_of(sampled_value(design, surface, weights, number).point,
                      patch[std::size_t(vertex)], size);
   });
+  // sorted by cell and number, so that sums do not depend on the threads
   tbb::parallel_sort(all.places.begin(), all.places.end());
   for (int here = 0; here < int(all.places.size()); ++here) {
     const GridPlace& place = all.places[std::size_t(here)].place;
@@ -125,15 +129,18 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
     }
     cell.middle /= cell.area;
     cell.residual /= cell.area;
+    // a surface has two directions, so the variance in one is half of the mean square
     cell.spread = std::max(0.0, 0.5 * (cell.spread / cell.area - cell.middle.squaredNorm()));
   });
   return all;
 }
 
-/// Farthest from the middle of one cell that the middle of another may lie and count, mm.
+/// Returns the largest distance between the means of two cells of which one is within reach of the
+/// other, mm.
 double widest(double reach, double size) { return reach + 2.0 * size; }
 
-/// Cells by the blocks in which they lie, which are so wide that the next two hold all that count.
+/// Cells by the blocks in which they lie; blocks are so wide that the next two contain all cells
+/// within reach.
 using Blocks = std::map<GridPlace, std::vector<int>>;
 
 Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
@@ -145,7 +152,7 @@ Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
   return blocks;
 }
 
-/// Cells column by column, so that several are looked at side by side.
+/// Cells stored by columns, so that several are processed at a time.
 struct CellColumns {
   explicit CellColumns(const std::vector<FilterCell>& cells);
 
@@ -177,7 +184,7 @@ CellColumns::CellColumns(const std::vector<FilterCell>& cells) {
   }
 }
 
-/// Those of a block and of the next ones that one of it can reach, one behind the other.
+/// Returns the cells of a block and of those around it that a cell of the block can reach.
 CellColumns around(const std::vector<FilterCell>& cells, const Blocks& blocks,
                    const Blocks::value_type& home, double width) {
   const GridPlace& at = home.first;
@@ -196,10 +203,10 @@ CellColumns around(const std::vector<FilterCell>& cells, const Blocks& blocks,
   return CellColumns(found);
 }
 
-constexpr Index lane = 4;  // cells that are added up side by side
+constexpr Index lane = 4;  // cells whose sums run side by side
 using Lane = Eigen::Array<double, lane, 1>;
 
-/// What a vertex may reach of cells; the last lane is filled up with cells without area.
+/// The cells within reach of a vertex; the last lane is filled with cells without area.
 struct Reached {
   enum : int {
     X,
@@ -208,22 +215,22 @@ struct Reached {
     Area,
     Residual,
     Squares
-  };  ///< residual: mm, above that of the cell they are reached from
+  };  ///< residual: mm, relative to that of the cell they are reached from
 
   Eigen::Array<double, Eigen::Dynamic, 6> cells;
   double spread = 0.0;           // mm^2, mean
-  double low = 0.0, high = 0.0;  // mm, of all values, above the reference
-  double reference = 0.0;        // mm, the residual of the cell from which they are reached
+  double low = 0.0, high = 0.0;  // mm, range of all values, relative to the reference
+  double reference = 0.0;        // mm, residual of the cell from which they are reached
 };
 
-/// Numbers of the cells that are close and look the same way.
+/// Returns the numbers of the cells within reach whose normals do not oppose.
 std::vector<int> similar_cells_near(const CellColumns& around, const FilterCell& from,
                                     double width) {
   const double reach2 = width * width;
   const Vector3d m = from.middle, n = from.normal;
   std::vector<int> numbers(around.first.size());
   std::size_t count = 0;
-  // without a branch: which cells are close cannot be predicted
+  // Without a branch, since which cells are within reach cannot be predicted.
   for (std::size_t c = 0; c < numbers.size(); ++c) {
     const auto i = Index(c);
     const double dx = around.x[i] - m.x(), dy = around.y[i] - m.y(), dz = around.z[i] - m.z();
@@ -269,8 +276,8 @@ Reached reached(const CellColumns& around, const FilterCell& from, double width)
   return all;
 }
 
-/// Sums of the values about a point with Gaussian weights: of a plane over (u, v) across the
-/// normal.
+/// Sums of the values about a point with Gaussian weights, for a plane over (u, v) in the tangent
+/// plane.
 struct PlaneSums {
   Matrix3d moments;    // of 1, u, v
   Vector3d residuals;  // times 1, u, v
@@ -312,25 +319,27 @@ PlaneSums plane_sums(const Reached& reached, const Vector3d& point, const Vector
   return sums;
 }
 
-/// Form at a point: of first order where enough values carry it, else of order zero.
+/// Returns the form at a point: of first order if enough values support it, otherwise of order
+/// zero.
 double form_at(const Reached& reached, const Vector3d& point, const Vector3d& normal,
                double two_variance) {
   PlaneSums sums = plane_sums(reached, point, normal, two_variance);
   const double weight = sums.moments(0, 0), mean = sums.residuals[0] / weight;
-  // a few values fix no slope: a plane through three of them leaves their range by any factor
+  // A few values determine no slope: a plane through three of them may leave their range by any
+  // factor.
   if (weight * weight < min_filter_values * sums.squares) return reached.reference + mean;
-  // along a line of vertices only one slope is known: the other stays zero
+  // On a line of vertices only one slope is determined: the small term keeps the other at zero.
   const double little = 1e-6 * two_variance * weight;
   sums.moments(1, 1) += little;
   sums.moments(2, 2) += little;
   const Eigen::LDLT<Matrix3d> factors(sums.moments);
   const double fitted = factors.solve(sums.residuals)[0];
-  // at a rim the point lies 1.3 spreads from the middle of the values, in a corner 1.9; beyond 3 it
-  // lies outside them and their slope would be continued there
+  // At a rim the point lies 1.3 spreads from the mean of the values, in a corner 1.9; beyond 3 it
+  // lies outside them, and the plane would be extrapolated.
   const double spreads2 = weight * factors.solve(Vector3d::UnitX())[0] - 1.0;
   if (spreads2 > max_spreads * max_spreads) return reached.reference + mean;
-  // at a rim the plane has negative weights as well, and bent values may leave it beyond them all:
-  // there the slope is followed as far as the values go, so that form does not jump
+  // At a rim the plane has negative weights too, and curved values may make it leave their range.
+  // There it is limited to that range, so that the form is continuous.
   return reached.reference + std::clamp(fitted, reached.low, reached.high);
 }
 
@@ -367,10 +376,11 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
     const std::vector<int>& here = each[b]->second;
     tbb::parallel_for(std::size_t(0), here.size(), [&](std::size_t c) {
       const FilterCell& cell = all.cells[std::size_t(here[c])];
-      // places within triangles stand behind the vertices
+      // Samples within triangles follow the vertices.
       if (all.places[std::size_t(cell.first)].number >= n) return;
       const Reached cells = reached(near, cell, width);
-      // cells add the variance of the places in them to that of the filter
+      // Combining samples in cells adds their variance to that of the filter, so it is subtracted
+      // here.
       const double two_variance = 2.0 * (variance - cells.spread);
       for (int i = cell.first; i < cell.last; ++i) {
         const Index v = all.places[std::size_t(i)].number;

@@ -23,7 +23,7 @@ namespace {
 using Eigen::Vector3d;
 using Row = kinematics::Deviation;
 
-/// A vertex or the place within a triangle.
+/// A cut vertex or the sample within a triangle.
 struct CutPoint {
   Vector3d point, normal;
   double residual;
@@ -60,7 +60,7 @@ std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   return points;
 }
 
-/// Where the displacement is stated and the length at which angles weigh as much as shifts.
+/// The point at which the displacement is stated, and the length by which angles are multiplied.
 struct Gauge {
   Vector3d point = Vector3d::Zero();
   double length = 1.0;
@@ -84,7 +84,7 @@ Gauge gauge(const std::vector<CutPoint>& points) {
   return g;
 }
 
-/// What each component of a displacement does along a normal, angles at g.length.
+/// Returns the displacement along a normal for each component, with angles multiplied by g.length.
 Row row_of(const Vector3d& point, const Vector3d& normal, const Gauge& g) {
   Row row;
   row << normal, (point - g.point).cross(normal) / g.length;
@@ -117,8 +117,8 @@ NormalEquations normal_equations(const std::vector<CutPoint>& points, const Gaug
   return e;
 }
 
-/// Names the null space: its basis is brought to echelon form, so that each vector has as few
-/// components as it can, and named by those that take part.
+/// Returns names for the null space. Its basis is brought to echelon form, so that each vector has
+/// as few components as possible, and is named after those above a hundredth.
 std::vector<std::string> names(Eigen::MatrixXd basis) {
   static constexpr std::array component = {"EX", "EY", "EZ", "EA", "EB", "EC"};
   std::vector<std::string> result;
@@ -163,7 +163,7 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
     const double value = eigen.values[k];
     const auto direction = eigen.vectors.col(k);
     if (!(value > options.truncation * largest))
-      ++dropped;  // eigenvalues come in growing order
+      ++dropped;  // eigenvalues are in rising order
     else
       solution += direction * (direction.dot(equations.b) / value);
   }
@@ -202,11 +202,13 @@ std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surf
   return cut;
 }
 
-/// Residual at the cut vertices after displacement and size are taken out. By orthogonal
-/// decomposition, because on a shallow cap size and height differ by the square of the slope only.
+/// Returns the residual at the cut vertices after removal of displacement and size. An orthogonal
+/// decomposition is used, because on a shallow cap size and height differ only by the square of the
+/// slope, which normal equations would square again.
 std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface& surface,
                                              const std::vector<Eigen::Index>& cut) {
   const auto n = static_cast<Eigen::Index>(cut.size());
+  // seven unknowns
   if (n < 8) return std::nullopt;
   Vector3d middle = Vector3d::Zero();
   for (const Eigen::Index v : cut) middle += design.vertices.row(v).transpose() / double(n);
@@ -234,13 +236,13 @@ double peak_to_valley(const Eigen::VectorXd& values) {
   return values.maxCoeff() - values.minCoeff();
 }
 
-// --- minimum zone of a plane --------------------------------------------------------------------
+// The minimum zone of a plane.
 
-/// A plane z = c0 + c1 x + c2 y and half the zone about it.
+/// A plane z = c0 + c1 x + c2 y, and half the width of the zone about it.
 using Zone = Eigen::Vector4d;
 
-/// Smallest zone that holds a handful of points: tries every vertex of the linear program
-/// +-(z - plane) <= t, four active of two constraints a point.
+/// Returns the smallest zone that contains a few points: tests every vertex of the linear program
+/// +-(z - plane) <= t, i.e. every four active constraints of two per point.
 std::optional<Zone> smallest_zone(const std::vector<Vector3d>& points) {
   const int m = 2 * static_cast<int>(points.size());
   Eigen::MatrixXd C(m, 4);
@@ -272,8 +274,9 @@ double height(const Vector3d& p, const Zone& zone) {
   return p.z() - zone[0] - zone[1] * p.x() - zone[2] * p.y();
 }
 
-/// Width of the smallest zone: the points that stand out most join the handful until none stands
-/// out of the zone of the handful (each round its half width grows, so it ends).
+/// Returns the width of the smallest zone. The points that protrude most are added to a small set
+/// until no point protrudes from the zone of the set. The half width grows in every round, so the
+/// iteration ends.
 std::optional<double> minimum_zone(const std::vector<Vector3d>& points) {
   std::vector<Vector3d> handful;
   const auto add = [](std::vector<Vector3d>& to, const Vector3d& p) {
@@ -301,6 +304,7 @@ std::optional<double> minimum_zone(const std::vector<Vector3d>& points) {
     std::vector<Vector3d> active;
     for (const Vector3d& p : handful)
       if (std::abs(height(p, *zone)) > (*zone)[3] - 1e-9 * (1.0 + (*zone)[3])) active.push_back(p);
+    // at most 8 points, so at most 1820 systems of four equations a round
     if (active.size() > 6) active.resize(6);
     add(active, *low);
     add(active, *high);
@@ -309,7 +313,7 @@ std::optional<double> minimum_zone(const std::vector<Vector3d>& points) {
   return width;
 }
 
-/// The machined points over a plane, scaled so that x and y are of order one.
+/// Returns the machined points over a plane, with x and y scaled to order one.
 std::vector<Vector3d> over_plane(const Design& design, const std::vector<Eigen::Index>& cut,
                                  const Eigen::VectorXd& residual) {
   double reach = 1e-300;
@@ -322,7 +326,7 @@ std::vector<Vector3d> over_plane(const Design& design, const std::vector<Eigen::
   return points;
 }
 
-// --- roundness ----------------------------------------------------------------------------------
+// Roundness.
 
 std::optional<double> roundness(const Design& design, const Surface& surface,
                                 const std::vector<Eigen::Index>& cut, double z_middle) {
@@ -338,8 +342,8 @@ std::optional<double> roundness(const Design& design, const Surface& surface,
     if (std::abs(design.vertices(v, 2) - z_ring) > 1e-9) continue;
     const Eigen::Vector2d p = design.vertices.row(v).head<2>();
     const Eigen::Vector2d n = design.normals.row(v).head<2>();
-    // along the normal by r is, at the same height, across the axis by r over the normal's part
-    // there
+    // A displacement r along the normal is, at constant height, a displacement across the axis of r
+    // divided by the radial component of the normal.
     ring.push_back(p + n / n.squaredNorm() * surface.residual[v]);
   }
   if (ring.size() < 6) return std::nullopt;
@@ -348,7 +352,7 @@ std::optional<double> roundness(const Design& design, const Surface& surface,
   return fit_circle(points).roundness;
 }
 
-/// Name of the `_lsq` number, and the height of the ring for roundness where there is one.
+/// The name of the `_lsq` number, and the height of the ring for roundness if there is one.
 struct Wanted {
   std::string name;
   bool flat = false;
@@ -365,6 +369,7 @@ Wanted wanted(const Primitive& primitive) {
           return {"cylindricity_lsq", false, 0.5 * p.height};
         else if constexpr (std::is_same_v<Kind, Cone>)
           return {"conicity_lsq", false,
+                  // above 45 degrees a displacement along the normal is mostly axial
                   p.half_apex_angle <= std::numbers::pi / 4 ? std::optional(0.5 * p.height)
                                                             : std::nullopt};
         else if constexpr (std::is_same_v<Kind, SphereCap>)
@@ -403,7 +408,7 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
   const Eigen::Matrix<double, Eigen::Dynamic, 2> q = points.rowwise() - middle;
   const double scale = q.rowwise().norm().maxCoeff();
 
-  // start: the circle that is best in squared distances, linear in its unknowns
+  // Start: the circle that is best in squared distances, which is linear in its unknowns.
   Eigen::MatrixXd A(n, 3);
   A << q / scale, Eigen::VectorXd::Ones(n);
   const Eigen::VectorXd right = q.rowwise().squaredNorm() / scale;
@@ -414,6 +419,7 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
   Eigen::Vector2d centre = 0.5 * c.head<2>();
   double radius = std::sqrt(std::max(0.0, centre.squaredNorm() + c[2] * scale));
 
+  // Gauss-Newton for the geometric distances; the start is so close that few steps are needed
   for (int i = 0; i < 50; ++i) {
     const Eigen::Matrix<double, Eigen::Dynamic, 2> d = q.rowwise() - centre.transpose();
     const Eigen::VectorXd distance = d.rowwise().norm();

@@ -22,17 +22,20 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double pass_travel = 4.0;  // lengths of an edge that the tool goes along one pass
-constexpr double crest_margin =
-    0.1;  // of an edge; nearer to its end a crest is left to shorter edges
+// lengths of an edge: the travel along one pass between the cuts of its ends is at most this
+constexpr double pass_travel = 4.0;
+// of an edge; a crest nearer to its end is resolved by shorter edges
+constexpr double crest_margin = 0.1;
 
-/// The derivative by u of the place on an edge, at its end `from`.
+/// Returns the derivative with respect to u of the point on an edge, at its end `from`, by a
+/// difference of 1e-3, because the surface is known by its points only.
 Vector3d way(const SurfaceInterpolator& on_surface, const Knot& from, const Knot& to) {
   constexpr double little = 1e-3;
   return (between(on_surface, from, to, little).point - from.point) / little;
 }
 
-/// Where two passes cross between places x0 < x1 of an edge that both curve by k: the crest.
+/// Returns the point at which two passes cross between points x0 < x1 of an edge, both with
+/// curvature k: the crest.
 double crossing(double r0, double s0, double r1, double s1, double width, double k) {
   const double closing = s0 - s1 + k * width;
   const double gap = r1 - r0 - s1 * width + 0.5 * k * width * width;
@@ -62,7 +65,7 @@ std::optional<double> crest_of(const SurfaceInterpolator& on_surface, const Knot
   const Span from_a = span_of(on_surface, a, probe.knot), to_b = span_of(on_surface, probe.knot, b);
   if (from_a.one_pass == to_b.one_pass) return std::nullopt;
   const double u = probe.u, rest = 1.0 - u;
-  // slopes by u of the whole edge
+  // Slopes with respect to u of the whole edge.
   const double s_a = from_a.slope_a / u, s_m = from_a.slope_b / u, s_b = to_b.slope_b / rest;
   const double m_b = to_b.slope_a / rest;
   const double crest =
@@ -131,6 +134,7 @@ InterpolationError interpolation_error(const Design& design, const Surface& surf
   std::vector<Contact> places;
   std::vector<double> line;
   for (int i = 0; i < options.places; ++i) {
+    // A number depends on seed and index alone, so the points are reproducible.
     const auto chance = [&](int k) {
       return split_mix::unit(split_mix::stream(options.seed, 3u * i + k));
     };
@@ -138,6 +142,7 @@ InterpolationError interpolation_error(const Design& design, const Surface& surf
     const auto last = std::ptrdiff_t(triangles.size()) - 1;
     const Eigen::RowVector3i corners =
         design.triangles.row(triangles[std::size_t(std::min(which, last))]);
+    // the square root makes the points uniform in area
     const double root = std::sqrt(chance(1)), share = chance(2);
     const std::array<double, 3> weight = {1.0 - root, root * (1.0 - share), root * share};
     std::array<Contact, 3> at;

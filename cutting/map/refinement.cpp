@@ -22,7 +22,7 @@
 
 namespace abbe::cutting {
 
-/// The work of `refined`: rounds in which edges are probed, turned and split.
+/// The state of `refined`: rounds in which edges are probed, flipped and split.
 class Refinement {
  public:
   Refinement(const Design& design, const SurfaceInterpolator& on_surface,
@@ -30,31 +30,31 @@ class Refinement {
   RefinementResult run();
 
  private:
-  /// An edge that misses too much to stay, with its ends when it was probed.
+  /// An edge with too large an error, and its ends when it was probed.
   struct Waiting {
     int edge;
     std::array<int, 2> ends;
     EdgeProbe probe;
-    std::array<int, 2> across = {-1, -1};  ///< corners between which it was tried to turn it
+    std::array<int, 2> across = {-1, -1};  ///< corners between which a flip was tried
   };
-  /// A place of an edge to be probed.
+  /// A point of an edge to be probed.
   struct ProbePlace {
     std::size_t edge;
     double u;
-    bool is_crest = false;  ///< of two passes: that is where it is best split
+    bool is_crest = false;  ///< crossing of two passes, the best point for a split
   };
 
-  /// A place of a face to be probed.
+  /// A point of a face to be probed.
   struct Within {
     int face = -1;
     Contact place;
-    double plane = 0.0;        ///< mm, of the face there
-    bool is_doubtful = false;  ///< the slopes at its corners do not rule out that it is missed
+    double plane = 0.0;        ///< mm, of the face at that point
+    bool is_doubtful = false;  ///< the slopes at its corners do not rule out an error
   };
-  /// What came of a probe into faces.
+  /// Result of probing faces.
   struct SplitFaces {
-    std::vector<int> made;  ///< edges
-    double missed = 0.0;    ///< share of the faces, split or not
+    std::vector<int> made;  ///< new edges
+    double missed = 0.0;    ///< fraction of the faces with too large an error, split or not
   };
 
   std::vector<Knot> sounded(const std::vector<Contact>& places,
@@ -100,9 +100,9 @@ class Refinement {
   TriangleMesh mesh_;
   std::vector<Knot> knots_;
   std::vector<Waiting> waiting_;
-  std::vector<int>
-      place_;  // (edges) among those that wait while it is found which are ready; or -1
-  std::vector<int> changed_;  // faces, since they were probed; with repeats
+  // (edges) temporary index into waiting_ while the ready ones are determined; or -1
+  std::vector<int> place_;
+  std::vector<int> changed_;  // faces changed since they were probed; with duplicates
   bool all_changed_ = true;   // as at the beginning of every turn
   Eigen::Index probed_ = 0;
 };
@@ -112,14 +112,15 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr std::size_t few_share =
-    200;  // of the vertices: so few new ones are left to the next level
-constexpr std::size_t hardly_share =
-    2000;                               // of the vertices: so few, and faces are probed elsewhere
-constexpr int turns = 4;                // in which a face is probed, at most
-constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
-constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
-constexpr double inner = 0.7;  // of the bound is allowed where it is probed, for places between
+// a round that adds fewer than 1/200 of the vertices ends its level
+constexpr std::size_t few_share = 200;
+// a round that adds fewer than 1/2000 of the vertices ends a turn
+constexpr std::size_t hardly_share = 2000;
+constexpr int turns = 4;                // largest number of points at which a face is probed
+constexpr double hardly_missed = 1e-3;  // of the faces in a turn: below it no other turn follows
+constexpr int last_rounds = 60;         // rounds at the bound itself; remaining errors are reported
+// fraction of the bound that is permitted at probed points, as a reserve for points between
+constexpr double inner = 0.7;
 
 }  // namespace
 
@@ -147,22 +148,25 @@ bool Refinement::is_open(int edge) const {
   return knot(a).cut && knot(b).cut && length({a, b}) > 2.0 * options_.floor;
 }
 
-/// -0.5 .. 0.5, of the edge alone.
+/// Returns a number -0.5 .. 0.5 that depends on the edge alone, so that no feed is commensurable
+/// with the points.
 double Refinement::jitter(int edge) const {
   const auto [a, b] = mesh_.ends(edge);
   return split_mix::unit(split_mix::mixed(std::uint64_t(a) << 32 | std::uint64_t(b))) - 0.5;
 }
 
-/// Where an edge is probed, and split: at a corner between two blocks, else so that the pieces
-/// that it is expected to need are of one length.
+/// Returns the fraction at which an edge is probed and split: at the corner between two blocks of
+/// the program, otherwise so that the pieces it is expected to need have equal lengths.
 double Refinement::share_of(int edge) const {
   constexpr int max_pieces = 7;
+  // tangents of a smooth pass meet near the middle; farther from it the edge has a corner
   constexpr double even = 0.1;
   const Span span = this->span(edge);
   const double off = 0.2 * jitter(edge);
   if (!span.one_pass || !(span.bend() > tolerance())) return 0.5 + off;
   const double meet = span.tangents_meet();
   if (std::abs(meet - 0.5) > even && meet > 0.1 && meet < 0.9) return meet;
+  // the error of linear interpolation is proportional to the square of the length
   const int pieces =
       int(std::min<double>(max_pieces, std::ceil(std::sqrt(span.bend() / tolerance()))));
   const int before = off > 0.0 ? (pieces + 1) / 2 : pieces / 2;
@@ -193,7 +197,7 @@ std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
   return knots;
 }
 
-/// The edges probed, each at the share `u` of its length that is stated for it.
+/// Probes the edges, each at the fraction `u` stated for it.
 void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePlace>& at,
                        std::vector<EdgeProbe>& probes) {
   std::vector<Contact> places(at.size());
@@ -214,20 +218,21 @@ void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePla
   }
 }
 
-/// Whether another pass begins between two places, and is seen to.
+/// Returns true if another pass begins between two points and matters at this tolerance.
 bool Refinement::crosses_passes(const Knot& a, const Knot& b) const {
   const Span span = span_of(on_surface_, a, b);
   return !span.one_pass && span.most() > 0.5 * tolerance();
 }
 
-/// Whether slopes at the ends of an edge say more than the few places at which it was probed.
+/// Returns true if the slopes at the ends of an edge indicate more than the few points at which it
+/// was probed.
 bool Refinement::is_doubtful(int edge, double level) const {
   const Span span = this->span(edge);
   return span.most() > (span.one_pass ? level : 0.5 * tolerance());
 }
 
-/// What the edges miss: near their middle; where that shows nothing, but the slopes at the ends or
-/// the passes do, near their quarters; and where two passes cross.
+/// Returns the errors of the edges: probed near their middle; where that shows no error, but the
+/// slopes at the ends or the passes leave a doubt, near their quarters; and where two passes cross.
 std::vector<EdgeProbe> Refinement::probed(const std::vector<int>& open) {
   std::vector<EdgeProbe> all(open.size());
   std::vector<ProbePlace> middles, quarters, crests;
@@ -251,21 +256,21 @@ std::vector<EdgeProbe> Refinement::probed(const std::vector<int>& open) {
   }
   probe(open, quarters, all);
   probe(open, crests, all);
-  // over several passes a few places say that there is texture, and not how much
+  // Over several passes a few points show that there is texture but not how large it is.
   for (std::size_t i = 0; i < open.size(); ++i)
     if (many[i]) all[i].error = std::numeric_limits<double>::infinity();
   return all;
 }
 
-/// Edges that miss by more than the tolerance go to those that wait.
+/// Adds the edges whose error exceeds the tolerance to those that wait.
 void Refinement::defer(const std::vector<int>& edges, std::vector<EdgeProbe> probes) {
   for (std::size_t i = 0; i < edges.size(); ++i)
     if (probes[i].error > tolerance())
       waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), {-1, -1}});
 }
 
-/// Those of the edges that are to be probed: open, and not such that the slopes at their ends
-/// leave no doubt, unless all are asked for.
+/// Returns the edges that must be probed: open ones, except those whose end slopes leave no doubt,
+/// unless all are requested.
 std::vector<int> Refinement::doubtful(const std::vector<int>& edges, bool all) const {
   std::vector<char> is_asked(edges.size());
   tbb::parallel_for(std::size_t(0), edges.size(), [&](std::size_t i) {
@@ -282,13 +287,13 @@ bool Refinement::is_surely_met(int edge) const {
   return span.one_pass && span.most() < 0.5 * tolerance();
 }
 
-/// Edges that wait whatever they miss.
+/// Makes edges wait whatever their error.
 void Refinement::demand_split(std::vector<int> edges) {
   edges = sorted_unique(std::move(edges));
   std::vector<EdgeProbe> probes = probed(edges);
   for (std::size_t i = 0; i < edges.size(); ++i) {
     probes[i].error = std::numeric_limits<double>::infinity();
-    // as if it had been tried: an edge that was turned would be asked for again
+    // Marked as tried, since a flipped edge would be requested again.
     waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), across(edges[i])});
   }
 }
@@ -297,7 +302,7 @@ Design Refinement::design() const {
   std::vector<Contact> places;
   for (const Knot& one : knots_) places.push_back(one.place());
   std::vector<std::uint8_t> judged = given_.judged;
-  judged.resize(places.size(), 1);  // added between judged ones
+  judged.resize(places.size(), 1);  // added between judged vertices
   return resampled_design(given_, places, mesh_.triangles(), std::move(judged));
 }
 
@@ -314,8 +319,8 @@ Surface Refinement::surface() const {
   return surface;
 }
 
-/// The level down to which all edges are brought before the next: half the last one, or what the
-/// edges that wait miss at most.
+/// Returns the error level to which all edges are reduced next: half of the last level or of the
+/// largest error that waits.
 double Refinement::lower(double level) const {
   double most = 0.0;
   for (const Waiting& one : waiting_)
@@ -330,8 +335,8 @@ RefinementResult Refinement::run() {
   const Index most = std::max(options_.points, given_.vertices.rows());
   double level = std::numeric_limits<double>::max();
   int rounds_left = last_rounds, turn = 0;
-  double missed = 1.0;  // share of the faces, when all of them were probed last
-  bool first = true;    // the edges given may be longer than anything that slopes speak for
+  double missed = 1.0;  // fraction of the faces when all of them were last probed
+  bool first = true;    // the given edges may be longer than slopes can describe
   while (true) {
     open = doubtful(open, std::exchange(first, false));
     defer(open, probed(open));
@@ -384,14 +389,18 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is tried across
+// fractions of an edge at which the flipped edge is probed
+constexpr std::array<double, 2> turned_at = {0.31, 0.67};
 constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
-constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
-constexpr double followed = 0.8;     // of the bound that a parabola may be off its triangle
-constexpr double middle_of_three = 4.0 / 9.0;  // of a parabola with three equal bends, of each
-constexpr double thinnest = 0.05;  // triangle that a turned edge may make: height by length
+constexpr double beside = 0.05;      // of the length of an edge: points nearer to it test the edge
+// of the bound, permitted deviation of a parabola from its triangle
+constexpr double followed = 0.8;
+// deviation at the middle of a parabola with three equal bends, for each of them
+constexpr double middle_of_three = 4.0 / 9.0;
+constexpr double thinnest = 0.05;  // smallest height by length of a triangle that a flip may make
 
-/// Where a face is probed in its turns: near the middle, then towards each side.
+/// Returns the weights of the point at which a face is probed in a turn: near the middle, then
+/// towards each side.
 std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
   const std::uint64_t bits = split_mix::mixed(std::uint64_t(corners[0]) << 32 | corners[1]);
   const double first = split_mix::unit(bits), second = split_mix::unit(split_mix::mixed(bits));
@@ -409,7 +418,7 @@ std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
 
 }  // namespace
 
-/// The longer edges of the triangles at a waiting one that miss a level too.
+/// Returns the longer edges of the triangles at a waiting edge whose error also exceeds the level.
 std::vector<int> Refinement::edges_split_first(const Waiting& one, double level) const {
   std::vector<int> found;
   const double own = length(one.ends);
@@ -423,9 +432,9 @@ std::vector<int> Refinement::edges_split_first(const Waiting& one, double level)
   return found;
 }
 
-/// The waiting edges that miss by more than a level, and with each of them the longer ones of its
-/// triangles: left whole, a long edge would get ever thinner triangles at its sides. A longer edge
-/// that seemed to be met, but crosses passes, waits from now on, and the shorter one with it.
+/// Returns the waiting edges whose error exceeds a level, each with the longer edges of its
+/// triangles: a long edge left whole would get ever thinner triangles at its sides. A longer edge
+/// that seemed accurate, but crosses passes, waits from now on, and the shorter one with it.
 std::vector<char> Refinement::ready(double level) {
   std::vector<std::vector<int>> first(waiting_.size());
   tbb::parallel_for(std::size_t(0), waiting_.size(), [&](std::size_t i) {
@@ -463,10 +472,9 @@ std::vector<char> Refinement::ready(double level) {
   return is_ready;
 }
 
-/// Splits the edges that are ready, as many as may be, the longest first. @return the
-/// edges that came of it
+/// Splits the edges that are ready, as many as permitted, the longest first. @return the new edges
 std::vector<int> Refinement::split(double level, Index most) {
-  // an edge that was turned since has other ends, and is probed again
+  // An edge that was flipped since has other ends, and is probed again.
   std::erase_if(waiting_, [&](const Waiting& one) { return one.ends != mesh_.ends(one.edge); });
   const std::vector<char> is_ready = ready(level);
   struct Next {
@@ -482,7 +490,7 @@ std::vector<int> Refinement::split(double level, Index most) {
   const Index room = std::max<Index>(0, most - Index(knots_.size()));
   if (Index(order.size()) > room) order.resize(std::size_t(room));
   std::vector<int> made;
-  // one edge of a triangle at a time: its others may be turned out of the way, and need none
+  // One edge of a triangle at a time: the others may be flipped instead and then need no split.
   std::vector<char> taken(options_.can_flip_edges ? mesh_.faces() : 0, 0);
   const auto takes = [&](int edge) {
     if (taken.empty()) return true;
@@ -506,8 +514,8 @@ std::vector<int> Refinement::split(double level, Index most) {
   return made;
 }
 
-/// Whether a place close to an edge shows that the edge misses more than a level, although the
-/// places at which it was probed did not.
+/// Returns true if a point close to an edge shows that its error exceeds a level, although the
+/// points at which it was probed did not.
 bool Refinement::is_missed_beside(int edge, const Knot& place, double level) const {
   if (!place.cut) return false;
   const auto [a, b] = mesh_.ends(edge);
@@ -517,20 +525,20 @@ bool Refinement::is_missed_beside(int edge, const Knot& place, double level) con
   return u > 0.0 && u < 1.0 && std::abs(place.residual - on_line(knot(a), knot(b), u)) > level;
 }
 
-/// The corners of the two triangles at an edge that are not its ends; -1 at a rim.
+/// Returns the corners of the two triangles at an edge that are not its ends; -1 at a rim.
 std::array<int, 2> Refinement::across(int edge) const {
   const std::array<int, 4> quad = mesh_.quad(edge);
   return {quad[2], quad[3]};
 }
 
-/// Whether the edge across the two triangles at this one can take its place.
+/// Returns true if the edge can be flipped without a thin or inverted triangle.
 bool Refinement::can_flip(int edge) const {
   if (!mesh_.can_flip(edge)) return false;
   const auto [a, b, c, d] = mesh_.quad(edge);
   for (const int v : {a, b, c, d})
     if (!knot(v).cut) return false;
   const Vector3d normal = (knot(a).normal + knot(b).normal + knot(c).normal + knot(d).normal);
-  const auto thickness = [&](int p, int q, int r) {  // signed height by the longest side
+  const auto thickness = [&](int p, int q, int r) {  // signed height divided by the longest side
     const Vector3d pq = knot(q).point - knot(p).point, pr = knot(r).point - knot(p).point;
     return pq.cross(pr).dot(normal.normalized()) /
            std::max({pq.squaredNorm(), pr.squaredNorm(), (pq - pr).squaredNorm()});
@@ -538,8 +546,8 @@ bool Refinement::can_flip(int edge) const {
   return thickness(c, d, b) > thinnest && thickness(d, c, a) > thinnest;
 }
 
-/// What the edge across a waiting one misses at two places; none where it is longer and leaves its
-/// pass, so that two places say too little.
+/// Returns the error of the other diagonal of a waiting edge at two points; nothing if it is longer
+/// and leaves its pass, because two points are then too few.
 std::optional<EdgeProbe> Refinement::across_probe(const Waiting& one, std::span<Knot> found) const {
   const Knot &c = knot(one.across[0]), &d = knot(one.across[1]);
   const double length = this->length(one.across);
@@ -556,9 +564,8 @@ std::optional<EdgeProbe> Refinement::across_probe(const Waiting& one, std::span<
   return worst;
 }
 
-/// Waiting edges that miss by more than a level give way to the edge across where that misses by
-/// less than half as much, so that triangles stretch along the feed. What is missed halves each
-/// time, so that it ends.
+/// Flips waiting edges whose error exceeds a level if the other diagonal has less than half of it,
+/// so that triangles extend along the feed. The error halves with each flip, so the flips end.
 void Refinement::flip_edges(double level) {
   std::vector<std::size_t> tried;
   std::vector<Contact> places;
@@ -586,7 +593,7 @@ void Refinement::flip_edges(double level) {
   std::erase_if(waiting_, [&](const Waiting& one) { return !(one.probe.error > tolerance()); });
 }
 
-/// The faces at edges are to be probed.
+/// Marks the faces at edges for probing.
 void Refinement::note_change(const std::vector<int>& edges) {
   if (all_changed_) return;
   for (const int edge : edges)
@@ -594,7 +601,7 @@ void Refinement::note_change(const std::vector<int>& edges) {
       if (face >= 0) changed_.push_back(face);
 }
 
-/// The faces that were not probed as they are, and are wide enough to be.
+/// Returns the faces that changed since they were probed and are large enough.
 std::vector<int> Refinement::faces_to_probe() {
   std::vector<int> changed = sorted_unique(std::exchange(changed_, {}));
   if (std::exchange(all_changed_, false)) {
@@ -616,8 +623,8 @@ std::vector<int> Refinement::faces_to_probe() {
   return faces;
 }
 
-/// Whether one pass cut the corners of a face, and their slopes and values agree upon a parabola
-/// that the face is near enough to.
+/// Returns true if one pass cut the corners of a face, and if their slopes and values agree with a
+/// parabola to which the face is close enough.
 bool Refinement::is_followed(const std::array<int, 3>& corners) const {
   double off = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -630,7 +637,7 @@ bool Refinement::is_followed(const std::array<int, 3>& corners) const {
   return off < followed * tolerance();
 }
 
-/// Where a face is probed in one of its turns.
+/// Returns the point at which a face is probed in a turn.
 Refinement::Within Refinement::within(int face, int turn) const {
   const std::array<int, 3> corners = mesh_.corners(face);
   if (!options_.probe_all_triangles && is_followed(corners)) return {};
@@ -648,8 +655,8 @@ Refinement::Within Refinement::within(int face, int turn) const {
   return found;
 }
 
-/// Faces that miss too much within get a vertex there; where it would lie on a side that misses as
-/// much, the side waits instead.
+/// Splits faces with too large an error inside at the probed point; if that would lie on a side
+/// with the same error, the side waits instead.
 Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
   const std::vector<int> faces = faces_to_probe();
   std::vector<Within> probes(faces.size());

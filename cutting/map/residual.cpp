@@ -25,13 +25,13 @@ void check_sizes(const Surface& surface, std::size_t n) {
   if (!equal) throw std::invalid_argument("residual map: arrays of different sizes");
 }
 
-/// A residual, the area that has it, and where it is.
+/// A residual, the area it represents, and its location.
 struct Weighted {
   double residual, area;
   int vertex = -1, triangle = -1;
 };
 
-/// What is cut: vertices, then places within triangles.
+/// Returns the cut samples: vertices, then samples within triangles.
 std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
   std::vector<Weighted> values;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
@@ -44,7 +44,7 @@ std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
   return values;
 }
 
-/// Mean of a function of the residual by area, which is `area`.
+/// Returns the mean of a function of the residual, weighted by area; `area` is the total.
 template <class F>
 double mean_of(const std::vector<Weighted>& values, double area, const F& f) {
   Sum sum;
@@ -52,8 +52,9 @@ double mean_of(const std::vector<Weighted>& values, double area, const F& f) {
   return sum.value() / area;
 }
 
-/// Least magnitude such that those of at most it have the share `q` of the area.
+/// Returns the least magnitude such that residuals up to it make up the fraction `q` of the area.
 std::optional<double> quantile(std::vector<Weighted> values, double q) {
+  // Ties by area, so that the sums below do not depend on the sort.
   tbb::parallel_sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
     const double x = std::abs(a.residual), y = std::abs(b.residual);
     return x != y ? x < y : a.area < b.area;
@@ -68,7 +69,8 @@ std::optional<double> quantile(std::vector<Weighted> values, double q) {
   return std::abs(values.back().residual);
 }
 
-/// Those of both at the vertices that are gouged, one a vertex, the first's before the second's.
+/// Returns the gouges of both maps at the vertices that are gouged in the difference, one per
+/// vertex, preferring the first map.
 std::vector<Gouge> joined(const Surface& a, const Surface& b,
                           const std::vector<VertexStatus>& status) {
   std::vector<Gouge> both;
@@ -89,6 +91,8 @@ bool is_limited(const Limits& limits) {
   return std::isfinite(limits[0]) || std::isfinite(limits[1]);
 }
 
+// Returns the widest limits of the corners of a triangle, so that a border between bands makes no
+// false alarm.
 Limits widest_limits(const ToleranceBands& tolerance, const Eigen::RowVector3i& corners) {
   Limits widest = tolerance.row(corners[0]);
   for (const int corner : corners)
@@ -96,13 +100,13 @@ Limits widest_limits(const ToleranceBands& tolerance, const Eigen::RowVector3i& 
   return widest;
 }
 
-/// By how much a residual is over its limits (+) or under (-); 0 within.
+/// Returns by how much a residual is above its limits (+) or below them (-); 0 within.
 double beyond(double residual, const Limits& limits) {
   const double high = residual - limits[1], low = limits[0] - residual;
   return high > 0.0 ? high : low > 0.0 ? -low : 0.0;
 }
 
-/// Empty where no area is judged.
+/// Returns the conformance; nothing if no area is judged.
 std::optional<Conformance> conformance(const Surface& surface, const Design& design,
                                        const Weights& weights, const ToleranceBands& tolerance) {
   Conformance c;
@@ -143,6 +147,7 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
   for (const Gouge& gouge : surface.gouges) {
     if (!is_limited(tolerance.row(gouge.vertex))) continue;
     under.add(design.area[gouge.vertex]);
+    // Without a lower limit the gouge itself is the limit, and the excess is 0.
     const double lower = std::max(tolerance(gouge.vertex, 0), -gouge.depth);
     found_out({.vertex = gouge.vertex}, lower + gouge.depth, gouge.deeper);
   }
@@ -162,6 +167,7 @@ std::array<double, 3> place_within(Surface::Within within, Eigen::Index t) {
   const auto chance = [&](std::uint64_t k) {
     return split_mix::unit(split_mix::stream(k, std::uint64_t(t)));
   };
+  // the square root makes the samples uniform in area
   const double root = std::sqrt(chance(0)), share = chance(1);
   return {1.0 - root, root * (1.0 - share), root * share};
 }
@@ -191,6 +197,7 @@ Weights weights(const Surface& surface, const Design& design) {
     throw std::invalid_argument("statistics: the design has no area for every vertex");
   if (m != 0 && m != design.triangles.rows())
     throw std::invalid_argument("statistics: one place within a triangle is needed, or none");
+  // three quarters for a sample in the middle: exact for a quadratic residual
   const double share = surface.sampled_within == Surface::Within::Random ? 1.0 : 0.75;
   Weights w{design.area, Eigen::VectorXd::Zero(m)};
   for (std::size_t i = 0; i < n; ++i)
@@ -213,7 +220,7 @@ Weights weights(const Surface& surface, const Design& design) {
 
 namespace {
 
-/// The vertices of a map, counted by what they are.
+/// Returns the numbers of vertices by status.
 Statistics counted(const Surface& surface) {
   Statistics s;
   s.vertices = static_cast<int>(surface.status.size());
@@ -283,6 +290,7 @@ const char* within_values_name(Surface::Within within) {
 }
 
 VertexStatus worse(VertexStatus a, VertexStatus b) {
+  // From the worst to the best.
   for (const VertexStatus one : {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
     if (a == one || b == one) return one;
   return VertexStatus::Cut;
@@ -306,6 +314,7 @@ Surface minus(const Surface& a, const Surface& b) {
     difference.cut_line[i] = second ? b.cut_line[i] : 0;
   }
   difference.gouges = joined(a, b, difference.status);
+  // Samples at different points have no difference.
   if (a.sampled_within == b.sampled_within && a.within.size() == b.within.size()) {
     difference.within = a.within - b.within;
   } else {

@@ -6,23 +6,26 @@
 #include "cutting/part/mesh.h"
 #include "cutting/surface/surface.h"
 
+/// Statistics of a residual map, its conformance to tolerances, and differences of maps.
 namespace abbe::cutting {
 
-/// Bands in which residuals may lie (n x 2), mm: the lower and the upper limit of each vertex, the
-/// limits themselves within; infinite where there is none. Without rows there is no tolerance.
+/// Permitted bands of residuals (n x 2), mm: lower and upper limit of each vertex, the limits
+/// included; infinite where there is none. No rows: no tolerance.
 using ToleranceBands = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
-/// A judged surface against its tolerance. The shares are of the judged area that has limits, in
-/// percent, and add up to 100: a gouge is under, and what was not cut is not within. In a triangle
-/// across a border of bands the widest of its corners' limits hold.
+/// Conformance of a judged surface to its tolerance. The fractions refer to the judged area that
+/// has limits, in percent, and add up to 100: a gouge counts as under, an uncut area as not within.
+/// In a triangle across a border of bands the widest of its corners' limits apply.
 struct Conformance {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
-  int vertex = -1;       ///< furthest out of its band, of equal ones the first; -1: none is out,
-                         ///< or a place within a triangle is further out
-  int triangle = -1;     ///< with the place furthest out; -1: a vertex is further out, or none
-  double excess = 0.0;   ///< mm, by which it is
-  bool further = false;  ///< by more: it is a gouge that was not followed to its end
-  int out_of_tolerance = 0;  ///< vertices, gouged ones too, and places within triangles
+  int vertex = -1;      ///< vertex with the largest excess, of equal ones the first; -1: none, or a
+                        ///< sample within a triangle has a larger one
+  int triangle = -1;    ///< triangle of the sample with the largest excess; -1: a vertex has it, or
+                        ///< none
+  double excess = 0.0;  ///< mm, that excess
+  bool further = false;  ///< the excess is a lower bound: a gouge that was not followed to its end
+  int out_of_tolerance = 0;  ///< number of vertices, including gouged ones, and samples within
+                             ///< triangles
   int uncut_vertices = 0;
 
   bool passes() const { return out_of_tolerance == 0 && uncut_vertices == 0; }
@@ -35,41 +38,42 @@ struct SampleValue {
   double value = 0.0;
 };
 
-/// What the places of a map stand for in integrals over it, mm^2.
+/// The areas that the samples of a map represent in integrals over it, mm^2.
 struct Weights {
-  Eigen::VectorXd vertex;  ///< (n) 0 where not cut
-  Eigen::VectorXd within;  ///< (m) of the place within each triangle, 0 where it has no residual;
+  Eigen::VectorXd vertex;  ///< (n) 0 if not cut
+  Eigen::VectorXd within;  ///< (m) of the sample within each triangle, 0 if it has no residual;
                            ///< empty if none was sampled
 };
 
-/// Vertices that were chosen for a cut stand on its crests, and straight lines between them fill
-/// the hollows: where the middle of a triangle has a residual it stands for three quarters of the
-/// triangle's area and each corner for a twelfth, which is exact for a quadratic residual. A place
-/// at random stands for all of its triangle, so that waves which the vertices do not resolve
-/// average out in any mean. Elsewhere a corner stands for a third.
+/// Returns the weights of a map. Vertices that were chosen for a cut stand on its crests, and
+/// straight lines between them fill the hollows. Therefore, if the middle of a triangle has a
+/// residual, it represents three quarters of the triangle's area and each corner a twelfth, which
+/// is exact for a quadratic residual. A random sample represents the whole triangle, so that waves
+/// which the vertices do not resolve average out in any mean. Elsewhere each corner represents a
+/// third.
 /// @throws std::invalid_argument if sizes differ
 Weights weights(const Surface& surface, const Design& design);
 
-/// What files call the residuals within triangles, um; empty without.
+/// Returns the name in files of the residuals within triangles, in um; empty if there are none.
 const char* within_values_name(Surface::Within within);
 
-/// Barycentric coordinates of the place within triangle t that is sampled. Of `Random` they are
-/// the same always, and even in area.
+/// Returns the barycentric coordinates of the sample within triangle t. For `Random` they are
+/// reproducible and uniform in area.
 std::array<double, 3> place_within(Surface::Within within, Eigen::Index t);
 
-/// Rows or values of vertices, interpolated there.
+/// Returns rows or values of the vertices, interpolated at the sample of triangle t.
 Eigen::Vector3d value_at_place_within(Surface::Within within, const Points& rows,
                                       const Triangles& triangles, Eigen::Index t);
 double value_at_place_within(Surface::Within within, const Eigen::VectorXd& values,
                              const Triangles& triangles, Eigen::Index t);
 
-/// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
-/// judged region are left out of every number and counted; only the shares in and out of tolerance
-/// know them. A number for which no vertex is left (or no area, for the weighted ones) is empty.
-/// All of them are of the same samples: vertices and, where the map has them, the places within
-/// triangles; counts are those of vertices.
-/// Sums are compensated and run in the order of the vertices, so they give the same bits always;
-/// the rounding of a sum is below 4e-16 of the sum of magnitudes.
+/// Statistics of a residual map. Vertices that are uncut, gouged beyond the band or outside the
+/// judged region are excluded from every number and counted; only the conformance includes them. A
+/// number without vertices (or, if weighted, without area) is empty. All numbers use the same
+/// samples: vertices and, if the map has them, the samples within triangles; counts are those of
+/// vertices.
+/// Sums are compensated and run in the order of the vertices, so the bits are reproducible; the
+/// rounding of a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {
   std::optional<double> pv;       ///< mm, max - min
   std::optional<double> rms;      ///< mm, weighted by area
@@ -77,33 +81,33 @@ struct Statistics {
   std::optional<double> std_dev;  ///< mm, about the mean, weighted by area
   std::optional<double> min;      ///< mm
   std::optional<double> max;      ///< mm
-  std::optional<double> p95_abs;  ///< mm, least magnitude of a place such that those of at most it
-                                  ///< are 95 % of the cut area
-  std::optional<SampleValue> lowest, highest;  ///< where min and max are, of equal ones the first,
-                                               ///< vertices before places within triangles
+  std::optional<double> p95_abs;  ///< mm, the magnitude that 95 % of the cut area do not exceed
+  std::optional<SampleValue> lowest, highest;  ///< samples of min and max, of equal ones the first,
+                                               ///< vertices before samples within triangles
   std::optional<Conformance> conformance;      ///< empty if no tolerance was given
   int vertices = 0;
   int cut_vertices = 0;
-  int uncut_vertices = 0;        ///< judged, but nothing was removed
+  int uncut_vertices = 0;        ///< judged, with nothing removed
   int outside_vertices = 0;      ///< not judged
   int gouged_vertices = 0;       ///< judged, and removed deeper than the band
-  std::optional<Gouge> deepest;  ///< of those, of equal ones the first
+  std::optional<Gouge> deepest;  ///< gouge, of equal ones the first
 };
 
-/// @throws std::invalid_argument if sizes differ, or a vertex called cut has no finite residual
+/// Returns the statistics of a map.
+/// @throws std::invalid_argument if sizes differ, or a cut vertex has no finite residual
 Statistics statistics(const Surface& surface, const Design& design,
                       const ToleranceBands& tolerance = {});
 
-/// The map at its vertices alone.
+/// Returns the map without the samples within triangles.
 Surface at_vertices(Surface surface);
 
-/// What a vertex is in a difference of two maps: outside if it is outside in either, else gouged,
-/// else uncut, else cut.
+/// Returns the status of a vertex in a difference of two maps: outside if it is outside in either,
+/// else gouged, else uncut, else cut.
 VertexStatus worse(VertexStatus a, VertexStatus b);
 
-/// First map minus second, vertex by vertex, where both are cut; else its status is the worse of
-/// the two. Instants, lines and gouges are those of the first, gouges of the second where only that
-/// has one.
+/// Returns the first map minus the second, vertex by vertex, where both are cut; elsewhere the
+/// status is the worse of the two. Instants, lines and gouges are those of the first map; gouges of
+/// the second are included where only it has one.
 /// @throws std::invalid_argument if sizes differ
 Surface minus(const Surface& a, const Surface& b);
 

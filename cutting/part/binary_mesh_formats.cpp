@@ -29,7 +29,7 @@ enum class PlyForm { Ascii, Little, Big };
 
 struct PlyType {
   std::size_t size = 0;
-  char kind = 'i';  ///< i signed, u unsigned, f floating
+  char kind = 'i';  ///< i signed, u unsigned, f floating point
 };
 
 struct PlyProperty {
@@ -37,14 +37,14 @@ struct PlyProperty {
   PlyType type;
   std::optional<PlyType> list_count;
 
-  /// 0, 1, 2 for red, green, blue; none of another.
+  /// Returns 0, 1, 2 for red, green, blue; nothing for any other property.
   std::optional<std::size_t> channel() const {
     constexpr std::array<std::string_view, 3> names = {"red", "green", "blue"};
     const auto found = std::ranges::find(names, name);
     if (found == names.end() || list_count) return std::nullopt;
     return std::size_t(found - names.begin());
   }
-  /// Numbers of the vertices of a face.
+  /// Returns true for the list of the vertices of a face.
   bool is_corners() const { return name == "vertex_indices" || name == "vertex_index"; }
   bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
 };
@@ -63,12 +63,13 @@ struct PlyElement {
 
 struct PlyHeader {
   PlyForm form = PlyForm::Ascii;
-  std::vector<PlyElement> elements;  ///< as their data follow one another
-  std::size_t vertex = 0, face = 0;  ///< indices of two of them
-  std::size_t end = 0;               ///< offset of the data
+  std::vector<PlyElement> elements;  ///< in the order of their data
+  std::size_t vertex = 0, face = 0;  ///< indices of these two elements
+  std::size_t end = 0;               ///< offset of the data, bytes
   int lines = 0;
 };
 
+// PLY has two sets of names for the same types, an old one (char, float) and one with sizes.
 PlyType ply_type(const Words& words, const Word& word) {
   static const std::map<std::string_view, PlyType> types = {
       {"char", {1, 'i'}},  {"int8", {1, 'i'}},    {"uchar", {1, 'u'}},  {"uint8", {1, 'u'}},
@@ -111,7 +112,8 @@ std::size_t index_of(const MeshSource& source, const PlyHeader& header, std::str
   return std::size_t(found - header.elements.begin());
 }
 
-/// Places and corners are there once; whatever else there is is passed over.
+/// Checks that coordinates and corners are present exactly once; all other properties are
+/// permitted.
 void check_properties(const MeshSource& source, const PlyElement& vertex, const PlyElement& face) {
   for (const std::string name : {"x", "y", "z"}) {
     const auto& all = vertex.properties;
@@ -131,7 +133,7 @@ void check_properties(const MeshSource& source, const PlyElement& vertex, const 
     source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), face.line, 1);
 }
 
-/// Refuses half a colour.
+/// Checks that a colour is complete and written in one kind of number.
 void check_colour(const MeshSource& source, const PlyElement& element) {
   std::array<int, 3> count{};
   int fractions = 0;
@@ -149,6 +151,7 @@ void check_colour(const MeshSource& source, const PlyElement& element) {
 }
 
 PlyHeader ply_header(const MeshSource& source) {
+  // A PLY header has no comment character: `comment` is a keyword.
   Words words(source, '\0');
   words.expect("ply");
   PlyHeader header;
@@ -161,6 +164,8 @@ PlyHeader ply_header(const MeshSource& source) {
       const Word name = words.next_in_line();
       const bool again =
           std::ranges::find(header.elements, name.text, &PlyElement::name) != header.elements.end();
+      // The corners of faces are checked against the number of vertices, which must therefore be
+      // known.
       const bool early =
           name.text == "face" && std::ranges::find(header.elements, std::string_view("vertex"),
                                                    &PlyElement::name) == header.elements.end();
@@ -169,6 +174,8 @@ PlyHeader ply_header(const MeshSource& source) {
       element = &header.elements.emplace_back();
       element->name = std::string(name.text);
       element->line = word.line;
+      // A count cannot exceed the bytes of the file, so a corrupt header cannot request absurd
+      // memory.
       const Word count = words.next_in_line();
       element->count = words.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
                                      "a count that fits the size of the file");
@@ -181,6 +188,7 @@ PlyHeader ply_header(const MeshSource& source) {
     words.skip_line();
   }
   words.skip_line();
+  // Binary data begin right after the line break.
   header.end = std::min(words.offset() + 1, source.bytes.size());
   header.lines = words.line();
   header.vertex = index_of(source, header, "vertex");
@@ -191,7 +199,7 @@ PlyHeader ply_header(const MeshSource& source) {
   return header;
 }
 
-/// Values of a PLY body one after the other, whatever its form.
+/// The values of a PLY body in order, for all three forms.
 class PlyValues {
  public:
   PlyValues(const MeshSource& source, const PlyHeader& header)
@@ -211,7 +219,7 @@ class PlyValues {
       std::reverse(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(type.size));
     return value_of(raw, type);
   }
-  /// Passes over what nobody needs, whatever its value is.
+  /// Skips a property that is not needed, whatever its values.
   void skip(const PlyProperty& p) {
     double count = 1.0;
     if (p.list_count) {
@@ -220,6 +228,7 @@ class PlyValues {
         refuse("the length of a list", fmt::format("{}", count));
     }
     if (form_ != PlyForm::Ascii) {
+      // tested as a double first: a huge count would overflow the multiplication below
       if (count > double(source_.bytes.size())) require(source_.bytes.size());
       require(std::size_t(count) * p.type.size);
       at_ += std::size_t(count) * p.type.size;
@@ -264,7 +273,7 @@ class PlyValues {
   std::size_t at_;
 };
 
-/// Takes the values of a colour one after the other, in any order.
+/// Collects the channels of a colour in any order.
 struct PlyColour {
   std::optional<FaceColour> colour;
 
@@ -280,7 +289,7 @@ struct PlyColour {
   }
 };
 
-/// A file as it is read, with the marks that are asked for.
+/// The reader of one file with the requested marks.
 class PlyReader {
  public:
   PlyReader(const MeshSource& source, const MarkSelection& wanted)
@@ -375,7 +384,7 @@ class PlyReader {
     return corners;
   }
 
-  /// The set of names of a value of a property.
+  /// Returns the set of names for a value of a property.
   int group(std::size_t property, double value) {
     const auto [place, is_new] = groups_.emplace(std::pair(property, value), -1);
     const std::string& name = face_.properties[property].name;
@@ -403,6 +412,7 @@ TriangleSoup read_ply(const MeshSource& source, const MarkSelection& wanted) {
 
 namespace {
 
+// 80 bytes of text and a count; 12 floats and an attribute of 16 bits
 constexpr std::size_t stl_header = 84, stl_facet = 50;
 
 std::uint64_t binary_stl_size(const std::string& bytes) {
@@ -411,6 +421,7 @@ std::uint64_t binary_stl_size(const std::string& bytes) {
   return stl_header + stl_facet * std::uint64_t{count};
 }
 
+// The size decides, because many binary files begin with "solid" as ascii ones do.
 bool is_binary_stl(const std::string& bytes) {
   return bytes.size() >= stl_header && bytes.size() == binary_stl_size(bytes);
 }
@@ -421,13 +432,14 @@ void add_triangle(TriangleSoup& soup, const std::array<Vector3d, 3>& corners) {
   soup.faces.push_back({first, first + 1, first + 2});
 }
 
-/// How a binary STL writes the colour of a facet in the 16 bits of its attribute.
+/// The encoding of the colour of a facet in the 16 bits of its attribute.
 struct StlColours {
-  bool of_magics = false;           ///< blue is highest, and a set 16th bit means the whole's
-  std::optional<FaceColour> whole;  ///< of the header
+  bool of_magics = false;  ///< blue is highest, and a set 16th bit means the colour of the header
+  std::optional<FaceColour> whole;  ///< colour of the header
 
   std::optional<FaceColour> of(std::uint16_t attribute) const {
     const bool is_set = (attribute & 0x8000) != 0;
+    // VisCAM: a clear bit means no colour; Magics: a set bit means that of the header.
     if (is_set == of_magics) return whole;
     const auto five_bits = [&](int shift) { return int(attribute >> shift) & 31; };
     Rgb channels = {five_bits(10), five_bits(5), five_bits(0)};
@@ -460,7 +472,7 @@ TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& want
   for (std::size_t t = 0; t < count; ++t) {
     std::array<float, 12> values;
     std::memcpy(values.data(), source.bytes.data() + stl_header + stl_facet * t, sizeof values);
-    // the normal, which comes first, is not needed: exporters write nan there
+    // The normal, which comes first, is not needed; exporters write nan there.
     for (const float v : std::span(values).subspan(3))
       if (!std::isfinite(v))
         source.refuse("finite numbers", fmt::format("{} in facet {} (counted from 1)", v, t + 1));
@@ -470,7 +482,7 @@ TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& want
     };
     add_triangle(soup, {corner(0), corner(1), corner(2)});
     if (!wanted.colours) continue;
-    std::array<unsigned char, 2> attribute;  // the lower byte first
+    std::array<unsigned char, 2> attribute;  // lower byte first
     std::memcpy(attribute.data(), source.bytes.data() + stl_header + stl_facet * (t + 1) - 2, 2);
     marker.mark(soup.faces.size(),
                 {{}, colours.of(std::uint16_t(attribute[0] | attribute[1] << 8))});
@@ -479,7 +491,7 @@ TriangleSoup read_binary_stl(const MeshSource& source, const MarkSelection& want
   return soup;
 }
 
-/// The rest of a facet after its first word.
+/// Reads the rest of a facet after its first keyword.
 std::array<Vector3d, 3> ascii_facet(Words& words) {
   words.expect("normal");
   for (int k = 0; k < 3; ++k) words.next();

@@ -4,8 +4,8 @@
 
 namespace abbe::cutting {
 
-/// Compensated sum (Neumaier): the rounding of n terms is below 2 ulp of the result plus n^2 ulp^2
-/// of the sum of magnitudes, in the order in which they are added.
+/// A compensated sum (Neumaier): the rounding of n terms is below 2 ulp of the result plus n^2
+/// ulp^2 of the sum of magnitudes. The result depends on the order of the terms.
 class Sum {
  public:
   void add(double term) {

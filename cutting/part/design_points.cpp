@@ -22,12 +22,16 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr int leaf_most = 4;
-constexpr int alone = 4096;         // triangles that are not worth a task of their own
-constexpr double ray_slack = 1e-9;  // of a triangle, so that no ray slips between two
-constexpr double touch = 1e-9;      // mm
+constexpr int leaf_most = 4;        // triangles
+constexpr int alone = 4096;         // triangles; fewer are not worth a task of their own
+constexpr double ray_slack = 1e-9;  // of a triangle's size, so that no ray slips between two
+                                    // triangles
+constexpr double touch = 1e-9;  // mm, distance of the start of a ray from a triangle below which
+                                // they touch
 
-/// Nodes of a tree of n triangles and of n + 1.
+/// Returns the numbers of nodes of a tree of n triangles and of one of n + 1. Both are needed,
+/// since an odd n has halves of either size; computing them together keeps the recursion at log n
+/// steps.
 std::pair<int, int> nodes_of(int n) {
   if (n < leaf_most) return {1, 1};
   const auto [half, more] = nodes_of(n / 2);
@@ -36,8 +40,8 @@ std::pair<int, int> nodes_of(int n) {
   return {here, n % 2 == 0 ? odd : 1 + 2 * more};
 }
 
-/// Whether a ray meets the box within `most`. A place at the rim lies beyond it by rounding, and
-/// its ray runs along a side of the box.
+/// Returns true if a ray meets the box within `most`. The box is widened because a point on a rim
+/// may lie outside it by rounding, with a ray along a side of the box.
 bool is_met(const AlignedBox3d& box, const Vector3d& start, const Vector3d& direction,
             double most) {
   double from = 0.0, to = most;
@@ -90,9 +94,11 @@ void TriangleTree::fill_node(int node, int first, int last, const Points& middle
   const int middle = first + (last - first) / 2;
   std::nth_element(order_.begin() + first, order_.begin() + middle, order_.begin() + last,
                    [&](int a, int b) {
+                     // ties by number, so that the tree does not depend on the threads
                      const double ca = middles(a, widest), cb = middles(b, widest);
                      return ca < cb || (ca == cb && a < b);
                    });
+  // fixed positions of the nodes permit construction in parallel
   here.second = node + 1 + nodes_of(middle - first).first;
   const auto lower = [&] { fill_node(node + 1, first, middle, middles); };
   const auto upper = [&] { fill_node(here.second, middle, last, middles); };
@@ -105,8 +111,7 @@ void TriangleTree::fill_node(int node, int first, int last, const Points& middle
 }
 
 TriangleTree::Nearest TriangleTree::nearest_of(int triangle, const Vector3d& place) const {
-  // Ericson, Real-Time Collision Detection, 5.1.5: by the region of the plane that the place is
-  // over
+  // Ericson, Real-Time Collision Detection, 5.1.5: by the Voronoi region that contains the point.
   const Vector3d a = vertices_.row(corners_(triangle, 0)), b = vertices_.row(corners_(triangle, 1)),
                  c = vertices_.row(corners_(triangle, 2));
   const Vector3d ab = b - a, ac = c - a, ap = place - a, bp = place - b, cp = place - c;
@@ -145,14 +150,14 @@ TriangleTree::Nearest TriangleTree::nearest(const Vector3d& place, int guess, do
   Nearest best;
   best.squared = most * most;
   if (nodes_.empty()) return best;
-  // of a triangle without an area the distance may be no number
+  // The distance of a triangle without an area may be NaN, which fails the comparison.
   if (guess >= 0)
     if (const Nearest near = nearest_of(guess, place); near.squared <= best.squared) best = near;
   struct Open {
     int node;
     double squared;
   };
-  std::array<Open, 64> open;  // as many as a tree of 2^31 triangles is high, twice
+  std::array<Open, 64> open;  // twice the height of a tree of 2^31 triangles
   int top = 0;
   open[std::size_t(top++)] = {0, nodes_[0].box.squaredExteriorDistance(place)};
   while (top > 0) {
@@ -168,6 +173,7 @@ TriangleTree::Nearest TriangleTree::nearest(const Vector3d& place, int guess, do
     if (node.count > 0) continue;
     Open near{next.node + 1, nodes_[std::size_t(next.node + 1)].box.squaredExteriorDistance(place)};
     Open far{node.second, nodes_[std::size_t(node.second)].box.squaredExteriorDistance(place)};
+    // the nearer child is pushed last and so visited first
     if (far.squared < near.squared) std::swap(near, far);
     if (far.squared <= best.squared) open[std::size_t(top++)] = far;
     if (near.squared <= best.squared) open[std::size_t(top++)] = near;
@@ -206,7 +212,8 @@ std::optional<double> TriangleTree::met(int triangle, const Vector3d& start,
   const Vector3d outward = ab.cross(ac);
   const double sign = side == Side::Outer ? -1.0 : 1.0;
   const double out = direction.dot(outward), height = (a - start).dot(outward);
-  if (!(sign * out > 0.0)) return std::nullopt;  // it comes from the other side, or runs along
+  // it arrives from the other side, or runs along the triangle
+  if (!(sign * out > 0.0)) return std::nullopt;
   if (!(sign * height > touch * outward.norm())) return std::nullopt;
   const Vector3d turned = (start - a).cross(direction);
   const double u = -ac.dot(turned) / out, v = ab.dot(turned) / out;
@@ -258,29 +265,31 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kink = 0.01;  // of the profile's size: how near a kink is settled by the normal
+constexpr double kink = 0.01;  // of the profile's size: within this distance of a kink the normal
+                               // decides
 
-/// The arc at which a section comes nearest to a point of its half plane.
+/// Returns the arc length at which a section comes nearest to a point of its half plane.
 double nearest_arc(const Section& s, const Vector2d& p) {
   const Vector2d from = p - s.from;
   const Vector2d left = left_of(s.tangent);
   const double along = s.tangent.dot(from);
   if (s.curvature == 0.0) return std::clamp(along, 0.0, s.length);
-  // the walk turns by curvature times arc, to the right where it is convex; seen from the centre,
-  // which lies at -left / curvature
+  // The path turns by curvature times arc length, to the right where it is convex. The angle is
+  // computed as seen from the centre, which lies at -left / curvature, without forming the centre.
   const double out = 1.0 + s.curvature * left.dot(from);
   const double turned = std::atan2(std::abs(s.curvature) * along, out);
   return std::clamp(turned / std::abs(s.curvature), 0.0, s.length);
 }
 
+// Returns a station of the profile turned to an azimuth.
 Contact turned_to(const Station& station, const Vector2d& azimuth) {
   const Vector2d& n = station.normal;
   return {{station.point.x() * azimuth.x(), station.point.x() * azimuth.y(), station.point.y()},
           Vector3d(n.x() * azimuth.x(), n.x() * azimuth.y(), n.y()).normalized()};
 }
 
-/// (vertices) of a design whose vertices are those of another, then more between them. No triangle
-/// joins two groups, so vertices that triangles join are of the group of the first of them.
+/// Returns (vertices) the groups of a design whose first vertices are those of another. No triangle
+/// joins two groups, so all vertices connected by triangles have the group of the first of them.
 std::vector<int> groups_on(const Design& from, const Design& made) {
   if (from.group.empty()) return {};
   DisjointSets joined(std::size_t(made.vertices.rows()));
@@ -307,6 +316,7 @@ Contact facet_point(std::span<const Contact> corners, std::span<const double> we
 }
 
 Contact smooth_facet_point(std::span<const Contact> corners, std::span<const double> weights) {
+  // of the normal against the plane of the facet: sin 30 degrees
   constexpr double smooth_sine = 0.5;
   const Contact flat = facet_point(corners, weights);
   Vector3d lift = Vector3d::Zero();
@@ -346,6 +356,7 @@ Contact nearest(const Primitive& primitive, const Vector3d& point, const Vector3
   for (const RevolvedProfile::Piece& piece : outline.pieces) {
     const Section s = section(piece);
     const Station here = at(s, nearest_arc(s, at_rz));
+    // distance and normal together: away from kinks the distance dominates, near them the normal
     const double off = (here.point - at_rz).squaredNorm() / (near * near) +
                        (here.normal - normal_rz / size).squaredNorm();
     if (off >= least) continue;
@@ -407,8 +418,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double smooth_cosine = 0.8660254037844386;  // 30 degrees
-constexpr double edge_slack = 1e-12;  // of a plan coordinate: no gap between neighbours
+constexpr double smooth_cosine = 0.8660254037844386;  // cos 30 degrees
+constexpr double edge_slack = 1e-12;  // of a plan coordinate, so that there is no gap between
+                                      // neighbours
 
 struct Corners {
   std::array<Vector3d, 3> p;
@@ -427,7 +439,8 @@ bool looks_up(const Corners& c) { return c.cross.z() > 1e-9 * c.cross.norm(); }
 
 double area2(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-/// Weights of the corners at (x, y) in plan; empty farther outside than the gap.
+/// Returns the weights of the corners at (x, y) in plan; nothing if the point is farther outside
+/// than the gap.
 std::optional<Vector3d> weights(const Corners& c, const Vector2d& at, double gap) {
   Vector3d w;
   for (int k = 0; k < 3; ++k) {
@@ -439,6 +452,7 @@ std::optional<Vector3d> weights(const Corners& c, const Vector2d& at, double gap
   return w;
 }
 
+// Returns the point of the smooth surface on a triangle at (x, y).
 Contact smooth_point(const Design& design, int triangle, const Corners& c, const Vector2d& at,
                      const Vector3d& w) {
   const Vector3d flat_normal = c.cross.normalized();
@@ -447,6 +461,7 @@ Contact smooth_point(const Design& design, int triangle, const Corners& c, const
   Vector2d slope = Vector2d::Zero();
   for (int k = 0; k < 3; ++k) {
     const Vector3d n = design.normals.row(design.triangles(triangle, k));
+    // 1e-3: an almost upright normal has no usable slope
     if (n.dot(flat_normal) < smooth_cosine || n.z() < 1e-3)
       return {Vector3d(at.x(), at.y(), flat), flat_normal};
     const Vector3d& p = c.p[static_cast<std::size_t>(k)];
@@ -458,10 +473,13 @@ Contact smooth_point(const Design& design, int triangle, const Corners& c, const
           Vector3d(-slope.x(), -slope.y(), 1.0).normalized()};
 }
 
-/// The surface of a face above a place, near a height; empty where it stands upright.
+/// Returns the point of a face above a position, near the height of p; nothing where the face is
+/// upright.
 std::optional<Contact> face_above(const AnalyticPatch& face, Vector3d p) {
   constexpr int rounds = 20;
+  // 1e-3: within that of upright a face has no point above, as stated in the header
   constexpr double min_z = 1e-3, still = 1e-13;
+  // Newton's method along z
   for (int round = 0; round < rounds; ++round) {
     const Vector3d n = outward(face, p);
     if (!(std::abs(n.z()) > min_z)) return std::nullopt;
@@ -483,7 +501,8 @@ MeshContact::MeshContact(Design design, std::vector<AnalyticPatch> faces)
   lower_ = design_.vertices.leftCols<2>().colwise().minCoeff();
   const Vector2d size = design_.vertices.leftCols<2>().colwise().maxCoeff().transpose() - lower_;
   const double triangles = std::max<double>(1.0, double(design_.triangles.rows()));
-  // two triangles a cell on average; the bound keeps a sliver of a part from asking for a huge grid
+  // Two triangles per cell on average; the bound of 4096 cells prevents a huge grid for a thin
+  // part.
   cell_ =
       std::max({std::sqrt(size.x() * size.y() / triangles * 2.0), size.maxCoeff() / 4096.0, 1e-9});
   columns_ = static_cast<int>(size.x() / cell_) + 1;

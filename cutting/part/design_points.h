@@ -14,37 +14,42 @@
 #include "cutting/part/primitive.h"
 #include "cutting/part/surface_fit.h"
 
+/// Points on design surfaces: the nearest triangle of a mesh and the thickness behind a point,
+/// interpolation between vertices, and the highest point above a position in x and y.
 namespace abbe::cutting {
 
-/// Triangles sorted into boxes within boxes, for the nearest one to a place and the first that a
-/// ray meets. Immutable; about 50 bytes a triangle and 24 a vertex. Built by all threads, the same
-/// for any number of them.
+/// A hierarchy of bounding boxes of triangles, for the nearest triangle to a point and the first
+/// triangle that a ray meets. Immutable; about 50 bytes per triangle and 24 per vertex. Constructed
+/// in parallel, with the same result for any number of threads.
 class TriangleTree {
  public:
   TriangleTree(Points vertices, Triangles triangles);
 
-  /// The place of a triangle that is nearest to another place.
+  /// The point of a triangle that is nearest to a query point.
   struct Nearest {
-    int triangle = -1;  ///< -1 where there is none
+    int triangle = -1;  ///< -1 if there is none
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
-    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< of the corners, summing to one
-    double squared = 0.0;                               ///< mm^2, of the distance
+    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric weights of the corners,
+                                                        ///< summing to one
+    double squared = 0.0;                               ///< mm^2, squared distance
   };
-  /// Of equally near triangles the one of least number, whatever the guess.
-  /// @param guess  a triangle that may be near, which makes it faster; -1: none
-  /// @param most   mm, triangles further off are not found
+  /// Returns the nearest triangle; of equally near triangles the one of least number, whatever the
+  /// guess.
+  /// @param guess  a triangle that may be near, which speeds up the search; -1: none
+  /// @param most   mm, triangles farther away are ignored
   Nearest nearest(const Eigen::Vector3d& place, int guess = -1,
                   double most = std::numeric_limits<double>::infinity()) const;
-  /// All triangles that come as near as `distance`, by their numbers.
+  /// Returns all triangles within `distance` (mm) of a point, in the order of their numbers.
   std::vector<Nearest> within(const Eigen::Vector3d& place, double distance) const;
-  /// From which side a ray comes upon a triangle.
+  /// The side of a triangle from which a ray arrives.
   enum class Side { Outer, Inner };
+  /// The first triangle met by a ray.
   struct RayHit {
-    double along = 0.0;  ///< mm
+    double along = 0.0;  ///< mm along the ray
     int triangle = -1;
   };
-  /// The first triangle that a ray meets from that side; none within `most`. Triangles in whose
-  /// plane the start lies, to 1e-9 mm, do not count.
+  /// Returns the first triangle that a ray meets from that side, or nothing within `most` (mm).
+  /// Triangles in whose plane the start lies, to 1e-9 mm, do not count.
   /// @param direction  unit
   std::optional<RayHit> first_hit(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
                                   Side side,
@@ -57,8 +62,8 @@ class TriangleTree {
   struct Node {
     Eigen::AlignedBox3d box;
     int first = 0;
-    int count = 0;   ///< of a leaf's triangles; 0 else
-    int second = 0;  ///< the other child, the first is the next node
+    int count = 0;   ///< number of triangles of a leaf; 0 for an inner node
+    int second = 0;  ///< index of the second child; the first child is the next node
   };
   void fill_node(int node, int first, int last, const Points& middles);
   Nearest nearest_of(int triangle, const Eigen::Vector3d& place) const;
@@ -67,73 +72,76 @@ class TriangleTree {
 
   Points vertices_;
   Triangles corners_;
-  std::vector<int> order_;  ///< triangles, so that every node has a run of them
+  std::vector<int> order_;  ///< triangles in an order in which those of every node are consecutive
   std::vector<Node> nodes_;
 };
 
-/// A part as places see it: how thick it is behind them, whether it comes near. Immutable.
+/// The thickness of a part behind points of its surface, and its distance from points. Immutable.
 class Thickness {
  public:
   explicit Thickness(const Design& design);
 
-  /// mm from a place against its outward normal to the first triangle through which that line
-  /// leaves the part; none within `most`, as behind an open surface. Triangles in whose plane
-  /// the place lies, to 1e-9 mm, do not count.
+  /// Returns the distance from a point against its outward normal to the first triangle through
+  /// which that line leaves the part, mm; nothing within `most`, as behind an open surface.
+  /// Triangles in whose plane the point lies, to 1e-9 mm, do not count.
   std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
                                double most) const;
 
-  /// mm from a place to the nearest triangle; `most` where none is nearer.
+  /// Returns the distance of a point from the nearest triangle, mm; at most `most`.
   double nearest(const Eigen::Vector3d& place, double most) const;
 
-  /// Whether a triangle comes as near to a place as `distance` mm.
+  /// Returns true if a triangle lies within `distance` mm of a point.
   bool comes_within(const Eigen::Vector3d& place, double distance) const;
 
  private:
   TriangleTree tree_;
 };
 
-/// The place of a surface between two or three places of it, at weights that sum to one.
+/// Returns the point of a surface between two or three of its points, for weights that sum to one.
 using SurfaceInterpolator =
     std::function<Contact(std::span<const Contact> corners, std::span<const double> weights)>;
 
-/// Of a mesh whose facets are its surface. The normal is the mean of those at the corners.
+/// Interpolates on a mesh whose facets are its surface. The normal is the mean of those at the
+/// corners.
 Contact facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
-/// Of a mesh whose vertices and normals are those of a smooth surface: half way between the facet
-/// and the mean of the tangent planes at its corners, as `surface_point_above`. On a sphere of
-/// radius R with edges L it is L^4 / 20 R^3 off, where the facet is L^2 / 8 R. The facet itself
-/// where a normal is more than 30 degrees off it.
+/// Interpolates on a mesh whose vertices and normals are those of a smooth surface: returns the
+/// point half way between the facet and the mean of the tangent planes at its corners, as
+/// `surface_point_above`. On a sphere of radius R with edges L its error is L^4 / 20 R^3, where
+/// that of the facet is L^2 / 8 R. Returns the point of the facet itself if a normal is more than
+/// 30 degrees off it.
 Contact smooth_facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
-/// Of a declared surface that stands at T: the nearest place to the facet.
+/// Returns an interpolator for a declared surface with pose T: the nearest point of the surface to
+/// the facet.
 SurfaceInterpolator primitive_interpolator(const Primitive& primitive, const Eigen::Isometry3d& T);
 
-/// The nearest point of a declared surface, its rims included, and the outward normal. Within a
-/// hundredth of the profile's size of a kink the normal given says which piece is meant. Exact to
-/// 1e-12 mm per metre for points nearer than a tenth of the least radius of curvature.
+/// Returns the nearest point of a declared surface, its rims included, and the outward normal.
+/// Within a hundredth of the profile's size of a kink the given normal decides between the pieces.
+/// Exact to 1e-12 mm per metre for points nearer than a tenth of the least radius of curvature.
 Contact nearest(const Primitive& primitive, const Eigen::Vector3d& point,
                 const Eigen::Vector3d& normal);
 
-/// A design of other vertices, those of the one it is made from first, with their facet error,
-/// their groups, faces and seams. The others are of the group of the triangles at them.
-/// @param triangles  (m x 3) of the places
-/// @param judged     (places)
+/// Returns a design with other vertices. Those of the original design come first and keep their
+/// facet error, groups, faces and seams; the others belong to the group of their triangles.
+/// @param triangles  (m x 3) of the points
+/// @param judged     (points)
 Design resampled_design(const Design& from, const std::vector<Contact>& places, Triangles triangles,
                         std::vector<std::uint8_t> judged);
 
-/// A vertex of a design, with its normal and face.
+/// Returns a vertex of a design with its normal and face.
 Contact place_of(const Design& design, int vertex);
 
-/// The vertices of a design, with their normals and faces.
+/// Returns the vertices of a design with their normals and faces.
 std::vector<Contact> places_of(const Design& design);
 
-/// Places as a design without triangles, all judged.
+/// Returns points as a design without triangles, all judged.
 Design design_from_points(const std::vector<Contact>& places);
 
-/// The triangles of a design that look up, sorted into the cells of a grid in x and y. Immutable.
+/// The upward-facing triangles of a design, sorted into the cells of a grid in x and y. Immutable.
 class MeshContact {
  public:
-  /// @param faces  that `Design::face` numbers
+  /// @param faces  indexed by `Design::face`
   /// @throws std::invalid_argument if a vertex or a normal is not finite
   explicit MeshContact(Design design, std::vector<AnalyticPatch> faces = {});
 
@@ -147,22 +155,23 @@ class MeshContact {
 
   Design design_;
   std::vector<AnalyticPatch> faces_;
-  double gap_ = 0.0;  ///< mm, that may be between triangles of two faces
+  double gap_ = 0.0;  ///< mm, possible gap between triangles of two faces
   Eigen::Vector2d lower_ = Eigen::Vector2d::Zero();
   double cell_ = 1.0;
   int columns_ = 0, rows_ = 0;
-  std::vector<int> first_;      ///< (cells + 1) where the list of a cell begins
+  std::vector<int> first_;      ///< (cells + 1) start of the list of each cell
   std::vector<int> triangles_;  ///< indices of triangles, cell after cell
 };
 
-/// The highest point of the smooth surface above (x, y) and its normal; empty where no triangle
-/// looks up there. In a triangle the surface is the mean of the flat triangle and of the tangent
-/// planes at its corners, weighted by the plan coordinates: exact where the height is quadratic in
-/// x and y and the vertex normals are exact (the flat triangle alone errs by the facet error). The
-/// normal goes with the slope, linear in the triangle. Where a vertex normal leaves the triangle's
-/// by more than 30 degrees (a sharp edge) the flat triangle and its own normal serve. On a
-/// recognised face it is the surface of that, to 1e-12 mm, unless that stands within 1e-3 rad of
-/// upright there.
+/// Returns the highest point of the smooth surface above (x, y) and its normal; nothing if no
+/// triangle faces upwards there.
+/// Within a triangle the surface is the mean of the flat triangle and of the tangent planes at its
+/// corners, weighted by the plan coordinates: exact if the height is quadratic in x and y and the
+/// vertex normals are exact (the error of the flat triangle alone is the facet error). The normal
+/// follows from the slope, which is linear in the triangle. If a vertex normal deviates from that
+/// of the triangle by more than 30 degrees (a sharp edge), the flat triangle and its own normal are
+/// used. On a recognised face the result is the analytic surface, to 1e-12 mm, unless that is
+/// within 1e-3 rad of upright there.
 std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y);
 
 }  // namespace abbe::cutting

@@ -22,7 +22,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// Triangles at each vertex, one after another.
+/// The triangles at each vertex, concatenated.
 struct TrianglesAt {
   std::vector<int> first, triangles;
   explicit TrianglesAt(const Design& design) : first(std::size_t(design.vertices.rows()) + 1, 0) {
@@ -41,7 +41,7 @@ struct TrianglesAt {
   }
 };
 
-/// Whether a vertex is within open triangles: they go all around it.
+/// Returns true if the triangles around a vertex are all open and enclose it.
 bool is_within(const FaceGrowth& growth, const TrianglesAt& around, int v) {
   for (const int t : around.at(v)) {
     if (!growth.is_open(t)) return false;
@@ -52,7 +52,8 @@ bool is_within(const FaceGrowth& growth, const TrianglesAt& around, int v) {
   return !around.at(v).empty();
 }
 
-/// The triangles at a vertex and at those next to it; none if one of these is not within.
+/// Returns the triangles at a vertex and at its neighbours; nothing if one of these is not enclosed
+/// by open triangles.
 std::vector<int> two_rings(const FaceGrowth& growth, const TrianglesAt& around, int v) {
   std::vector<int> triangles;
   for (const int t : around.at(v))
@@ -64,7 +65,7 @@ std::vector<int> two_rings(const FaceGrowth& growth, const TrianglesAt& around, 
   return sorted_unique(std::move(triangles));
 }
 
-/// The largest angle between a facet and the first of them.
+/// Returns the largest angle between the first facet and the others, rad.
 double bend_of(const FaceGrowth& growth, std::span<const int> triangles) {
   double least = 1.0;
   for (const int t : triangles)
@@ -90,7 +91,8 @@ class VertexSeeds {
       if (triangles.empty() ||
           try_forms(std::array{Form::Cylinder, Form::Cone, Form::Torus}, triangles))
         continue;
-      // where facets are fine, so many are within a face that not each need be tried
+      // In finely meshed regions a face contains so many vertices that not all of them need be
+      // tried.
       if (bend_of(growth_, triangles) < fine)
         for (const int t : triangles)
           for (const int near : growth_.design().triangles.row(t)) give_up_around(near);
@@ -98,10 +100,12 @@ class VertexSeeds {
   }
 
  private:
+  // 0.5 deg: below it the facets around a vertex are one flat
   static constexpr double flat = 0.5 * std::numbers::pi / 180.0,
-                          fine = 0.2;  // rad, of the facets around a vertex
+                          fine = 0.2;  // rad, turn over two rings of facets
 
-  /// A region that has grown and is no face would only grow again from its other vertices.
+  /// A region that has grown without being a face would grow again from its other vertices, so
+  /// these are skipped.
   bool try_forms(std::span<const Form> forms, std::vector<int> triangles) {
     constexpr std::size_t much = 4;
     const std::size_t began = triangles.size();
@@ -117,7 +121,8 @@ class VertexSeeds {
       for (const int next : growth_.design().triangles.row(t)) tried_[std::size_t(next)] = 1;
   }
 
-  /// Whether a vertex and those around it lie on a sphere, about: of a free form hardly any do.
+  /// Returns true if a vertex and its neighbours lie on a common sphere to within 3 tolerances. On
+  /// a free form hardly any do, so this saves most of the fits.
   bool is_round(int v) const {
     constexpr double near = 3.0;  // tolerances
     const Points& all = growth_.design().vertices;
@@ -143,19 +148,20 @@ class VertexSeeds {
   std::vector<char> tried_;
 };
 
-/// A line along a strip: two points of it.
+/// A line along a strip, given by two points.
 struct StripLine {
   Vector3d from, to;
   Vector3d direction() const { return (to - from).normalized(); }
   double length() const { return (to - from).norm(); }
 };
 
-/// Two strips with the line at which they meet, and that at the other side of each.
+/// Two adjacent strips: the line at which they meet, and the opposite side of each.
 struct Fold {
   StripLine first, middle, last;
 };
 
-/// The farthest two of some points along a line; none of less than two.
+/// Returns the two points of a set that are farthest apart along a line; nothing for fewer than
+/// two.
 std::optional<StripLine> line_of(const std::vector<Vector3d>& points) {
   if (points.size() < 2) return std::nullopt;
   const auto farthest_from = [&](const Vector3d& p) {
@@ -167,10 +173,10 @@ std::optional<StripLine> line_of(const std::vector<Vector3d>& points) {
   return StripLine{farthest_from(end), end};
 }
 
-/// The sides of a flat along a line and opposite to it.
+/// Returns the sides of a flat along a line and opposite to it.
 std::optional<std::pair<StripLine, StripLine>> sides_of_strip(const FaceGrowth& growth, int flat,
                                                               const StripLine& fold) {
-  constexpr double most = 0.1;  // of the height: what still lies on a side
+  constexpr double most = 0.1;  // of the height: points within this of the line belong to its side
   std::vector<Vector3d> points;
   std::vector<double> height;
   for (const int t : growth.flats()[std::size_t(flat)])
@@ -189,13 +195,13 @@ std::optional<std::pair<StripLine, StripLine>> sides_of_strip(const FaceGrowth& 
   return std::pair(*first, *last);
 }
 
-/// Turned to run as another line does.
+/// Returns the line in the direction of another line.
 StripLine along(StripLine line, const StripLine& other) {
   if (line.direction().dot(other.direction()) < 0.0) std::swap(line.from, line.to);
   return line;
 }
 
-/// The cylinder through three parallel lines.
+/// Returns the cylinder through three parallel lines.
 std::optional<AnalyticPatch> cylinder_through(const Fold& fold) {
   const Vector3d axis = (fold.first.to - fold.first.from + fold.middle.to - fold.middle.from +
                          fold.last.to - fold.last.from)
@@ -214,7 +220,7 @@ std::optional<AnalyticPatch> cylinder_through(const Fold& fold) {
   return surface;
 }
 
-/// The cone through three lines that meet at its apex.
+/// Returns the cone through three lines that meet at its apex.
 std::optional<AnalyticPatch> cone_through(const Fold& fold) {
   const std::array<StripLine, 3> lines = {fold.first, fold.middle, fold.last};
   Matrix3d across = Matrix3d::Zero();
@@ -231,6 +237,7 @@ std::optional<AnalyticPatch> cone_through(const Fold& fold) {
                       .cross(lines[2].direction() - lines[1].direction())
                       .normalized();
   if (axis.dot(middle - apex) < 0.0) axis = -axis;
+  // 1e-3: the lines are almost in a plane across the axis, which is no cone
   const double height = axis.dot(middle - apex), slope = std::abs(axis.dot(lines[1].direction()));
   if (!apex.allFinite() || !axis.allFinite() || !(height > 0.0) || !(slope > 1e-3))
     return std::nullopt;
@@ -243,7 +250,7 @@ std::optional<AnalyticPatch> cone_through(const Fold& fold) {
   return surface;
 }
 
-/// What two strips that meet along a side of a triangle may be part of.
+/// Returns the cylinder or cone through two strips that meet along a side of a triangle.
 std::optional<AnalyticPatch> through_strips(const FaceGrowth& growth, int t, int side) {
   const Design& design = growth.design();
   const int other = growth.open_across(t, side);
@@ -254,6 +261,7 @@ std::optional<AnalyticPatch> through_strips(const FaceGrowth& growth, int t, int
   if (!one || !next || !(one->first.length() > 0.0)) return std::nullopt;
   const Fold fold{along(one->second, edge), along(one->first, edge), along(next->second, edge)};
   const double least = std::min({fold.first.length(), fold.middle.length(), fold.last.length()});
+  // rounding of the vertices tilts the lines by their tolerance over the length
   const double parallel = 1e-3 + 4.0 * growth.tolerance() / least;
   const Vector3d u = fold.middle.direction();
   const bool is_cylinder = fold.first.direction().cross(u).norm() < parallel &&
@@ -265,10 +273,10 @@ std::optional<AnalyticPatch> through_strips(const FaceGrowth& growth, int t, int
   return surface;
 }
 
-/// Grows cylinders and cones from strips that meet. @return whether there are any
+/// Grows cylinders and cones from adjacent strips. @return true if any face was found
 bool grow_from_strips(FaceGrowth& growth) {
   bool any = false;
-  constexpr std::size_t largest = 512;  // triangles of a strip
+  constexpr std::size_t largest = 512;  // triangles of two strips; larger flats are no strips
   std::set<std::pair<int, int>> met;
   std::vector<char> tried(growth.flats().size(), 0);
   for (int t = 0; t < int(growth.design().triangles.rows()) && !growth.is_budget_exhausted(); ++t)
@@ -305,12 +313,14 @@ bool grow_from_strips(FaceGrowth& growth) {
 FaceRegions grow_face_regions(const Design& design, const std::vector<char>& open,
                               double tolerance) {
   constexpr int passes = 3;
+  // Planes that are evident by themselves come first: they bound the curved faces between them.
+  // Planes that are only tangent to curved faces come last, since these must be known.
   FaceGrowth growth(design, open, tolerance);
   const int flats = int(growth.flats().size());
   for (int flat = 0; flat < flats; ++flat)
     if (auto plane = growth.evident_plane(flat)) growth.take(std::move(*plane));
   VertexSeeds(growth).try_all();
-  // what ended at another face that was not known yet may be one now
+  // A region that ended at a face not yet known may be a face now.
   for (int pass = 0; pass < passes && grow_from_strips(growth); ++pass) {
   }
   for (int flat = 0; flat < flats; ++flat)
@@ -324,9 +334,9 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double min_lean = 0.866;  // cos 30 degrees, of a facet along its surface
+constexpr double min_lean = 0.866;  // cos 30 degrees, lean of a facet along its surface
 constexpr double min_waste = 1e6, waste_a_triangle = 30.0, fit_work = 50.0;  // triangles
-constexpr double growing_reach = 3.0;  // tolerances, while a surface is fitted to few facets yet
+constexpr double growing_reach = 3.0;  // tolerances, while a surface is fitted to only a few facets
 
 }  // namespace
 
@@ -365,7 +375,7 @@ void FaceGrowth::stamp(const Region& region) {
   for (const int v : region.vertices) vertex_stamp_[std::size_t(v)] = stamped_;
 }
 
-/// Those corners of a triangle that the region, which was stamped last, does not have.
+/// Adds those corners of a triangle that the region, which was stamped last, does not contain.
 void FaceGrowth::add_corners(Region& region, int t) {
   for (const int v : design_.triangles.row(t)) {
     int& last = vertex_stamp_[std::size_t(v)];
@@ -381,11 +391,12 @@ FaceGrowth::Region FaceGrowth::region(std::vector<int> triangles) {
   return made;
 }
 
-/// Whether a facet lies along the surface, on the side that the part is on: where the normals of
-/// the surface do not turn between its corners it lies in a plane that touches the surface there,
-/// as a floor does the torus around it. The normal of a sliver says nothing.
+/// Returns true if a facet lies along the surface, with the same outward side. If the normals of
+/// the surface hardly turn between its corners, the facet must be parallel to the tangent plane
+/// there, which excludes the floor beside the torus around it. The normal of a sliver is not
+/// tested.
 bool FaceGrowth::lies_on(const AnalyticPatch& surface, int t, double reach) const {
-  constexpr double times = 2.0;  // the turn: obtuse triangles lean by more than their share
+  constexpr double times = 2.0;  // obtuse triangles lean by more than half the turn
   Vector3d centre = Vector3d::Zero();
   for (const int v : design_.triangles.row(t)) {
     if (!(std::abs(distance_of(surface, vertex(v))) <= reach)) return false;
@@ -394,6 +405,7 @@ bool FaceGrowth::lies_on(const AnalyticPatch& surface, int t, double reach) cons
   if (height_[t] < sliver * tolerance_) return true;
   const double cosine = surface.sign * outward(surface, centre).dot(normals_.row(t));
   if (!(cosine > min_lean)) return false;
+  // the normal of a facet is uncertain by the deviation of its corners over its height
   double most = 2.0 * reach / height_[t];
   if (cosine > 1.0 - 0.5 * most * most) return true;
   const Vector3d first = outward(surface, vertex(design_.triangles(t, 0)));
@@ -404,8 +416,8 @@ bool FaceGrowth::lies_on(const AnalyticPatch& surface, int t, double reach) cons
   return cosine > 1.0 - 0.5 * most * most;
 }
 
-/// The region with the triangles around it that lie on the surface and may be taken, up to as many
-/// as it has.
+/// Returns the region with the triangles around it that lie on the surface and are permitted, at
+/// most doubled, so that the surface is refitted before an error of the fit can spread.
 FaceGrowth::Region FaceGrowth::spread(const AnalyticPatch& surface, Region region, double reach,
                                       const May& may) {
   constexpr std::size_t few = 16;
@@ -423,6 +435,8 @@ FaceGrowth::Region FaceGrowth::spread(const AnalyticPatch& surface, Region regio
   return region;
 }
 
+// Three iterations solve a plane to rounding; the other forms start near their solution and need at
+// most eight.
 AnalyticPatch FaceGrowth::refitted(const AnalyticPatch& surface, const Region& region) const {
   const int rounds = surface.form == Form::Plane ? 3 : 8;
   const FacetPatch patch = facet_patch(design_, region.vertices, {});
@@ -431,10 +445,12 @@ AnalyticPatch FaceGrowth::refitted(const AnalyticPatch& surface, const Region& r
 }
 
 void FaceGrowth::find_flats(const std::vector<char>& open) {
-  constexpr std::size_t few = 8;  // triangles: the largest of them shows the plane well enough
+  constexpr std::size_t few = 8;  // triangles; up to this number the plane of the largest is
+                                  // accurate enough
   std::vector<int> order;
   for (int t = 0; t < int(open.size()); ++t)
     if (open[std::size_t(t)]) order.push_back(t);
+  // the largest triangles first, since their normals are the most accurate
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return height_[a] > height_[b]; });
   const May may = [&](int t) { return is_open(t) && flat_[std::size_t(t)] == none; };
@@ -456,13 +472,13 @@ void FaceGrowth::find_flats(const std::vector<char>& open) {
   }
 }
 
-/// The surface of least squares near one in the coordinates of a patch, in mm; none if a vertex is
-/// off by more than the tolerance.
+/// Returns the least-squares surface near one in the coordinates of a patch, in mm; nothing if a
+/// vertex is farther than the tolerance.
 std::optional<AnalyticPatch> FaceGrowth::fitted(const FacetPatch& patch,
                                                 const AnalyticPatch& near) const {
   struct Stage {
     int rounds;
-    double within;  // tolerances; else it is hopeless
+    double within;  // tolerances; beyond it the fit is abandoned
   };
   AnalyticPatch local = near;
   for (const auto& [rounds, within] : {Stage{3, 30.0}, {3, 3.0}, {6, 1.0}}) {
@@ -503,9 +519,10 @@ FaceGrowth::RegionGrowth FaceGrowth::grown(AnalyticPatch surface, Region region)
     if (region.triangles.size() > before) surface = refitted(surface, region);
     work += fit_work + double(region.triangles.size() + region.vertices.size());
   }
-  // what was taken while the surface was not well known may not lie on it
+  // Triangles that were added before the surface was well known may not lie on it.
   std::vector<int> reached = region.triangles;
   std::erase_if(region.triangles, [&](int t) { return !lies_on(surface, t, tolerance_); });
+  // a region of which half is lost was on another surface
   bool found = 2 * region.triangles.size() >= reached.size();
   if (found) {
     region = this->region(std::move(region.triangles));
@@ -516,7 +533,7 @@ FaceGrowth::RegionGrowth FaceGrowth::grown(AnalyticPatch surface, Region region)
   return {{surface, std::move(region.triangles)}, found, std::move(reached)};
 }
 
-/// The surface with the box of a region, and the vertex of it that is farthest off.
+/// Returns the surface with the bounding box of a region and the distance of its farthest vertex.
 AnalyticPatch FaceGrowth::with_sizes(AnalyticPatch surface, const Region& region) const {
   surface.off = 0.0;
   for (const int v : region.vertices) {
@@ -526,7 +543,7 @@ AnalyticPatch FaceGrowth::with_sizes(AnalyticPatch surface, const Region& region
   return surface;
 }
 
-/// The vertex of a triangle that is not on one of its sides.
+/// Returns the vertex of a triangle that is not on one of its sides.
 int FaceGrowth::beyond(int t, int a, int b) const {
   int found = none;
   for (const int v : design_.triangles.row(t))
@@ -534,7 +551,7 @@ int FaceGrowth::beyond(int t, int a, int b) const {
   return found;
 }
 
-/// mm, of a vertex from the line through two others.
+/// Returns the distance of a vertex from the line through two others, mm.
 double FaceGrowth::height_over(int a, int b, int beyond) const {
   const Vector3d side = vertex(b) - vertex(a);
   return side.cross(vertex(beyond) - vertex(a)).norm() / side.norm();

@@ -7,7 +7,7 @@
 
 namespace abbe::cutting {
 
-/// Values in rising order without repeats.
+/// Returns the values in rising order without duplicates.
 template <typename Value>
 std::vector<Value> sorted_unique(std::vector<Value> values) {
   std::sort(values.begin(), values.end());
@@ -15,13 +15,14 @@ std::vector<Value> sorted_unique(std::vector<Value> values) {
   return values;
 }
 
-/// Sets that are joined two by two; the least member names a set.
+/// Disjoint sets with union and find; a set is named by its least member.
 class DisjointSets {
  public:
   explicit DisjointSets(std::size_t n) : parent_(n) {
     std::iota(parent_.begin(), parent_.end(), 0);
   }
 
+  /// Returns the least member of the set of i.
   int name_of(int i) {
     while (parent_[std::size_t(i)] != i) {
       int& above = parent_[std::size_t(i)];

@@ -33,6 +33,7 @@ SegmentGrid::SegmentGrid(std::vector<Segment> segments, double cell)
     : segments_(std::move(segments)), cell_(cell) {
   for (std::size_t i = 0; i < segments_.size(); ++i) {
     const Segment& s = segments_[i];
+    // half a cell between samples along a segment
     const int steps = static_cast<int>(std::ceil((s.b - s.a).norm() / (0.5 * cell_))) + 1;
     for (int k = 0; k <= steps; ++k) {
       auto& list = cells_[cell_of(s.a + (s.b - s.a) * (double(k) / steps))];
@@ -41,8 +42,8 @@ SegmentGrid::SegmentGrid(std::vector<Segment> segments, double cell)
   }
 }
 
-// sample points stand at most a quarter cell from any point of a segment, so a segment within one
-// cell size of p has a sample within 1.25: two cells away at most
+// Samples lie at most a quarter of a cell from any point of a segment, so a segment within one cell
+// size of p has a sample within 1.25 cells: two cells away at most.
 bool SegmentGrid::is_within(const Vector3d& p, double radius) const {
   const Cell c = cell_of(p);
   for (std::int64_t i = -2; i <= 2; ++i)
@@ -57,6 +58,8 @@ bool SegmentGrid::is_within(const Vector3d& p, double radius) const {
 }
 
 std::size_t SegmentGrid::Hash::operator()(const Cell& c) const {
+  // The golden ratio and a multiplier of MurmurHash3, which spread neighbouring cells over the
+  // table.
   std::uint64_t h = 0x9e3779b97f4a7c15ull;
   for (const std::int64_t v : c) h = (h ^ static_cast<std::uint64_t>(v)) * 0xff51afd7ed558ccdull;
   return static_cast<std::size_t>(h ^ (h >> 32));
@@ -80,7 +83,7 @@ Vector3d cross_of(const Points& vertices, const Triangles& triangles, Eigen::Ind
   return (b - a).cross(c - a);
 }
 
-/// Of the edge between two vertices below the smooth surface.
+/// Returns the sag of the edge between two vertices below the smooth surface.
 double sag(const Points& vertices, const Points& normals, int a, int b) {
   const Vector3d na = normals.row(a);
   const Vector3d nb = normals.row(b);
@@ -88,7 +91,7 @@ double sag(const Points& vertices, const Points& normals, int a, int b) {
   return (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
 }
 
-/// (triangles) whether each looks up.
+/// Returns (triangles) 1 for each that faces upwards.
 std::vector<char> top_of(const Design& design, double min_normal_z) {
   std::vector<char> is_top(std::size_t(design.triangles.rows()), 0);
   for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
@@ -102,7 +105,7 @@ std::vector<char> top_of(const Design& design, double min_normal_z) {
 
 std::vector<Segment> top_rim(const Design& design, double min_normal_z) {
   const std::vector<char> is_top = top_of(design, min_normal_z);
-  // a border between groups is no rim
+  // A border between groups is no rim.
   std::vector<int> at(std::size_t(design.vertices.rows()));
   std::iota(at.begin(), at.end(), 0);
   for (const auto& [kept, added] : design.seams) at[std::size_t(added)] = kept;
@@ -139,6 +142,7 @@ Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles) 
   return area;
 }
 
+// Weights by angle make a normal independent of the way in which its faces are divided.
 Points vertex_normals(const Points& vertices, const Triangles& triangles) {
   Points normals = Points::Zero(vertices.rows(), 3);
   for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
@@ -175,11 +179,14 @@ Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
 }
 
 Coarseness coarseness(const Design& design) {
+  // 30 degrees, as in the header
   const double smooth = std::cos(std::numbers::pi / 6);
   const auto is_judged = [&](int v) {
     return design.judged.empty() || design.judged[static_cast<std::size_t>(v)] != 0;
   };
   Coarseness coarse;
+  // Atomic because triangles that share a vertex may be processed by different threads; all write
+  // true.
   std::vector<std::atomic<bool>> sharp(static_cast<std::size_t>(design.vertices.rows()));
   const auto worst_of = [&](Eigen::Index t, double worst) {
     const Vector3d face = cross_of(design.vertices, design.triangles, t).normalized();
@@ -226,7 +233,7 @@ Design judge_top(const Design& design, const JudgeTopOptions& options) {
   for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
     if (!is_top[std::size_t(t)])
       for (const int v : design.triangles.row(t)) judged.judged[std::size_t(v)] = 0;
-  // a vertex at the rim is out on every side of it
+  // A vertex at the rim is excluded on all sides of a seam.
   for (const auto& [kept, added] : design.seams)
     if (!judged.judged[std::size_t(added)]) judged.judged[std::size_t(kept)] = 0;
   for (const auto& [kept, added] : design.seams)
@@ -237,7 +244,7 @@ Design judge_top(const Design& design, const JudgeTopOptions& options) {
     if (!s.a.allFinite() || !s.b.allFinite())
       throw std::invalid_argument("judge_top: a vertex is not finite");
   if (options.margin == 0.0 || edge.empty()) return judged;
-  // cells much smaller than the edges of the rim would be more than can be listed
+  // Cells much smaller than the edges of the rim would make the list of cells too long.
   double length = 0.0;
   for (const Segment& s : edge) length += (s.b - s.a).norm();
   const SegmentGrid near_rim(edge, std::max(options.margin, length / double(edge.size())));
@@ -276,7 +283,7 @@ std::vector<TriangleSide> sides_of(const Triangles& triangles) {
 
 Eigen::VectorXd facet_uncertainty(const Design& design) {
   using Eigen::Vector3d;
-  constexpr double opposite = -0.8;  // cosine between two edges that go on in one another
+  constexpr double opposite = -0.8;  // cosine between two edges that continue each other
   const auto n = std::size_t(design.vertices.rows());
   std::vector<std::vector<int>> ends(n);
   for (const auto& t : design.triangles.rowwise())
@@ -307,6 +314,7 @@ Eigen::VectorXd facet_uncertainty(const Design& design) {
 
 namespace {
 
+// largest values of a channel
 constexpr int max_of_eight_bits = 255, max_of_five_bits = 31;
 
 bool can_denote(int written, int channel, FaceColour::Digits digits) {
@@ -331,6 +339,7 @@ bool can_denote(const FaceColour& written, const Rgb& colour) {
   return true;
 }
 
+// Integer arithmetic, rounded to the nearest.
 Rgb spread(const FaceColour& written) {
   if (written.digits != FaceColour::Digits::FiveBits) return written.channels;
   Rgb colour;
@@ -344,12 +353,13 @@ std::string hex_text(const Rgb& colour) {
   return fmt::format("#{:02x}{:02x}{:02x}", colour[0], colour[1], colour[2]);
 }
 
+// Strict, so that every colour has one spelling apart from case.
 std::optional<Rgb> colour_of(const std::string& hex_text) {
   if (hex_text.size() != 7 || hex_text[0] != '#') return std::nullopt;
   Rgb colour;
   for (std::size_t k = 0; k < 3; ++k) {
     const char* first = hex_text.data() + 1 + 2 * k;
-    unsigned channel = 0;  // a sign is none of its digits
+    unsigned channel = 0;  // unsigned, so that a sign is no digit
     const auto [end, error] = std::from_chars(first, first + 2, channel, 16);
     if (error != std::errc() || end != first + 2) return std::nullopt;
     colour[k] = int(channel);

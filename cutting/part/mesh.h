@@ -12,25 +12,28 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+/// The design surface as a mesh: vertices with normals, weights, groups and faces, the selection of
+/// the judged region, and the marks that a mesh file gives to its faces.
 namespace abbe::cutting {
 
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (n x 3)
 using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (m x 3)
 
+/// A straight segment between two points, mm.
 struct Segment {
   Eigen::Vector3d a, b;
 };
 
-/// mm from a point to the nearest one of a segment.
+/// Returns the distance from a point to the nearest point of a segment, mm.
 double distance(const Eigen::Vector3d& p, const Segment& s);
 
-/// Segments by the cells of a cubic grid that they pass, so that only near ones are tried.
+/// Segments sorted into the cells of a cubic grid, so that a query tests only near segments.
 class SegmentGrid {
  public:
-  /// @param cell  mm, > 0; radii that are asked for must not exceed it
+  /// @param cell  mm, > 0; an upper limit for the radii of queries
   SegmentGrid(std::vector<Segment> segments, double cell);
 
-  /// Whether a segment comes nearer to the point than `radius`.
+  /// Returns true if a segment is nearer to the point than `radius`.
   bool is_within(const Eigen::Vector3d& p, double radius) const;
 
  private:
@@ -45,65 +48,70 @@ class SegmentGrid {
   std::unordered_map<Cell, std::vector<std::size_t>, Hash> cells_;
 };
 
-/// The design surface that carries the residual: where, along which normal, for how much area.
+/// The design surface that carries the residual: points, their normals and the areas they
+/// represent.
 struct Design {
   Points vertices;       ///< (n x 3) mm
   Points normals;        ///< (n x 3) unit, outward
   Triangles triangles;   ///< (m x 3) counter-clockwise seen from outside
-  Eigen::VectorXd area;  ///< (n) mm^2, a third of the triangles around (the weight of a vertex)
+  Eigen::VectorXd area;  ///< (n) mm^2, a third of the adjacent triangles; the weight of a vertex
   Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
-                                ///< surfaces that are known, declared or recognised
-  std::vector<std::uint8_t> judged;  ///< (n) 0 where the scene leaves the vertex out (status 2)
-  std::vector<int> face;             ///< (n) the recognised face of each, -1: none; empty: no faces
-  std::vector<int> group;  ///< (n) the group of all triangles at the vertex; empty: no groups
-  /// Vertices at one place, within the tolerance of recognition, that a border between groups or
-  /// between faces of a smooth patch parts: no edge of the part.
+                                ///< known surfaces, i.e. declared or recognised ones
+  std::vector<std::uint8_t> judged;  ///< (n) 0 if the scene excludes the vertex (status 2)
+  std::vector<int> face;   ///< (n) recognised face of each vertex, -1: none; empty: no faces
+  std::vector<int> group;  ///< (n) group of all triangles at the vertex; empty: no groups
+  /// Pairs of vertices at one point, within the tolerance of recognition, that are separated by a
+  /// border between groups or between faces of a smooth patch. Such a border is no edge of the
+  /// part.
   std::vector<std::array<int, 2>> seams;
 };
 
-/// The design moved: vertices and normals by T.
+/// Returns the design with vertices and normals transformed by T.
 Design transformed(const Design& design, const Eigen::Isometry3d& T);
 
-/// (n) mm^2, a third of the triangles around each vertex.
+/// Returns (n) a third of the area of the triangles around each vertex, mm^2.
 Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles);
 
-/// (n x 3) unit: the normals of the triangles around each vertex, weighted by the angle at it. Zero
-/// where no triangle with an area touches the vertex.
+/// Returns (n x 3) unit normals: the mean of the normals of the triangles around each vertex,
+/// weighted by their angles there. Zero if no triangle with an area touches the vertex.
 Points vertex_normals(const Points& vertices, const Triangles& triangles);
 
-/// (n) mm, estimated sag of the edges at each vertex below the smooth surface through the vertices:
-/// the largest L theta / 8 over its edges, L the length, theta the angle between the normals at the
-/// two ends (an arc of radius L / theta). On a sphere meshed by equal triangles the middle of a
-/// triangle sags 4/3 of that. At a sharp edge of the part it says how much a rounding would take
-/// away.
+/// Returns (n) the estimated sag of the edges at each vertex below the smooth surface through the
+/// vertices, mm: the largest L theta / 8 over its edges, where L is the length and theta the angle
+/// between the normals at the two ends (an arc of radius L / theta). On a sphere meshed by equal
+/// triangles the middle of a triangle sags 4/3 of that. At a sharp edge of the part it is the
+/// amount that a rounding would remove.
 Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
                             const Triangles& triangles);
 
-/// How well the triangles of a design follow its surface where it is judged. An edge of the part is
-/// no fault of theirs: triangles that leave a vertex normal by more than 30 degrees are left out;
-/// on a recognised face the surface is known between the vertices too.
+/// A measure of how well the triangles of a design follow its surface in the judged region.
+/// Triangles that deviate from a vertex normal by more than 30 degrees are excluded, because an
+/// edge of the part is not an error of the mesh. Triangles of a recognised face are excluded
+/// because its surface is known between the vertices too.
 struct Coarseness {
-  double facet_error = 0.0;  ///< mm, the largest L theta / 8 between judged vertices
-  int judged = 0;            ///< vertices
-  int sharp = 0;             ///< judged vertices at a triangle left out
+  double facet_error = 0.0;  ///< mm, largest L theta / 8 between judged vertices
+  int judged = 0;            ///< number of judged vertices
+  int sharp = 0;             ///< number of judged vertices at an excluded triangle
 };
+/// Returns the coarseness of a design.
 Coarseness coarseness(const Design& design);
 
-/// What of a closed body is judged: the region that looks up.
+/// Definition of the judged region of a closed body: its upward-facing top.
 struct JudgeTopOptions {
-  double min_normal_z = 0.5;  ///< a triangle is of the top if its normal's z is at least this
-  double margin = 0.0;        ///< mm, vertices nearer than this to the edge of the top are left out
-  /// The edge of the top, where it is known from before the design was parted and subdivided.
+  double min_normal_z = 0.5;  ///< a triangle belongs to the top if the z of its normal is at least
+                              ///< this
+  double margin = 0.0;        ///< mm, vertices nearer to the edge of the top than this are excluded
+  /// The edge of the top, if it is known from before the design was split and subdivided.
   std::optional<std::vector<Segment>> rim = {};
 };
 
-/// The edge of the top: sides that a triangle of the top shares with none other. Borders between
-/// groups or faces are no edge, unless vertices were added on them.
+/// Returns the edge of the top: sides of triangles of the top that no other triangle of the top
+/// shares. Borders between groups or faces are no edges, unless vertices were added on them.
 std::vector<Segment> top_rim(const Design& design, double min_normal_z);
 
-/// The same design with `judged` = 0 at every vertex that is not inside the top: one that touches a
-/// triangle which is not of the top (so the rim itself is out) or lies within the margin of the
-/// rim. Vertices that were not judged before stay so.
+/// Returns the design with `judged` = 0 at every vertex that is not inside the top: vertices that
+/// touch a triangle outside the top (hence the rim itself) or lie within the margin of the rim.
+/// Vertices that were not judged before remain so.
 /// @throws std::invalid_argument if an option is not finite or the margin is negative
 Design judge_top(const Design& design, const JudgeTopOptions& options = {});
 
@@ -114,64 +122,66 @@ struct TriangleSide {
   bool same_edge(const TriangleSide& other) const { return low == other.low && high == other.high; }
 };
 
-/// All sides, those of an edge next to each other: by `low`, `high`, then `triangle`. Each lower
-/// vertex has a bucket first, which takes a third of the time of a sort.
+/// Returns all sides, with those of the same edge adjacent: sorted by `low`, `high`, then
+/// `triangle`. They are first sorted into one bucket per lower vertex, which takes a third of the
+/// time of a full sort.
 /// @param triangles  (m x 3)
 std::vector<TriangleSide> sides_of(const Triangles& triangles);
 
-/// (n) mm, about how far what facets and normals show between the vertices (`smooth_facet_point`)
-/// may be off the surface that they stand for, at each vertex on no recognised face; 0 elsewhere.
-/// Where the curvature is k on one side of a vertex and k' on the other, over edges L and L', the
-/// middle of an edge lies off by about |k - k'| L L' / 8: facets of a fillet beside a plane, those
-/// next to a rim, where normals are of one side only, or of a curve that is coarse for how it
-/// bends. Within a factor of 2 of the largest error on fillets of 5 to 22.5 degrees a facet and on
-/// ellipsoids (tested).
+/// Returns (n) the estimated deviation of the interpolation between vertices (`smooth_facet_point`)
+/// from the true surface, mm, at each vertex on no recognised face; 0 elsewhere. If the curvature
+/// is k on one side of a vertex and k' on the other, over edges L and L', the middle of an edge is
+/// off by about |k - k'| L L' / 8. This is large for facets of a fillet beside a plane, for those
+/// next to a rim, whose normals come from one side only, and for a curve that is meshed coarsely
+/// for its bend. Within a factor of 2 of the largest error on fillets of 5 to 22.5 degrees per
+/// facet and on ellipsoids (tested).
 Eigen::VectorXd facet_uncertainty(const Design& design);
 
 /// Red, green and blue, 0 .. 255.
 using Rgb = std::array<int, 3>;
 
-/// A colour as a mesh file has it.
+/// A colour as written in a mesh file.
 struct FaceColour {
-  /// What a channel is written with.
+  /// The number format of a channel.
   enum class Digits {
     EightBits,  ///< 0 .. 255
     FiveBits,   ///< 0 .. 31
-    Fraction,   ///< 0 .. 1 with any number of digits; here it is rounded to 255ths
+    Fraction,   ///< 0 .. 1 with any number of digits; stored rounded to 255ths
   };
   Rgb channels = {0, 0, 0};
   Digits digits = Digits::EightBits;
   auto operator<=>(const FaceColour&) const = default;
 };
 
-/// Whether a colour may have been written so. Eight bits are equal; five bits are those to which
-/// the eight are cut (v / 8) or rounded (31 v / 255), since writers do either; a fraction is within
-/// 1 / 255, since two digits are off by as much.
+/// Returns true if the colour may have been written in this form. Eight bits must be equal; five
+/// bits must be the eight either truncated (v / 8) or rounded (31 v / 255), since writers do
+/// either; a fraction must be within 1 / 255, which is the error of two digits.
 bool can_denote(const FaceColour& written, const Rgb& colour);
 
-/// The colour on a scale of 0 .. 255: five bits are spread over it.
+/// Returns the colour on a scale of 0 .. 255; five bits are spread over the whole scale.
 Rgb spread(const FaceColour& written);
 
-/// "#rrggbb"
+/// Returns "#rrggbb".
 std::string hex_text(const Rgb& colour);
-/// The colour that "#rrggbb" means, in small or large letters; none if it is another text.
+/// Returns the colour of "#rrggbb", in upper or lower case; nothing for any other text.
 std::optional<Rgb> colour_of(const std::string& hex_text);
 
-/// What a mesh file says of a face.
+/// The marks of a face in a mesh file.
 struct FaceMark {
-  std::vector<int> names;  ///< sets of names, of `FaceMarks`
+  std::vector<int> names;  ///< indices of sets of names in `FaceMarks`
   std::optional<FaceColour> colour;
   auto operator<=>(const FaceMark&) const = default;
 };
 
-/// What a mesh file says of its faces besides where they are.
+/// The marks of all faces of a mesh file.
 struct FaceMarks {
-  std::vector<std::vector<std::string>> names;  ///< each set once
-  std::vector<FaceMark> marks;                  ///< each once
-  std::vector<int> of_face;  ///< (triangles) the mark of each; empty if nobody asked
+  std::vector<std::vector<std::string>> names;  ///< distinct sets of names
+  std::vector<FaceMark> marks;                  ///< distinct marks
+  std::vector<int> of_face;  ///< (triangles) index of the mark of each; empty if no marks were
+                             ///< requested
 };
 
-/// Which marks are asked for.
+/// The requested kinds of marks.
 struct MarkSelection {
   bool groups = false;
   bool colours = false;

@@ -40,6 +40,7 @@ MeshSource mesh_source(const std::filesystem::path& file, std::uintmax_t max_byt
   if (!std::filesystem::is_regular_file(status)) refuse("a mesh file", "something that is no file");
   const std::uintmax_t size = std::filesystem::file_size(file, problem);
   if (problem) refuse("a mesh file", problem.message());
+  // The size is checked before memory is taken.
   if (size == 0) refuse("a mesh", "an empty file");
   if (size > max_bytes) refuse(fmt::format("at most {} bytes", max_bytes), fmt::format("{}", size));
   std::string bytes(size, '\0');
@@ -64,6 +65,7 @@ std::string lower(std::string_view text) {
 
 Words::Words(const MeshSource& source, char comment, std::size_t offset, int line)
     : source_(source), text_(source.bytes), at_(offset), line_(line), comment_(comment) {
+  // the byte order mark of UTF-8
   if (text_.substr(at_, 3) == "\xef\xbb\xbf") at_ += 3;
   line_start_ = at_;
 }
@@ -100,6 +102,7 @@ void Words::expect(std::string_view keyword, const Word& seen) const {
 }
 
 double Words::number(const Word& word) const {
+  // from_chars accepts no leading plus sign, which some writers use
   std::string_view digits = word.text;
   if (digits.size() > 1 && digits[0] == '+') digits.remove_prefix(1);
   double value = 0.0;
@@ -162,6 +165,7 @@ int FaceMarkCollector::set_of(const std::vector<std::string>& names) {
   const auto [place, is_new] = sets_.emplace(names, int(marks_.names.size()));
   if (!is_new) return place->second;
   names_ += names.size();
+  // a file of distinct names would need far more memory than its bytes
   if (names_ > max_names)
     source_.refuse(fmt::format("at most {} names of groups", max_names), "more");
   marks_.names.push_back(names);
@@ -171,7 +175,7 @@ int FaceMarkCollector::set_of(const std::vector<std::string>& names) {
 void FaceMarkCollector::mark(std::size_t count, const FaceMark& mark) {
   std::vector<int>& of_face = marks_.of_face;
   if (!of_face.empty() && marks_.marks[std::size_t(of_face.back())] == mark) {
-    of_face.resize(count, of_face.back());  // faces of one mark stand together
+    of_face.resize(count, of_face.back());  // consecutive faces mostly have the same mark
     return;
   }
   const auto [place, is_new] = numbers_.emplace(mark, int(marks_.marks.size()));
@@ -193,7 +197,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// Twice the area vector of a polygon.
+/// Returns twice the area vector of a polygon.
 Vector3d twice_area(const std::vector<Vector3d>& corners) {
   Vector3d sum = Vector3d::Zero();
   for (std::size_t i = 1; i + 1 < corners.size(); ++i)
@@ -201,18 +205,20 @@ Vector3d twice_area(const std::vector<Vector3d>& corners) {
   return sum;
 }
 
+// Returns twice the signed area of the triangle a, b, c.
 double turn(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
   return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
 }
 
 struct Outline {
-  std::vector<Vector2d> at;  ///< of every corner, seen along the mean normal
+  std::vector<Vector2d> at;  ///< of every corner, projected along the mean normal
   std::vector<int> left;     ///< corners not cut off yet, in order
   double min_turn;
 
   int next(std::size_t i, std::size_t by) const { return left[(i + by) % left.size()]; }
 
-  /// Whether the corner between two others can be cut off.
+  /// Returns true if the corner can be cut off: it is convex, and no other corner lies in its
+  /// triangle.
   bool is_ear(std::size_t i) const {
     const int a = next(i, left.size() - 1), b = left[i], c = next(i, 1);
     const Vector2d &pa = at[std::size_t(a)], &pb = at[std::size_t(b)], &pc = at[std::size_t(c)];
@@ -235,12 +241,14 @@ std::vector<std::array<int, 3>> triangulated(const std::vector<Vector3d>& corner
   const double size = area.norm();
   if (!(size > 0.0) || !std::isfinite(size)) return {};
   const Vector3d normal = area / size, across = normal.unitOrthogonal();
+  // 1e-9 of the area: corners that are collinear to rounding are not convex
   Outline outline{{}, std::vector<int>(corners.size()), 1e-9 * size};
   for (const Vector3d& p : corners)
     outline.at.emplace_back((p - corners[0]).dot(across),
                             (p - corners[0]).dot(normal.cross(across)));
   std::iota(outline.left.begin(), outline.left.end(), 0);
   std::vector<std::array<int, 3>> triangles;
+  // Cubic in the number of corners, which is limited to 1000.
   while (outline.left.size() >= 3) {
     const std::size_t n = outline.left.size();
     std::size_t best = n;
@@ -263,7 +271,7 @@ std::vector<std::array<int, 3>> triangulated(const std::vector<Vector3d>& corner
 
 namespace {
 
-/// The corners of a face without those that stand where the one before stands.
+/// Returns the corners of a face without those that coincide with the one before.
 std::vector<int> distinct_corners(const TriangleSoup& soup, const std::vector<int>& corners) {
   const auto at = [&](int corner) { return soup.points[static_cast<std::size_t>(corner)]; };
   std::vector<int> distinct;
@@ -281,6 +289,7 @@ TriangleSoup with_face(TriangleSoup soup, Polygon face, const MeshSource& source
     if (face.line > 0) soup.line.push_back(face.line);
   };
   const std::size_t written = face.corners.size();
+  // A degenerate triangle is kept; the check of the mesh reports it with its location.
   if (written > 3) face.corners = distinct_corners(soup, face.corners);
   if (face.corners.size() < 3)
     source.refuse("faces with an area",
@@ -310,6 +319,7 @@ TriangleSoup with_face(TriangleSoup soup, Polygon face, const MeshSource& source
 TriangleSoup merged(const TriangleSoup& soup) {
   std::vector<std::size_t> order(soup.points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
+  // sorting by coordinates makes equal points adjacent; ties by index keep the first of them
   const auto key = [&](std::size_t i) {
     const Vector3d& p = soup.points[i];
     return std::array{p.x(), p.y(), p.z()};
@@ -339,6 +349,7 @@ TriangleSoup merged(const TriangleSoup& soup) {
   return out;
 }
 
+// index is -1 for unused points, 0 for used ones, then their new number.
 TriangleSoup drop_unused_points(const TriangleSoup& soup) {
   std::vector<int> index(soup.points.size(), -1);
   for (const TriangleSoup::Face& f : soup.faces)

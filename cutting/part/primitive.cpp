@@ -20,10 +20,10 @@ using Eigen::Vector3d;
 using ProfilePiece = RevolvedProfile::Piece;
 using std::numbers::pi;
 
-constexpr double join_tolerance = 1e-9;    // mm: pieces that meet better than 1 pm are connected
-constexpr double smooth_tolerance = 1e-9;  // rad: below it two normals at a join are one
+constexpr double join_tolerance = 1e-9;    // mm; pieces that meet better than 1 pm are connected
+constexpr double smooth_tolerance = 1e-9;  // rad; normals at a join that differ by less are equal
 
-// --- dimensions -------------------------------------------------------------------------------
+// Checks of dimensions.
 
 void demand(bool holds, const std::string& what, double seen) {
   if (!holds) throw std::invalid_argument(fmt::format("{}, seen {}", what, seen));
@@ -35,6 +35,7 @@ void require_positive(double value, const std::string& name) {
 
 double top_radius(const Cone& cone) {
   const double top = cone.base_radius - cone.height * std::tan(cone.half_apex_angle);
+  // 1e-12: a cone up to its apex must not keep a radius of rounding
   return std::abs(top) < 1e-12 * cone.base_radius ? 0.0 : top;
 }
 
@@ -82,10 +83,12 @@ void validate(const RevolvedProfile& p) {
     demand(piece.to.x() >= piece.from.x(), name + " must not come back to the axis: r at its end",
            piece.to.x());
     demand(chord > join_tolerance, name + " must have a length", chord);
+    // 1e-12: half a circle may miss its chord by rounding.
     demand(piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
            name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
            piece.arc_radius);
     const Section s = section(piece);
+    // 1e-9: an arc that ends upright has a slope of rounding there.
     const double least = std::min(s.tangent.x(), at(s, s.length).normal.y());
     demand(least >= -1e-9, name + " must not bulge beyond its ends: cosine of its steepest slope",
            least);
@@ -100,12 +103,13 @@ void validate_any(const Primitive& primitive) {
   std::visit([](const auto& p) { validate(p); }, primitive);
 }
 
-// --- irregular spacing --------------------------------------------------------------------------
+// Irregular spacing.
 
 double fraction(double x) { return x - std::floor(x); }
 
-/// Where knot i of n intervals of [0, 1] stands: golden-ratio jitter of a quarter interval each way
-/// over a slow stretch, so that no two spacings agree and no step of a program fits them all.
+/// Returns the position in [0, 1] of knot i of n intervals: golden-ratio jitter of a quarter
+/// interval either way on a slowly varying spacing, so that no two spacings are equal and no step
+/// of a program fits them all.
 double irregular(int i, int n) {
   if (i <= 0) return 0.0;
   if (i >= n) return 1.0;
@@ -114,13 +118,13 @@ double irregular(int i, int n) {
   return x + 0.1 * x * (1.0 - x);
 }
 
-// --- revolved surfaces --------------------------------------------------------------------------
+// Surfaces of revolution.
 
 struct Ring {
   Station station;
   int count = 0;        ///< vertices
-  int phase = 0;        ///< index of its turn; the two rings of a kink share it
-  bool starts = false;  ///< no triangles to the ring before
+  int phase = 0;        ///< index of its azimuth offset; the two rings of a kink have the same
+  bool starts = false;  ///< true if there are no triangles to the ring before
 };
 
 int ring_count(double r, double spacing) {
@@ -133,7 +137,8 @@ std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
   int phase = 0;
   for (std::size_t p = 0; p < sections.size(); ++p) {
     const Section& s = sections[p];
-    // an arc is never coarser than an eighth of a turn
+    // An arc is never divided more coarsely than an eighth of a turn.
+    // 0.2501: an arc of exactly an eighth of a turn stays one interval.
     const int least = 1 + static_cast<int>(std::abs(s.curvature) * s.length / (0.2501 * pi));
     const int intervals = std::max(least, static_cast<int>(std::lround(s.length / spacing)));
     bool kink = true;
@@ -143,7 +148,7 @@ std::vector<Ring> rings(const std::vector<Section>& sections, double spacing) {
     }
     for (int i = kink ? 0 : 1; i <= intervals; ++i) {
       Station here = at(s, i == intervals ? s.length : s.length * irregular(i, intervals));
-      // an apex has no normal: the mesh starts a little below it, closed by a small flat
+      // An apex has no normal: the mesh starts slightly below it and is closed by a small flat.
       if (i == 0 && here.point.x() == 0.0) {
         if (std::abs(here.normal.x()) > smooth_tolerance)
           here = at(s, 0.35 * s.length * irregular(1, intervals));
@@ -169,7 +174,7 @@ double true_area(const std::vector<Section>& sections) {
     const double k = s.curvature;
     const Vector2d n0 = left_of(s.tangent);
     const Vector2d n1 = at(s, s.length).normal;
-    // Pappus; the mean radius over an arc is that of its centre plus the mean of the normal
+    // Pappus; the mean radius over an arc is that of its centre plus the mean of the normal.
     const double mean_r = k == 0.0
                               ? 0.5 * (s.from.x() + s.to.x())
                               : s.from.x() - n0.x() / k + (n0.y() - n1.y()) / (k * k * s.length);
@@ -178,6 +183,8 @@ double true_area(const std::vector<Section>& sections) {
   return area;
 }
 
+// Returns the rings whose vertices come nearest to the wanted number. The count is proportional to
+// spacing^-2, hence the exponent 0.5; it is not continuous, so the later steps are damped.
 std::vector<Ring> rings_for(const std::vector<Section>& sections, int wanted) {
   double spacing = std::sqrt(true_area(sections) / wanted);
   std::vector<Ring> best = rings(sections, spacing);
@@ -196,7 +203,8 @@ double vertex_azimuth(const Ring& ring, int k) {
   return 2.0 * pi * (k + fraction(ring.phase * 0.6180339887498949)) / ring.count;
 }
 
-/// Triangles between two rings: always the step that comes first in azimuth.
+/// Adds the triangles between two rings, always advancing on the ring whose next edge comes first
+/// in azimuth.
 void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
          std::vector<Eigen::Vector3i>& triangles) {
   const int n = inner.count, m = outer.count;
@@ -206,7 +214,7 @@ void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
     for (int j = 0; j < m; ++j) triangles.push_back({first_inner, outside(j), outside(j + 1)});
     return;
   }
-  // start the inner walk at the vertex next to the outer ring's first one
+  // The inner ring starts at the vertex nearest in azimuth to the first one of the outer ring.
   const int start = static_cast<int>(std::lround(vertex_azimuth(outer, 0) / (2.0 * pi) * n -
                                                  fraction(inner.phase * 0.6180339887498949)));
   int i = 0, j = 0;
@@ -263,7 +271,7 @@ Design tessellated(const RevolvedProfile& outline, int wanted) {
   return finished(std::move(vertices), std::move(normals), triangles);
 }
 
-// --- the rectangle ------------------------------------------------------------------------------
+// The rectangle.
 
 Design tessellated(const RectanglePlane& plane, int wanted) {
   const double aspect = plane.length_x / plane.length_y;
@@ -274,7 +282,8 @@ Design tessellated(const RectanglePlane& plane, int wanted) {
   normals.rowwise() = Eigen::RowVector3d::UnitZ();
   for (int j = 0; j < rows; ++j)
     for (int i = 0; i < columns; ++i) {
-      // inner vertices leave the lines of the grid as well; the corners of the sheet stay
+      // Inner vertices are displaced from the lines of the grid too, by the plastic-number
+      // sequence; the corners stay.
       const int index = j * columns + i;
       const bool inner_x = i > 0 && i + 1 < columns;
       const bool inner_y = j > 0 && j + 1 < rows;
@@ -301,9 +310,10 @@ Design tessellated(const RectanglePlane& plane, int wanted) {
   return finished(std::move(vertices), std::move(normals), triangles);
 }
 
-// --- enlarged -----------------------------------------------------------------------------------
+// Enlarged surfaces.
 
-/// The radius that a piece can be continued to beyond `r`: an arc ends where it stands upright.
+/// Returns the radius to which a piece can be extended in the direction of `r`: an arc ends where
+/// it is upright.
 double reachable(const Section& s, double r) {
   if (s.curvature == 0.0) return std::max(0.0, r);
   const double n0 = left_of(s.tangent).x();
@@ -353,6 +363,7 @@ std::optional<Contact> surface_point_above(const Primitive& primitive, double x,
     const bool upright = piece.to.x() == piece.from.x();
     if (upright || !(r >= piece.from.x() && r <= piece.to.x())) continue;
     const Station here = at_radius(section(piece), r);
+    // At a kink the first piece, nearer to the axis, is kept.
     if (!highest || here.point.y() > highest->point.y() + join_tolerance) highest = here;
   }
   if (!highest) return std::nullopt;
@@ -445,6 +456,7 @@ Station at_radius(const Section& s, double r) {
   const double dr = r - s.from.x();
   const double n_r = std::clamp(n0.x() + s.curvature * dr, -1.0, 1.0);
   const double n_z = std::sqrt((1.0 - n_r) * (1.0 + n_r));
+  // The quotient below is the difference of two roots without its cancellation.
   if (dr == 0.0) return {s.from, n0};
   return {{r, s.from.y() - dr * (n_r + n0.x()) / (n_z + std::max(0.0, n0.y()))}, {n_r, n_z}};
 }

@@ -10,50 +10,52 @@
 
 namespace abbe::cutting {
 
-// Declared analytic surfaces, in the part's own frame; z is the axis of every revolved one. Outward
-// is +z, or away from the axis.
+// Declared analytic surfaces in the frame of the part; z is the axis of every surface of
+// revolution. Outward is +z, or away from the axis.
 
-/// z = 0, a rectangle centred at the origin.
+/// A rectangle at z = 0, centred at the origin; mm.
 struct RectanglePlane {
   double length_x = 100.0;
   double length_y = 100.0;
 };
-/// z = 0, a disc or ring.
+/// A disc or ring at z = 0; mm.
 struct Disc {
   double radius = 10.0;
   double inner_radius = 0.0;
 };
-/// Outer surface of a cylinder from z = 0 to z = height.
+/// The outer surface of a cylinder from z = 0 to z = height; mm.
 struct Cylinder {
   double radius = 10.0;
   double height = 10.0;
 };
-/// Outer surface of a cone frustum from radius `base_radius` at z = 0 to z = height; the half apex
-/// angle opens downwards.
+/// The outer surface of a cone frustum from radius `base_radius` at z = 0 to z = height, mm; the
+/// half apex angle opens downwards.
 struct Cone {
   double base_radius = 10.0;
   double height = 10.0;
   double half_apex_angle = 0.26;  ///< rad, in (0, pi/2)
 };
-/// Cap of a sphere: its top at z = 0, its rim at radius `rim_radius` (z = sqrt(R^2 - r^2) - R).
+/// A cap of a sphere with its top at z = 0 and its rim at radius `rim_radius` (z = sqrt(R^2 - r^2)
+/// - R); mm.
 struct SphereCap {
   double radius = 100.0;
   double rim_radius = 50.0;  ///< <= radius
 };
-/// The half of a torus that is seen from +z (z >= 0): tube `tube_radius` about a circle of `radius`
-/// at z = 0.
+/// The half of a torus that is visible from +z (z >= 0): a tube of `tube_radius` about a circle of
+/// `radius` at z = 0; mm.
 struct Torus {
   double radius = 30.0;
   double tube_radius = 5.0;  ///< <= radius
 };
-/// A profile (r, z) turned about z: straight lines and arcs (of at most half a turn) from point to
-/// point, r growing or equal along every one of them from the axis to the rim; outward is to the
-/// left of that walk.
+/// A profile (r, z) revolved about z: straight lines and arcs (of at most half a turn) from point
+/// to point, with r growing or constant along each from the axis to the rim; outward is to the left
+/// of this path.
 struct RevolvedProfile {
   struct Piece {
     Eigen::Vector2d from;     ///< (r, z) mm
     Eigen::Vector2d to;       ///< (r, z) mm
-    double arc_radius = 0.0;  ///< 0 a line; > 0 bulges outward (convex), < 0 inward (concave)
+    double arc_radius = 0.0;  ///< mm; 0: a line; > 0: bulges outward (convex), < 0: inward
+                              ///< (concave)
   };
   std::vector<Piece> pieces;  ///< from the axis outwards, connected
 };
@@ -62,67 +64,69 @@ using Primitive =
     std::variant<RectanglePlane, Disc, Cylinder, Cone, SphereCap, Torus, RevolvedProfile>;
 
 struct TessellateOptions {
-  int vertices = 20000;  ///< wanted number, 100 .. 50 million; the result has within a factor
-                         ///< of 1.2, unless the pieces of a profile alone need more
+  int vertices = 20000;  ///< requested number, 100 .. 50 million; the result is within a factor of
+                         ///< 1.2, unless the pieces of a profile alone need more
 };
 
-/// Mesh of the surface whose vertices and normals are exact (to 1e-12 mm and 2e-15 at 1 m), so that
-/// faceting never shows as residual. Revolved surfaces are laid out on a phyllotaxis-free polar
-/// grid whose ring radii are irregular on purpose: no feed of a program can be commensurable with
-/// them. A kink of a profile has two rings of vertices, one for each normal, and no triangles
-/// between. On the axis stands one vertex where the surface is smooth there; an apex, which has no
-/// normal, is left out: the first ring stands about a third of a spacing below it and is closed by
-/// a small flat.
+/// Returns a mesh whose vertices and normals are exact (to 1e-12 mm and 2e-15 at 1 m), so that
+/// faceting never shows as residual.
+/// Surfaces of revolution have a polar grid whose ring radii are irregular on purpose: no feed of a
+/// program can be commensurable with them. A kink of a profile has two rings of vertices, one for
+/// each normal, and no triangles between them. If the surface is smooth on the axis, one vertex
+/// stands there; an apex, which has no normal, is omitted: the first ring stands about a third of a
+/// spacing below it and is closed by a small flat.
 /// @throws std::invalid_argument naming the dimension that is not positive, finite or possible
 Design tessellate(const Primitive& primitive, const TessellateOptions& options = {});
 
-/// A point of the surface and its outward normal.
+/// A point of a surface and its outward normal.
 struct Contact {
   Eigen::Vector3d point;
   Eigen::Vector3d normal;
-  int face = -1;  ///< the recognised face of a mesh on which it lies; -1: none
+  int face = -1;  ///< recognised face of a mesh on which it lies; -1: none
 };
 
-/// The surface point above (x, y) seen from +z, the rim included; empty where there is none
-/// (upright walls show nothing). At a kink the piece nearer to the axis speaks; at an apex the
-/// normal is +z.
+/// Returns the surface point above (x, y) seen from +z, the rim included; nothing if there is none
+/// (an upright wall has no such point). At a kink the piece nearer to the axis is used; at an apex
+/// the normal is +z.
 std::optional<Contact> surface_point_above(const Primitive& primitive, double x, double y);
 
-/// The same surface continued beyond its rims, inner ones too, so that a program may run over the
-/// edge: by `margin` mm of r (of x and y for a rectangle, of z for an upright wall), lines straight
-/// on, arcs on their circle at most to where it stands upright, nothing across the axis. Cylinders,
-/// cones and profiles come back as profiles, because their z = 0 must stay where it is.
+/// Returns the surface extended beyond its rims, including inner ones, so that a program may
+/// overrun the edge: by `margin` mm of r (of x and y for a rectangle, of z for an upright wall).
+/// Lines are extended straight, arcs along their circle at most to where it is upright, and nothing
+/// across the axis. Cylinders, cones and profiles become profiles, because their z = 0 must remain.
 /// @throws std::invalid_argument as `tessellate`, and for a margin that is negative or not finite
 Primitive enlarged(const Primitive& primitive, double margin);
 
-/// Profile of a revolved primitive in its half plane, from the axis outwards.
+/// Returns the profile of a surface of revolution in its half plane, from the axis outwards.
 /// @throws std::invalid_argument for a rectangle, and as `tessellate`
 RevolvedProfile profile(const Primitive& primitive);
 
-/// A piece ready for evaluation. Everything is counted from its start, never from the centre of its
-/// arc: so a shallow arc of a large radius loses no digits.
+/// A piece in the form in which it is evaluated. All quantities are relative to its start and not
+/// to the centre of its arc, so that a shallow arc of large radius loses no digits.
 struct Section {
   Eigen::Vector2d from, to;
   Eigen::Vector2d tangent;  ///< unit, at `from`
-  double curvature;         ///< 1/mm, > 0 convex: the walk turns to the right
-  double length;            ///< mm of arc
+  double curvature;         ///< 1/mm, > 0: convex, the path turns to the right
+  double length;            ///< mm, arc length
 };
 
+/// Returns a piece in that form.
 Section section(const RevolvedProfile::Piece& piece);
 
-/// A place on a profile.
+/// A point of a profile with its normal.
 struct Station {
   Eigen::Vector2d point;   ///< (r, z)
   Eigen::Vector2d normal;  ///< outward
 };
 
-/// The station `arc` mm from the start; at the nearer end beyond the section.
+/// Returns the station at arc length `arc` (mm) from the start; beyond the section, that at the
+/// nearer end.
 Station at(const Section& s, double arc);
 
-/// The station at radius r; along a piece the normal's r component grows linearly with r.
+/// Returns the station at radius r. Along a piece the r component of the normal is linear in r.
 Station at_radius(const Section& s, double r);
 
-/// The direction a quarter turn to the left of a tangent: outward.
+/// Returns the direction a quarter turn to the left of a tangent, which is outward.
 Eigen::Vector2d left_of(const Eigen::Vector2d& tangent);
 
 }  // namespace abbe::cutting

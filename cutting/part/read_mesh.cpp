@@ -22,22 +22,22 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
-/// A triangle's edge from `from` to `to`; `across` is its third corner.
+/// An edge of a triangle from `from` to `to`; `across` is its third corner.
 struct HalfEdge {
   int from, to, across;
 };
 
-/// All of a soup, in the order of `from`, then `to`.
+/// Returns all half-edges of a soup in the order of `from`, then `to`.
 std::vector<HalfEdge> half_edges(const TriangleSoup& soup);
 
-/// Whether every edge has one triangle on either side.
+/// Returns true if every edge has exactly one triangle on either side.
 bool is_closed(const std::vector<HalfEdge>& edges);
 
-/// Refuses what is no surface: degenerate triangles, more than two at an edge or more than one fan
-/// at a vertex, triangles turned both ways, a rim unless `open`, a closed body turned inside out.
-/// OpenMesh must agree. Every point must be used.
+/// Checks that the triangles form a surface: no degenerate triangles, at most two at an edge and
+/// one fan at a vertex, consistent orientation, no rim unless `open`, and a closed body with
+/// outward orientation. OpenMesh must agree. Every point must be used.
 /// @param edges  those of `soup`
-/// @throws BadInput with the place
+/// @throws BadInput with the location
 void audit(const MeshSource& source, const TriangleSoup& soup, const std::vector<HalfEdge>& edges,
            bool open);
 
@@ -55,6 +55,7 @@ void check_triangles(const MeshSource& source, const TriangleSoup& soup) {
     if (!std::isfinite(longest) || longest > 1e30)
       source.refuse("coordinates below 1e15", place_text(a), soup.line.empty() ? 0 : soup.line[f],
                     1);
+    // 1e-7: single-precision coordinates cannot define the normal of a flatter triangle
     if (!(twice_area > 1e-7 * longest))
       source.refuse("triangles with an area (height above 1e-7 of the longest edge)",
                     fmt::format("a degenerate one, number {}, at {}", f + 1, place_text(a)),
@@ -69,7 +70,7 @@ auto range(const std::vector<HalfEdge>& edges, int from, int to) {
   return std::equal_range(edges.begin(), edges.end(), HalfEdge{from, to, 0}, before);
 }
 
-/// Refuses edges that are no edges of a surface; the rim is allowed if `open`. Returns its length.
+/// Checks the edges of a surface; a rim is permitted if `open`. Returns its number of edges.
 std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
                         const std::vector<HalfEdge>& edges, bool open) {
   std::size_t rim = 0;
@@ -96,14 +97,15 @@ std::size_t check_edges(const MeshSource& source, const TriangleSoup& soup,
   return rim;
 }
 
-/// Refuses vertices at which two fans of triangles touch.
+/// Checks that no vertex joins two fans of triangles.
 void check_fans(const MeshSource& source, const TriangleSoup& soup,
                 const std::vector<HalfEdge>& edges) {
   for (std::size_t first = 0; first < edges.size();) {
     const int vertex = edges[first].from;
     std::size_t last = first;
     while (last < edges.size() && edges[last].from == vertex) ++last;
-    // walk once around: across(v -> a) is the b of the next v -> b; begin where nothing leads to
+    // Walk once around the vertex: across(v -> a) is the b of the next v -> b. At a rim begin with
+    // the edge that has no predecessor.
     const auto next = [&](const HalfEdge& e) {
       const auto found = range(edges, vertex, e.across);
       return found.first == found.second ? nullptr : &*found.first;
@@ -125,12 +127,12 @@ void check_fans(const MeshSource& source, const TriangleSoup& soup,
 
 using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<>;
 
-/// The same surface as OpenMesh's half-edges, which must take every triangle and count the same
-/// rim: a second opinion on the edges and fans above. Its own readers are not used: they keep float
-/// only, drop or double what is not manifold in silence, and ask for absurd memory on sound files
-/// (an OFF with a comment under its first line).
+/// Builds the same surface as half-edges of OpenMesh, which must accept every triangle and count
+/// the same rim: an independent check of the edges and fans. OpenMesh's own readers are not used:
+/// they keep only floats, silently drop or double what is not manifold, and request absurd memory
+/// for valid files (an OFF with a comment under its first line).
 void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, std::size_t rim) {
-  omerr().disable();  // what it has to say is reported below, with the place
+  omerr().disable();  // its messages are replaced by the errors below, which have the location
   HalfEdgeMesh mesh;
   mesh.reserve(soup.points.size(), soup.points.size() + soup.faces.size(), soup.faces.size());
   for (std::size_t i = 0; i < soup.points.size(); ++i) mesh.add_vertex({});
@@ -151,6 +153,7 @@ void check_half_edge_mesh(const MeshSource& source, const TriangleSoup& soup, st
     source.refuse(fmt::format("{} open edges", rim), fmt::format("{} in OpenMesh", open_edges));
 }
 
+// A connected component of a mesh.
 struct Shell {
   double volume = 0.0;  ///< signed
   Eigen::AlignedBox3d box;
@@ -161,6 +164,8 @@ std::vector<Shell> shells(const TriangleSoup& soup) {
   for (const TriangleSoup::Face& f : soup.faces)
     for (std::size_t k = 1; k < 3; ++k) sets.join(f[0], f[k]);
 
+  // relative to a point of the body, so that its distance from the origin does not cancel in the
+  // volume
   const Vector3d origin = soup.points[static_cast<std::size_t>(soup.faces[0][0])];
   std::vector<int> number(soup.points.size(), -1);
   std::vector<Shell> result;
@@ -191,6 +196,7 @@ void check_outward(const MeshSource& source, const TriangleSoup& soup) {
     source.refuse(expected,
                   fmt::format("a flipped mesh, volume {:.6g} in units of the file", volume));
   for (const Shell& cavity : all) {
+    // a shell of negative volume is a cavity, which must lie inside a body
     if (cavity.volume > 0.0) continue;
     const bool inside = std::any_of(all.begin(), all.end(), [&](const Shell& body) {
       return body.volume > 0.0 && body.box.contains(cavity.box);
@@ -253,8 +259,8 @@ TriangleSoup read_soup(const MeshSource& source, const std::string& kind,
   source.refuse("a mesh file ending in .stl, .obj, .ply or .off", in_quotes("." + kind));
 }
 
-/// The triangles as a surface. Equal points are one vertex, but not in a body that is closed as it
-/// is indexed: bodies that touch share points and are closed without each other.
+/// Triangles with shared vertices. Equal points become one vertex, except in a body that is closed
+/// as it is indexed: touching bodies share points and are closed separately.
 struct Indexed {
   TriangleSoup soup;
   std::vector<HalfEdge> edges;
@@ -285,6 +291,7 @@ Design design_of(const MeshSource& source, const TriangleSoup& soup, double unit
   design.area = vertex_area(design.vertices, design.triangles);
   design.facet_error = facet_error(design.vertices, design.normals, design.triangles);
   design.judged.assign(soup.points.size(), 1);
+  // normals of opposite triangles cancel to zero; all others have length 1
   for (Eigen::Index i = 0; i < design.normals.rows(); ++i)
     if (!(design.normals.row(i).norm() > 0.5))
       source.refuse("a normal at every vertex",
@@ -298,6 +305,7 @@ void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
   const double part = box.sizes().maxCoeff();
   const double travel = options.travel->maxCoeff();
   if (part <= options.travel_ratio * travel) return;
+  // the units that are confused most often, in the order of the search
   static const std::array<std::pair<double, const char*>, 5> units = {
       {{1.0, "mm"}, {25.4, "inches"}, {10.0, "cm"}, {1e-3, "um"}, {1000.0, "m"}}};
   std::string guess = "no usual unit explains it";
@@ -325,7 +333,7 @@ MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOpt
   check_options(options);
   const std::string ending = lower(file.extension().string());
   const std::string kind = ending.empty() ? ending : ending.substr(1);
-  // corners are counted in int
+  // Three corners per triangle are counted in int.
   const MeshSource source = mesh_source(file, options.max_bytes,
                                         std::min<std::int64_t>(options.max_triangles, 700'000'000));
   TriangleSoup as_written = read_soup(source, kind, wanted);

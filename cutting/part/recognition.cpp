@@ -21,14 +21,14 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// The triangles of a mesh by the face on which they are, -1 on none, and the faces.
+/// The face of each triangle of a mesh, -1 for none, and the faces.
 struct Sorted {
   std::vector<int> face;  // (triangles)
   std::vector<AnalyticPatch> faces;
   int unexamined_triangles = 0;  // triangles
 };
 
-/// Vertices and triangles of each patch.
+/// Returns the patches that lie on one surface as a whole.
 std::vector<FaceRegion> whole_patches(const Design& design, double tolerance) {
   const std::vector<int> number = patches(design);
   const int count = number.empty() ? 0 : 1 + *std::max_element(number.begin(), number.end());
@@ -63,8 +63,8 @@ Sorted sorted(const Design& design, double tolerance) {
   return by_face;
 }
 
-/// (n) the largest angle by which facets on no face turn at each vertex: those at it, and the ones
-/// beside them, which are the other halves of quadrangles.
+/// Returns (n) the largest angle at each vertex between adjacent facets on no face: those at it,
+/// and those beside them, which are the other halves of quadrangles.
 Eigen::VectorXd max_facet_turns(const Design& design) {
   const auto normal = [&](int t) {
     const auto corner = [&](int k) -> Vector3d {
@@ -92,12 +92,14 @@ Eigen::VectorXd max_facet_turns(const Design& design) {
   return turn;
 }
 
-/// What is on no face takes the normal of one where it runs into it: where its facets lean on it by
-/// about half of the angle between them, as those of a curve do on its tangent.
+/// Assigns the normal of a face to vertices on no face where the facets run into it tangentially:
+/// where they lean against it by about half of the angle between them, as chords of a curve lean
+/// against its tangent.
 void adopt_face_normals(Design& design, const std::vector<AnalyticPatch>& faces) {
+  // between half of the angle, for a tangent, and all of it, for an edge
   constexpr double half = 0.75;
   const Eigen::VectorXd turn = max_facet_turns(design);
-  std::vector<std::vector<int>> at(std::size_t(design.vertices.rows()));  // at one place
+  std::vector<std::vector<int>> at(std::size_t(design.vertices.rows()));  // vertices at one point
   for (const auto& [first, added] : design.seams) {
     if (at[std::size_t(first)].empty()) at[std::size_t(first)].push_back(first);
     at[std::size_t(first)].push_back(added);
@@ -165,9 +167,9 @@ using Eigen::Index;
 using Eigen::Vector3d;
 using kinematics::angle_between;
 
-constexpr double tangent_angle = 2e-3;
+constexpr double tangent_angle = 2e-3;  // rad
 
-/// Whether all but a few of the votes say yes; so it is where there are none.
+/// A vote that passes if all but a few agree; it passes without votes.
 struct Votes {
   int yes = 0, all = 0;
   void add(bool vote) {
@@ -178,18 +180,18 @@ struct Votes {
   bool most() const { return 2 * yes > all; }
 };
 
-/// The angle between two normals about a line.
+/// Returns the angle between two normals about a line.
 double turn_about(const Vector3d& line, const Vector3d& one, const Vector3d& other) {
   return std::atan2(std::abs(one.cross(other).dot(line.normalized())), one.dot(other));
 }
 
-/// Whether a point lies on a line within a distance.
+/// Returns true if a point lies on a line to within a distance.
 bool is_on(const Vector3d& p, const Vector3d& a, const Vector3d& b, double within) {
   const Vector3d along = b - a;
   return (p - a).cross(along).norm() <= within * along.norm();
 }
 
-/// How many points lie off a line.
+/// Returns the points that lie off a line.
 std::vector<Vector3d> off_line(const std::vector<Vector3d>& points, const Vector3d& a,
                                const Vector3d& b, double within) {
   std::vector<Vector3d> off;
@@ -198,7 +200,8 @@ std::vector<Vector3d> off_line(const std::vector<Vector3d>& points, const Vector
   return off;
 }
 
-/// Whether all but one of the points lie on two lines. Of any five of those three are on one line.
+/// Returns true if all but one of the points lie on two lines. Of any five such points three lie on
+/// one line, so six sample points suffice to find it.
 bool are_on_two_lines(const std::vector<Vector3d>& points, double within) {
   const std::size_t n = points.size();
   if (n < 6) return true;
@@ -218,10 +221,13 @@ bool are_on_two_lines(const std::vector<Vector3d>& points, double within) {
   return false;
 }
 
-/// Whether the vertices lie nearer to a surface than they would by accident, one time in 1e9, if
-/// they were anywhere within what they leave a plane by: what noise leaves of few of them.
+/// Returns true if the vertices lie nearer to a surface than they would by chance, with a
+/// probability of 1e-9, if they were distributed anywhere within their deviation from a plane: each
+/// free vertex contributes the ratio of the two deviations as a factor. Rejects what noise makes of
+/// a few vertices.
 bool is_significant(const AnalyticPatch& local, const FacetPatch& patch, double tolerance,
                     int tangents) {
+  // 0.3: with any number of vertices a surface must fit clearly better than a plane
   constexpr double decades = 9.0, most = 0.3;
   const double free = double(patch.points.rows() - numbers_of(local.form) + 2 * tangents);
   const double bent = farthest(patch, first_guess(Form::Plane, patch));
@@ -229,9 +235,9 @@ bool is_significant(const AnalyticPatch& local, const FacetPatch& patch, double 
   return free > 0.0 && off <= bent * std::min(most, std::pow(10.0, -decades / free));
 }
 
-/// How many times as much as its own vertices those next to them leave the surface that fits a free
-/// form best, where n lines of them are fitted: a polynomial of degree 4 that is at most 1 at all
-/// of them comes to this at the next.
+/// Returns by what factor the vertices next to a region depart from the best-fitting surface of a
+/// free form more than its own vertices do, if n lines of vertices are fitted: a polynomial of
+/// degree 4 that is at most 1 at all of them reaches this value at the next.
 double extrapolation_bound(const AnalyticPatch& local, const FacetPatch& patch) {
   const bool by_lines = local.form == Form::Cylinder || local.form == Form::Cone;
   const auto are_at_least = [&](int n) {
@@ -244,8 +250,10 @@ double extrapolation_bound(const AnalyticPatch& local, const FacetPatch& patch) 
 
 }  // namespace
 
-/// Whether facets of the region that was stamped last turn enough for their surface to matter.
+/// Returns true if facets of the region that was stamped last turn enough for their surface to
+/// matter.
 bool FaceGrowth::bends(const Region& region) const {
+  // 0.5 deg, the least turn that distinguishes a curved face from a flat
   constexpr double least = 0.5 * std::numbers::pi / 180.0;
   for (const int t : region.triangles)
     for (const int next : across_[std::size_t(t)])
@@ -256,7 +264,7 @@ bool FaceGrowth::bends(const Region& region) const {
   return false;
 }
 
-/// Whether a region that does not grow is a face.
+/// Returns true if a region that grows no further is a face.
 bool FaceGrowth::is_face(const AnalyticPatch& surface, const Region& region) {
   if (!(surface.off <= tolerance_)) return false;
   for (const int t : region.triangles)
@@ -273,11 +281,12 @@ bool FaceGrowth::is_face(const AnalyticPatch& surface, const Region& region) {
          ends_clearly(surface, patch, around) && !is_sector(surface, region, around);
 }
 
-/// Whether the facets around a region leave its surface as those of another do, at the borders
-/// around its axis and at those along it. How a surface that curves otherwise by c leaves one after
-/// a height h is c h^2 / 2, and about h when that is long.
+/// Returns true if the facets around a region depart from its surface as those of another surface
+/// do, separately at the borders around its axis and along it. A surface whose curvature differs by
+/// c departs by c h^2 / 2 after a height h, and by about h if c h is large.
 bool FaceGrowth::ends_clearly(const AnalyticPatch& surface, const FacetPatch& patch,
                               const std::vector<Border>& borders) const {
+  // 0.3 and 2.5 as stated in the header; 1e-3 of the height of a facet is the step of a difference
   constexpr double share = 0.3, little = 1e-3, straight = 2.5;
   const bool is_turned = surface.form != Form::Sphere;
   const bool is_straight = surface.form == Form::Cylinder || surface.form == Form::Cone;
@@ -301,9 +310,11 @@ bool FaceGrowth::ends_clearly(const AnalyticPatch& surface, const FacetPatch& pa
   return votes[0].nearly_all() && votes[1].nearly_all();
 }
 
-/// Whether the facet across a border runs into the surface without an edge, as a plane does. Where
-/// the surface goes on, its next facet leans by half of the angle by which it turns over one.
+/// Returns true if the facet across a border runs into the surface without an edge, as a plane
+/// does. If the surface itself continued, its next facet would lean by half of the angle by which
+/// it turns over one facet.
 bool FaceGrowth::is_tangent(const AnalyticPatch& surface, const Border& border) const {
+  // of the turn over the inner facet: far below the half that a continuing surface would show
   constexpr double share = 0.1;
   const double unsure = tolerance_ / height_[border.outside];
   if (unsure > tangent_angle) return false;
@@ -319,31 +330,33 @@ bool FaceGrowth::is_tangent(const AnalyticPatch& surface, const Border& border) 
   return true;
 }
 
-/// How many lines a cylinder or cone shares with planes that go on from there: at least for as far
-/// as two of its own facets, for on a scan one facet may well lean as little as that.
+/// Returns the number of lines at which a cylinder or cone continues in tangent planes. The planes
+/// must be at least as wide as two of its own facets, because on a scan a single facet may lean as
+/// little by chance.
 int FaceGrowth::tangent_lines(const AnalyticPatch& surface,
                               const std::vector<Border>& borders) const {
   if (surface.form != Form::Cylinder && surface.form != Form::Cone) return 0;
-  constexpr double length_mismatch_text = 1e-3, facets = 2.0;
+  // normals that differ by less than 1e-3 belong to the same line
+  constexpr double apart = 1e-3, facets = 2.0;
   std::vector<Vector3d> lines;
   for (const Border& one : borders) {
     const double own = height_over(one.a, one.b, beyond(one.inside, one.a, one.b));
     if (one.height < facets * own || !is_tangent(surface, one)) continue;
     const Vector3d n = outward(surface, vertex(one.a));
-    if (std::none_of(lines.begin(), lines.end(), [&](const Vector3d& line) {
-          return (line - n).norm() < length_mismatch_text;
-        }))
+    if (std::none_of(lines.begin(), lines.end(),
+                     [&](const Vector3d& line) { return (line - n).norm() < apart; }))
       lines.push_back(n);
   }
+  // a bend has two tangent planes at most
   return std::min(int(lines.size()), 2);
 }
 
-/// How the flat beyond a border turns to the one after it, across sides that run as the border
-/// does: those of its triangles, or, where it is the half of a quadrangle, of the other. The
-/// largest such angle.
+/// Returns the largest turn from the flat beyond a border to the one after it, across sides
+/// parallel to the border: those of its triangles or, if it is half of a quadrangle, of the other
+/// half.
 FaceGrowth::Onward FaceGrowth::onward(const Border& border) const {
-  constexpr std::size_t most = 64;
-  constexpr double along = 0.8;
+  constexpr std::size_t most = 64;  // triangles of the flat that are visited
+  constexpr double along = 0.8;     // cosine above which two sides are parallel
   const Vector3d side = vertex(border.b) - vertex(border.a);
   Onward found;
   const auto look = [&](int t, int k, bool is_last) {
@@ -365,8 +378,8 @@ FaceGrowth::Onward FaceGrowth::onward(const Border& border) const {
   return found;
 }
 
-/// mm, of the region that was stamped last, across the borders at which it may be a sector: along
-/// the axis, or, of a plane, twice its area by the length of its border.
+/// Returns the width, mm, of the region that was stamped last, across the borders at which it may
+/// be a sector: along the axis or, for a plane, twice its area divided by the length of its border.
 double FaceGrowth::width(const AnalyticPatch& surface, const Region& region) const {
   const Vector3d axis = surface.frame.col(2);
   if (surface.form != Form::Plane) {
@@ -391,19 +404,21 @@ double FaceGrowth::width(const AnalyticPatch& surface, const Region& region) con
   return twice_area / border;
 }
 
-/// Whether a cylinder, a cone or the strip of a plane ends at edges by which the next facets turn
-/// on as those of a smooth surface do that is cut into strips: the angle between two of them is in
-/// proportion to the mean of their widths. Where such a surface begins without an edge, the angle
-/// is that of half of its first strip; half way between is where this decides. At the end of a face
-/// that is long for its neighbours, or at a chamfer, there is an edge of the part.
+/// Returns true if a cylinder, a cone or the strip of a plane ends at edges across which the next
+/// facets continue to turn like those of a smooth surface that is cut into strips: the angle
+/// between two of them is proportional to the mean of their widths. Where such a surface begins
+/// without an edge, the angle is that of half of its first strip; the decision is half way between
+/// the two. At the end of a face that is long compared with its neighbours, or at a chamfer, there
+/// is an edge of the part.
 bool FaceGrowth::is_sector(const AnalyticPatch& surface, const Region& region,
                            const std::vector<Border>& borders) const {
+  // 0.9: cosine of a side along the axis; 0.3 of the diagonal: a wider plane is no strip
   constexpr double along = 0.9, little = 0.1, slender = 0.3;
   const bool is_plane = surface.form == Form::Plane;
   if (surface.form == Form::Sphere || surface.form == Form::Torus) return false;
   const double wide = width(surface, region);
   if (is_plane && wide > slender * surface.box.diagonal().norm()) return false;
-  std::array<Votes, 2> votes;  // of either end
+  std::array<Votes, 2> votes;  // one for each end
   for (const Border& one : borders) {
     const Vector3d side = (vertex(one.b) - vertex(one.a)).normalized();
     if (!is_plane && std::abs(side.dot(surface.frame.col(2))) > along) continue;
@@ -429,10 +444,11 @@ std::optional<AnalyticPatch> FaceGrowth::plane_of_flat(const Region& region) con
   return with_sizes(*plane, region);
 }
 
-/// Whether the facets around a plane turn away from it, and by more than what its own vertices
-/// leave it by: what is nearly flat within a scan or a free form does not.
+/// Returns true if the facets around a plane turn away from it by more than the deviation of its
+/// own vertices; those of a nearly flat part of a scan or free form do not.
 bool FaceGrowth::turns_away(const AnalyticPatch& plane, const Region& region,
                             const std::vector<Border>& borders) const {
+  // 0.2 deg as stated in the header
   constexpr double least = 0.2 * std::numbers::pi / 180.0;
   const FacetPatch patch = facet_patch(design_, region.vertices, {});
   const double own = extrapolation_bound(plane, patch) * plane.off;
@@ -446,7 +462,7 @@ bool FaceGrowth::turns_away(const AnalyticPatch& plane, const Region& region,
   return votes.nearly_all();
 }
 
-/// Whether less than half of the area of a region is slivers.
+/// Returns true if slivers are less than half of the area of a region.
 bool FaceGrowth::has_normals(const Region& region) const {
   double sure = 0.0, all = 0.0;
   for (const int t : region.triangles) {
@@ -476,6 +492,7 @@ std::optional<FaceRegion> FaceGrowth::evident_plane(int flat) {
 std::optional<FaceRegion> FaceGrowth::tangent_plane(int flat) {
   std::vector<int> left = flats_[std::size_t(flat)];
   std::erase_if(left, [&](int t) { return !is_open(t); });
+  // a flat that has lost triangles to another face is no plane of its own
   if (left.size() != flats_[std::size_t(flat)].size()) return std::nullopt;
   const Region all = region(std::move(left));
   Votes votes;

@@ -29,6 +29,7 @@ using OpenMesh::FaceHandle;
 using OpenMesh::VertexHandle;
 
 struct TriangleMesh::HalfEdges : OpenMesh::TriMesh_ArrayKernelT<> {
+  // OpenMesh requires positions; the caller stores them, so zero serves
   VertexHandle added() { return add_vertex(Point(0, 0, 0)); }
 };
 
@@ -132,7 +133,8 @@ namespace {
 
 using Eigen::Index;
 
-/// An edge in the order in which edges are halved.
+/// An edge in the order of halving: by length, of equal ones by number, so that the order is
+/// unique.
 struct Long {
   double length;
   int edge;
@@ -159,6 +161,7 @@ Design subdivided(const Design& design, const SurfaceInterpolator& on_surface,
     if (length > options.spacing) queue.push({length, edge});
   };
   for (int edge = 0; edge < mesh.edges(); ++edge) add(edge);
+  // Entries of edges that were split remain in the queue; their length no longer matches.
   for (; !queue.empty() && Index(places.size()) < options.points; queue.pop()) {
     const auto [length, edge] = queue.top();
     const auto [a, b] = mesh.ends(edge);
@@ -183,7 +186,7 @@ Vector3d normal_of(const Design& design, int triangle) {
   return (corner(1) - corner(0)).cross(corner(2) - corner(0));
 }
 
-/// rad, by which the design turns from one triangle to another
+/// Returns the angle by which the design turns from one triangle to another, rad.
 double fold(const Design& design, int one, int other) {
   return kinematics::angle_between(normal_of(design, one), normal_of(design, other));
 }
@@ -194,8 +197,8 @@ int corner_at(const Triangles& triangles, int triangle, int vertex) {
   return -1;
 }
 
-/// Corners of triangles, numbered 3 t + k, that stay together at a vertex: those of triangles that
-/// are joined across an edge.
+/// Returns the sets of corners of triangles, numbered 3 t + k, that stay together at a vertex:
+/// those of triangles that are joined across an edge.
 template <typename Joined>
 DisjointSets joined_corners(const Design& design, const Joined& joined) {
   DisjointSets corners(3 * std::size_t(design.triangles.rows()));
@@ -210,9 +213,9 @@ DisjointSets joined_corners(const Design& design, const Joined& joined) {
   return corners;
 }
 
-/// The seams of a design, and those at which vertices were added to it, all of them to the first
-/// vertex at a place.
-/// @param from  the old vertex of each: all of them, then those added
+/// Returns the seams of a design and those of the vertices added to it, each referring to the first
+/// vertex at its point.
+/// @param from  original vertex of each: first all of them, then those added
 std::vector<std::array<int, 2>> seams_of(const Design& design, const std::vector<int>& from) {
   const auto n = std::size_t(design.vertices.rows());
   std::vector<int> kept(n);
@@ -224,7 +227,7 @@ std::vector<std::array<int, 2>> seams_of(const Design& design, const std::vector
   return seams;
 }
 
-/// A design with these triangles, its vertices taken from those of another.
+/// Returns a design with these triangles, whose vertices are copied from another design.
 Design taken(const Design& design, const std::vector<int>& from, Triangles triangles) {
   Design made;
   const auto n = Index(from.size());
@@ -242,9 +245,9 @@ Design taken(const Design& design, const std::vector<int>& from, Triangles trian
   return made;
 }
 
-/// Triangles whose sets of corners have vertices of their own.
+/// Triangles in which each set of corners has its own vertex.
 struct SplitDesign {
-  std::vector<int> from;  ///< the old vertex of each: all of them, then those added
+  std::vector<int> from;  ///< original vertex of each: first all of them, then those added
   Triangles triangles;
 };
 
@@ -267,14 +270,15 @@ SplitDesign split_at_corners(const Design& design, DisjointSets corners) {
   return parted;
 }
 
-/// The vertices parted where triangles of different labels meet.
+/// Returns the design split where triangles of different labels meet.
 SplitDesign split_by_labels(const Design& design, const std::vector<int>& label) {
   return split_at_corners(design, joined_corners(design, [&](int one, int other) {
                             return label[std::size_t(one)] == label[std::size_t(other)];
                           }));
 }
 
-/// (n) the label of the triangles of each vertex, which are of one; -1 where it has none.
+/// Returns (n) the label of the triangles of each vertex, which is unique; -1 for a vertex without
+/// triangles.
 std::vector<int> labels_of(const Design& design, const std::vector<int>& label) {
   std::vector<int> found(std::size_t(design.vertices.rows()), -1);
   for (Index t = 0; t < design.triangles.rows(); ++t)
@@ -283,7 +287,7 @@ std::vector<int> labels_of(const Design& design, const std::vector<int>& label) 
   return found;
 }
 
-/// (n) the first vertex that stands at the same point.
+/// Returns (n) the first vertex at the same point.
 std::vector<int> first_at_point(const Points& vertices) {
   std::map<std::array<double, 3>, int> first;
   std::vector<int> found;
@@ -343,6 +347,7 @@ Design split_at_groups(const Design& design, const std::vector<int>& group) {
   SplitDesign parted = split_by_labels(design, group);
   Design made = taken(design, parted.from, std::move(parted.triangles));
   made.group = labels_of(made, group);
+  // a border between groups is no edge, so the normals are those of the whole face
   for (Index i = 0; i < made.vertices.rows(); ++i) {
     const int old = parted.from[std::size_t(i)];
     made.normals.row(i) = design.normals.row(old);
@@ -361,7 +366,7 @@ std::vector<int> patches(const Design& design) {
   std::vector<int> patch(std::size_t(design.vertices.rows()));
   int count = 0;
   for (int i = 0; i < int(patch.size()); ++i) {
-    const int name = sets.name_of(i);  // the least vertex of the set, so it has its number
+    const int name = sets.name_of(i);  // the least vertex of the set, so it already has its number
     patch[std::size_t(i)] = name == i ? count++ : patch[std::size_t(name)];
   }
   return patch;
@@ -390,7 +395,7 @@ Design judge_off_edges(const Design& design, std::vector<Segment> edges, double 
   if (!std::isfinite(margin) || margin < 0.0)
     throw std::invalid_argument("judge_off_edges: the margin must be finite and not negative");
   if (margin == 0.0 || edges.empty()) return design;
-  // cells much smaller than the edges would be more than can be listed
+  // Cells much smaller than the edges would make the list of cells too long.
   double length = 0.0;
   for (const Segment& edge : edges) length += (edge.b - edge.a).norm();
   const double cell = std::max(margin, length / double(edges.size()));
@@ -408,13 +413,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// An edge of a border, once for each of the two faces: its vertices there, in the same direction.
+/// An edge of a border, stored for both faces: its vertices there, in the same direction.
 struct TwoSided {
   std::array<std::array<int, 2>, 2> ends;  // face, end
   int halvings = 0;
 };
 
-/// The edges of a design at which two recognised faces meet.
+/// Returns the edges of a design at which two recognised faces meet.
 std::vector<TwoSided> face_borders(const Design& design) {
   std::vector<int> place(std::size_t(design.vertices.rows()));
   std::iota(place.begin(), place.end(), 0);
@@ -445,33 +450,36 @@ struct Meeting {
   Vector3d a, b;  // ends of the chord
 
   Vector3d middle() const { return 0.5 * (a + b); }
-  /// Across the border, along the faces.
+  /// Returns the unit direction across the border, along the faces.
   Vector3d way() const { return dropped(one, middle()).normal.cross(b - a).normalized(); }
-  /// How far the normals are from each other at a place, along that way.
-  double length_mismatch_text(const Vector3d& p) const {
+  /// Returns the difference of the normals at a point, along that direction.
+  double apart(const Vector3d& p) const {
     return (dropped(one, p).normal - dropped(other, p).normal).dot(way());
   }
-  /// mm, between the surfaces beside a place.
+  /// Returns the distance between the surfaces beside a point, mm.
   double between(const Vector3d& p) const { return distance_of(other, dropped(one, p).point); }
-  /// mm, from either surface of what the chord cuts off the other, beyond what is between them at
-  /// its ends: surfaces fitted to rounded vertices do not quite touch.
+  /// Returns the distance of the sliver cut off by the chord from the other surface, mm, less that
+  /// between the surfaces at the ends: surfaces fitted to rounded vertices do not quite touch.
   double off() const { return std::abs(between(middle()) - 0.5 * (between(a) + between(b))); }
 };
 
-/// Where the border passes beside the middle of its chord; none where it is not found near it.
+/// Returns the point of the border beside the middle of its chord; nothing if it is not found near
+/// it.
 std::optional<Vector3d> on_border(const Meeting& at) {
+  // Newton's method with a difference quotient, from the chord
   constexpr int rounds = 8;
-  constexpr double most = 0.3, little = 1e-3, edge = 0.05;  // of the chord; rad
+  constexpr double most = 0.3, little = 1e-3, edge = 0.05;  // of the chord, of the chord, rad
   const double chord = (at.b - at.a).norm();
   for (const Vector3d& end : {at.a, at.b})
+    // normals that differ by more than 0.05 rad at an end belong to an edge of the part
     if ((dropped(at.one, end).normal - dropped(at.other, end).normal).norm() > edge)
       return std::nullopt;
   const Vector3d way = at.way();
   double along = 0.0;
   for (int round = 0; round < rounds; ++round) {
     const auto place = [&](double s) { return dropped(at.one, at.middle() + s * way).point; };
-    const double here = at.length_mismatch_text(place(along)), step = little * chord;
-    const double slope = (at.length_mismatch_text(place(along + step)) - here) / step;
+    const double here = at.apart(place(along)), step = little * chord;
+    const double slope = (at.apart(place(along + step)) - here) / step;
     if (!(std::abs(slope) > 0.0)) return std::nullopt;
     along -= here / slope;
     if (!(std::abs(along) < most * chord)) return std::nullopt;
@@ -484,7 +492,7 @@ std::optional<Vector3d> on_border(const Meeting& at) {
 Design refine_round_borders(const Design& design, const std::vector<AnalyticPatch>& faces,
                             double off) {
   require(std::isfinite(off) && off > 0.0, "with_round_borders: off must be positive");
-  constexpr int most = 8;  // halvings: of a chord of 30 degrees to one of a tenth
+  constexpr int most = 8;  // halvings: from a chord of 30 degrees to one of a tenth
   if (design.face.empty()) return design;
   std::vector<TwoSided> waiting = face_borders(design);
   TriangleMesh mesh(design.triangles, design.vertices.rows());

@@ -20,19 +20,19 @@ using Eigen::VectorXd;
 
 using Fitted = AnalyticPatch;
 
-/// Radius about the axis and height along it.
+/// Returns the radius about the axis and the height along it.
 Vector2d radius_height(const Fitted& f, const Vector3d& p) {
   const Vector3d from = f.frame.transpose() * (p - f.origin);
   return {from.head<2>().norm(), from.z()};
 }
 
-/// Whether moving along the third axis is a number of its own.
+/// Returns true if a translation along the third axis is a parameter of the form.
 bool has_axial_parameter(Form form) {
   return form == Form::Sphere || form == Form::Torus || form == Form::Plane;
 }
 
-/// The surface moved by small numbers: two turns of the axis, the origin, the shape. What a surface
-/// does not have, or what moves it into itself, is left out.
+/// Returns the surface changed by small parameters: two rotations of the axis, the origin, the
+/// shape. Parameters that the form does not have, or that move it into itself, are omitted.
 Fitted moved(Fitted f, const VectorXd& by) {
   const bool turns = f.form != Form::Sphere;
   Index k = 0;
@@ -56,7 +56,8 @@ VectorXd distances(const Fitted& f, const Points& points) {
   return all;
 }
 
-/// How the distance of a point from a surface follows the numbers of `moved`.
+/// Returns the derivatives of the distance of a point from a surface with respect to the parameters
+/// of `moved`.
 Eigen::RowVectorXd slopes(const Fitted& f, const Vector3d& p) {
   const Vector3d n = outward(f, p), from = p - f.origin;
   Eigen::RowVectorXd J(numbers_of(f.form));
@@ -93,6 +94,7 @@ Fitted plane_of(const FacetPatch& patch) {
   return f;
 }
 
+// Linear least squares for the centre and R^2 - |centre|^2.
 Fitted sphere_of(const Points& points) {
   Eigen::MatrixXd A(points.rows(), 4);
   A << 2.0 * points, VectorXd::Ones(points.rows());
@@ -104,8 +106,8 @@ Fitted sphere_of(const Points& points) {
   return f;
 }
 
-/// The line that comes nearest to lines along the normals of facets; and how well it is known: the
-/// share of what the next best one misses.
+/// The line nearest to the lines along the normals of facets, and how well it is determined: the
+/// second smallest eigenvalue relative to the largest.
 struct NormalLine {
   Fitted axis;
   double known = 0.0;
@@ -119,7 +121,7 @@ NormalLine line_through_normals(const FacetPatch& patch, const Points& places) {
     moments += m * m.transpose();
     mixed += n * m.transpose();
   }
-  constexpr double flat = 1e-9;
+  constexpr double flat = 1e-9;  // relative; directions in which all normals agree carry no moment
   Matrix3d moment_of;
   for (int k = 0; k < 3; ++k)
     moment_of.col(k) =
@@ -130,11 +132,12 @@ NormalLine line_through_normals(const FacetPatch& patch, const Points& places) {
   NormalLine met;
   met.axis.frame = frame_along(axis);
   met.axis.origin = axis.cross(-(moment_of * axis));
+  // 1e-300 avoids 0 / 0
   met.known = found.values[1] / std::max(found.values[2], 1e-300);
   return met;
 }
 
-/// Evenly some of the points: enough to fit by.
+/// Returns an even selection of at most about 2000 points, which is enough for a fit.
 Points thinned_points(const Points& points) {
   constexpr Index most = 2000;
   const Index every = 1 + points.rows() / most;
@@ -143,7 +146,8 @@ Points thinned_points(const Points& points) {
   return few;
 }
 
-/// The straight line, or the circle, on which the vertices lie in the half plane of their axis.
+/// Returns the surface of revolution whose profile, a line or circle, fits the vertices in the half
+/// plane of the axis.
 Fitted profiled(Fitted f, Form form, const Points& points) {
   const Index n = points.rows();
   Eigen::MatrixXd A(n, form == Form::Torus ? 3 : 2);
@@ -171,8 +175,8 @@ Fitted profiled(Fitted f, Form form, const Points& points) {
   return f;
 }
 
-/// Whether the facets lie along the surface, all on the same side of it. @return +1 where it looks
-/// outward as they do, -1 where it looks inward; none
+/// Returns +1 if the surface has the same outward side as the facets, -1 if it has the opposite;
+/// nothing if the facets do not all lie along the surface on one side.
 std::optional<double> facing(const Fitted& f, const FacetPatch& patch) {
   constexpr double least = 0.866;  // cos 30 degrees
   double sign = 0.0;
@@ -184,24 +188,23 @@ std::optional<double> facing(const Fitted& f, const FacetPatch& patch) {
   return sign;
 }
 
-constexpr double length_mismatch_text = 1e-3;  // of the size of a patch
+constexpr double apart = 1e-3;  // of the size of a patch; points that are farther
+                                // apart are distinct
 
-/// Whether at least so many of the places are apart from one another.
+/// Returns true if at least `wanted` of the points are distinct.
 bool has_distinct_points(const std::vector<Vector2d>& places, std::size_t wanted) {
   std::vector<Vector2d> found;
   for (const Vector2d& place : places) {
-    const auto is_near = [&](const Vector2d& one) {
-      return (one - place).norm() < length_mismatch_text;
-    };
+    const auto is_near = [&](const Vector2d& one) { return (one - place).norm() < apart; };
     if (std::none_of(found.begin(), found.end(), is_near)) found.push_back(place);
     if (found.size() == wanted) return true;
   }
   return false;
 }
 
-/// Whether more facets look the same way than the halves of a few quadrangles: a flat.
+/// Returns true if more facets have the same normal than the halves of a few quadrangles: a flat.
 bool has_flat(const FacetPatch& patch) {
-  constexpr double same = 1e-5;
+  constexpr double same = 1e-5;  // of a unit normal
   constexpr int halves = 4;
   std::map<std::array<long, 3>, int> facing;
   for (const auto& normal : patch.normals.rowwise()) {
@@ -212,7 +215,8 @@ bool has_flat(const FacetPatch& patch) {
   return false;
 }
 
-/// Whether no facet closes a cylinder or cone across its axis: that is a cap.
+/// Returns true if no facet closes a cylinder or cone across its axis, as a cap does: its centre
+/// would lie at less than half the radius.
 bool is_uncapped(const Fitted& f, const FacetPatch& patch) {
   const double growth = f.form == Form::Cone ? f.shape[1] : 0.0;
   for (const auto& centre : patch.centres.rowwise()) {
@@ -222,7 +226,7 @@ bool is_uncapped(const Fitted& f, const FacetPatch& patch) {
   return true;
 }
 
-/// Lines of vertices along an axis as directions, and their rings as radius and height.
+/// The directions of the lines of vertices along an axis, and radius and height of their rings.
 struct LinesAndRings {
   std::vector<Vector2d> lines, rings;
 };
@@ -237,7 +241,8 @@ LinesAndRings lines_and_rings(const Fitted& f, const Points& points) {
   return found;
 }
 
-/// Of the circle through the corners of a triangle; its centre if that lies far off.
+/// Returns the centre of the circle through the corners of a triangle; its centroid if that centre
+/// is far away.
 Vector3d middle_of_circle(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   const Vector3d u = b - a, v = c - a, n = u.cross(v);
   const Vector3d way =
@@ -247,7 +252,8 @@ Vector3d middle_of_circle(const Vector3d& a, const Vector3d& b, const Vector3d& 
   return (a + way - centre).norm() < size ? Vector3d(a + way) : centre;
 }
 
-/// A sphere shows about every axis that those of other surfaces may be.
+/// Returns true if at least three rings of a sphere are visible about every axis that another
+/// surface could have.
 bool is_evident_sphere(Fitted f, const FacetPatch& patch) {
   if (has_flat(patch)) return false;
   const Eigen::MatrixXd covariance = patch.points.transpose() * patch.points;
@@ -264,7 +270,8 @@ bool is_evident_sphere(Fitted f, const FacetPatch& patch) {
 }  // namespace
 
 AnalyticPatch revolution_from_normals(const FacetPatch& patch) {
-  constexpr double least = 1e-6;  // normals of one ring of a cone meet in a point
+  constexpr double least = 1e-6;  // normals of a single ring of a cone meet in a point, so the axis
+                                  // is not determined
   const NormalLine met = line_through_normals(patch, patch.feet);
   return met.known > least ? met.axis : line_through_normals(patch, patch.centres).axis;
 }
@@ -291,6 +298,7 @@ Vector3d outward(const Fitted& f, const Vector3d& p) {
 }
 
 Index numbers_of(Form form) {
+  // in the order of Form: plane, sphere, cylinder, cone, torus
   constexpr Index numbers[] = {3, 4, 5, 6, 7};
   return numbers[std::size_t(form)];
 }
@@ -346,12 +354,14 @@ AnalyticPatch first_guess(Form form, const FacetPatch& patch, const Fitted& axis
 }
 
 AnalyticPatch adjusted(Fitted f, const FacetPatch& patch, int rounds) {
+  // of the patch's size, near rounding
   constexpr double still = 1e-14;
   const Points points = thinned_points(patch.points);
   for (int round = 0; round < rounds; ++round) {
     Eigen::MatrixXd J(points.rows(), numbers_of(f.form));
     for (Index i = 0; i < points.rows(); ++i) J.row(i) = slopes(f, points.row(i));
     const VectorXd change = -least_squares(J, distances(f, points)).x;
+    // a step beyond ten sizes of the patch diverges
     if (!change.allFinite() || change.norm() > 10.0) break;
     f = moved(f, change);
     if (change.norm() < still) break;
@@ -367,14 +377,14 @@ bool is_determined(const Fitted& f, const FacetPatch& patch, int tangents) {
   if (f.form == Form::Plane) return true;
   if (f.form == Form::Sphere) return is_evident_sphere(f, patch);
   const LinesAndRings found = lines_and_rings(f, patch.points);
-  if (f.form == Form::Torus)
-    return f.shape[0] > length_mismatch_text && has_distinct_points(found.rings, 5);
+  if (f.form == Form::Torus) return f.shape[0] > apart && has_distinct_points(found.rings, 5);
   return has_distinct_points(found.lines, std::size_t(std::max(1, 5 - tangents))) &&
          is_uncapped(f, patch);
 }
 
 std::optional<AnalyticPatch> surface_of(const FacetPatch& patch, double tolerance) {
   const auto placed = [&](const Fitted& f) -> std::optional<Fitted> {
+    // vertices must overdetermine a surface twice, or it fits by chance
     const Index enough = f.form == Form::Plane ? 3 : 2 * numbers_of(f.form);
     const double off = farthest(patch, f);
     if (patch.points.rows() < enough || !(off <= tolerance)) return std::nullopt;

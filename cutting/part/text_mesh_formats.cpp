@@ -24,12 +24,13 @@ namespace abbe::cutting {
 
 inline constexpr std::size_t max_mtl_bytes = std::size_t{16} << 20;
 
-/// Materials by name, with their diffuse colour; none where a material has none.
+/// Materials by name with their diffuse colour; nothing for a material without one.
 using Materials = std::map<std::string, std::optional<FaceColour>>;
 
-/// The materials of a Wavefront MTL and their `Kd r g b`, 0 .. 1. What else materials have is
-/// passed over, but its keyword must be one of theirs.
-/// @throws BadInput for anything else, a name twice and a file of more than `max_mtl_bytes`
+/// Reads the materials of a Wavefront MTL and their `Kd r g b`, 0 .. 1. Other properties are
+/// skipped, but their keywords must be known.
+/// @throws BadInput for anything else, for a duplicate name, and for a file of more than
+///         `max_mtl_bytes`
 Materials read_mtl(const std::filesystem::path& file);
 
 namespace {
@@ -43,7 +44,7 @@ bool is_passed_over(std::string_view keyword) {
   return small.starts_with("map_") || std::ranges::find(known, small) != known.end();
 }
 
-/// Of `Kd r g b`, or `Kd r`.
+/// Returns the colour of `Kd r g b` or `Kd r`.
 FaceColour diffuse(Words& words, const Word& keyword) {
   FaceColour colour{{0, 0, 0}, FaceColour::Digits::Fraction};
   int count = 0;
@@ -91,6 +92,7 @@ Materials read_mtl(const std::filesystem::path& file) {
 
 namespace {
 
+// Returns the index of a corner; negative numbers count backwards from the last vertex.
 int obj_index(const Words& words, Word word, std::size_t vertices) {
   const std::string_view whole = word.text;
   word.text = whole.substr(0, whole.find('/'));
@@ -112,8 +114,8 @@ Polygon obj_face(Words& words, int line, std::size_t vertices) {
   return face;
 }
 
-/// The file of a name beside an OBJ; exporters write the folder on which they wrote it, with either
-/// kind of slash.
+/// Returns the path of a named file beside an OBJ. Exporters write the folder on their own machine,
+/// with either kind of slash, so only the last component is used.
 std::filesystem::path beside_obj(const std::string& obj, std::string_view name) {
   const std::size_t slash = name.find_last_of("/\\");
   if (slash != std::string_view::npos) name.remove_prefix(slash + 1);
@@ -125,7 +127,8 @@ bool is_file(const std::filesystem::path& file) {
   return std::filesystem::is_regular_file(file, failure);
 }
 
-/// The files of a `mtllib`: the whole line, where a file has blanks in its name, or its words.
+/// Returns the files of a `mtllib`: the whole line if such a file exists, since names may contain
+/// blanks, otherwise each of its tokens.
 std::vector<std::pair<std::filesystem::path, Word>> libraries(Words& words,
                                                               const std::string& obj) {
   const Word line = words.rest_of_line();
@@ -138,13 +141,13 @@ std::vector<std::pair<std::filesystem::path, Word>> libraries(Words& words,
   return files;
 }
 
-/// The marks of the faces to come.
+/// The marks that apply to the next faces.
 class ObjMarks {
  public:
   ObjMarks(const MeshSource& source, const MarkSelection& wanted)
       : source_(source), wanted_(wanted), marker_(source) {}
 
-  /// Takes a line that says something of faces. @return whether it was one
+  /// Reads a line that changes the marks. @return false if the line is of another kind
   bool take(Words& words, const Word& keyword) {
     if (keyword.text == "g" && wanted_.groups)
       group_ = group_of(words);
@@ -181,7 +184,7 @@ class ObjMarks {
     std::vector<std::string> names;
     for (const Cell& cell : cells_of(line.text, ' ', line.text.size()))
       if (!cell.text.empty()) names.emplace_back(cell.text);
-    if (names.size() > 1) names.emplace_back(line.text);  // one name with blanks in it
+    if (names.size() > 1) names.emplace_back(line.text);  // a single name that contains blanks
     if (names.empty()) names.emplace_back("default");
     return marker_.set_of(names);
   }
@@ -227,7 +230,7 @@ class ObjMarks {
 }  // namespace
 
 TriangleSoup read_obj(const MeshSource& source, const MarkSelection& wanted) {
-  // texture, groups, display and smoothing; free-form geometry is not among them
+  // Texture, groups, display and smoothing; free-form geometry is not among them.
   static constexpr std::array ignored = {"vt",       "vn",  "vp",         "g",        "o",
                                          "s",        "mg",  "usemtl",     "mtllib",   "usemap",
                                          "maplib",   "l",   "p",          "bevel",    "c_interp",
@@ -272,8 +275,8 @@ std::vector<std::filesystem::path> material_files(const std::filesystem::path& f
 
 namespace {
 
-/// Whether channels are 0 .. 255. Writers leave out the point of a fraction that has none, and
-/// nobody paints with a single 255th: 1 0 0 is red.
+/// Returns true if channels are on the scale 0 .. 255. Writers omit the decimal point of whole
+/// fractions, and a channel of a single 255th does not occur in practice: 1 0 0 is red.
 bool of_255(const std::vector<Word>& channels) {
   bool above_one = false;
   for (const Word& word : channels) {
@@ -283,7 +286,7 @@ bool of_255(const std::vector<Word>& channels) {
   return above_one;
 }
 
-/// The colour that ends a line; none where nothing does.
+/// Returns the colour at the end of a line; nothing if the line has ended.
 std::optional<FaceColour> off_colour(Words& words) {
   std::vector<Word> channels;
   for (Word word = words.next_in_line(); !word.text.empty(); word = words.next_in_line()) {
@@ -314,7 +317,7 @@ std::optional<FaceColour> off_colour(Words& words) {
 TriangleSoup read_off(const MeshSource& source, const MarkSelection& wanted) {
   Words words(source, '#');
   const Word magic = words.next();
-  // ST texture, C colours, N normals of the vertices, behind their places
+  // ST: texture, C: colours, N: normals of the vertices; they follow the coordinates.
   std::string_view kind = magic.text;
   const auto has = [&](std::string_view what) {
     const bool is = kind.starts_with(what) && kind != "OFF";
@@ -325,12 +328,13 @@ TriangleSoup read_off(const MeshSource& source, const MarkSelection& wanted) {
   if (kind != "OFF") words.refuse("'OFF', with ST, C and N before it or not", magic);
   if (texture && of_vertices && wanted.colours)
     words.refuse("'COFF' or 'CNOFF', colours that no texture follows", magic);
-  // every vertex and face takes at least six bytes, so the counts are bounded by the file
+  // Every vertex and face takes at least six bytes, so the size of the file bounds the counts.
   const auto most = static_cast<std::int64_t>(words.bytes_left() / 6);
   const std::int64_t vertices =
       words.integer(words.next(), 0, most, "number of vertices that fit the file");
   const std::int64_t faces =
       words.integer(words.next(), 0, most, "number of faces that fit the file");
+  // The number of edges is not needed, and many writers put 0.
   words.integer(words.next(), 0, std::int64_t{1} << 40, "number of edges");
   source.check_triangles(faces);
   TriangleSoup soup;

@@ -28,8 +28,10 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// Sides of a polygon around a circle whose corners lie outside by at most `sag`.
+/// Returns the number of sides of a polygon around a circle whose corners protrude by at most
+/// `sag`; at least 8, so that small bodies keep their shape.
 int sides_around(double radius, double sag) {
+  // the upper limit protects the memory from a sag near rounding
   constexpr double least = 8.0, most = 1e5;
   const double half = std::acos(radius / (radius + sag));
   return int(std::clamp(std::ceil(std::numbers::pi / half), least, most));
@@ -45,7 +47,7 @@ ClosedMesh mesh_of(const std::vector<Vector3d>& vertices,
   return mesh;
 }
 
-/// The profile with its ends on the axis.
+/// Returns the profile with its ends on the axis.
 std::vector<Eigen::Vector2d> closed_profile(const Eigen::MatrixX2d& profile) {
   std::vector<Eigen::Vector2d> points;
   if (profile(0, 0) > 0.0) points.emplace_back(0.0, profile(0, 1));
@@ -73,6 +75,7 @@ ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
   require(std::isfinite(sag) && sag > 0.0, "revolution: the sag must be positive");
   const std::vector<Eigen::Vector2d> points = closed_profile(profile);
   const int n = sides_around(profile.col(0).maxCoeff(), sag);
+  // the sides of the polygon touch the circle from outside
   const double outwards = 1.0 / std::cos(std::numbers::pi / n);
   std::vector<Vector3d> vertices;
   std::vector<std::array<int, 2>> ring;  // first vertex, and the step to the next: 0 on the axis
@@ -103,6 +106,7 @@ ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
 ClosedMesh sphere_mesh(double radius, double sag) {
   require(std::isfinite(radius) && radius > 0.0, "sphere: the radius must be positive");
   require(std::isfinite(sag) && sag > 0.0, "sphere: the sag must be positive");
+  // half of the sag for the profile, half for the facets around it
   const int n = (sides_around(radius, 0.5 * sag) + 1) / 2;
   const double r = radius / std::cos(0.5 * std::numbers::pi / n);
   Eigen::MatrixX2d profile(n + 1, 2);
@@ -144,7 +148,8 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
 
 namespace {
 
-/// Profile of a form cutter, its arcs within the polygons of their tangents.
+/// Returns the profile of a form cutter whose arcs are replaced by polygons of their tangents,
+/// which contain them.
 Eigen::MatrixX2d profile_around(const ToolOutline& outline, double sag) {
   std::vector<Eigen::Vector2d> points{outline.pieces.front().from};
   for (const OutlinePiece& piece : outline.pieces) {
@@ -162,7 +167,7 @@ Eigen::MatrixX2d profile_around(const ToolOutline& outline, double sag) {
   Eigen::MatrixX2d profile(Index(points.size()), 2);
   Index count = 0;
   for (const Eigen::Vector2d& point : points) {
-    // the profile begins and ends at the axis, and rounding makes no height fall
+    // The profile begins and ends at the axis, and rounding must not make a height fall.
     const Eigen::RowVector2d next(
         std::max(0.0, point.x()),
         std::clamp(point.y(), count > 0 ? profile(count - 1, 1) : 0.0, outline.height));
@@ -178,7 +183,7 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
   require(std::isfinite(sag) && sag > 0.0, "cutter: the sag must be positive");
   if (cutter.outline) return revolved_mesh(profile_around(*cutter.outline, 0.5 * sag), 0.5 * sag);
   const double r = cutter.corner_radius, flat = cutter.radius - r, quarter = 0.5 * std::numbers::pi;
-  // the corner lies within the polygon of its tangents
+  // The corner is inside the polygon of its tangents.
   const int pieces = r > 0.0 ? std::max(1, (sides_around(r, 0.5 * sag) + 3) / 4) : 0;
   std::vector<Eigen::Vector2d> points{{flat, 0.0}};
   const double out = pieces > 0 ? r / std::cos(0.5 * quarter / pieces) : 0.0;
@@ -220,6 +225,7 @@ std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
     corners.emplace_back(out * std::cos(angle), out * std::sin(angle), r);
     fan.push_back({0, 1 + k, 1 + (k + 1) % n});
   }
+  // A degenerate triangle with a skin is a ball.
   if (n == 0) fan.push_back({0, 0, 0});
   pieces.push_back(mesh_of(corners, fan));
   pieces.back().skin = r;
@@ -235,7 +241,7 @@ namespace {
 
 constexpr std::size_t chunk_size = 64;  // moves that share a box
 
-/// The motion of the lower end of the shank.
+/// Returns the motion of the lower end of the shank.
 CutterMotion raised(const CutterMotion& motion, double by) {
   CutterMotion up = motion;
   up.tip += by * motion.axis;
@@ -247,7 +253,7 @@ AlignedBox3d grown(const AlignedBox3d& box, double by) {
   return {box.min() - margin, box.max() + margin};
 }
 
-/// Box of the stretch of a shank's axis that lies in `room`; empty if none does.
+/// Returns the box of the segment of a shank's axis that lies in `room`; empty if none does.
 AlignedBox3d stretch_in(const AlignedBox3d& room, const Vector3d& low_end, const Vector3d& axis,
                         double length) {
   double from = 0.0, to = length;
@@ -266,8 +272,9 @@ AlignedBox3d stretch_in(const AlignedBox3d& room, const Vector3d& low_end, const
   return box;
 }
 
-/// The moves on which a shank comes into the box around the part, with boxes around what of it
-/// does. A long shank leans over much of a part; the stretch of it that is low enough is short.
+/// The moves during which a shank enters the box around the part, with boxes around the segments
+/// that do. A long shank may lean over much of a part, but the segment of it that is low enough is
+/// short.
 class ChunkedMoves {
  public:
   ChunkedMoves(const Cutter& shank, const CutterMotion& path, const AlignedBox3d& part) {
@@ -286,7 +293,7 @@ class ChunkedMoves {
 
   bool empty() const { return moves_.empty(); }
 
-  /// Calls use(move) for those whose box meets this one, until it returns false.
+  /// Calls use(move) for the moves whose box intersects this one, until it returns false.
   template <class Use>
   void each(const AlignedBox3d& box, const Use& use) const {
     for (std::size_t c = 0; c < chunks_.size(); ++c) {
@@ -298,7 +305,7 @@ class ChunkedMoves {
   }
 
  private:
-  /// Poses between two samples are nowhere further from one of them than `margin`.
+  /// Poses between two samples are nowhere farther from one of them than `margin`.
   static AlignedBox3d box_of(const Cutter& shank, const CutterMotion& path,
                              const std::array<Index, 2>& ends, const AlignedBox3d& part) {
     const double length = shank.flank_length;
@@ -322,7 +329,7 @@ class ChunkedMoves {
   std::vector<AlignedBox3d> chunks_;
 };
 
-/// A piece on its way through the room around the part.
+/// A piece with its path through the room around the part.
 struct Passing {
   Cutter shape;
   CutterMotion path;
@@ -332,11 +339,11 @@ struct Passing {
       : shape(piece.shape), path(raised(motion, piece.base)), moves(shape, path, room) {}
 };
 
-/// mm below the design, and the line; 0 where the shank is not.
+/// mm below the design, and the program line; 0 without contact.
 struct Depth {
   double depth = 0.0;
   int line = 0;
-  bool deeper = false;  ///< the ray ends in the shank
+  bool deeper = false;  ///< the ray ends inside the shank
 };
 
 ShankContact summed(const std::vector<Depth>& depths, double passed) {
@@ -353,7 +360,7 @@ ShankContact summed(const std::vector<Depth>& depths, double passed) {
   return contact;
 }
 
-/// How deep a shank goes in at a vertex, at most to the far end of the ray.
+/// Returns the depth of a shank at a vertex, at most to the far end of the ray.
 Depth depth_at(const Cutter& shank, const CutterMotion& path, const ChunkedMoves& moves,
                const Ray& ray, double middle) {
   AlignedBox3d box;
@@ -373,15 +380,15 @@ Depth depth_at(const Cutter& shank, const CutterMotion& path, const ChunkedMoves
   return deepest;
 }
 
-/// A shank on its way, held against the vertices of a design.
+/// The check of one moving shank against the vertices of a design.
 class ShankCheck {
  public:
-  /// @param passed  mm that it may go in
+  /// @param passed  mm, tolerated depth
   ShankCheck(const Design& design_w, const Cutter& shank, const CutterMotion& path,
              const ChunkedMoves& moves, double passed)
       : design_(design_w), shank_(shank), path_(path), moves_(moves), passed_(passed) {}
 
-  /// Along the normal of a vertex.
+  /// Returns the depth along the normal of a vertex.
   Depth depth(Index v, double band) const {
     if (band <= passed_) return {};
     const double middle = -0.5 * (band + passed_);
@@ -391,14 +398,15 @@ class ShankCheck {
     return depth_at(shank_, path_, moves_, ray, middle);
   }
 
-  /// Of what was found along a normal that which is in the part, and how deep.
+  /// Returns the depth of a contact along a normal that is inside the part; zero if it is not.
   Depth within(const Thickness& part, Index v, Depth found, double band) const {
     const Vector3d place = design_.vertices.row(v), normal = design_.normals.row(v);
-    // a thin part is not met by what passes behind it
+    // A shank that passes behind a thin part does not touch it.
     const auto behind = part.behind(place, normal, 2.0 * band);
     if (behind && found.depth > 0.5 * *behind) found = depth(v, 0.5 * *behind);
     if (found.depth <= 0.0) return {};
-    // the normal of a vertex on an edge runs along the face beyond it, and so does a shank
+    // The normal of a vertex on an edge runs along the face beyond it, as a shank beside that face
+    // does. The depth is therefore the distance from the nearest point of the part.
     found.depth = part.nearest(place - found.depth * normal, found.depth);
     return found.depth > passed_ ? found : Depth{};
   }
@@ -417,7 +425,7 @@ std::vector<NonCuttingPiece> non_cutting_pieces(const Eigen::MatrixX2d& profile)
   std::vector<NonCuttingPiece> pieces;
   for (Index i = 0; i + 1 < profile.rows(); ++i) {
     const double height = profile(i + 1, 1) - profile(i, 1);
-    // a cone needs some top
+    // An outline needs a flat top, so a cone keeps a radius of a millionth.
     const double top = std::max(profile(i + 1, 0), 1e-6 * profile.col(0).maxCoeff());
     if (height > 0.0)
       pieces.push_back({form_cutter(outline_from_points({{{profile(i, 0), 0.0}}, {{top, height}}})),
@@ -445,7 +453,8 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
     part.extend(Vector3d(design_w.vertices.row(v)));
   if (part.isEmpty() || !(band > passed) || motion.tip.rows() == 0) return std::nullopt;
 
-  std::deque<Passing> passing;  // what refers to itself does not move
+  // a deque, because the elements contain references to themselves and must not move
+  std::deque<Passing> passing;
   for (const NonCuttingPiece& piece : pieces) {
     passing.emplace_back(piece, motion, grown(part, band));
     if (passing.back().moves.empty()) passing.pop_back();

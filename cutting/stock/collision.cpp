@@ -29,7 +29,7 @@ struct BodySearch {
   struct Piece {
     Tree tree;
     ClosedMesh mesh;
-    bool closed = true;                  // or of a surface that is
+    bool closed = true;                  // or a part of a closed surface
     std::array<int, 3> cube{};           // of a patch
     Vector3d centre = Vector3d::Zero();  // of a ball around it
     double radius = 0.0;
@@ -41,8 +41,8 @@ namespace {
 
 using Piece = BodySearch::Piece;
 
-/// Of every vertex the first one at its place: a design has some of its own on each side of an
-/// edge, there but for rounding.
+/// Returns for every vertex the first one at its position. A design has separate vertices on both
+/// sides of an edge, which agree but for rounding.
 std::vector<int> by_place(const Points& vertices) {
   constexpr double grain = 1e-7;  // mm
   const auto place = [&](int i) {
@@ -71,7 +71,7 @@ bool is_closed(const ClosedMesh& mesh) {
   });
 }
 
-/// mm, of the ball about a point that holds a mesh.
+/// Returns the radius of the ball about a point that contains a mesh, mm.
 double ball_radius(const ClosedMesh& mesh, const Vector3d& centre) {
   return mesh.skin + (mesh.vertices.rowwise() - centre.transpose()).rowwise().norm().maxCoeff();
 }
@@ -132,7 +132,8 @@ namespace {
 
 using Cube = std::array<int, 3>;
 
-/// Triangles of a mesh by the cubes in which their middles are, each patch with its own vertices.
+/// Returns the triangles of a mesh by the cubes that contain their centroids, each patch with its
+/// own vertices.
 std::map<Cube, ClosedMesh> patches_of(const ClosedMesh& mesh, double size) {
   std::map<Cube, std::vector<Eigen::Index>> in_cube;
   for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
@@ -255,17 +256,18 @@ double extent(const Body& body, const Vector3d& direction) {
 }
 
 double farthest(const Pose& from, const Pose& to, const Body& body) {
+  // The norm is 2 sqrt(2) sin(angle / 2), so this is the chord of a unit circle.
   const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
   return (to * body.centre - from * body.centre).norm() + turn * body.radius;
 }
 
 namespace {
 
-/// Searches two trees for the nearest triangles, b placed in the frame of a, skins around them.
-/// FCL's own search has no tolerance that could be set.
+/// Searches two trees for the nearest triangles, with b placed in the frame of a, and skins around
+/// them. FCL's own search has no adjustable tolerance.
 class NearestTriangles {
  public:
-  /// @param most  mm between the meshes, nothing farther is found
+  /// @param most  mm between the meshes; larger distances are not found
   NearestTriangles(const Tree& a, const Tree& b, const Pose& T_ab, double skins, double most,
                    double share)
       : a_(a),
@@ -284,7 +286,8 @@ class NearestTriangles {
   using Node = fcl::BVNode<fcl::OBBRSSd>;
   using Corners = std::array<Vector3d, 3>;
 
-  /// A triangle of a in the frame of b. It is met with many boxes of b in turn.
+  /// Returns a triangle of a in the frame of b. It is cached because it is compared with many boxes
+  /// of b in turn.
   const Corners& seen_from_b(int triangle) {
     if (triangle == last_of_a_) return from_b_;
     last_of_a_ = triangle;
@@ -309,7 +312,8 @@ class NearestTriangles {
     return nearest;
   }
 
-  /// A plane through the point of a triangle that is nearest to a box parts it from the box by:
+  /// Returns the distance by which the plane through the point of a triangle nearest to a box
+  /// separates it from the box.
   static double parted(const Corners& triangle, const fcl::OBBd& box) {
     const Vector3d way = box.To - nearest_of(triangle, box.To);
     const double distance = way.norm();
@@ -317,8 +321,8 @@ class NearestTriangles {
     return distance - box.extent.dot((box.axis.transpose() * way).cwiseAbs()) / distance;
   }
 
-  /// No more than the distance of what two nodes hold. The bound of FCL is loose where one is a
-  /// triangle: it is that of a rectangle around it.
+  /// Returns a lower bound of the distance of the contents of two nodes. FCL's bound is loose if
+  /// one of them is a triangle, because it uses a rectangle around it.
   double bound(int i, int j) {
     const Node &of_a = a_.getBV(i), &of_b = b_.getBV(j);
     if (of_a.isLeaf() && of_b.isLeaf()) return 0.0;
@@ -330,6 +334,7 @@ class NearestTriangles {
   void descend(int i, int j) {
     const auto &of_a = a_.getBV(i), &of_b = b_.getBV(j);
     if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
+    // divide the larger box, so that both shrink alike; the nearer half is visited first
     const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
     std::array<std::array<int, 2>, 2> next = {{{i, of_b.first_child}, {i, of_b.first_child + 1}}};
     if (divide_a) next = {{{of_a.first_child, j}, {of_a.first_child + 1, j}}};
@@ -359,14 +364,14 @@ class NearestTriangles {
   Corners from_a_, from_b_;
 };
 
-/// Two pieces, which are no nearer than this.
+/// Two pieces with a lower bound of their distance.
 struct PiecePair {
   const Piece* one;
   const Piece* other;
-  double length_mismatch_text;
+  double apart;
 };
 
-/// Those that may be nearest first.
+/// Returns all pairs of pieces, those that may be nearest first.
 std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_ab) {
   std::vector<PiecePair> pairs;
   pairs.reserve(a.search->pieces.size() * b.search->pieces.size());
@@ -376,7 +381,7 @@ std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_a
       pairs.push_back(
           {one.get(), other.get(), (one->centre - centre).norm() - one->radius - other->radius});
   }
-  if (pairs.size() > 1) std::ranges::stable_sort(pairs, {}, &PiecePair::length_mismatch_text);
+  if (pairs.size() > 1) std::ranges::stable_sort(pairs, {}, &PiecePair::apart);
   return pairs;
 }
 
@@ -386,13 +391,13 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
   const Pose T_ab = T_a.inverse() * T_b;
   Gap nearest;
   nearest.distance = options.most;
-  for (const auto& [one, other, length_mismatch_text] : piece_pairs(a, b, T_ab)) {
-    if (!(length_mismatch_text < nearest.distance)) break;
+  for (const auto& [one, other, apart] : piece_pairs(a, b, T_ab)) {
+    if (!(apart < nearest.distance)) break;
     const double skins = one->mesh.skin + other->mesh.skin;
     const double most = nearest.distance + skins;
     Gap found = NearestTriangles(one->tree, other->tree, T_ab, skins, most, options.share).nearest;
     if (!(found.distance < most)) continue;
-    // from the meshes to the skins
+    // Move the points from the meshes to the skins.
     const Vector3d way = found.on_b - found.on_a;
     if (const double length = way.norm(); length > 0.0) {
       found.on_a += std::min(one->mesh.skin, length) / length * way;
@@ -406,7 +411,8 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
 
 namespace {
 
-/// Collects triangles of two trees that are as near as this, b placed in the frame of a.
+/// Collects triangles of two trees that are no farther apart than `within`, with b placed in the
+/// frame of a.
 class NearTriangles {
  public:
   NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most)
@@ -422,8 +428,9 @@ class NearTriangles {
   std::vector<TrianglePair> found;
 
  private:
-  /// By the six planes of their faces, which are far quicker than FCL's fifteen.
-  bool has_distinct_points(const fcl::OBBd& one, const fcl::OBBd& other) const {
+  /// Returns true if the boxes are separated by one of the six planes of their faces. This misses
+  /// some separated boxes but is far quicker than FCL's fifteen axes.
+  bool are_separated(const fcl::OBBd& one, const fcl::OBBd& other) const {
     const Eigen::Matrix3d R = one.axis.transpose() * (R_ * other.axis), size = R.cwiseAbs();
     const Vector3d way = R_ * other.To + (t_ - one.To), t = one.axis.transpose() * way;
     const Vector3d extent = other.extent + Vector3d::Constant(within_);
@@ -432,10 +439,11 @@ class NearTriangles {
     return ((back.cwiseAbs() - extent - size.transpose() * one.extent).array() > 0.0).any();
   }
 
-  /// One half has no more than half of what is wanted, so that not all are from one corner.
+  /// One half contributes at most half of the wanted pairs, so that they do not all come from one
+  /// corner.
   void descend(int i, int j, std::size_t most) {
     const auto &of_a = a_.tree.getBV(i), &of_b = b_.tree.getBV(j);
-    if (most == 0 || has_distinct_points(of_a.bv.obb, of_b.bv.obb)) return;
+    if (most == 0 || are_separated(of_a.bv.obb, of_b.bv.obb)) return;
     if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
     const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
     const std::size_t before = found.size();
@@ -494,18 +502,19 @@ Gap gap(const TrianglePair& pair, const Vector3d& moved) {
 
 namespace {
 
-/// How often a closed surface goes around a point, by what a ray from there crosses. An edge has
-/// the same side for both of its triangles, to the bit, so none is missed or met twice.
+/// Counts how often a closed surface encloses a point by the crossings of a ray from it. An edge
+/// has the same side for both of its triangles, to the bit, so no crossing is missed or counted
+/// twice.
 class Crossings {
  public:
-  /// @param frame  its third column is the ray
+  /// @param frame  its third column is the direction of the ray
   Crossings(const Piece& shell, const Vector3d& point, const Eigen::Matrix3d& frame)
       : shell_(shell), point_(point), across_(frame.transpose()) {
     descend(0);
   }
 
   int sum = 0;
-  bool is_sure = true;  ///< else the ray meets an edge
+  bool is_sure = true;  ///< false if the ray meets an edge
 
  private:
   bool is_met(const fcl::OBBd& box) const {
@@ -513,6 +522,7 @@ class Crossings {
                    along = box.axis.transpose() * across_.row(2).transpose();
     double first = 0.0, last = std::numeric_limits<double>::infinity();
     for (int k = 0; k < 3; ++k) {
+      // Widened against rounding, so that no crossing is lost.
       const double extent = box.extent[k] + 1e-9 * (1.0 + box.extent.maxCoeff());
       const double one = (-extent - from[k]) / along[k], other = (extent - from[k]) / along[k];
       first = std::max(first, std::min(one, other));
@@ -553,7 +563,7 @@ class Crossings {
   Eigen::Matrix3d across_;
 };
 
-/// The same by the solid angles of its triangles.
+/// Computes the same number from the solid angles of the triangles.
 double windings(const ClosedMesh& mesh, const Vector3d& point) {
   double solid_angle = 0.0;
   for (const auto& t : mesh.triangles.rowwise()) {
@@ -568,7 +578,7 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
 }
 
 bool is_around(const Body& outer, const Vector3d& point) {
-  // no face of a part is likely to lie along one of these
+  // Directions along which a face of a part is unlikely to lie.
   for (const Vector3d& turn : {Vector3d(0.41, 0.83, -0.29), Vector3d(-1.13, 0.37, 0.71)}) {
     const Eigen::Matrix3d frame =
         Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
@@ -582,13 +592,14 @@ bool is_around(const Body& outer, const Vector3d& point) {
     }
     if (is_sure) return sum != 0;
   }
+  // Both rays met an edge: solid angles are slower but always decide.
   double sum = 0.0;
   for (const auto& shell : outer.search->pieces)
     if (shell->closed) sum += windings(shell->mesh, point);
   return std::abs(sum) > 0.5;
 }
 
-/// Whether one body lies around a piece of the other.
+/// Returns true if one body encloses a piece of the other.
 bool holds(const Body& outer, const Body& inner, const Pose& T) {
   return std::ranges::any_of(inner.search->pieces, [&](const auto& piece) {
     const Vector3d point = T * Vector3d(piece->mesh.vertices.row(0).transpose());
@@ -599,6 +610,7 @@ bool holds(const Body& outer, const Body& inner, const Pose& T) {
 }  // namespace
 
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
+  // Surfaces in contact are no inclusion.
   constexpr double any = 1e-6;  // mm
   return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
          is_inside_disjoint(a, b, T_a.inverse() * T_b);
@@ -610,17 +622,18 @@ bool is_inside_disjoint(const Body& a, const Body& b, const Pose& T_ab) {
 
 namespace {
 
-/// A distance on the way, or less.
+/// A distance at a time, or a lower bound of it.
 struct Looked {
   double u, distance;
 };
 
-/// Between two instants nothing comes nearer than `least`.
+/// An interval of time during which the distance is not below `least`.
 struct Stretch {
   Looked from, to;
   double least;
 };
 
+// Falling from both ends at the largest speed, the distance is least where the two lines meet.
 Stretch stretch(const Looked& from, const Looked& to, double speed) {
   return {from, to, 0.5 * (from.distance + to.distance - speed * (to.u - from.u))};
 }
@@ -638,7 +651,7 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   nearest.gap.distance = std::numeric_limits<double>::infinity();
   const auto look = [&](double u) -> Looked {
     GapOptions wanted{options.rough};
-    // farther than b can still come is far enough
+    // Distances larger than b can still cover need not be exact.
     if (options.contact_only)
       wanted.most = (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
     const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);

@@ -18,29 +18,30 @@
 #include "cutting/stock/separation.h"
 #include "kinematics/bad_input.h"
 
-/// The search of `encounters` through a part of a program, which one thread follows.
+/// The search of `encounters` through the segments of a program that one thread follows.
 namespace abbe::cutting {
 
-/// What is found of a pair in a stretch.
+/// The nearest approach of a pair in a segment.
 struct NearestApproach {
-  double at_least = std::numeric_limits<double>::infinity();  ///< mm
-  double distance = std::numeric_limits<double>::infinity();  ///< mm, seen
+  double at_least = std::numeric_limits<double>::infinity();  ///< mm, lower bound
+  double distance = std::numeric_limits<double>::infinity();  ///< mm, smallest computed
   bool contact = false;
   Moment moment;
   Eigen::Vector3d place = Eigen::Vector3d::Zero();
 };
 
-/// The bodies, the pairs and how they move: what all threads share.
+/// The bodies, the pairs and their motion, shared by all threads.
 struct EncounterSearch {
   const std::vector<CarrierBody>& bodies;
   const std::vector<BodyPair>& pairs;
   const CarrierMotion& motion;
   const EncounterOptions& options;
   std::vector<char> followed;                 ///< (pairs)
-  std::vector<std::vector<Ball>> hulls = {};  ///< (bodies) empty where there is too much to it
-  std::vector<NearestApproach> seen = {};     ///< (pairs) somewhere on the way
-  std::vector<BodyBalls> parts = {};  ///< (pairs) of the moving body where only contact matters
-  std::vector<std::vector<Ball>> rest_hulls = {};  ///< (pairs) of what is no ball in them
+  std::vector<std::vector<Ball>> hulls = {};  ///< (bodies) empty if a body has too many vertices
+  std::vector<NearestApproach> seen = {};     ///< (pairs) smallest sampled distances
+  /// (pairs) balls and rest of the moving body if only contact matters
+  std::vector<BodyBalls> parts = {};
+  std::vector<std::vector<Ball>> rest_hulls = {};  ///< (pairs) of the rest
 
   const CarrierBody& fixed(int pair) const {
     return bodies[std::size_t(pairs[std::size_t(pair)].a)];
@@ -59,15 +60,16 @@ struct EncounterSearch {
   }
 };
 
-/// What is found in stretches of a task.
+/// Results of the segments of a chunk.
 struct EncounterSearchResult {
   std::vector<SegmentClearance> clearances;
-  std::vector<Encounter> encounters;  ///< of single stretches
+  std::vector<Encounter> encounters;  ///< of single segments
   std::vector<NearestApproach> best;  ///< (pairs)
-  std::size_t queries = 0;            ///< of distances
+  std::size_t queries = 0;            ///< number of distances computed
 };
 
-/// @param first, last  stretches, the second excluded
+/// Follows the pairs through segments.
+/// @param first, last  segments, the second excluded
 EncounterSearchResult follow(const EncounterSearch& task, std::size_t first, std::size_t last);
 
 namespace {
@@ -76,31 +78,32 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr double within = 1e-2;  // mm, to which a clearance is known where its share is less
-constexpr double rough = 0.3;    // of the share, by which a single distance may be too large
+constexpr double within = 1e-2;  // mm, accuracy of a clearance where its fraction is smaller
+constexpr double rough = 0.3;    // fraction of `share`, permitted error of a single distance
 
-/// What is known of a pair: its distance at an instant, and how near it has come.
+/// The state of a pair: its distance at an instant, and its nearest approach so far.
 struct Known {
-  double low = 0.0, high = infinite;  // mm, at `instant`
+  double low = 0.0, high = infinite;  // mm, bounds at `instant`
   bool met = true;                    // in contact there, or not known: one may be inside the other
   std::size_t instant = 0;
-  std::optional<PartingPlane> plane;  // between them, where it was wanted, and
+  std::optional<PartingPlane> plane;  // between the two, if it was computed, and
   Vector3d on_b = Vector3d::Zero();   // the point of the gap in the frame of b
-  bool asked = false;                 // its gap there,
-  double most = infinite;             // up to this
+  bool asked = false;                 // true if the gap was computed there,
+  double most = infinite;             // up to this distance, mm
   Gap gap;
   NearestApproach best;
 };
 
-/// Until which instant nothing is met by the balls of a body, and by the rest of it.
+/// The instants up to which the balls of a body, and the rest of it, are known to be free of
+/// contact.
 struct ContactFreeUntil {
   std::size_t balls = 0, rest = 0;
-  std::size_t not_before = 0;  // up to there what the balls sweep says nothing
+  std::size_t not_before = 0;  // up to here the sweep of the balls decides nothing
   PartingPlane plane = {};     // between a and the rest
 };
 
-/// Of a line through points those between which all others are within a distance of the straight
-/// way; the ends are among them.
+/// Returns the points of a polyline between which all other points are within a distance of the
+/// chord; the ends are included.
 std::vector<std::size_t> corners_within(const std::vector<Vector3d>& points, double distance) {
   const auto is_straight = [&](std::size_t from, std::size_t to) {
     const Vector3d way = points[to] - points[from];
@@ -115,6 +118,7 @@ std::vector<std::size_t> corners_within(const std::vector<Vector3d>& points, dou
   std::vector<std::size_t> kept{0};
   while (kept.back() + 1 < points.size()) {
     std::size_t to = kept.back() + 1;
+    // steps double, so a long straight path costs few tests
     for (std::size_t step = 1; to + step < points.size() && is_straight(kept.back(), to + step);
          step *= 2)
       to += step;
@@ -123,13 +127,13 @@ std::vector<std::size_t> corners_within(const std::vector<Vector3d>& points, dou
   return kept;
 }
 
-/// A part of the program, followed by one thread.
+/// A part of the program that one thread follows.
 class Chunk {
  public:
-  /// @param first, last  stretches, the second excluded
+  /// @param first, last  segments, the second excluded
   Chunk(const EncounterSearch& task, std::size_t first, std::size_t last) : task_(task) {
     begin_ = task.motion.stretches[first];
-    // what lies between two stretches belongs to the second
+    // The interval between two segments belongs to the second.
     if (begin_ > 0) --begin_;
     const std::size_t end = end_of(task.motion, last - 1);
     for (std::size_t i = begin_; i < end; ++i) poses_.push_back(task.placed(i, 0.0));
@@ -142,7 +146,7 @@ class Chunk {
   EncounterSearchResult result;
 
  private:
-  /// How far, from the first instant on, each pair has moved at most.
+  /// Computes an upper bound of how far each pair has moved since the first instant.
   void add_ways() {
     std::map<std::tuple<int, int>, std::size_t> seen;  // carrier of a, body b
     for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
@@ -169,28 +173,30 @@ class Chunk {
   void start() {
     for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
       const Body &a = task_.fixed(int(p)).body, &b = task_.moving(int(p)).body;
-      const double length_mismatch_text = (relative(int(p), 0) * b.centre - a.centre).norm();
+      const double apart = (relative(int(p), 0) * b.centre - a.centre).norm();
       Known known;
-      known.low = std::max(0.0, length_mismatch_text - a.radius - b.radius);
+      known.low = std::max(0.0, apart - a.radius - b.radius);
       known.best = task_.seen[p];
       known_.push_back(known);
     }
     cleared_.resize(task_.pairs.size());
   }
 
-  /// Pose of b in a, both in their carriages. @param i  counted from the chunk's first
+  /// Returns the pose of b relative to a, both in their carriages.
+  /// @param i  relative to the chunk's first instant
   Pose relative(int pair, std::size_t i) const { return relative(pair, poses_[i]); }
   Pose relative(int pair, const std::vector<Pose>& T) const {
     return T[std::size_t(task_.fixed(pair).carrier)].inverse() *
            T[std::size_t(task_.moving(pair).carrier)];
   }
 
-  /// mm, between two instants. @param from, to  counted from the chunk's first
+  /// Returns an upper bound of the relative motion between two instants, mm.
+  /// @param from, to  relative to the chunk's first instant
   double moved(std::size_t pair, std::size_t from, std::size_t to) const {
     return ways_[way_of_[pair]][to] - ways_[way_of_[pair]][from];
   }
 
-  /// Of contact the first counts, else what is nearest.
+  /// Records a distance: of several contacts the first counts, otherwise the nearest point.
   void note(int pair, const Moment& moment, const Gap& gap, NearestApproach& nearest) const {
     const bool contact = gap.distance <= task_.options.resolution;
     const bool earlier =
@@ -204,7 +210,7 @@ class Chunk {
         T[std::size_t(task_.fixed(pair).carrier)] * Vector3d(0.5 * (gap.on_a + gap.on_b));
   }
 
-  /// Of bodies whose surfaces are apart.
+  /// Returns true if one of two bodies with disjoint surfaces is inside the other.
   bool is_inside(int pair, std::size_t i) const {
     const Body &a = task_.fixed(pair).body, &b = task_.moving(pair).body;
     const Pose T = relative(pair, i);
@@ -212,11 +218,11 @@ class Chunk {
            cutting::is_inside(a, Pose::Identity(), b, T);
   }
 
-  /// No more than the distance at an instant, which is then known.
-  /// @param far  mm, a larger one is of no interest
+  /// Returns a lower bound of the distance at an instant, and updates the state of the pair.
+  /// @param far  mm, larger distances need not be exact
   double look(int pair, std::size_t i, double far, NearestApproach& nearest) {
     Known& known = known_[std::size_t(pair)];
-    // of exact ones the plane between the two is known as well
+    // An exact distance also yields a separating plane.
     const bool exact = task_.is_simple(pair) && !task_.pairs[std::size_t(pair)].contact_only;
     const double share = exact ? 0.0 : rough * task_.options.share;
     Gap here = known.gap;
@@ -243,8 +249,8 @@ class Chunk {
     return here.distance / (1.0 + share);
   }
 
-  /// No more than the distance at an instant, by the plane that last stood between the two: what
-  /// slides along another body comes no nearer to it.
+  /// Returns a lower bound of the distance at an instant, from the last separating plane: a body
+  /// that slides along another comes no nearer to that plane.
   double by_plane(int pair, std::size_t i) {
     Known& known = known_[std::size_t(pair)];
     const std::vector<Ball>& hull = task_.hulls[std::size_t(task_.pairs[std::size_t(pair)].b)];
@@ -257,7 +263,8 @@ class Chunk {
     return beyond(*known.plane, hull, relative(pair, i));
   }
 
-  /// The same from one instant to another. Where that is enough the second is then known.
+  /// Returns the same for an interval. If it is sufficient, the state is advanced to the second
+  /// instant.
   double by_plane(int pair, std::size_t i0, std::size_t i1, double enough) {
     const auto p = std::size_t(pair);
     Known& known = known_[p];
@@ -278,22 +285,22 @@ class Chunk {
     }
     if (least < enough || !known.plane) return least;
     known.low = there;
-    // two of their points are no nearer than the bodies
-    const Vector3d length_mismatch_text = relative(pair, i1) * known.on_b - known.gap.on_a;
-    known.high = std::min(known.high + moved(p, known.instant, i1), length_mismatch_text.norm());
+    // The distance of two of their points is an upper bound of that of the bodies.
+    const Vector3d apart = relative(pair, i1) * known.on_b - known.gap.on_a;
+    known.high = std::min(known.high + moved(p, known.instant, i1), apart.norm());
     known.instant = i1;
     known.asked = false;
     return least;
   }
 
-  /// What a distance must be below to be of interest where one was seen.
+  /// Returns the distance that another one must be below to matter, given the smallest known.
   double below(double seen) const {
     return seen == infinite ? infinite
                             : std::min((1.0 - task_.options.share) * seen, seen - within);
   }
 
-  /// The distance below which a pair is of interest: for the clearance of the stretch, for that of
-  /// the pair, for contact, or because it is too small.
+  /// Returns the distance below which a pair matters: for the clearance of the segment, for that of
+  /// the pair, for contact, or because it is below the reported clearance.
   double wanted(int pair, double seen) const {
     if (task_.pairs[std::size_t(pair)].contact_only) return task_.options.resolution;
     const double of_stretch = below(std::min(smallest_, seen)),
@@ -302,7 +309,7 @@ class Chunk {
                      std::min(task_.options.clearance, below(seen))});
   }
 
-  /// Between two neighbouring instants. @return whether there is contact
+  /// Searches between two adjacent instants. @return true on contact
   bool between(int pair, std::size_t i, NearestApproach& nearest) {
     const std::vector<Pose>& from = poses_[i];
     return between(pair, i, 0.0, relative(pair, from), 1.0, relative(pair, i + 1), nearest, 0);
@@ -314,6 +321,7 @@ class Chunk {
     const kinematics::Screw screw = kinematics::screw_between(T0, T1);
     const double middle = 0.5 * (u0 + u1);
     const Pose T = relative(pair, task_.placed(begin_ + i, middle));
+    // 30 halvings are beyond any motion; the limit only ends the recursion on a jump
     constexpr int max_halved = 30;
     if (halved < max_halved &&
         farthest(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * task_.options.resolution)
@@ -334,7 +342,7 @@ class Chunk {
     return found.contact;
   }
 
-  /// Between instants whose distances are d0 and d1. @return whether there is contact
+  /// Searches between instants with distances d0 and d1. @return true on contact
   bool among(int pair, std::size_t i0, double d0, std::size_t i1, double d1,
              NearestApproach& nearest) {
     const double least = 0.5 * (d0 + d1 - moved(std::size_t(pair), i0, i1));
@@ -349,8 +357,8 @@ class Chunk {
     return among(pair, i0, d0, i, d, nearest) || among(pair, i, d, i1, d1, nearest);
   }
 
-  /// Whether a pair meets between two instants of which nothing else is of interest: what a look at
-  /// the middle clears needs none of its own.
+  /// Returns true if a pair meets between two instants; distances are not needed. What the distance
+  /// at the middle clears on both sides is not searched.
   bool meets(int pair, std::size_t i0, std::size_t i1, NearestApproach& nearest) {
     if (i1 - i0 == 1) return between(pair, i0, nearest);
     const auto p = std::size_t(pair);
@@ -366,9 +374,9 @@ class Chunk {
            (cleared_to < i1 && meets(pair, cleared_to, i1, nearest));
   }
 
-  /// Whether a body does not meet between two instants, by what its balls sweep and how far the
-  /// rest of it is: a ball end follows a surface so closely that distances would have to be asked
-  /// at every hair's breadth, and the rest does not.
+  /// Returns true if a body does not touch between two instants, judged by the sweep of its balls
+  /// and the distance of the rest. A ball end follows a surface so closely that distances would be
+  /// needed at every fraction of a millimetre, while the rest is far away.
   bool passes(int pair, std::size_t i0, std::size_t i1) {
     const auto p = std::size_t(pair);
     const BodyBalls& parts = task_.parts[p];
@@ -413,7 +421,7 @@ class Chunk {
     return true;
   }
 
-  /// Of the fixed body of a pair and one in its frame.
+  /// Returns true if the fixed body of a pair is apart from a body in its frame.
   bool is_apart_from(const Body& other, int pair) const {
     const double resolution = task_.options.resolution;
     const Gap between = gap(task_.fixed(pair).body, Pose::Identity(), other, Pose::Identity(),
@@ -421,7 +429,7 @@ class Chunk {
     return between.distance > resolution;
   }
 
-  /// As far as it is worth to look at once.
+  /// Returns the last instant up to which a common sweep is worthwhile.
   std::size_t trail_end(std::size_t pair, std::size_t i0, std::size_t i1) const {
     constexpr double long_enough = 4.0;  // mm
     constexpr std::size_t most = 512;    // instants
@@ -432,9 +440,10 @@ class Chunk {
     return end;
   }
 
-  /// What a ball sweeps from one instant to another, and a little more.
+  /// Returns a body that contains the sweep of a ball from one instant to another.
   Body trail(int pair, const Ball& ball, std::size_t i0, std::size_t i1) const {
-    constexpr double straight = 2e-3;  // mm
+    // mm, tolerance of the polyline; the ball is enlarged by as much
+    constexpr double straight = 2e-3;
     std::vector<Vector3d> all;
     double bulge = 0.0;
     for (std::size_t i = i0; i <= i1; ++i) all.push_back(relative(pair, i) * ball.centre);
@@ -459,7 +468,7 @@ class Chunk {
     return nearest;
   }
 
-  /// A pair from one instant to another, as far as it is of interest.
+  /// Returns the nearest approach of a pair between two instants, as far as it matters.
   NearestApproach nearest_in(int pair, std::size_t i0, std::size_t i1) {
     NearestApproach nearest;
     const double far = moved(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
@@ -501,6 +510,7 @@ class Chunk {
       const double enough = wanted(int(p), infinite);
       if (low[p] < enough) low[p] = std::max(low[p], by_plane(int(p), i0, i1, enough));
     }
+    // The pair with the smallest bound comes first, since its distance lets the others be skipped.
     std::vector<char> done(count, 0);
     for (;;) {
       std::size_t next = count;
@@ -531,13 +541,13 @@ class Chunk {
   }
 
   const EncounterSearch& task_;
-  std::size_t begin_ = 0;  // instant
+  std::size_t begin_ = 0;  // first instant
   std::vector<std::vector<Pose>> poses_;
   std::vector<std::vector<double>> ways_;
   std::vector<std::size_t> way_of_;        // (pairs)
   std::vector<Known> known_;               // (pairs)
   std::vector<ContactFreeUntil> cleared_;  // (pairs)
-  double smallest_ = infinite;             // seen in the stretch
+  double smallest_ = infinite;             // smallest distance of the segment
 };
 
 }  // namespace
@@ -572,7 +582,7 @@ void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& 
             "encounters: a pair needs two bodies that are there");
 }
 
-/// First stretches of the chunks, and the number of stretches at the end.
+/// Returns the first segments of the chunks, followed by the number of segments.
 std::vector<std::size_t> chunks_of(const CarrierMotion& motion, std::size_t size) {
   std::vector<std::size_t> first{0};
   for (std::size_t s = 1; s < motion.stretches.size(); ++s)
@@ -581,8 +591,8 @@ std::vector<std::size_t> chunks_of(const CarrierMotion& motion, std::size_t size
   return first;
 }
 
-/// The least distances at some instants, below which the others are of interest; none of what
-/// meets there.
+/// Returns the least distances at some sampled instants, which let the search skip larger ones;
+/// pairs in contact at a sample are omitted there.
 std::vector<NearestApproach> sampled_distances(const EncounterSearch& task, std::size_t looks) {
   std::vector<NearestApproach> seen(task.pairs.size());
   std::vector<std::size_t> instants;
@@ -605,7 +615,8 @@ std::vector<NearestApproach> sampled_distances(const EncounterSearch& task, std:
   return seen;
 }
 
-/// Where the two of a near miss come within the clearance, in its first stretch.
+/// Returns the time at which the two bodies of a near miss come within the clearance, in its first
+/// segment.
 Moment begin_of(const EncounterSearch& task, const Encounter& near) {
   const CarrierBody &a = task.fixed(near.pair), &b = task.moving(near.pair);
   const auto relative = [&](std::size_t i) {
@@ -628,8 +639,8 @@ Moment begin_of(const EncounterSearch& task, const Encounter& near) {
   return near.moment;
 }
 
-/// Encounters from those of single stretches: one that goes on in the next stretch is one, and what
-/// comes near before contact and after it belongs to the contact.
+/// Joins encounters of single segments: one that continues in the next segment is one encounter,
+/// and a near miss before or after a contact belongs to the contact.
 class Joined {
  public:
   explicit Joined(std::size_t pairs) : open_(pairs) {}
@@ -659,7 +670,7 @@ class Joined {
  private:
   struct Open {
     std::optional<std::size_t> index;
-    std::size_t last = 0;  // stretch
+    std::size_t last = 0;  // segment
   };
   std::vector<Open> open_;  // (pairs)
 };
@@ -694,7 +705,7 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
   });
   all.queries = pairs.size();
   for (const CarrierBody& one : bodies) task.hulls.push_back(hull_balls(one.body));
-  // few beside those of the search itself
+  // Few compared with the distances of the search itself.
   const std::size_t looks =
       options.accelerated ? std::min<std::size_t>(256, motion.instants / 64) : 0;
   task.seen = sampled_distances(task, looks);

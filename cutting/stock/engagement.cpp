@@ -19,9 +19,9 @@ using std::numbers::pi;
 
 namespace {
 
-constexpr int fewest_in_corner = 6;
-constexpr double no_feed = 1e-9;    // part of the feed, below which it is rounding
-constexpr double end_angle = 1e-7;  // rad, to which ends of arcs are found
+constexpr int fewest_in_corner = 6;  // slices
+constexpr double no_feed = 1e-9;     // fraction of the feed; smaller components are rounding
+constexpr double end_angle = 1e-7;   // rad, accuracy of the ends of arcs
 
 void check(const Cutter& cutter, const EngagementOptions& options) {
   check_cutter(cutter);
@@ -30,11 +30,11 @@ void check(const Cutter& cutter, const EngagementOptions& options) {
         "engagement: expected 1 or more slices a radius, 4 or more angles, slices above 0 mm");
 }
 
-/// A line or an arc of an outline, by the length along the outline.
+/// A line or an arc of an outline, parameterised by the length along the outline.
 struct OutlineSegment {
   double begin, end;  // mm
-  Vector2d from;      // (radius, height) at its begin
-  double kappa;       // rad, there
+  Vector2d from;      // (radius, height) at its beginning
+  double kappa;       // rad, at its beginning
   double radius;      // mm; 0: a line
 
   double kappa_at(double at) const { return radius > 0.0 ? kappa + (at - begin) / radius : kappa; }
@@ -46,13 +46,14 @@ struct OutlineSegment {
   }
 };
 
-/// The outline of a cutter below its top, by the length along it from the middle of its bottom.
+/// The outline of a cutter below its top, parameterised by the length along it from the centre of
+/// its bottom.
 class CutterOutline {
  public:
   explicit CutterOutline(const Cutter& cutter) {
     if (cutter.outline) {
       for (const OutlinePiece& piece : cutter.outline->pieces) add(piece);
-      stretches_.pop_back();  // the top
+      stretches_.pop_back();  // the flat at the top
       return;
     }
     const double flat = cutter.radius - cutter.corner_radius;
@@ -88,18 +89,20 @@ class CutterOutline {
   std::vector<OutlineSegment> stretches_;
 };
 
-/// Places along the outline between slices. Every line and arc begins a slice.
+/// Returns the positions along the outline between slices. Every line and arc begins a slice.
 std::vector<double> borders(const Cutter& cutter, const EngagementOptions& options) {
   const CutterOutline outline(cutter);
   const double fine = 0.5 * pi * cutter.radius / options.slices_per_radius;
   std::vector<double> at{0.0};
   for (const OutlineSegment& one : outline.stretches()) {
     const double from = at.back();
+    // 1e-12 of the radius: pieces of rounding make no slice
     if (!(one.end - from > 1e-12 * cutter.radius)) continue;
     const double longest = one.radius > 0.0
                                ? std::min(fine, 0.5 * pi * one.radius / fewest_in_corner)
                            : one.kappa > 0.0 ? std::min(fine, options.max_slice)
                                              : fine;
+    // 1e-9: a whole number of slices must not become one more by rounding
     const int count = std::max(1, int(std::ceil((one.end - from) / longest - 1e-9)));
     for (int i = 1; i <= count; ++i) at.push_back(from + (one.end - from) * i / count);
   }
@@ -112,9 +115,9 @@ EdgeSlice slice_between(const CutterOutline& outline, double from, double to) {
   return {place.y(), place.x(), to - from, outline.kappa(middle)};
 }
 
-/// Half of the arc, about the feed's direction, in which a slice faces the feed.
+/// Returns half of the arc, about the feed's direction, in which a slice faces the feed.
 double facing(double kappa, const Vector3d& feed_t, double lateral) {
-  // n . feed > least_facing, with n = (sin kappa cos delta, ., -cos kappa)
+  // From n . feed > min_facing with n = (sin kappa cos delta, ., -cos kappa).
   const double needed = min_facing + (kappa == 0.5 * pi ? 0.0 : std::cos(kappa)) * feed_t.z();
   const double most = std::sin(kappa) * lateral;
   if (needed >= most) return 0.0;
@@ -122,7 +125,7 @@ double facing(double kappa, const Vector3d& feed_t, double lateral) {
   return std::acos(needed / most);
 }
 
-/// A field of depths over the cutter's surface, by angle from the feed and length of outline.
+/// The depth field over the cutter's surface, by angle from the feed and length along the outline.
 class EngagedSlices {
  public:
   EngagedSlices(const Stock& stock, const Cutter& cutter, const Eigen::Isometry3d& T_wt,
@@ -132,6 +135,7 @@ class EngagedSlices {
         borders_(borders(cutter, options)),
         bins_(2 * ((options.angles + 1) / 2)),
         bin_(2.0 * pi / bins_),
+        // depths are limited to 3 spacings outside, beyond which they carry only a sign
         margin_(3.0 * stock.spacing) {}
 
   Engagement engaged(const Vector3d& feed_t) {
@@ -166,7 +170,8 @@ class EngagedSlices {
   }
 
  private:
-  /// Depths at the borders of bins -count .. count about the feed, at one place of the outline.
+  /// The depths at the borders of bins -count .. count about the feed, at one position of the
+  /// outline.
   struct Level {
     double at = 0.0;
     int count = 0;
@@ -239,7 +244,7 @@ class EngagedSlices {
       if (!whole_length) {
         close(from);
         add_part(region, at, end, result);
-      } else if (d[0] > 0.0) {  // it goes on from the bin before, and ends here
+      } else if (d[0] > 0.0) {  // it continues from the bin before and ends here
         if (!open) begun = from;
         open = true;
         close(end);
@@ -256,7 +261,7 @@ class EngagedSlices {
     result.arcs.push_back({slice, heading_ + from, heading_ + to});
   }
 
-  /// A slice of its own, as long as the region is on average over its angles.
+  /// Adds the region as a slice of its own, with its average length over its angles.
   void add_part(const Region& region, double from, double to, Engagement& result) const {
     const double width = region.to - region.from;
     if (!(to > from) || !(width > 0.0)) return;
@@ -268,8 +273,8 @@ class EngagedSlices {
     add_arc(int(result.slices.size()) - 1, from, to, result);
   }
 
-  /// A bin of a slice, walked around: corners in material and the places between where the skin
-  /// passes.
+  /// Returns the part of a bin of a slice that is in material: the polygon of the corners in
+  /// material and the points between them where the skin crosses the sides.
   Region in_material(int bin, const Level& lower, const Level& upper, const double* d) {
     const double left = bin * bin_, right = (bin + 1) * bin_;
     const std::array<Corner, 4> corners{Corner{left, lower.at, d[0]}, Corner{right, lower.at, d[1]},
@@ -297,7 +302,8 @@ class EngagedSlices {
     return region;
   }
 
-  /// Where the skin passes between two places of the cutter, always found from the one in material.
+  /// Returns the point where the skin passes between two points of the cutter, always searched from
+  /// the one in material, so that neighbouring bins find the same point.
   Vector2d skin(const Corner& a, const Corner& b) {
     const bool a_in = a.depth > 0.0;
     const Corner& inner = a_in ? a : b;
@@ -308,7 +314,7 @@ class EngagedSlices {
     double depth_in = inner.depth, depth_out = std::max(outer.depth, -margin_);
     double x = 0.0;
     for (int i = 0; i < 50; ++i) {
-      // Illinois: a secant that halves the value of an end that stays
+      // Illinois method: a secant that halves the value of an end that is kept.
       x = in + (out - in) * depth_in / (depth_in - depth_out);
       const Vector2d place = from + x * (to - from);
       const double here = std::max(depth(place.x(), place.y()), -margin_);

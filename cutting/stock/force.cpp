@@ -16,23 +16,23 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double full_turn = 2.0 * pi;
-constexpr double no_chip = 1e-12;    // of the feed: a side along the feed, by rounding
-constexpr double no_extent = 1e-12;  // rad: an edge that stands upright
+constexpr double no_chip = 1e-12;    // of the feed; a surface along the feed has a chip of rounding
+constexpr double no_extent = 1e-12;  // rad; below it an edge counts as upright
 
 void expect(bool holds, const char* what, double seen) {
   if (!holds) throw std::invalid_argument(fmt::format("expected {}, seen {}", what, seen));
 }
 
-// ---- chip thickness around a slice
+// Chip thickness around a slice.
 
-/// mean + cos cos(phi) + sin sin(phi)
+/// The function mean + cos cos(phi) + sin sin(phi).
 struct Harmonic {
   double mean = 0.0, cos = 0.0, sin = 0.0;
   double at(double phi) const { return mean + cos * std::cos(phi) + sin * std::sin(phi); }
   Harmonic operator-(const Harmonic& o) const { return {mean - o.mean, cos - o.cos, sin - o.sin}; }
 };
 
-/// Distance by which a feed moves a slice along its outward normal.
+/// Returns the displacement of a slice along its outward normal by a feed, mm.
 Harmonic feed_part(const EdgeSlice& slice, const Vector3d& feed_t, double feed) {
   const double flank = feed * std::sin(slice.kappa);
   return {-feed * std::cos(slice.kappa) * feed_t.z(), flank * feed_t.x(), flank * feed_t.y()};
@@ -43,6 +43,7 @@ struct ChipArc {
   Harmonic chip;
 };
 
+// Appends the angles at which h is zero.
 void add_zeros(const Harmonic& h, double from, double to, std::vector<double>& zeros) {
   const double amplitude = std::hypot(h.cos, h.sin);
   if (!(amplitude > std::abs(h.mean))) return;
@@ -54,7 +55,8 @@ void add_zeros(const Harmonic& h, double from, double to, std::vector<double>& z
   }
 }
 
-/// Where the least of some thicknesses is a chip, and which of them it is.
+/// Returns the arcs on which the least of some thicknesses is positive, with that thickness.
+/// Between the zeros and the crossings of the thicknesses the least is always the same one.
 std::vector<ChipArc> chips(const std::vector<Harmonic>& thicknesses, double from, double to,
                            double feed) {
   std::vector<double> ends{from};
@@ -75,15 +77,15 @@ std::vector<ChipArc> chips(const std::vector<Harmonic>& thicknesses, double from
   return result;
 }
 
-// ---- forces of a stretch
+// Forces of an arc.
 
-/// Means of 1, cos, sin along an edge, and of those times the chip thickness.
+/// Means of 1, cos, sin along an edge, and of their products with the chip thickness.
 struct Along {
   Vector3d edge;
   Vector3d chip;  ///< mm
 };
 
-/// From the means of cos, sin, cos 2 phi, sin 2 phi.
+/// Computes them from the means of cos, sin, cos 2 phi, sin 2 phi.
 Along along(const Harmonic& h, double one, const Eigen::Vector4d& of) {
   const double c = of[0], s = of[1], c2 = of[2], s2 = of[3];
   return {
@@ -92,7 +94,8 @@ Along along(const Harmonic& h, double one, const Eigen::Vector4d& of) {
        h.mean * s + 0.5 * (h.cos * s2 + h.sin * (one - c2))}};
 }
 
-/// By middle and half width, so that a narrow stretch loses no digits.
+/// Computes them from the middle and half the width of an arc, so that a narrow arc loses no
+/// digits.
 Along along(const ChipArc& stretch) {
   const double middle = 0.5 * (stretch.from + stretch.to);
   const double half = 0.5 * (stretch.to - stretch.from);
@@ -103,7 +106,7 @@ Along along(const ChipArc& stretch) {
                 two * std::sin(2.0 * middle)});
 }
 
-/// (sin x - x cos x) / x^2
+/// Returns (sin x - x cos x) / x^2, by its series for |x| < 0.1, where the closed form cancels.
 double bow(double x) {
   if (std::abs(x) < 0.1) {
     const double xx = x * x;
@@ -112,7 +115,7 @@ double bow(double x) {
   return (std::sin(x) - x * std::cos(x)) / (x * x);
 }
 
-/// The same means, each times the angle from the middle.
+/// Returns the same means, each multiplied by the angle from the middle.
 Along leaning(const ChipArc& stretch) {
   const double middle = 0.5 * (stretch.from + stretch.to);
   const double half = 0.5 * (stretch.to - stretch.from);
@@ -122,16 +125,17 @@ Along leaning(const ChipArc& stretch) {
                 two * std::cos(2.0 * middle)});
 }
 
-/// A vector turned from (radial, around) to frame t, each given by its mean, cos and sin parts.
+/// Transforms a vector from (radial, around) to frame t; each component is given by its mean, cos
+/// and sin parts.
 Vector3d turned(const Vector3d& radial, const Vector3d& around, double axial) {
   return {radial[1] - around[2], radial[2] + around[1], axial};
 }
 
-/// An edge of a slice in material.
+/// A segment of an edge of a slice in material.
 struct CuttingEdge {
   ChipArc stretch;
   double length = 0.0;  ///< mm
-  double height = 0.0;  ///< mm above the tip, at the stretch's middle
+  double height = 0.0;  ///< mm above the tip, at the middle of the arc
   double rise = 0.0;    ///< mm of height per rad
 };
 
@@ -160,6 +164,7 @@ class LoadSum {
   }
 
  private:
+  // Force components as functions of the angle.
   struct Forces {
     Vector3d radial, around, axial, amounts;  ///< N: mean, cos and sin parts
     double chip = 0.0;                        ///< mm^2
@@ -194,22 +199,23 @@ const EdgeSlice& slice_of(const Engagement& engagement, const EngagedArc& arc) {
   return engagement.slices[std::size_t(arc.slice)];
 }
 
-// ---- at an angle
+// The load at a spindle angle.
 
 /// The edge of one flute on one slice.
 struct FluteEdge {
   double middle = 0.0;       ///< rad about z
-  double half_extent = 0.0;  ///< rad, of its upper end from its middle
+  double half_extent = 0.0;  ///< rad, from its middle to its upper end
   double half_height = 0.0;  ///< mm
   bool is_upright() const { return std::abs(half_extent) < no_extent; }
 };
 
-/// Chip thicknesses of every tooth on a slice: what it is to each of the teeth before it.
+/// Returns the chip thicknesses of a tooth on a slice: one relative to each of the teeth before it.
 std::vector<Harmonic> thicknesses(const EdgeSlice& slice, const Vector3d& feed_t, double feed,
                                   const Flutes& flutes, double spindle_angle) {
   const Harmonic part = feed_part(slice, feed_t, feed);
   if (flutes.run_out == 0.0) return {part};
-  // Tooth and predecessors stand at one place at their times, so each radius is a harmonic of it.
+  // The tooth and its predecessors pass the same position at different times, so each radius is a
+  // harmonic of that position.
   const double out = flutes.run_out * std::sin(slice.kappa);
   const double now = spindle_angle + flutes.run_out_angle;
   std::vector<Harmonic> result;
@@ -274,7 +280,8 @@ CuttingLoad mean_force(const Engagement& engagement, const CuttingCoefficients& 
     const EdgeSlice& slice = slice_of(engagement, arc);
     const Harmonic chip = feed_part(slice, engagement.feed_t, feed_per_tooth);
     for (const ChipArc& one : chips({chip}, arc.from, arc.to, feed_per_tooth)) {
-      const double teeth = flutes.count * (one.to - one.from) / full_turn;  // on it, on average
+      // number of teeth on the arc on average
+      const double teeth = flutes.count * (one.to - one.from) / full_turn;
       sum.add(slice, {one, teeth * slice.length, slice.height, 0.0});
     }
   }
@@ -289,7 +296,7 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
   for (const EdgeSlice& slice : engagement.slices) radius = std::max(radius, slice.radius);
   const double lag = radius > 0.0 ? std::tan(flutes.helix) / radius : 0.0;
   const double pitch =
-      (flutes.clockwise ? full_turn : -full_turn) / flutes.count;  // to the tooth behind
+      (flutes.clockwise ? full_turn : -full_turn) / flutes.count;  // to the following tooth
   LoadSum sum(coefficients, flutes.clockwise);
   for (const EngagedArc& arc : engagement.arcs) {
     const EdgeSlice& slice = slice_of(engagement, arc);
@@ -307,7 +314,7 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
 
 namespace {
 
-/// A place of a turning tool's edge in frame t, and the outward normal there.
+/// A point of a turning tool's edge in frame t, and the outward normal there.
 struct TurningEdge {
   Vector3d place, normal;
 };

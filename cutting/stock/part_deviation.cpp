@@ -20,10 +20,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double same_direction = 1e-5;  // one less the cosine: edges that meet in a joint
+// 1 - cosine; the angle between edges that coincide is below it, 0.26 deg
+constexpr double same_direction = 1e-5;
 
-/// A triangle at a point where several meet: the angle that it fills there, and along which lines
-/// it ends.
+/// A triangle at a point where several meet: its angle there, and the directions in which it ends.
 struct Wedge {
   double angle = 2 * pi;
   std::array<Vector3d, 2> sides;
@@ -46,7 +46,7 @@ Wedge wedge_at(const std::array<Vector3d, 3>& p, const Vector3d& point, double j
   return wedge;
 }
 
-/// Whether a triangle ends along a line where no other one ends.
+/// Returns true if a triangle ends along a line where no other triangle ends.
 bool has_lone_side(const std::vector<Wedge>& corners) {
   for (std::size_t i = 0; i < corners.size(); ++i)
     for (const Vector3d& side : corners[i].sides) {
@@ -75,7 +75,8 @@ DesignDistance::DesignDistance(Design design, const DeviationOptions& options)
   is_closed_ = design_.triangles.rows() > 0 && !has_border();
 }
 
-/// Sides that no triangle of the same corners shares are looked at in space.
+/// Sides that no triangle with the same vertices shares are tested in space, because vertices may
+/// be separate along edges and seams.
 bool DesignDistance::has_border() const {
   std::vector<std::array<int, 2>> sides;
   for (const auto& t : design_.triangles.rowwise())
@@ -107,6 +108,7 @@ DesignDistance::Meeting DesignDistance::meeting(const Vector3d& point) const {
     const Wedge corner = wedge_at(
         {design_.vertices.row(c[0]), design_.vertices.row(c[1]), design_.vertices.row(c[2])}, point,
         options_.joint);
+    // Weights by angle give the correct side everywhere (Baerentzen and Aanaes 2005).
     all.normal += corner.angle * normal;
     if (corner.ends)
       corners.push_back(corner);
@@ -118,7 +120,7 @@ DesignDistance::Meeting DesignDistance::meeting(const Vector3d& point) const {
   return all;
 }
 
-/// mm that the smooth surface lies above the facet.
+/// Returns the height of the smooth surface above the facet, mm.
 double DesignDistance::sag(const TriangleTree::Nearest& nearest) const {
   const Eigen::RowVector3i c = design_.triangles.row(nearest.triangle);
   std::array<Contact, 3> corners;
@@ -130,7 +132,8 @@ double DesignDistance::sag(const TriangleTree::Nearest& nearest) const {
 }
 
 DesignDistance::At DesignDistance::at(const Vector3d& place, int guess, double most) const {
-  constexpr double touching = 1e-9;  // of a corner's weight: the nearest point is on a side
+  // weight of a corner below which the nearest point is on a side
+  constexpr double touching = 1e-9;
   At found;
   const TriangleTree::Nearest nearest = tree_.nearest(place, guess, most);
   found.triangle = nearest.triangle;
@@ -145,13 +148,14 @@ DesignDistance::At DesignDistance::at(const Vector3d& place, int guess, double m
   const double above = way.dot(here.normal);
   found.normal = here.normal;
   const double tangential = (way - above * here.normal).norm();
+  // beyond the border: below it, or aside by more than the joints and an inclination of 1e-3
   found.is_beyond = here.is_border && distance > 2 * options_.joint &&
                     (above < 0.0 || tangential > 2 * options_.joint + 1e-3 * distance);
   const double flat = above >= 0.0 ? distance : -distance;
   found.value = options_.smooth && design_.normals.rows() == design_.vertices.rows()
                     ? flat - sag(nearest)
                     : flat;
-  // along the way itself where it has a direction
+  // Along the connection itself if its direction is defined.
   found.from = distance > options_.joint ? Vector3d(way * (found.value / flat))
                                          : Vector3d(found.value * here.normal);
   return found;
@@ -173,8 +177,8 @@ namespace {
 using GridCube = std::array<std::int64_t, 3>;
 using Cubes = std::map<GridCube, std::vector<std::size_t>>;
 
-/// Places that are further off than the band, those of a cube of half its size together. No design
-/// lies between two of them: a ball of the band about one of them holds the other.
+/// Returns the points that are farther than the band, grouped in cubes of half its size. No design
+/// lies between two points of a cube: a ball of the band about one of them contains the other.
 Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& all, double band) {
   Cubes cubes;
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -187,8 +191,7 @@ Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& al
   return cubes;
 }
 
-/// Whether cubes beside this one lie over the design where it lies beyond its border, or the other
-/// way around.
+/// Returns true if a neighbouring cube is on the other side of the design's border.
 bool is_at_border(const Cubes& cubes, const GridCube& cube,
                   const std::vector<DesignDistance::At>& all) {
   const auto beyond = [&](const std::vector<std::size_t>& places) {
@@ -203,7 +206,7 @@ bool is_at_border(const Cubes& cubes, const GridCube& cube,
   return false;
 }
 
-/// Every place of the skin against the design.
+/// Returns the distance of every point of the skin from the design.
 std::vector<DesignDistance::At> held_against(const StockSkin& skin, const DesignDistance& design,
                                              double band) {
   std::vector<DesignDistance::At> all(skin.line.size());
@@ -228,7 +231,7 @@ std::vector<DesignDistance::At> held_against(const StockSkin& skin, const Design
   for_all([&](const GridCube&, const std::vector<std::size_t>& places) {
     all[places.front()] = exactly(places.front());
   });
-  // the first of a cube stays as it is, which others look at
+  // The first point of a cube is not changed here, because neighbouring cubes read it.
   for_all([&](const GridCube& cube, const std::vector<std::size_t>& places) {
     const bool each = is_at_border(cubes, cube, all);
     for (std::size_t k = 1; k < places.size(); ++k)
@@ -237,7 +240,7 @@ std::vector<DesignDistance::At> held_against(const StockSkin& skin, const Design
   return all;
 }
 
-/// Whether a place of the skin says anything of the part.
+/// Returns true if a point of the skin is informative about the part.
 bool tells(const DesignDistance::At& at, std::int32_t line, const Vector3d& outward,
            const DesignDistance& design, double joint) {
   constexpr double steep = 0.1;  // cosine of 84 degrees

@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// What a vertex adds to its region.
+/// The contribution of a vertex to its region.
 struct VertexShare {
   double volume = 0.0;  // of an undercut
   double depth = 0.0;
@@ -28,14 +28,14 @@ struct VertexShare {
   bool is_cut_off = false;
 };
 
-/// A region in the making.
+/// A region while it is collected.
 struct FoundRegion {
   Finding finding;
   Sum volume, area;
   std::int32_t line = 0;
 };
 
-/// Vertices of one kind.
+/// The vertices of one kind.
 struct MarkedVertices {
   FindingKind kind;
   std::vector<char> has;            // (n)
@@ -54,7 +54,8 @@ std::vector<FoundRegion> regions(const StockSkin& skin, const MarkedVertices& ki
   region_of.assign(kind.has.size(), -1);
   for (std::size_t i = 0; i < kind.has.size(); ++i) {
     if (!kind.has[i]) continue;
-    const auto name = std::size_t(sets.name_of(int(i)));  // the least, so it has a number by now
+    // the least vertex of the set, so its region already has a number
+    const auto name = std::size_t(sets.name_of(int(i)));
     if (name == i) {
       region_of[i] = int(all.size());
       all.emplace_back();
@@ -83,13 +84,15 @@ std::vector<FoundRegion> regions(const StockSkin& skin, const MarkedVertices& ki
   return all;
 }
 
-/// Puts the regions of a kind into the list and numbers their vertices.
+/// Appends the regions of a kind to the list and numbers their vertices.
 void list_regions(const std::vector<FoundRegion>& all, const std::vector<int>& region_of,
                   std::size_t most, Findings& found, std::vector<int>& number) {
   std::vector<int> order;
   Sum volume, area, unlisted, speckles;
   for (std::size_t i = 0; i < all.size(); ++i)
+    // Smaller regions are summed as speckles below.
     if (all[i].finding.vertices >= min_vertices) order.push_back(int(i));
+  // Stable, so that regions of equal volume keep the order of their vertices.
   std::ranges::stable_sort(order, [&](int a, int b) {
     return all[std::size_t(a)].finding.volume > all[std::size_t(b)].finding.volume;
   });
@@ -124,7 +127,7 @@ void list_regions(const std::vector<FoundRegion>& all, const std::vector<int>& r
     if (region_of[i] >= 0) number[i] = number_of[std::size_t(region_of[i])];
 }
 
-/// Rest material (sign 1) or gouges (sign -1).
+/// Returns the vertices of rest material (sign 1) or gouges (sign -1).
 MarkedVertices vertices_beyond_limit(const StockSkin& skin, const PartDeviation& part, double sign,
                                      double limit) {
   const std::size_t n = part.at.size();
@@ -134,7 +137,7 @@ MarkedVertices vertices_beyond_limit(const StockSkin& skin, const PartDeviation&
     const Index v = Index(i);
     if (part.at[i] < 0 || !(sign * part.largest[v] > limit)) continue;
     const std::int32_t line = skin.line[std::size_t(part.at[i])];
-    if (sign < 0 && line == 0) continue;  // a blank that is too small
+    if (sign < 0 && line == 0) continue;  // skin of a blank that is too small
     kind.has[i] = 1;
     kind.shares[i] = {0.0, sign * part.largest[v], skin.places_w.row(part.at[i]), line,
                       part.status[i] == SkinStatus::CutOff};
@@ -142,7 +145,7 @@ MarkedVertices vertices_beyond_limit(const StockSkin& skin, const PartDeviation&
   return kind;
 }
 
-/// Which vertices belong to which of the regions, and which to none that there could be.
+/// Returns the region of each vertex, with those marked that cannot belong to any.
 SkinRegions skin_regions(const StockSkin& skin, const PartDeviation& part,
                          std::vector<int> region_of, double sign, double limit) {
   SkinRegions all{std::move(region_of), 0, limit};
@@ -163,10 +166,11 @@ MarkedVertices undercut_vertices(const StockSkin& skin, const Points& area, cons
     if (skin.mesh.line[i] == 0) return;
     const Vector3d place = skin.mesh.vertices_w.row(Index(i));
     const Vector3d a = area.row(Index(i)), outward = a.normalized();
-    // a spacing off the skin: a wall that leans by less is as good as upright
+    // Start one spacing off the skin: a wall that leans by less counts as upright.
     const auto above =
         tree.first_hit(place + skin.spacing * outward, along, TriangleTree::Side::Outer);
     if (!above) return;
+    // From the skin itself, not from the displaced start.
     const double height = std::max(0.0, above->along + skin.spacing * outward.dot(along));
     kind.has[i] = 1;
     kind.shares[i] = {height * std::max(0.0, a.dot(along)), height, place, skin.mesh.line[i],
@@ -181,6 +185,7 @@ void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::Ve
   for (std::size_t i = 0; i < part.status.size(); ++i) {
     const double one = area[Index(i)];
     switch (part.status[i]) {
+      // A limited deviation is compared too.
       case SkinStatus::CutOff:
         cut_off.add(one);
         [[fallthrough]];
@@ -221,6 +226,8 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Design
   const auto take_beyond = [&](double sign, double limit) {
     std::vector<FoundRegion> all =
         regions(skin, vertices_beyond_limit(skin, part, sign, limit), area, region_of);
+    // Measured along lines through the part and not summed over vertices, which lie off the skin at
+    // edges.
     const std::vector<double> volumes =
         volumes_between(skin, design, skin_regions(skin, part, region_of, sign, limit),
                         sign > 0.0 ? Between::Left : Between::Lost);

@@ -24,23 +24,23 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double whole_turn = 2.0 * std::numbers::pi;  // rad
-constexpr int half_planes = 12;                       // of a profile that are looked at
+constexpr int half_planes = 12;                        // of a profile
 
 using LatticeNode = std::array<int, 3>;
 
-/// Nodes in space and the lines through them. Of dexels they are numbered along x, y and z, of a
-/// profile by radius, angle and height; no lines run around.
+/// The nodes in space and the lines through them. For dexels they are numbered along x, y and z,
+/// for a profile by radius, angle and height; no lines run around the axis.
 class SkinLattice {
  public:
   explicit SkinLattice(const StockSkin& skin)
       : T_wk_(skin.T_wk), kind_(skin.lattice), edge_(skin.spacing) {
-    // askew, or whole layers of lines along a face would be in or out
+    // Skew to the faces: along a face whole layers of lines would be in or out.
     if (kind_ == StockSkin::Lattice::DexelSelection)
       T_wk_.rotate(Eigen::Quaterniond(0.79, 0.23, 0.41, 0.17).normalized());
     T_kw_ = T_wk_.inverse();
     for (const auto& p : skin.mesh.vertices_w.rowwise()) box_.extend(numbers_of(p.transpose()));
     if (is_round()) box_.min()[0] = 0.0;
-    // nodes of a profile stand half a step off its axis
+    // Nodes of a profile are half a step off its axis.
     if (is_round()) offset_ = Vector3d(0.5, 0.0, 0.5);
     set_spacing(skin.spacing);
   }
@@ -65,7 +65,7 @@ class SkinLattice {
     return {0, 2};
   }
 
-  /// mm, or rad of an angle.
+  /// Returns the coordinate of a node, mm, or rad for an angle.
   double at(int direction, int node) const {
     return (node + offset_[direction]) * step_[direction];
   }
@@ -77,7 +77,7 @@ class SkinLattice {
   }
   double upper(int direction) const { return box_.max()[direction] + spacing(); }
 
-  /// The place on a line at a height along it.
+  /// Returns the point on a line at a height along it.
   Vector3d place(const LatticeNode& line, int direction, double height) const {
     Vector3d c;
     for (int k = 0; k < 3; ++k) c[k] = k == direction ? height : at(k, line[std::size_t(k)]);
@@ -90,12 +90,13 @@ class SkinLattice {
     return T_wk_.linear() * Vector3d(std::cos(angle), std::sin(angle), 0.0);
   }
 
-  /// mm^2 that a line stands for at a height.
+  /// Returns the area that a line represents at a height, mm^2.
   double area(const LatticeNode& line, int direction, double height) const {
     if (!is_round()) return step_[0] * step_[0];
     return (direction == 0 ? height : at(0, line[0])) * step_[1] * step_[0];
   }
-  /// The share of a way to the design that is measured along this direction.
+  /// Returns the fraction of a displacement to the design that is measured along this direction;
+  /// the fractions of all directions sum to one.
   double share(int direction, const Vector3d& way_w) const {
     if (kind_ == StockSkin::Lattice::DexelsAlong) return 1.0;
     const double cosine = T_wk_.linear().col(direction).dot(way_w);
@@ -104,16 +105,17 @@ class SkinLattice {
     return direction == 2 ? axial * axial : 1.0 - axial * axial;
   }
 
-  /// mm, how far the skin may lie off the places on it at an edge.
+  /// Returns how far the skin may be off its points at an edge, mm.
   double edge() const { return edge_; }
 
-  /// Numbers of the corners of a triangle, of which angles are within half a turn of each other.
+  /// Returns the extent of the corners of a triangle in lattice coordinates; angles are within half
+  /// a turn of each other.
   std::array<Vector3d, 2> extent(const TriangleTree& tree, int triangle) const {
     Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     std::optional<double> angle;
     for (const int corner : tree.triangles().row(triangle)) {
       Vector3d c = numbers_of(tree.vertices().row(corner));
-      if (is_round() && c[0] < 1e-9) {  // on the axis at any angle
+      if (is_round() && c[0] < 1e-9) {  // a point on the axis has any angle
         low[0] = 0.0;
         continue;
       }
@@ -143,30 +145,31 @@ class SkinLattice {
   Vector3d step_ = Vector3d::Ones(), offset_ = Vector3d::Zero();
 };
 
-/// Of an end that is at the design, not at the skin.
+/// Label of an end that is at the design, not at the skin.
 constexpr int at_design = -3;
 
-/// Part of a line that is material, or free of it, from skin to skin.
+/// A part of a line that is in material, or outside it, from skin to skin.
 struct LineSpan {
   double from = 0.0, to = 0.0;  // mm along
   int from_region = at_design, to_region = at_design;
 };
 
-/// Part of a span that is off the design.
+/// A part of a span that is off the design.
 struct DeviationSegment {
   LineSpan span;
   double volume = 0.0;
   double farthest = 0.0;  // mm off the design
-  bool counts = false;    // for the region that is measured
+  bool counts = false;    // true if it belongs to the measured region
 };
 
-/// A direction and the numbers of a line's node; that along the direction is 0.
+/// A direction and the lattice coordinates of the line; the one along the direction is 0.
 struct LatticeLine {
   int direction = 0;
   LatticeNode node{};
   auto operator<=>(const LatticeLine&) const = default;
 };
 
+// The volume of one region: found by its lines, then by the lines that cross them.
 class VolumeBetween {
  public:
   VolumeBetween(const TriangleTree& tree, const SkinLattice& lattice, const DesignDistance& design,
@@ -181,7 +184,7 @@ class VolumeBetween {
   double from(const std::vector<int>& triangles) {
     std::vector<LatticeLine> front = lines_at(triangles);
     look(front, [this](const LatticeLine& line, Measured& found) { add_at_skin(line, found); });
-    std::map<LatticeLine, std::size_t> seen;  // stretches of a line that were followed
+    std::map<LatticeLine, std::size_t> seen;  // segments of a line that were followed
     while (!front.empty()) front = followed(front, seen);
     Sum sum;
     for (const auto& [line, measured] : lines_)
@@ -196,12 +199,13 @@ class VolumeBetween {
     std::vector<DeviationSegment> stretches;
   };
   struct Off {
-    double by;     // mm off the design, on the side that is meant
-    double share;  // of it that is measured along the line
+    double by;     // mm off the design, on the measured side
+    double share;  // fraction of it that is measured along the line
     bool is_beyond;
     int triangle;
   };
-  /// Over a line from a place off the design, to where it is not or the span ends.
+  /// A walk along a line from a point off the design to where the line meets the design or the span
+  /// ends.
   struct Walk {
     double to;
     bool reached_end;
@@ -235,6 +239,7 @@ class VolumeBetween {
 
   void add_lines(const Vector3d& low, const Vector3d& high, int direction,
                  std::vector<LatticeLine>& lines) const {
+    // mm or rad; a line through a corner must not be lost by rounding
     constexpr double rim = 1e-9;
     const int first = (direction + 1) % 3, second = (direction + 2) % 3;
     const auto past = [&](int k, int node) { return !(lattice_.at(k, node) <= high[k] + rim); };
@@ -248,7 +253,7 @@ class VolumeBetween {
       }
   }
 
-  /// Acts on lines, which are all different, by all threads.
+  /// Applies `act` to lines, which are all different, in parallel.
   template <typename Act>
   void look(const std::vector<LatticeLine>& lines, const Act& act) {
     std::vector<Measured*> found;
@@ -259,9 +264,9 @@ class VolumeBetween {
     });
   }
 
-  /// Where there is material along a line, or none.
+  /// Returns the spans of a line that are in material, or outside it.
   std::vector<LineSpan> spans(const LatticeLine& line) const {
-    // from outside the part, which of a profile is from far off its axis
+    // Begin outside the part; for a profile that is far off its axis.
     const double lower = lattice_.lower(line.direction), upper = lattice_.upper(line.direction);
     const Vector3d start = lattice_.place(line.node, line.direction, upper),
                    direction = -lattice_.along(line.node, line.direction);
@@ -300,8 +305,8 @@ class VolumeBetween {
   }
   static bool is_off(const Off& at) { return at.by > 0.0 && !at.is_beyond; }
 
-  /// By steps of the distance from the design, so that it is not passed where it is thicker than
-  /// half a spacing.
+  /// Steps of half the distance from the design, so that the design is not passed where it is
+  /// thicker than half a spacing.
   Walk walk(const LatticeLine& line, double here, double end) const {
     Walk way{here, true};
     Off at = off(line, here, -1);
@@ -323,7 +328,8 @@ class VolumeBetween {
     return way;
   }
 
-  /// Halved where the way to the design changes, as it does at the middle of a corner.
+  /// Adds a step; it is halved where the direction to the design changes, as it does at the
+  /// bisector of a corner.
   void add(const LatticeLine& line, Walk& way, double here, const Off& at, double there,
            const Off& next) const {
     if (std::abs(at.share - next.share) > 0.1 &&
@@ -339,12 +345,12 @@ class VolumeBetween {
                   lattice_.area(line.node, line.direction, 0.5 * (here + there));
   }
 
-  /// Where a line that is off the design comes to it.
+  /// Returns the position at which a line comes to the design.
   double edge_between(const LatticeLine& line, double off_at, Off at, double on_at,
                       Off next) const {
     const double close = 1e-6 * lattice_.spacing();
     for (int i = 0; i < 60 && std::abs(on_at - off_at) > close; ++i) {
-      // a plane is met in one step
+      // A plane is met in one step; every third step bisects, so the interval always shrinks.
       double share = 0.5;
       if (i % 3 != 2 && !next.is_beyond)
         share = std::clamp(at.by / (at.by - next.by), 1e-3, 1.0 - 1e-3);
@@ -356,7 +362,7 @@ class VolumeBetween {
     return 0.5 * (off_at + on_at);
   }
 
-  /// What begins where the line meets the skin of the region.
+  /// Adds the segments that begin where the line meets the skin of the region.
   void add_at_skin(const LatticeLine& line, Measured& found) const {
     for (const LineSpan& span : found.spans) {
       double covered = span.from;
@@ -380,7 +386,7 @@ class VolumeBetween {
     }
   }
 
-  /// What lies around a place on a line that is off the design, unless that is known.
+  /// Adds the segment around a point of a line that is off the design, unless it is known.
   void add_around(const LatticeLine& line, double at, Measured& found) const {
     const auto holds = [&](const LineSpan& one) { return one.from <= at && at <= one.to; };
     if (std::ranges::any_of(found.stretches, holds, &DeviationSegment::span)) return;
@@ -395,8 +401,8 @@ class VolumeBetween {
     found.stretches.push_back(one);
   }
 
-  /// Whether a stretch that was met inside belongs to the region: not if it ends at the skin of
-  /// another one, or at skin to the design where the mesh may have filled an edge.
+  /// Returns true if a segment that was met inside belongs to the region: not if it ends at the
+  /// skin of another region, or between skin and design where the mesh may have filled an edge.
   bool is_open(const DeviationSegment& one) const {
     double least = regions_.limit;
     for (const int end : {one.span.from_region, one.span.to_region}) {
@@ -406,7 +412,7 @@ class VolumeBetween {
     return one.farthest > least;
   }
 
-  /// Takes in what crosses these lines. @return lines with more
+  /// Adds the segments that cross these lines. @return the lines with new segments
   std::vector<LatticeLine> followed(const std::vector<LatticeLine>& front,
                                     std::map<LatticeLine, std::size_t>& seen) {
     std::map<LatticeLine, std::vector<double>> crossed;
@@ -427,7 +433,7 @@ class VolumeBetween {
     return lines;
   }
 
-  /// Every line that crosses a stretch in a node, and where on it.
+  /// Adds every line that crosses a segment in a node, and the position on it.
   void add_crossings(const LatticeLine& line, const LineSpan& stretch,
                      std::map<LatticeLine, std::vector<double>>& crossed) const {
     const auto along = std::size_t(line.direction);
@@ -451,7 +457,7 @@ class VolumeBetween {
   std::map<LatticeLine, Measured> lines_;
 };
 
-/// (regions) Triangles with a corner in each.
+/// Returns (regions) the triangles with a corner in each region.
 std::vector<std::vector<int>> triangles_by_region(const StockSkin& skin,
                                                   const SkinRegions& regions) {
   std::vector<std::vector<int>> all(std::size_t(regions.count));
@@ -465,7 +471,8 @@ std::vector<std::vector<int>> triangles_by_region(const StockSkin& skin,
   return all;
 }
 
-/// mm between lines for as many of them as a small region is worth and a large one needs.
+/// Returns the spacing of the lines for a region, mm: some 2000 lines per direction, but neither
+/// much finer nor coarser than the dexels.
 double spacing_for(const StockSkin& skin, const std::vector<int>& triangles) {
   constexpr double worth = 2000.0, rings = 200.0;  // lines of a direction, nodes along a profile
   double area = 0.0, turned = 0.0;
@@ -482,7 +489,7 @@ double spacing_for(const StockSkin& skin, const std::vector<int>& triangles) {
     const double length = area * area / (2.0 * std::numbers::pi * turned);
     return std::max(length / rings, skin.spacing);
   }
-  // between dexels of one direction nothing is known of walls along them
+  // Between dexels of one direction nothing is known of walls along them.
   const double least = skin.lattice == StockSkin::Lattice::DexelsAlong ? 1.0 : 0.125;
   return std::clamp(std::sqrt(area / worth), least * skin.spacing, 4.0 * skin.spacing);
 }

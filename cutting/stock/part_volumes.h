@@ -5,36 +5,38 @@
 
 #include "cutting/stock/part_deviation.h"
 
-/// What lies between the skin of a machined part and its design, by regions of the skin.
+/// Volumes between the skin of a machined part and its design, by regions of the skin.
 namespace abbe::cutting {
 
-/// Which material is meant.
+/// The side of the design on which the material lies.
 enum class Between : std::uint8_t {
   Left,  ///< in the part, outside the design
   Lost,  ///< in the design, outside the part, within the extent of the part
 };
 
-/// Regions of a skin by its vertices.
+/// Regions of a skin, by its vertices.
 struct SkinRegions {
-  static constexpr int within = -1;  ///< off the design by no more than the limit
-  static constexpr int never = -2;   ///< not compared, or of no interest
+  static constexpr int within = -1;  ///< deviation from the design within the limit
+  static constexpr int never = -2;   ///< not compared, or excluded
   std::vector<int> of;               ///< (vertices) region from 0, or one of these
   int count = 0;
-  double limit = 0.05;  ///< mm, beyond which material without skin is followed
+  double limit = 0.05;  ///< mm, deviation beyond which material without skin is followed
 };
 
-/// (regions) mm^3. Lines are laid askew through the skin in three directions, of a profile along
-/// its axis and across it, as close as the size of a region asks for; each counts the part of it
-/// that is off the design, by the square of the cosine between it and the shortest way to the
-/// design, which sum to one: so layers are measured along their normal, and inner corners are
-/// filled to the last. What ends at the skin belongs to the region there; what does not, such as
-/// the inside of a pocket that was never cut, to a region that it hangs together with, unless it
-/// lies by no more than a spacing over skin that is `within`: the mesh of the skin fills edges so
-/// far. For regions 8 spacings across within 3 % (inner corners, steps, slots over an edge, holes,
-/// pockets that were never cut), at 16 within 1 %. With dexels of one direction these alone are
-/// counted, and walls along them are known to half a spacing. Uses all threads, the same for any
-/// number.
-/// @throws std::invalid_argument if the regions are not those of the skin
+/// Returns (regions) the volumes, mm^3. Lines pass through the skin in three skew directions, for a
+/// profile along its axis and across it, as dense as the size of a region requires. Each line
+/// contributes the length that is off the design, times the square of the cosine between the line
+/// and the shortest direction to the design. These squares sum to one, so layers are measured along
+/// their normal and inner corners are filled completely.
+/// A length that ends at the skin belongs to the region there. A length that does not, such as the
+/// inside of a pocket that was never cut, belongs to a connected region, unless it lies by no more
+/// than a spacing over skin that is `within`, because the mesh of the skin fills edges by that
+/// much.
+/// Accuracy: within 3 % for regions of 8 spacings (inner corners, steps, slots over an edge, holes,
+/// pockets that were never cut), within 1 % at 16. With dexels of one direction only lines along
+/// them are used, and walls along them are known to half a spacing. Uses all threads; the result is
+/// the same for any number.
+/// @throws std::invalid_argument if the regions do not belong to the skin
 std::vector<double> volumes_between(const StockSkin& skin, const DesignDistance& design,
                                     const SkinRegions& regions, Between which);
 

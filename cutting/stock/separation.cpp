@@ -20,7 +20,7 @@ using kinematics::Pose;
 
 namespace {
 
-/// The point of balls that is least along a direction, which is given in their frame.
+/// Returns the point of balls that is lowest along a direction given in their frame.
 Vector3d lowest_point(std::span<const Ball> balls, const Vector3d& direction) {
   Vector3d lowest = Vector3d::Zero();
   double least = std::numeric_limits<double>::infinity();
@@ -37,6 +37,7 @@ Vector3d lowest_point(std::span<const Ball> balls, const Vector3d& direction) {
 
 PartingPlane parting_plane(const Body& a, std::span<const Ball> hull_b, const Pose& T_ab,
                            const Vector3d& way) {
+  // six steps usually reach 0.995 of the distance; any plane is a valid bound
   constexpr int steps = 6;
   constexpr double close_enough = 0.995;
   PartingPlane best;
@@ -70,13 +71,16 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::Pose;
 
-/// Translations q of b with normal . q >= least.
+// Every translation that is returned was tested to leave the bodies apart, or separates them by a
+// plane. The limits of steps, pairs and planes below therefore affect its length and the time only.
+
+/// The translations q of b with normal . q >= least.
 struct HalfSpace {
   Vector3d normal;  // unit
   double least;     // mm
 };
 
-/// The shortest translation on planes.
+/// Returns the shortest translation that lies on up to three planes.
 std::optional<Vector3d> shortest_on(std::span<const HalfSpace> planes) {
   Eigen::Matrix3d gram = Eigen::Matrix3d::Identity();
   Vector3d least = Vector3d::Zero();
@@ -85,6 +89,7 @@ std::optional<Vector3d> shortest_on(std::span<const HalfSpace> planes) {
     for (std::size_t j = 0; j < planes.size(); ++j)
       gram(Eigen::Index(i), Eigen::Index(j)) = planes[i].normal.dot(planes[j].normal);
   }
+  // determinant of the Gram matrix below which planes count as parallel
   constexpr double parallel = 1e-12;
   if (gram.determinant() < parallel) return {};
   const Vector3d weights = gram.inverse() * least;
@@ -93,8 +98,8 @@ std::optional<Vector3d> shortest_on(std::span<const HalfSpace> planes) {
   return q;
 }
 
-/// The shortest translation in half-spaces that is on some planes: one that leaves a half-space out
-/// has to be on its border.
+/// Returns the shortest translation in half-spaces that lies on given planes. If the solution
+/// violates a half-space, the new solution lies on its boundary.
 std::optional<Vector3d> shortest_in(std::span<const HalfSpace> all,
                                     const std::vector<HalfSpace>& on = {}) {
   constexpr double rounding = 1e-9;  // mm
@@ -109,22 +114,22 @@ std::optional<Vector3d> shortest_in(std::span<const HalfSpace> all,
   return q;
 }
 
-/// Two bodies as they stand, seen from a.
+/// Two bodies at their poses, in the frame of a.
 struct Overlap {
   const Body& a;
   const Body& b;
   Pose T_ab;
-  double length_mismatch_text;  // mm, at which they are
+  double apart;  // mm, distance at which they count as apart
 
   Pose moved(const Vector3d& q) const {
     Pose T = T_ab;
     T.pretranslate(q);
     return T;
   }
-  /// Pairs that are too near after a translation of b, which are not moved.
+  /// Returns the pairs that are too near after a translation of b; the pairs themselves are not
+  /// moved.
   std::vector<TrianglePair> met(const Vector3d& q, std::size_t most, double share = 0.98) const {
-    std::vector<TrianglePair> pairs =
-        near_pairs(a, b, moved(q), share * length_mismatch_text, most);
+    std::vector<TrianglePair> pairs = near_pairs(a, b, moved(q), share * apart, most);
     for (TrianglePair& pair : pairs)
       for (Vector3d& corner : pair.of_b) corner -= q;
     return pairs;
@@ -139,7 +144,8 @@ Vector3d normal_of(const std::array<Vector3d, 3>& triangle) {
   return area > 0.0 ? Vector3d(across / area) : Vector3d::Zero();
 }
 
-/// mm by which a plane across a direction parts b from a; below zero where none does.
+/// Returns the distance by which a plane normal to a direction separates b from a, mm; negative if
+/// none does.
 double parted(const TrianglePair& pair, const Vector3d& direction) {
   double last = -std::numeric_limits<double>::infinity(), first = -last;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -149,16 +155,18 @@ double parted(const TrianglePair& pair, const Vector3d& direction) {
   return first - last - pair.skins;
 }
 
-/// mm from q along a direction until a pair is apart for good. The distance is convex on the way,
-/// so Newton's steps back from where a plane parts them do not pass the place.
+/// Returns the displacement from q along a direction after which a pair is apart for good, mm. The
+/// distance is convex along it, so Newton steps back from where a plane separates the pair do not
+/// pass the solution.
 double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& direction,
-                   double length_mismatch_text) {
-  double way = length_mismatch_text - parted(pair, direction) - direction.dot(q);
+                   double apart) {
+  double way = apart - parted(pair, direction) - direction.dot(q);
   constexpr int max_steps = 12;
   for (int step = 0; step < max_steps && way > 0.0; ++step) {
     const Gap there = gap(pair, q + way * direction);
     const double rate = direction.dot((there.on_b - there.on_a).normalized());
-    const double back = (there.distance - length_mismatch_text) / rate;
+    const double back = (there.distance - apart) / rate;
+    // mm, far below any useful resolution
     constexpr double near = 1e-7;
     if (!(rate > 0.0) || back < near) break;
     way -= back;
@@ -166,19 +174,20 @@ double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& 
   return std::max(way, 0.0);
 }
 
-/// mm along a direction after which the two are apart, between where they meet and where they are.
+/// Returns the displacement along a direction after which the two are apart, by bisection between a
+/// contact and a separation.
 double halved(const Overlap& overlap, const Vector3d& from, const Vector3d& direction, double meet,
-              double length_mismatch_text) {
-  while (length_mismatch_text - meet > overlap.length_mismatch_text) {
-    const double middle = 0.5 * (meet + length_mismatch_text);
-    (overlap.is_apart(from + middle * direction) ? length_mismatch_text : meet) = middle;
+              double apart) {
+  while (apart - meet > overlap.apart) {
+    const double middle = 0.5 * (meet + apart);
+    (overlap.is_apart(from + middle * direction) ? apart : meet) = middle;
   }
-  return length_mismatch_text;
+  return apart;
 }
 
-/// First translation from a place along a direction after which the two are apart, before a limit.
-/// A pair that meets stays in the way until it is clear; only where there are many small ones does
-/// a step go further, by a part of the limit.
+/// Returns the first translation from a point along a direction after which the two are apart,
+/// before a limit. A pair that meets obstructs until it is clear; after a few steps the step is at
+/// least a fraction of the limit, so that many small obstructing pairs do not cost as many steps.
 std::optional<Vector3d> first_separated(const Overlap& overlap, const Vector3d& from,
                                         const Vector3d& direction, double limit, int parts) {
   constexpr int patient_steps = 4;
@@ -189,9 +198,9 @@ std::optional<Vector3d> first_separated(const Overlap& overlap, const Vector3d& 
     const std::vector<TrianglePair> pairs = overlap.met(q, max_pairs);
     if (pairs.empty() && !overlap.is_inside(q))
       return way > clear ? from + halved(overlap, from, direction, met, way) * direction : q;
-    double further = 0.1 * overlap.length_mismatch_text;
+    double further = 0.1 * overlap.apart;
     for (const TrianglePair& pair : pairs)
-      further = std::max(further, clear_after(pair, q, direction, overlap.length_mismatch_text));
+      further = std::max(further, clear_after(pair, q, direction, overlap.apart));
     if (pairs.empty()) {
       const GapOptions wanted{0.1, limit - way};
       further = std::max(
@@ -205,33 +214,32 @@ std::optional<Vector3d> first_separated(const Overlap& overlap, const Vector3d& 
   return {};
 }
 
-/// Half-spaces in each of which a pair surely is apart, as it is after the translation q: beyond a
-/// plane across the way between them, or along the face of one of them.
+/// Half-spaces in each of which a pair is certainly apart, as it is after the translation q: beyond
+/// a plane normal to the connection, or along the face of one of the triangles.
 using Beside = std::array<HalfSpace, 3>;
 
-Beside beside(const TrianglePair& pair, const Vector3d& q, double length_mismatch_text) {
+Beside beside(const TrianglePair& pair, const Vector3d& q, double apart) {
   const Gap there = gap(pair, q);
   const Vector3d nearest = (there.on_b - there.on_a).normalized();
-  const HalfSpace across{nearest,
-                         std::min(length_mismatch_text - parted(pair, nearest), nearest.dot(q))};
+  const HalfSpace across{nearest, std::min(apart - parted(pair, nearest), nearest.dot(q))};
   Beside all{across, across, across};
   const std::array<Vector3d, 2> normals{normal_of(pair.of_a), -normal_of(pair.of_b)};
   for (std::size_t k = 0; k < 2; ++k) {
-    const double least = length_mismatch_text - parted(pair, normals[k]);
+    const double least = apart - parted(pair, normals[k]);
     if (!normals[k].isZero() && normals[k].dot(q) >= least) all[k + 1] = {normals[k], least};
   }
   return all;
 }
 
-/// mm that a translation lacks to be in a half-space.
+/// Returns the distance of a translation from a half-space, mm; negative inside.
 double lacking(const HalfSpace& half, const Vector3d& q) { return half.least - half.normal.dot(q); }
 
-/// The one that lacks least.
+/// Returns the half-space that is nearest.
 const HalfSpace& easiest(const Beside& all, const Vector3d& q) {
   return *std::ranges::min_element(all, {}, [&](const HalfSpace& one) { return lacking(one, q); });
 }
 
-/// Slides along what is met until nothing nearby is shorter.
+/// Slides along the obstructing faces until no nearby translation is shorter.
 class Slide {
  public:
   Slide(const Overlap& overlap, const Vector3d& start) : q(start), overlap_(overlap) {
@@ -248,8 +256,8 @@ class Slide {
  private:
   static constexpr std::size_t max_pairs = 96;
 
-  /// The shortest of those that leave every pair on its side of a plane, of the pairs that turn out
-  /// to be in the way.
+  /// Returns the shortest translation that keeps every pair on its side of a plane, for the pairs
+  /// that turn out to obstruct.
   std::optional<Vector3d> shorter() {
     constexpr int max_rounds = 16;
     add(overlap_.met(q, max_pairs, 3.0));
@@ -258,7 +266,7 @@ class Slide {
     Vector3d next = Vector3d::Zero();
     for (int round = 0; round < max_rounds; ++round) {
       for (std::size_t i = free.size(); i < pairs_.size(); ++i)
-        free.push_back(beside(pairs_[i], q, overlap_.length_mismatch_text));
+        free.push_back(beside(pairs_[i], q, overlap_.apart));
       const std::optional<Vector3d> found = shortest_beside(free, sides, next);
       if (!found) return {};
       next = *found;
@@ -271,8 +279,8 @@ class Slide {
     return first_separated(overlap_, next, back.normalized(), back.norm(), 16);
   }
 
-  /// Takes a plane for the pair that lacks most, again and again: it often clears others, which
-  /// need none of their own then. None where nothing is gained.
+  /// Repeatedly adds a plane for the pair that is violated most: it often clears other pairs too,
+  /// which then need none. Returns nothing if no shorter translation results.
   std::optional<Vector3d> shortest_beside(const std::vector<Beside>& free,
                                           std::vector<HalfSpace>& sides, Vector3d next) const {
     constexpr double rounding = 1e-8;  // mm
@@ -286,7 +294,7 @@ class Slide {
       if (hardest.normal.isZero()) return next;
       sides.push_back(hardest);
       const std::optional<Vector3d> found = shortest_in(sides);
-      if (!found || !(found->norm() < q.norm() - 0.01 * overlap_.length_mismatch_text)) return {};
+      if (!found || !(found->norm() < q.norm() - 0.01 * overlap_.apart)) return {};
       next = *found;
     }
     return {};
@@ -307,9 +315,9 @@ struct Facing {
   Vector3d direction() const { return sum.normalized(); }
 };
 
-/// Directions in bunches, the largest first.
+/// Returns clusters of directions, the largest first.
 std::vector<Facing> clustered_directions(const std::vector<Vector3d>& directions) {
-  constexpr double alike = 0.996;  // 5 degrees
+  constexpr double alike = 0.996;  // cosine of 5 degrees
   std::vector<Facing> all;
   for (const Vector3d& one : directions) {
     if (one.isZero()) continue;
@@ -330,21 +338,20 @@ std::vector<Vector3d> faced(const std::vector<TrianglePair>& pairs, bool of_a) {
   return normals;
 }
 
-/// What faces of one of the two demand of a translation, of those that are met: b wholly on the
+/// Returns the half-spaces demanded by the faces of one body that are met: b completely on the
 /// outer side of a face of a, or the other way round.
-std::vector<HalfSpace> demands(const std::vector<TrianglePair>& pairs, bool of_a,
-                               double length_mismatch_text) {
+std::vector<HalfSpace> demands(const std::vector<TrianglePair>& pairs, bool of_a, double apart) {
   const std::vector<Vector3d> normals = faced(pairs, of_a);
   std::vector<HalfSpace> all;
   for (std::size_t i = 0; i < pairs.size(); ++i)
-    if (!normals[i].isZero())
-      all.push_back({normals[i], length_mismatch_text - parted(pairs[i], normals[i])});
+    if (!normals[i].isZero()) all.push_back({normals[i], apart - parted(pairs[i], normals[i])});
   return all;
 }
 
-/// Out of all faces of one of the two that are met, at once: a corner or a narrow slot is left only
-/// by what leaves each of its walls by its own way. The least demands come first: a shank in the
-/// wall of a pocket meets the rim, too, which it need not be lifted over.
+/// Returns a translation out of all obstructing faces of one body at once: a corner or a narrow
+/// slot is left only by a combination of the normals of its walls. The smallest demands are
+/// satisfied first: a shank in the wall of a pocket also meets the rim, but need not be lifted over
+/// it.
 std::optional<Vector3d> translation_out_of_faces(const Overlap& overlap, bool of_a, double limit) {
   constexpr int max_steps = 24;
   constexpr std::size_t max_pairs = 128, max_walls = 24;
@@ -354,13 +361,13 @@ std::optional<Vector3d> translation_out_of_faces(const Overlap& overlap, bool of
   for (int step = 0; step < max_steps && walls.size() < max_walls; ++step) {
     const std::vector<TrianglePair> pairs = overlap.met(q, max_pairs);
     if (pairs.empty()) return overlap.is_inside(q) ? std::nullopt : std::optional(q);
-    std::vector<HalfSpace> wanted = demands(pairs, of_a, overlap.length_mismatch_text);
+    std::vector<HalfSpace> wanted = demands(pairs, of_a, overlap.apart);
     const auto further = [&](const HalfSpace& one) { return one.least - one.normal.dot(q); };
     double least = limit;
     for (const HalfSpace& one : wanted)
       if (further(one) > 0.0) least = std::min(least, further(one));
     for (const HalfSpace& one : wanted) {
-      if (further(one) > together * std::max(least, overlap.length_mismatch_text)) continue;
+      if (further(one) > together * std::max(least, overlap.apart)) continue;
       auto wall = std::ranges::find_if(
           walls, [&](const HalfSpace& other) { return other.normal.dot(one.normal) > alike; });
       if (wall == walls.end()) wall = walls.insert(wall, one);
@@ -373,13 +380,13 @@ std::optional<Vector3d> translation_out_of_faces(const Overlap& overlap, bool of
   return {};
 }
 
-/// Of all axes the one along which a plane parts the two first.
+/// Returns the translation along the axis on which a plane separates the two first.
 Vector3d separating_axis(const Overlap& overlap, const std::vector<Vector3d>& axes) {
   Vector3d shortest = Vector3d::Constant(std::numeric_limits<double>::infinity());
   for (const Vector3d& axis : axes) {
     const Vector3d back = -(overlap.T_ab.linear().transpose() * axis);
     const double way = extent(overlap.a, axis) + extent(overlap.b, back) -
-                       overlap.T_ab.translation().dot(axis) + overlap.length_mismatch_text;
+                       overlap.T_ab.translation().dot(axis) + overlap.apart;
     if (way < shortest.norm()) shortest = way * axis;
   }
   return shortest;
@@ -395,7 +402,7 @@ std::vector<Vector3d> axes_of(const Overlap& overlap) {
   return axes;
 }
 
-/// Directions evenly around, on a spiral.
+/// Returns directions evenly distributed on a sphere, on a Fibonacci spiral.
 std::vector<Vector3d> all_around(int count) {
   const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
   std::vector<Vector3d> directions;
@@ -406,7 +413,7 @@ std::vector<Vector3d> all_around(int count) {
   return directions;
 }
 
-/// Directions that may lead out, what the bodies themselves say first.
+/// Returns candidate directions, those derived from the bodies first.
 std::vector<Vector3d> candidate_directions(const Overlap& overlap,
                                            const std::vector<Vector3d>& axes) {
   constexpr std::size_t max_pairs = 256, max_bunches = 8;
@@ -430,9 +437,10 @@ std::vector<Vector3d> candidate_directions(const Overlap& overlap,
   return all;
 }
 
-/// The first of those that are alike.
+/// Returns the directions without near duplicates.
 std::vector<Vector3d> unlike(const std::vector<Vector3d>& all) {
-  constexpr double alike = 0.999999;  // a narrow slot is left along its walls alone
+  // tight, because a narrow slot is left only exactly along its walls
+  constexpr double alike = 0.999999;
   std::vector<Vector3d> kept;
   for (const Vector3d& one : all)
     if (!one.isZero() &&
@@ -452,7 +460,7 @@ Vector3d shortest_way(const Overlap& overlap) {
   };
   for (const bool of_a : {true, false}) take(translation_out_of_faces(overlap, of_a, best.norm()));
   const auto look = [&](const Vector3d& direction, int parts) {
-    // a longer way may settle to a shorter one, but not to the one that was found next to it
+    // A longer translation may slide to a shorter one, but hardly if it is beside the best so far.
     constexpr double reach = 1.2, beside = 0.7;
     const bool is_beside = direction.dot(best) > beside * best.norm();
     const double limit = (is_beside ? 1.0 : reach) * best.norm();

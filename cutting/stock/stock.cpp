@@ -78,6 +78,7 @@ double DexelLine::signed_depth(double at) const {
   return most;
 }
 
+// Grows by half, so that a line with many runs is copied rarely.
 void DexelLine::insert(std::uint32_t place, const DexelRun& run) {
   if (count_ == (capacity_ == 0 ? 1u : capacity_)) {
     const std::uint32_t more = std::max(2u, count_ + count_ / 2);
@@ -114,6 +115,7 @@ void DexelLine::append(const DexelRun& run) {
 double DexelLine::take(double low, double high, std::int32_t line) {
   double taken = 0.0;
   for (std::uint32_t i = 0; i < count_;) {
+    // `touch` on both sides: ends that agree to rounding must leave no slivers
     DexelRun& run = data()[i];
     if (run.low >= high - touch) break;
     if (run.high <= low + touch) {
@@ -149,18 +151,18 @@ double DexelLine::take(double low, double high, std::int32_t line) {
 
 namespace {
 
-// In spacings. Beyond these a depth says no more than its side.
-// A node of a cell that a plane cuts is at most 3 spacings from it along the steepest line.
-constexpr float farthest_seen = 3.0F;  // of three directions
-constexpr float off_edge = 1.0F;       // the same, of a node whose lines have no skin
-constexpr double farthest_up = 4.0;    // of one direction
+// Depths are in spacings; beyond the following limits only their sign is meaningful. A node of a
+// cell that a plane cuts is at most 3 spacings from it along the steepest line.
+constexpr float farthest_seen = 3.0F;  // with three directions
+constexpr float off_edge = 1.0F;       // the same, for a node whose lines have no skin
+constexpr double farthest_up = 4.0;    // with one direction
 constexpr float nowhere = 1e6F;
 
 const DexelLine& line_of(const DexelField& field, int first, int second) {
   return field.lines[std::size_t(first) + std::size_t(field.size[0]) * std::size_t(second)];
 }
 
-/// For the nodes of a cell, how far each is inside along its line, in spacings.
+/// Computes for the nodes of a cell the depth along their lines, in spacings.
 template <int along>
 void skins_along(const Stock& stock, const int* cell, float* inside) {
   constexpr int first = (along + 1) % 3, second = (along + 2) % 3;
@@ -198,7 +200,7 @@ double depth(const Stock& stock, const Vector3d& point_w) {
 DepthProbe::DepthProbe(const Stock& stock, const Eigen::Isometry3d& T_wa) : stock_(stock) {
   Eigen::Isometry3d T_ka = stock.T_wk.inverse() * T_wa;
   T_ka.translation() -= stock.origin_k;
-  T_ga_ = T_ka;  // a scaled rotation; nothing here takes it for a rigid one
+  T_ga_ = T_ka;  // a scaled rotation, not a rigid one
   T_ga_.matrix().topRows<3>() /= stock.spacing;
 }
 
@@ -207,7 +209,7 @@ double DepthProbe::depth(const Vector3d& point_a) {
   int cell[3];
   for (int k = 0; k < 3; ++k) {
     const double last = stock_.nodes[std::size_t(k)] - 1;
-    // not "outside if below": a NaN is outside, too
+    // In this form a NaN is outside too.
     if (!(place[k] >= 0.0 && place[k] <= last)) return -infinity;
     cell[k] = std::min(int(place[k]), int(last) - 1);
   }
@@ -215,7 +217,7 @@ double DepthProbe::depth(const Vector3d& point_a) {
          (stock_.fields.size() == 1 ? along_one(place, cell) : along_three(place, cell));
 }
 
-/// Depths along the four lines around, as a point goes from one to the next.
+/// Interpolates the depths along the four surrounding lines.
 double DepthProbe::along_one(const Vector3d& place, const int* cell) const {
   const double u = place.x() - cell[0], v = place.y() - cell[1];
   double depths[2][2];
@@ -229,9 +231,9 @@ double DepthProbe::along_one(const Vector3d& place, const int* cell) const {
          v * ((1 - u) * depths[1][0] + u * depths[1][1]);
 }
 
-/// The nearest skin along the three lines through each node around, interpolated between them. Of a
-/// plane that is its distance over the largest part of its normal, at every node: so planes are met
-/// exactly, whichever way they lie, and walls of a box up to a spacing from its edges.
+/// Returns for each node of a cell the nearest skin along the three lines through it. For a plane
+/// that is its distance divided by the largest component of its normal, at every node: planes of
+/// any orientation are therefore exact, and so are walls of a box up to a spacing from its edges.
 DepthProbe::Nodes DepthProbe::looked_up(const int* cell) const {
   float inside[3][8];  // by direction and node
   skins_along<0>(stock_, cell, inside[0]);
@@ -242,8 +244,8 @@ DepthProbe::Nodes DepthProbe::looked_up(const int* cell) const {
     const float x = inside[0][node], y = inside[1][node], z = inside[2][node];
     const float votes = std::copysign(1.0F, x) + std::copysign(1.0F, y) + std::copysign(1.0F, z);
     const float side = std::copysign(1.0F, votes);
-    // a line that contradicts the other two touches a skin, and has no say; a node off an edge of
-    // the body has no skin on its lines at all
+    // A line that contradicts the other two touches a skin and is ignored; a node off an edge of
+    // the body has no skin on its lines at all.
     const float a = x * side >= 0.0F ? x * side : nowhere;
     const float b = y * side >= 0.0F ? y * side : nowhere;
     const float c = z * side >= 0.0F ? z * side : nowhere;
@@ -257,7 +259,7 @@ const DepthProbe::Nodes& DepthProbe::depths_of(const int* cell) {
   const auto& nodes = stock_.nodes;
   const std::int64_t number =
       cell[0] + std::int64_t(nodes[0]) * (cell[1] + std::int64_t(nodes[1]) * cell[2]);
-  constexpr std::uint64_t golden = 0x9E3779B97F4A7C15;  // neighbours fall apart
+  constexpr std::uint64_t golden = 0x9E3779B97F4A7C15;  // spreads neighbouring cells over the cache
   Known& known = known_[(std::uint64_t(number) * golden) >> 55];
   if (known.cell != number) known = {number, looked_up(cell)};
   return known.depths;
@@ -280,11 +282,11 @@ struct Bounds {
   Vector3d lower, upper;  // mm, frame k
 };
 
-// ---- edges of a mesh ----------------------------------------------------------------------------
+// Edges of a mesh.
 
 using Edge = std::pair<int, int>;
 
-/// Directed edges that no triangle runs back along, with how many are too many.
+/// Returns the directed edges without an opposite one, with their excess number.
 std::map<Edge, int> rim_of(const Triangles& triangles) {
   std::map<Edge, int> open;
   for (Eigen::Index t = 0; t < triangles.rows(); ++t)
@@ -300,6 +302,7 @@ std::map<Edge, int> rim_of(const Triangles& triangles) {
 }
 
 double signed_volume(const Points& vertices, const Triangles& triangles) {
+  // relative to a vertex, so that the distance from the origin does not cancel
   const Vector3d about = vertices.row(0);
   double six = 0.0;
   for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
@@ -311,7 +314,7 @@ double signed_volume(const Points& vertices, const Triangles& triangles) {
   return six / 6.0;
 }
 
-// ---- sizes --------------------------------------------------------------------------------------
+// Sizes.
 
 Bounds bounds(const BoxBlank& box) { return {box.lower_k, box.upper_k}; }
 
@@ -336,9 +339,9 @@ Bounds bounds(const MeshBlank& mesh) {
   return {mesh.vertices_k.colwise().minCoeff(), mesh.vertices_k.colwise().maxCoeff()};
 }
 
-// ---- dexels -------------------------------------------------------------------------------------
+// Dexels.
 
-/// A field's lines by where they stand.
+/// The lines of a field with their positions.
 struct Lines {
   DexelField& field;
   double spacing;
@@ -383,8 +386,9 @@ void fill(Lines lines, const CylinderBlank& cylinder) {
     }
 }
 
-/// Triangles of a mesh met by lines. A line on an edge is moved aside by less than any number, the
-/// same way for both triangles there, so that every line enters as often as it leaves.
+/// The crossings of lines with the triangles of a mesh. A line on an edge is displaced by an
+/// infinitesimal amount, in the same direction for both triangles, so that every line enters as
+/// often as it leaves.
 class LineScan {
  public:
   LineScan(const MeshBlank& mesh, Lines lines) : mesh_(mesh), lines_(lines) {}
@@ -397,6 +401,7 @@ class LineScan {
 
   std::vector<Crossing> crossings() {
     for (Eigen::Index t = 0; t < mesh_.triangles.rows(); ++t) scan(t);
+    // Entries before exits at the same height, so that touching shells become one run.
     std::sort(found_.begin(), found_.end(), [](const Crossing& a, const Crossing& b) {
       return std::tie(a.line, a.at, b.enters) < std::tie(b.line, b.at, a.enters);
     });
@@ -408,7 +413,8 @@ class LineScan {
     return {mesh_.vertices_k(vertex, lines_.first()), mesh_.vertices_k(vertex, lines_.second())};
   }
 
-  /// Which side of the edge from a to b a place is on.
+  /// Returns the side of the edge from a to b on which a point lies. Edges are always evaluated
+  /// from the lower vertex, so that both triangles get the same result to the bit.
   int side(int a, int b, const Vector2d& place) const {
     if (a > b) return -side(b, a, place);
     const Vector2d from = flat(a), d = flat(b) - from;
@@ -448,7 +454,8 @@ class LineScan {
     const double x = (p.x() * c.y() - p.y() * c.x()) / twice;
     const double y = (b.x() * p.y() - b.y() * p.x()) / twice;
     const double found = x * h1 + y * h2;
-    // a triangle seen edge-on may give anything
+    // The formula is ill-conditioned for a triangle seen edge-on, so its result is limited to the
+    // triangle.
     return h0 + (std::isfinite(found)
                      ? std::clamp(found, std::min({0.0, h1, h2}), std::max({0.0, h1, h2}))
                      : 0.0);
@@ -466,6 +473,7 @@ void fill(Lines lines, const MeshBlank& mesh) {
   for (std::size_t i = 0; i < crossings.size(); ++i) {
     const auto& now = crossings[i];
     if (i == 0 || crossings[i - 1].line != now.line) within = 0;
+    // Material is where the count is positive, which also joins overlapping shells.
     const int before = within;
     within += now.enters;
     if (before <= 0 && within > 0) entered = now.at;
@@ -487,13 +495,14 @@ void check(const StockOptions& options, const Bounds& of) {
                     extent.y(), extent.z()));
 }
 
-/// Nodes along one axis: those in the blank, and one outside at either end.
+/// Returns the number of nodes along one axis: those in the blank, and one outside at either end.
 double node_count(double extent, double spacing) {
   return std::max(1.0, std::round(extent / spacing)) + 2.0;
 }
 
 void refuse_beyond(const StockOptions& options, const Vector3d& nodes) {
-  // twice the line itself: what cutting splits, and crossings while a mesh is scanned
+  // Twice the line itself, for the runs that cutting splits and for crossings while a mesh is
+  // scanned.
   constexpr double bytes_a_line = 2.0 * sizeof(DexelLine);
   double lines = nodes.x() * nodes.y();
   if (options.three_directions) lines += nodes.z() * (nodes.x() + nodes.y());
@@ -533,7 +542,7 @@ Stock make_stock(const Blank& blank, const Eigen::Isometry3d& T_wk, const StockO
   return stock;
 }
 
-// ---- offsets of a design ------------------------------------------------------------------------
+// Offsets of a design.
 
 namespace {
 
@@ -543,8 +552,8 @@ Coordinates coordinates_of(const Points& points, int i) {
   return {points(i, 0), points(i, 1), points(i, 2)};
 }
 
-/// Quadrilaterals between raised rims that lay on one another: a kink of the design has its
-/// vertices twice, one for each normal, and opens when it is raised.
+/// Adds quadrilaterals between raised rims that coincided before: a kink of the design has separate
+/// vertices for its two normals and opens when it is raised.
 void bridge_kinks(const Points& before, const std::map<Edge, int>& rim,
                   std::vector<std::array<int, 3>>& triangles) {
   std::map<std::pair<Coordinates, Coordinates>, Edge> by_place;
@@ -577,6 +586,7 @@ void check_raised(const Points& raised, const Triangles& triangles, double floor
     const Vector3d a = raised.row(triangles(t, 0)), b = raised.row(triangles(t, 1)),
                    c = raised.row(triangles(t, 2));
     const Vector3d cross = (b - a).cross(c - a);
+    // 1e-9: an upright triangle may face down by rounding
     if (cross.z() < -1e-9 * cross.norm())
       throw std::invalid_argument(
           "offset blank: expected an open design that faces +z without folds when it is raised");

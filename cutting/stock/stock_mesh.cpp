@@ -21,11 +21,11 @@ namespace {
 
 using Node = std::array<int, 3>;
 
-/// Where the skin passes between two nodes, and which program line made it there.
+/// The position of the skin between two nodes, and the program line that made it there.
 struct Crossing {
   double at = 0.0;  ///< mm along the edge's axis from the grid's origin
   std::int32_t line = 0;
-  bool is_end = false;  ///< of a run of material; else the skin was sought between lines
+  bool is_end = false;  ///< of a run of material; else the skin was interpolated between lines
 };
 
 const DexelLine& line_through(const DexelField& field, const Node& node) {
@@ -40,7 +40,7 @@ const DexelRun* run_containing(const DexelLine& line, double at) {
   return nullptr;
 }
 
-/// The end nearest to a place, whose program line the skin there is taken to have.
+/// Returns the program line of the nearest end, which is assumed for the skin at a position.
 std::int32_t nearest_line(const DexelLine& line, double at) {
   double nearest = std::numeric_limits<double>::infinity();
   std::int32_t found = 0;
@@ -56,6 +56,7 @@ std::int32_t nearest_line(const DexelLine& line, double at) {
   return found;
 }
 
+// Dual contouring of the dexels, layer by layer, so that only two layers of nodes are in memory.
 class SkinMesher {
  public:
   explicit SkinMesher(const Stock& stock, bool keeps_places = false)
@@ -97,7 +98,7 @@ class SkinMesher {
   }
 
  private:
-  static constexpr int unseen = -1, no_end = -2;  // of the edge of a cell, else its place
+  static constexpr int unseen = -1, no_end = -2;  // of the edge of a cell, else index of its point
 
   std::size_t cell_count() const { return std::size_t(nx_ - 1) * std::size_t(ny_ - 1); }
   std::size_t node(int i, int j) const {
@@ -107,7 +108,7 @@ class SkinMesher {
     return std::size_t(i) + std::size_t(nx_ - 1) * std::size_t(j);
   }
 
-  /// Which nodes of a layer are in material: what most of the lines through each say.
+  /// Returns which nodes of a layer are in material, by the majority of the lines through each.
   std::vector<char> sides(int k) const {
     const double h = stock_.spacing;
     std::vector<char> votes(std::size_t(nx_) * std::size_t(ny_), 0);
@@ -129,6 +130,7 @@ class SkinMesher {
             }
           }
         }
+    // One vote with a single direction, two with three.
     const char needed = stock_.fields.size() == 1 ? 1 : 2;
     for (char& vote : votes) vote = vote >= needed ? 1 : 0;
     return votes;
@@ -147,7 +149,8 @@ class SkinMesher {
     return {at, rises ? run->low_line : run->high_line, at == end};
   }
 
-  /// Across lines of one direction: where the depth along them passes zero from one to the next.
+  /// Returns a crossing between lines of one direction: the point at which the depth along them,
+  /// interpolated from one to the next, is zero.
   Crossing slanted(const Node& from, int axis) const {
     const double h = stock_.spacing;
     Node to = from;
@@ -155,6 +158,7 @@ class SkinMesher {
     const double z = from[2] * h;
     const DexelLine& a = line_through(stock_.fields[0], from);
     const DexelLine& b = line_through(stock_.fields[0], to);
+    // Limited as in `depth`, so that mesh and depth have the same zero.
     const double da = std::clamp(a.signed_depth(z), -4 * h, 4 * h);
     const double db = std::clamp(b.signed_depth(z), -4 * h, 4 * h);
     const double part = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
@@ -162,8 +166,8 @@ class SkinMesher {
     return {(from[std::size_t(axis)] + part) * h, nearest_line(outside, z), false};
   }
 
-  /// Edges of cells by their lower node: along x in the lower and the upper layer of nodes, along y
-  /// the same, along z.
+  /// Returns the point of an edge of cells, addressed by its lower node: along x in the lower and
+  /// the upper layer of nodes, along y the same, along z.
   int& place_of_edge(const Node& from, int axis, int layer) {
     const std::size_t kind = axis == 2 ? 4 : std::size_t(2 * axis + (from[2] - layer));
     return ends_[kind][node(from[0], from[1])];
@@ -173,7 +177,7 @@ class SkinMesher {
     std::swap(ends_[2], ends_[3]);
     for (const std::size_t kind : {1, 3, 4}) std::ranges::fill(ends_[kind], unseen);
   }
-  /// A place belongs to the four cells around its edge.
+  /// Records a point for a cell; a point belongs to the four cells around its edge.
   void keep(const Node& from, int axis, int layer, const Crossing& found, const Vector3d& place) {
     int& number = place_of_edge(from, axis, layer);
     if (number == unseen) {
@@ -186,7 +190,7 @@ class SkinMesher {
     if (number != no_end) uses_.push_back(number);
   }
 
-  /// Vertices of the cells between layers k and k + 1.
+  /// Returns the vertices of the cells between layers k and k + 1.
   std::vector<int> vertices(int k) {
     std::vector<int> cells(cell_count(), -1);
     for (int j = 0; j + 1 < ny_; ++j) {
@@ -202,6 +206,7 @@ class SkinMesher {
         };
         cells[cell(i, j)] = int(places_.size());
         add_vertex({i, j, k}, in);
+        // the triangles, about twice as many, need three corners each within int
         if (places_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
           throw std::length_error("stock mesh: more than 500 million vertices");
       }
@@ -231,7 +236,7 @@ class SkinMesher {
     lines_.push_back(max_frequent(lines, count));
   }
 
-  /// Of equally frequent ones the last that cut.
+  /// Returns the most frequent line; of equally frequent ones the last that cut.
   static std::int32_t max_frequent(const std::array<std::int32_t, 12>& lines, int count) {
     std::int32_t best = 0;
     long most = 0;
@@ -246,7 +251,7 @@ class SkinMesher {
     return best;
   }
 
-  /// Around the edges that stand between the two layers of nodes.
+  /// Adds the quadrilaterals around the edges between the two layers of nodes.
   void upright_quads(const std::vector<int>& cells) {
     for (int j = 1; j + 1 < ny_; ++j)
       for (int i = 1; i + 1 < nx_; ++i) {
@@ -258,7 +263,8 @@ class SkinMesher {
       }
   }
 
-  /// Around the edges that lie in the layer of nodes below, between two layers of cells.
+  /// Adds the quadrilaterals around the edges in the layer of nodes below, between two layers of
+  /// cells.
   void level_quads(const std::vector<int>& lower, const std::vector<int>& upper) {
     for (int j = 1; j + 1 < ny_; ++j)
       for (int i = 1; i + 1 < nx_; ++i) {
@@ -269,7 +275,7 @@ class SkinMesher {
         if (here != (below_[node(i, j + 1)] != 0))
           quad({lower[cell(i - 1, j)], upper[cell(i - 1, j)], upper[cell(i, j)], lower[cell(i, j)]},
                here);
-        // the edges from the border's nodes, which are outside, to these
+        // The edges from the nodes of the border, which are outside, to these.
         if (i == 1 && here)
           quad({lower[cell(0, j - 1)], lower[cell(0, j)], upper[cell(0, j)], upper[cell(0, j - 1)]},
                false);
@@ -279,7 +285,7 @@ class SkinMesher {
       }
   }
 
-  /// Two triangles, parted along the shorter diagonal.
+  /// Adds two triangles, split along the shorter diagonal, which follows curved skin more closely.
   void quad(std::array<int, 4> v, bool faces_up) {
     if (!faces_up) std::reverse(v.begin(), v.end());
     const auto place = [&](int i) -> const Vector3d& {
@@ -314,13 +320,13 @@ class SkinMesher {
 
   const Stock& stock_;
   int nx_, ny_, nz_;
-  std::vector<char> below_, above_;  // sides of two layers of nodes
+  std::vector<char> below_, above_;  // inside or outside, for two layers of nodes
   std::vector<Vector3d> places_;     // mm from the grid's origin
   std::vector<std::int32_t> lines_;
   std::vector<std::array<int, 3>> triangles_;
 
   bool keeps_places_;
-  std::vector<std::vector<int>> ends_;  // numbers of the places on the edges of a layer of cells
+  std::vector<std::vector<int>> ends_;  // indices of the points on the edges of a layer of cells
   std::vector<Vector3d> ends_at_;       // mm from the grid's origin
   std::vector<std::int32_t> ends_line_;
   std::vector<int> first_, uses_;
@@ -345,13 +351,15 @@ StockSkin stock_skin(const Stock& stock) {
 
 namespace {
 
-constexpr double flat = 1e-3;  // mm, a profile that bends by less is drawn straight
+constexpr double flat = 1e-3;  // mm; a profile that bends by less is drawn straight
 
 double along(const TurnedStock& stock, Eigen::Index node) {
   return stock.first + stock.spacing * double(node);
 }
 
-/// Nodes that a polyline within `flat` of the profile needs, the ends included.
+/// Returns the nodes that a polyline within `flat` of the profile needs, the ends included. In one
+/// pass: the slopes that keep all nodes since the last kept one within `flat` form an interval that
+/// narrows.
 std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
   std::vector<Eigen::Index> kept{0};
   const Eigen::Index n = stock.radius.size();
@@ -374,7 +382,7 @@ std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
   return kept;
 }
 
-/// Those and every so many others that there are about `most`.
+/// Returns those nodes and further ones at equal distances, about `most` of them.
 std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index most) {
   std::vector<Eigen::Index> nodes = thinned(stock);
   const Eigen::Index every = std::max<Eigen::Index>(1, stock.radius.size() / most);
@@ -384,7 +392,7 @@ std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index mos
   return nodes;
 }
 
-/// Its z is the axis.
+/// Returns the frame of the spindle line; its z is the axis.
 Eigen::Isometry3d axis_frame(const TurnedStock& stock) {
   const Eigen::Vector3d across = stock.direction_w.unitOrthogonal();
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -393,7 +401,7 @@ Eigen::Isometry3d axis_frame(const TurnedStock& stock) {
   return T;
 }
 
-/// Rings at these nodes, and the middles of the two ends.
+/// Returns the mesh of rings at these nodes, closed by the centres of the two ends.
 StockMesh rings_at(const TurnedStock& stock, const std::vector<Eigen::Index>& nodes, int around) {
   StockMesh mesh;
   const Eigen::Isometry3d axis = axis_frame(stock);

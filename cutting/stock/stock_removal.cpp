@@ -18,7 +18,7 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
-/// The tool at an instant: rows of R are its axes in the grid frame, z to the spindle.
+/// The tool at an instant: the rows of R are its axes in the grid frame, z to the spindle.
 struct ToolPose {
   Eigen::Vector3d tip;  // mm, from the grid's origin
   Eigen::Matrix3d R;
@@ -26,7 +26,7 @@ struct ToolPose {
   Eigen::Vector3d axis() const { return R.row(2); }
 };
 
-/// The move in the grid frame: tip on a line, axis on a great circle about `R.row(1)`.
+/// A move in the grid frame: the tip on a line, the axis on a great circle about `R.row(1)`.
 class ToolPath {
  public:
   /// @throws std::invalid_argument unless the poses are finite and the axis turns by less than half
@@ -36,7 +36,7 @@ class ToolPath {
   double angle() const { return angle_; }
   double length() const { return step_.norm(); }
 
-  /// At t of the move, 0 .. 1.
+  /// Returns the pose at t of the move, 0 .. 1.
   ToolPose at(double t) const;
 
  private:
@@ -47,8 +47,8 @@ class ToolPath {
 
 namespace {
 
-/// What two axes differ by is mostly rounding where they differ by little, and that need not lie
-/// across them.
+/// Returns v made normal to the axis. The difference of two nearly equal axes is mostly rounding
+/// and need not be normal to them.
 Vector3d across_axis(const Vector3d& v, const Vector3d& axis) {
   return (v - v.dot(axis) * axis).normalized();
 }
@@ -66,6 +66,7 @@ ToolPath::ToolPath(const Stock& stock, const StockMove& move) {
     throw std::invalid_argument("stock move: expected finite poses");
   const Vector3d across = target - target.dot(axis) * axis;
   const double sine = across.norm();
+  // 1e-12 rad: rounding of an axis that stands still
   angle_ = sine < 1e-12 ? 0.0 : std::atan2(sine, target.dot(axis));
   if (target.dot(axis) < 0.0 && std::numbers::pi - std::atan2(sine, target.dot(axis)) < 1e-9)
     throw std::invalid_argument("stock move: expected an axis that turns by less than half a turn");
@@ -84,20 +85,21 @@ ToolPose ToolPath::at(double t) const {
 
 namespace {
 
-constexpr double part_sag = 1e-3;      // mm, by which a part of a move leaves a translation
+constexpr double part_sag = 1e-3;      // mm, deviation of a part of a move from a translation
 constexpr double frozen_twist = 5e-4;  // mm, the same along one line
-constexpr double settled_end = 1e-3;   // mm, the next end then moves by a hundredth of it
+constexpr double settled_end = 1e-3;   // mm; the next end would move by a hundredth of it
 constexpr double crash_length = 1e-6;  // mm of a line
 constexpr double max_parts = 1e5;      // of a move
 
-/// What contains the cutter with a margin around; its tip is lower by the margin.
+/// Returns a cutter that contains the cutter with a margin around it; its tip is lower by the
+/// margin.
 Cutter grown(const Cutter& cutter, double margin) {
   const double corner = cutter.corner_radius > 0.0 ? cutter.corner_radius + margin : 0.0;
   return {cutter.radius + margin, corner, cutter.flank_length + margin};
 }
 
-/// A line seen from the tool at the start and at the end of a part, its points in between on
-/// straight ways: p + s d.
+/// A line in the frame of the tool at the start and at the end of a part: points p + s d that move
+/// on straight lines in between.
 struct RuledLine {
   Vector3d p0, d0, p1, d1;
 
@@ -113,7 +115,7 @@ RuledLine second_half(const RuledLine& r) {
   return {0.5 * (r.p0 + r.p1), 0.5 * (r.d0 + r.d1), r.p1, r.d1};
 }
 
-/// The interval with every place of the line moved as the place `s` is, exact there.
+/// Returns the interval for a line of which every point moves as the point `s` does; exact there.
 SweepInterval interval_of_fixed_line(const Cutter& cutter, const RuledLine& ruled, double s) {
   SweepInterval found =
       CutterSweep(cutter, ruled.travel(s)).along(ruled.start(s), ruled.direction());
@@ -122,18 +124,18 @@ SweepInterval interval_of_fixed_line(const Cutter& cutter, const RuledLine& rule
   return found;
 }
 
-/// By which a cutter crashes; of a form cutter only where it may not cut.
+/// Returns the core whose contact is a crash; of a form cutter only where it must not cut.
 InsetCutter crash_core(const Cutter& cutter, bool may_not_cut) {
   return may_not_cut || !cutter.outline ? shrunk(cutter, rubbing) : InsetCutter{};
 }
 
-/// What a move does to lines one by one.
+/// The effect of a move on single lines.
 class Cut {
  public:
   enum class Of { Cutter, Shank };  // a shank meets what its cutter has left
 
   /// @param cutter  convex, a part of `whole`
-  /// @param core    of `whole`, as `crash_core`
+  /// @param core    of `whole`, from `crash_core`
   Cut(const Cutter& cutter, const InsetCutter& core, const StockMove& move, Of of)
       : cutter_(cutter),
         line_(move.line),
@@ -144,14 +146,16 @@ class Cut {
   void minds_shank(bool minds) { minds_shank_ = minds && !cutter_.outline; }
   const Cutter& cutter() const { return cutter_; }
 
-  /// A part of the move in which the axis stands: all lines see the same sweep.
+  /// Cuts a line in a part of the move in which the axis stands: all lines meet the same sweep.
   void along(DexelLine& line, const CutterSweep& sweep, const RuledLine& ruled) {
     ++removed.lines;
     const SweepInterval in = sweep.along(ruled.p0, ruled.d0);
     if (!in.is_empty()) take(line, in.in, in.out, ruled);
   }
 
-  /// A part in which the axis turns.
+  /// Cuts a line in a part in which the axis turns. If the motion of its points differs by more
+  /// than `frozen_twist`, the interval is settled by iteration or the part is halved, at most 12
+  /// times.
   void along(DexelLine& line, const RuledLine& ruled, int halvings = 12) {
     if (line.empty()) return;
     if (halvings == 12) ++removed.lines;
@@ -176,7 +180,7 @@ class Cut {
   double taken = 0.0;  // mm of lines
 
  private:
-  /// Shortens lo .. hi to where the cutter may come; false where it does not.
+  /// Shortens lo .. hi to what the cutter may reach; returns false if that is nothing.
   bool within_reach(const RuledLine& ruled, double nearest, double margin, double& lo,
                     double& hi) const {
     RuledLine lowered = ruled;
@@ -189,7 +193,7 @@ class Cut {
     return lo <= hi;
   }
 
-  /// One end, each time with the travel of the place found before.
+  /// Returns the interval for one end, iterating with the travel of the end found before.
   std::optional<SweepInterval> settled_end_at(const RuledLine& ruled, double s, bool upper,
                                               double lo, double hi) const {
     for (int i = 0; i < 4; ++i) {
@@ -202,7 +206,7 @@ class Cut {
     return std::nullopt;
   }
 
-  /// Both ends, where nothing between them can be missed.
+  /// Returns the interval of both ends if nothing between them can be missed.
   std::optional<SweepInterval> settled(const RuledLine& ruled, double nearest, double lo,
                                        double hi) const {
     const SweepInterval rough = interval_of_fixed_line(cutter_, ruled, nearest);
@@ -217,7 +221,7 @@ class Cut {
     const double twist = (ruled.d1 - ruled.d0).norm();
     const double dent = 0.25 * twist * std::max(0.0, to - from) * std::abs(both.t_in - both.t_out);
     if (dent <= frozen_twist) return both;
-    // the tool as it stands when it reaches either end: where the two overlap there is no dent
+    // If the standing tools at the times of both ends overlap, there is no dent between them.
     if (standing(ruled, both.t_in).out >= standing(ruled, both.t_out).in) return both;
     return std::nullopt;
   }
@@ -263,7 +267,7 @@ class Cut {
     const SweepInterval by_shank = sweep(shank, cutter_.flank_length + core_.raised);
     const double length = met(by_shank);
     if (length <= crash_length || travel.z() >= 0.0) return length > crash_length;
-    // what passed the upper end of the flank on its way down the tool was cut before
+    // Material that passed the upper end of the flank on its way down the tool was cut before.
     const SweepInterval cut_before = disc_sweep_interval(
         cutter_.radius, cutter_.flank_length + core_.raised, travel, point, direction);
     if (cut_before.is_empty()) return true;
@@ -281,7 +285,7 @@ class Cut {
   bool minds_shank_ = false;
 };
 
-// ---- lines under the sweep ----------------------------------------------------------------------
+// Lines under the sweep.
 
 struct Range {
   double lo = infinity, hi = -infinity;
@@ -289,7 +293,7 @@ struct Range {
   void add(const Range& r) { lo = std::min(lo, r.lo), hi = std::max(hi, r.hi); }
 };
 
-/// Discs moved along the segments between four places of the plane.
+/// Discs moved along the segments between four points of the plane.
 class MovedDiscs {
  public:
   MovedDiscs(const std::array<Eigen::Vector2d, 4>& centres, double radius)
@@ -298,7 +302,7 @@ class MovedDiscs {
       for (std::size_t k = i + 1; k < centres.size(); ++k) add_sides(centres[i], centres[k]);
   }
 
-  /// Where they cover the row at height v.
+  /// Returns the range of a row at height v that they cover.
   Range row(double v) const {
     Range range;
     for (const Eigen::Vector2d& c : centres_) {
@@ -337,12 +341,12 @@ class MovedDiscs {
   std::size_t side_count_ = 0;
 };
 
-/// A body that holds the sweep of a part: a ball moved over the parallelogram between the middles
-/// of the corner and the axis up to the end of the grid; and a box that holds its bottom closely.
-/// Every point of the cutter leaves the chord between its ends by arm angle^2 / 8, and its height
-/// over a point of the grid by as much and angle length / 4: that is `sag`. The part as it is swept
-/// leaves the true one by the same and by `frozen_twist`; the rest of the slack is for rounding,
-/// which is 1e-12 at 1 m.
+/// A body that contains the sweep of a part: a ball moved over the parallelogram between the
+/// centres of the corner and the axis up to the end of the grid; and a box that contains its bottom
+/// closely. Every point of the cutter departs from the chord between its ends by arm angle^2 / 8,
+/// and its height over a point of the grid by as much plus angle length / 4: that is `sag`. The
+/// part as it is swept departs from the true one by the same and by `frozen_twist`; the rest of the
+/// slack, 1e-6 mm, is for rounding, which is 1e-12 at 1 m.
 class Footprint {
  public:
   Footprint(const Stock& stock, const Cutter& cutter, const ToolPose& a, const ToolPose& b,
@@ -375,7 +379,7 @@ class Footprint {
 
   double height() const { return height_; }
 
-  /// Line numbers along `axis` whose places can be met.
+  /// Returns the range of lines along `axis` that may be met.
   std::pair<int, int> lines(int axis, Range range) const {
     range.lo = std::max(range.lo, box_[axis].lo);
     range.hi = std::min(range.hi, box_[axis].hi);
@@ -386,7 +390,8 @@ class Footprint {
   }
   std::pair<int, int> rows(int axis) const { return lines(axis, {-infinity, infinity}); }
 
-  /// In rows along one direction of the grid, by their place along another.
+  /// Returns the discs seen in rows along one direction of the grid, by their coordinate along
+  /// another.
   MovedDiscs seen(int along_row, int across) const {
     std::array<Eigen::Vector2d, 4> centres;
     for (std::size_t i = 0; i < centres.size(); ++i)
@@ -397,7 +402,7 @@ class Footprint {
   const Range& extent(int axis) const { return box_[axis]; }
 
  private:
-  /// Farthest place of the standing tool in a direction of the grid.
+  /// Returns the farthest point of the standing tool in a direction of the grid.
   static double reach(const Cutter& cutter, const ToolPose& pose, int axis, double sense) {
     const Vector3d u = pose.axis();
     const double cosine = sense * u[axis];
@@ -414,7 +419,7 @@ class Footprint {
   Range box_[3];
 };
 
-/// Every line of every field.
+/// The alternative to Footprint that selects every line of every field.
 class EveryLine {
  public:
   explicit EveryLine(const Stock& stock) : stock_(stock) {}
@@ -462,8 +467,8 @@ void sweep_field(DexelField& field, const Places& footprint, double spacing, con
   }
 }
 
-/// Takes out a cutter with the shank that goes on from its flank, or one of the two alone.
-/// @param base  mm above the tip of the tool, of the tip of what is taken out
+/// Removes a cutter with the shank above its flank, or one of the two alone.
+/// @param base  mm, height above the tip of the tool of the tip of what is removed
 void sweep(Stock& stock, const ToolPath& path, int parts, double base, DexelSelection dexels,
            Cut& cut) {
   const auto pose = [&](double t) {
@@ -493,6 +498,7 @@ RemovalResult remove(Stock& stock, const Cutter& cutter, const StockMove& move,
   check_cutter(cutter);
   const ToolPath path(stock, move);
   const double arm = cutter.flank_length + cutter.radius;
+  // largest deviation of the sweep from a translation, which falls with the square of the parts
   const double bow = 0.125 * path.angle() * (path.angle() * arm + 2.0 * path.length());
   const double count = std::sqrt(bow / part_sag);
   if (!(count < max_parts))
@@ -515,7 +521,7 @@ RemovalResult remove(Stock& stock, const Cutter& cutter, const StockMove& move,
     take_cutter();
     return cuts.front().removed;
   }
-  // seen from a tool that rises the material comes down: what the shank meets it meets first
+  // In the frame of a rising tool the material comes down, so the shank meets it first.
   if (path.at(0.0).axis().dot(path.at(1.0).tip - path.at(0.0).tip) > 0.0) {
     take_shank();
     take_cutter();

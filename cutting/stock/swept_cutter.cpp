@@ -13,18 +13,19 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double no_travel = 1e-12;       // mm
-constexpr double outside_of_form = 1e-3;  // mm, beyond the flat end around one
-constexpr double along_axis = 1e-13;      // of a direction, where it counts as lying in a plane
+constexpr double no_travel = 1e-12;  // mm
+// mm, margin around the flat end that contains a form cutter
+constexpr double outside_of_form = 1e-3;
+constexpr double along_axis = 1e-13;  // of a direction; below it a line counts as lying in a plane
 
-/// A stretch of a line that conditions shorten; lo > hi where nothing is left.
+/// An interval of a line that conditions shorten; lo > hi if nothing is left.
 struct Stretch {
   double lo = -infinity;
   double hi = infinity;
 
   bool is_empty() const { return !(lo <= hi); }
   void forbid() { lo = infinity, hi = -infinity; }
-  /// c0 + c1 s >= 0
+  /// Keeps c0 + c1 s >= 0.
   void positive(double c0, double c1) {
     if (std::abs(c1) < along_axis) {
       if (c0 < 0.0) forbid();
@@ -34,12 +35,12 @@ struct Stretch {
       hi = std::min(hi, -c0 / c1);
     }
   }
-  /// 0 <= c0 + c1 s <= top
+  /// Keeps 0 <= c0 + c1 s <= top.
   void between(double c0, double c1, double top) {
     positive(c0, c1);
     positive(top - c0, -c1);
   }
-  /// a s^2 + 2 b s + c <= 0
+  /// Keeps a s^2 + 2 b s + c <= 0.
   void within(double a, double b, double c) {
     if (a < along_axis * along_axis) {
       if (c > 0.0) forbid();
@@ -55,7 +56,8 @@ struct Stretch {
 
 }  // namespace
 
-/// A line counted from its place nearest to the cutter, so that nothing cancels in the quadratics.
+/// A line parameterised from its point nearest to the cutter, so that nothing cancels in the
+/// quadratics.
 struct CutterSweep::Line {
   Vector3d point, direction;
   double shift;
@@ -66,11 +68,11 @@ struct CutterSweep::Line {
   }
 };
 
-/// The hull of stretches: the sweep is convex, so pieces that make it up leave no gap.
+/// The hull of intervals: the sweep is convex, so the pieces of which it consists leave no gap.
 struct CutterSweep::Sum {
   SweepInterval result;
 
-  /// A piece that a stretch lies in, reached at instant t0 + t1 s.
+  /// Adds an interval inside a piece that is reached at instant t0 + t1 s.
   void add(const Stretch& piece, double t0, double t1 = 0.0) {
     if (piece.is_empty()) return;
     const auto instant = [&](double s) {
@@ -104,7 +106,8 @@ CutterSweep::CutterSweep(const Cutter& cutter, const Vector3d& travel)
   if (length_ <= no_travel) length_ = 0.0;
 }
 
-/// The cylinders at both ends and what lies above the track of the middle, `line` from its base.
+/// Adds the cylinders at both ends and the region above the track of the centre; `line` is relative
+/// to its base.
 void CutterSweep::add_cylinders(const Line& line, double radius, Sum& sum) const {
   const Vector3d& p = line.point;
   const Vector3d& d = line.direction;
@@ -113,7 +116,7 @@ void CutterSweep::add_cylinders(const Line& line, double radius, Sum& sum) const
   const double c = p.x() * p.x() + p.y() * p.y() - radius * radius;
   Stretch first;
   first.within(a, b, c);
-  // a plunge passes every height above its lower end
+  // A plunge covers every height above its lower end.
   first.positive(p.z() - (lateral_ > 0.0 ? 0.0 : std::min(0.0, travel_.z())), d.z());
   sum.add(first, lateral_ > 0.0 || travel_.z() >= 0.0 ? 0.0 : 1.0);
   if (lateral_ == 0.0) return;
@@ -168,17 +171,18 @@ SweepInterval CutterSweep::along_ball(const Line& line) const {
   return sum.result;
 }
 
-/// The place nearest to a point in what the cutter's core, the flat cylinder above the middle of
-/// its corner, sweeps.
+/// The point nearest to a given point in the sweep of the cutter's core, the flat cylinder above
+/// the centre of its corner.
 struct CutterSweep::Nearest {
   double distance;
-  Vector3d away;  ///< unit, from there to the point
+  Vector3d away;  ///< unit, from there to the given point
   double t;       ///< instant at which the core is there
 };
 
 CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const {
   double low = 0.0, high = 1.0;
   Nearest found{0.0, Vector3d::Zero(), t};
+  // Newton's method within a bracket; the squared distance is convex in t.
   for (int i = 0; i < 60; ++i) {
     const double x = point.x() - t * travel_.x(), y = point.y() - t * travel_.y();
     const double rho = std::sqrt(x * x + y * y);
@@ -189,7 +193,7 @@ CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const
     if (found.distance == 0.0) return found;
     const double ux = rho > 0.0 ? x / rho : 1.0, uy = rho > 0.0 ? y / rho : 0.0;
     found.away = Vector3d(out * ux, out * uy, -below) / found.distance;
-    // half the derivatives of the squared distance by t
+    // Half the derivative of the squared distance with respect to t.
     const double closing = -(ux * travel_.x() + uy * travel_.y());
     const double slope = out * closing + below * travel_.z();
     if (slope == 0.0) break;
@@ -210,8 +214,9 @@ CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const
   return found;
 }
 
-/// Newton from a place outside towards the sweep: the distance is convex along the line, so no step
-/// passes the place where it equals the corner's radius. Infinity if it never does.
+/// Newton's method from a point outside towards the sweep: the distance is convex along the line,
+/// so no step passes the point where it equals the corner's radius. Returns infinity if it never
+/// does.
 double CutterSweep::settled(const Line& line, double from, double sense, double& t) const {
   double s = from;
   for (int i = 0; i < 60; ++i) {
@@ -242,8 +247,8 @@ SweepInterval CutterSweep::along_bull(const Line& line) const {
   return bracket;
 }
 
-/// From both sides of the flat end around it, which no place of the line inside the form is
-/// outside of.
+/// Searches from both sides of the flat end around the cutter, which contains every point of the
+/// line inside the form.
 SweepInterval CutterSweep::along_form(const Line& line) const {
   const SweepInterval around = along_flat(line, radius_);
   Stretch within{around.in, around.out};
@@ -279,8 +284,8 @@ SweepInterval disc_sweep_interval(double radius, double height, const Vector3d& 
   const double rise = travel.z(), climb = direction.z();
   SweepInterval result;
   if (std::max(std::abs(rise), std::abs(climb)) < no_travel) return result;
-  // The line is at the disc's height at a place s for each instant t, and the other way round;
-  // given by the one that the other does not run away with.
+  // The line is at the height of the disc at one position s for each instant t, and vice versa. The
+  // relation with the smaller slope is used, so that nothing is divided by a small rate.
   const bool by_instant = std::abs(climb) >= std::abs(rise);
   const double first = by_instant ? (height - point.z()) / climb : (point.z() - height) / rise;
   const double slope = by_instant ? rise / climb : climb / rise;

@@ -6,18 +6,18 @@
 
 #include "cutting/surface/tool.h"
 
-/// Lines against a cutter that is moved along a segment, in the frame of the cutter at the start:
-/// tip at the origin, axis along z. The cutter is its bottom and corner with a cylinder of its
-/// radius that has no upper end, a form cutter its outline alone, which is convex: so its sweep is
-/// too, and a line lies in it between two places at most.
+/// Intersection of lines with the sweep of a cutter along a segment, in the frame of the cutter at
+/// the start: tip at the origin, axis along z. The cutter consists of its bottom and corner and a
+/// cylinder of its radius without an upper end; a form cutter consists of its outline alone, which
+/// is convex. The sweep is therefore convex too, and a line is inside it on one interval at most.
 namespace abbe::cutting {
 
-/// Where a line is inside a sweep: from `in` to `out` in units of its direction, either may be
-/// infinite; nowhere where in > out.
+/// The interval of a line inside a sweep: from `in` to `out` in units of its direction, either may
+/// be infinite; empty if in > out.
 struct SweepInterval {
   double in = std::numeric_limits<double>::infinity();
   double out = -std::numeric_limits<double>::infinity();
-  double t_in = 0.0;  ///< instant of the move, 0 .. 1, at which the cutter reaches that place
+  double t_in = 0.0;  ///< instant of the move, 0 .. 1, at which the cutter reaches that end
   double t_out = 0.0;
 
   bool is_empty() const { return !(in <= out); }
@@ -26,10 +26,10 @@ struct SweepInterval {
 /// The sweep of a cutter along a segment.
 class CutterSweep {
  public:
-  /// @param travel  mm, of the cutter over the move
+  /// @param travel  mm, displacement of the cutter over the move
   CutterSweep(const Cutter& cutter, const Eigen::Vector3d& travel);
 
-  /// The line's interval: both ends to 1e-9 mm along it, where it does not graze.
+  /// Returns the line's interval; both ends are exact to 1e-9 mm along it unless it grazes.
   SweepInterval along(const Eigen::Vector3d& point, const Eigen::Vector3d& direction) const;
 
  private:
@@ -47,15 +47,15 @@ class CutterSweep {
   Cutter cutter_;
   double radius_, corner_, ring_;
   Eigen::Vector3d travel_;
-  double lateral_;        // mm of travel across the axis
-  double x_, y_;          // its direction
-  double slope_;          // rise of travel per mm across
-  double length_;         // mm of travel
-  Eigen::Vector3d unit_;  // its direction
+  double lateral_;        // mm, travel normal to the axis
+  double x_, y_;          // direction of that travel
+  double slope_;          // rise of the travel per mm of lateral travel
+  double length_;         // mm, of travel
+  Eigen::Vector3d unit_;  // direction of the travel
 };
 
-/// The interval of a line in the sweep of a flat disc across the axis, at `height` above the tip;
-/// empty where neither line nor travel leaves the disc's plane.
+/// Returns the interval of a line in the sweep of a flat disc normal to the axis, at `height` above
+/// the tip; empty if neither line nor travel leaves the disc's plane.
 SweepInterval disc_sweep_interval(double radius, double height, const Eigen::Vector3d& travel,
                                   const Eigen::Vector3d& point, const Eigen::Vector3d& direction);
 

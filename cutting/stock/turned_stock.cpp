@@ -20,13 +20,14 @@ using Eigen::Vector3d;
 
 namespace {
 
+// 400 MB for the radii alone
 constexpr double max_nodes = 50e6;
 
 double frustum(double a, double b, double height) {
   return std::numbers::pi / 3.0 * height * (a * a + a * b + b * b);
 }
 
-/// Volume between nodes from and to.
+/// Returns the volume between nodes from and to, mm^3.
 double volume(const TurnedStock& stock, Index from, Index to) {
   Sum sum;
   for (Index i = from; i < to; ++i)
@@ -38,7 +39,7 @@ double last_place(const TurnedStock& stock) {
   return stock.first + stock.spacing * double(stock.radius.size() - 1);
 }
 
-/// Radius at a place within the stock.
+/// Returns the radius at a position within the stock.
 double radius_at(const TurnedStock& stock, double x) {
   const double u = (x - stock.first) / stock.spacing;
   const Index i = std::clamp<Index>(Index(u), 0, std::max<Index>(0, stock.radius.size() - 2));
@@ -58,32 +59,33 @@ double edge_radius(const Nose& nose, double psi) {
   return radius;
 }
 
-/// A pose over a turned stock: points of the rake plane by place along the spindle line and radius.
+/// A pose over a turned stock: converts points of the rake plane to position along the spindle line
+/// and radius.
 class Meridian {
  public:
   Meridian(const TurnedStock& stock, const Eigen::Isometry3d& T_slow)
       : stock_(stock), T_(T_slow), centre_(T_slow.translation() - stock.point_w) {}
 
-  /// (place, radius) of a point (x, z) of frame t.
+  /// Returns (position, radius) of a point (x, z) of frame t.
   Vector2d at(const Vector2d& point_t) const {
     const Vector3d p = centre_ + T_.linear() * Vector3d(point_t.x(), 0.0, point_t.y());
     const double along = p.dot(stock_.direction_w);
     return {along, (p - along * stock_.direction_w).norm()};
   }
 
-  /// How far a place is in material: below the profile, and between its ends.
+  /// Returns the depth of a point in material: below the profile and between its ends.
   double signed_depth(const Vector2d& place) const {
     const double last = last_place(stock_);
     const double x = std::clamp(place.x(), stock_.first, last);
     return std::min({radius_at(stock_, x) - place.y(), place.x() - stock_.first, last - place.x()});
   }
 
-  /// mm of material from a place of the edge towards another that is `most` mm away in the tool,
-  /// until the way leaves it.
+  /// Returns the length of material from a point of the edge towards another point that is `most`
+  /// mm away in the tool, until the path leaves it.
   double material(const Vector2d& edge, const Vector2d& towards, double most) const {
     if (!(signed_depth(edge) > 0.0)) return 0.0;
     const Vector2d way = (towards - edge) / most;
-    // node by node
+    // Node by node, because the profile is linear between nodes.
     double passed = 0.0;
     for (double s = 0.0; s < most;) {
       const double next = std::min(most, next_node(edge, way, s));
@@ -96,7 +98,7 @@ class Meridian {
   }
 
  private:
-  /// Where the way comes to the next node of the stock after s.
+  /// Returns the position at which the path comes to the next node of the stock after s.
   double next_node(const Vector2d& edge, const Vector2d& way, double s) const {
     const double h = stock_.spacing;
     if (std::abs(way.x()) < 1e-12) return infinity;
@@ -105,7 +107,9 @@ class Meridian {
     return (stock_.first + node * h - edge.x()) / way.x();
   }
 
-  /// The profile is straight between, so the depth is linear there but for the stock's ends.
+  /// Returns the position at which the path leaves the material. The profile is straight between
+  /// nodes, so the depth is linear there except at the ends of the stock, and the secant mostly
+  /// hits at once.
   double leaves(const Vector2d& edge, const Vector2d& way, double in, double out) const {
     for (int i = 0; i < 60 && out - in > 1e-13; ++i) {
       const double a = signed_depth(edge + in * way);
@@ -132,8 +136,8 @@ class EdgeInStock {
 
   double signed_depth(double psi) const { return meridian_.signed_depth(point(psi)); }
 
-  /// Material between the edge and the profile, across the edge towards the middle of the nose; at
-  /// most to the middle.
+  /// Returns the chip thickness: the material between the edge and the profile, from the edge
+  /// towards the centre of the nose, at most to the centre.
   double chip(double psi) const {
     const double most = edge_radius(nose_, psi);
     return meridian_.material(point(psi), meridian_.at(Vector2d::Zero()), most);
@@ -148,7 +152,7 @@ class EdgeInStock {
   Meridian meridian_;
 };
 
-/// A piece of an insert's edge over a stock, by the share of it that is passed.
+/// A piece of an insert's edge over a stock, by the fraction of its length.
 class PieceInStock {
  public:
   PieceInStock(const TurnedStock& stock, const EdgeProfile& profile, const OutlinePiece& piece,
@@ -169,7 +173,8 @@ class PieceInStock {
     return meridian_.signed_depth(meridian_.at(at(share)));
   }
 
-  /// Material across the edge, at most to the other side of the insert.
+  /// Returns the chip thickness: the material normal to the edge, at most to the other side of the
+  /// insert.
   double chip(double share) const {
     const Vector2d edge = at(share), inward = -normal(share);
     const std::optional<Chord> across = chord(profile_, edge, inward);
@@ -189,7 +194,7 @@ class PieceInStock {
   Meridian meridian_;
 };
 
-/// The place between one outside and one inside at which the edge passes the profile.
+/// Returns the point between one outside and one inside at which the edge crosses the profile.
 template <class Edge>
 double end_of_cut(const Edge& edge, double outside, double inside) {
   for (int i = 0; i < 60 && std::abs(inside - outside) > 1e-13; ++i) {
@@ -199,9 +204,11 @@ double end_of_cut(const Edge& edge, double outside, double inside) {
   return inside;
 }
 
-/// In so many parts, or as many as the stock has nodes for.
+/// Appends the engaged parts of a piece, in at most `most` parts, or as many as the stock has nodes
+/// for.
 void append_engaged(const PieceInStock& piece, double spacing, int most,
                     std::vector<EngagedEdge>& engaged) {
+  // a short arc still gets eight parts, so that its normal varies little within one
   constexpr int least = 8;
   const double length = piece.length();
   if (!(length > 0.0)) return;
@@ -314,7 +321,8 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
 
 namespace {
 
-/// Slow poses between two, and the lowest place of the edge over a place of the stock.
+/// The motion between two slow poses, and the lowest point of the edge over a position of the
+/// stock.
 class Revolution {
  public:
   Revolution(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& from,
@@ -338,14 +346,15 @@ class Revolution {
     tip_along_ = (tip.x() * x_ + tip.y() * z_).dot(stock.direction_w);
   }
 
-  /// mm along the spindle line that the nose passes.
+  /// Returns the range along the spindle line that the nose passes, mm.
   std::pair<double, double> extent() const {
     const double a = start_.dot(stock_.direction_w), b = a + step_.dot(stock_.direction_w);
     return {std::min(a, b) - behind_, std::max(a, b) + ahead_};
   }
 
-  /// Whether the edge surely stays above a radius at a place. The nearer its tip passes, the lower
-  /// a convex edge comes, but for what the whole of it goes down meanwhile.
+  /// Returns true if the edge certainly stays above a radius at a position. The nearer its tip
+  /// passes, the lower a convex edge comes, except for the descent of the whole edge in the
+  /// meantime.
   bool stays_above(double radius, double x) const {
     if (!tip_along_) return false;
     const double speed = step_.dot(stock_.direction_w);
@@ -354,8 +363,9 @@ class Revolution {
     return lowest(x, nearest) - step_.norm() > radius;
   }
 
-  /// Lowest radius at a place over the revolution; infinity where the edge does not come. The
-  /// lowest place falls, then rises with time, for a convex edge.
+  /// Returns the lowest radius at a position over the revolution; infinity if the edge does not
+  /// reach it. For a convex edge the lowest point falls, then rises with time, so a golden section
+  /// search finds the minimum.
   double lowest(double x) const {
     const double speed = step_.dot(stock_.direction_w);
     const double ahead = x - start_.dot(stock_.direction_w);
@@ -371,7 +381,7 @@ class Revolution {
   }
 
  private:
-  /// mm, of the edge from its centre along the spindle line at any time.
+  /// Returns the reach of the edge from its centre along the spindle line at any time, mm.
   double reach_along(const Vector3d& direction) const {
     const double reach = edge_.reach({x_.dot(direction), z_.dot(direction)});
     if (stands_ || !edge_.has_profile()) return reach;
@@ -381,13 +391,14 @@ class Revolution {
   double least(double x, double a, double b) const {
     const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
     const double speed = step_.dot(stock_.direction_w);
-    const double middle = x - 0.5 * (ahead_ - behind_);  // where the centre is when it is half past
+    // position of the centre when half of the edge has passed
+    const double middle = x - 0.5 * (ahead_ - behind_);
     const double beside = (middle - start_.dot(stock_.direction_w)) / (speed != 0.0 ? speed : 1.0);
     double best = std::min(lowest(x, a), lowest(x, b));
     double c = b - golden * (b - a), d = a + golden * (b - a);
     double at_c = lowest(x, c), at_d = lowest(x, d);
-    // the value is flat at the bottom of a round edge: 2e-5 of a nose radius there is 2e-10 of it
-    // here; corners are not
+    // At the bottom of a round edge the value is flat: 2e-5 of the nose radius in time is 2e-10 of
+    // it in value. Corners are not flat.
     const double close = (edge_.has_profile() ? 1e-10 : 2e-5) * edge_.outer_radius();
     for (int i = 0; i < 60 && (b - a) * step_.norm() > close; ++i) {
       best = std::min({best, at_c, at_d});
@@ -415,13 +426,13 @@ class Revolution {
     return lowest(x, start_ + t * step_, R.col(0), R.col(2));
   }
 
-  /// The rake plane meets the plane across the spindle line at x in a line; the lowest place of it
-  /// within the edge.
+  /// Returns the lowest point within the edge of the line in which the rake plane meets the plane
+  /// normal to the spindle line at x.
   double lowest(double x, const Vector3d& centre, const Vector3d& ex, const Vector3d& ez) const {
     const Vector3d& along = stock_.direction_w;
     const Vector2d rise(ex.dot(along), ez.dot(along));  // of x over the rake plane
     const double steep = rise.squaredNorm();
-    if (steep < 1e-12) return infinity;  // the rake plane lies across the spindle line
+    if (steep < 1e-12) return infinity;  // the rake plane is normal to the spindle line
     const Vector2d point = (x - centre.dot(along)) / steep * rise;
     const Vector2d way = Vector2d(-rise.y(), rise.x()) / std::sqrt(steep);
     const Vector3d p = centre + point.x() * ex + point.y() * ez;
@@ -444,7 +455,7 @@ class Revolution {
   Vector3d x_, z_;
   double ahead_, behind_;  // mm, reach along the spindle line and against it
   std::optional<double>
-      tip_along_;  // mm, of the lowest point, of an insert on one side of the line
+      tip_along_;  // mm, of the lowest point, for an insert on one side of the line
 };
 
 }  // namespace

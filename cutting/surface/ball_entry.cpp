@@ -12,13 +12,13 @@ using Eigen::Vector3d;
 
 namespace {
 
-/// The centre of a ball end over a move; `x` is 0 .. 1 from `from` to `to`.
+/// The path of a ball end's centre during a move; `x` is 0 .. 1 from `from` to `to`.
 struct BallPath {
   const Cutter& cutter;
   const Move& move;
   Position start, end;
-  Vector3d first, last;  // centres
-  double angle;          // turned between them
+  Vector3d first, last;  // of the ball
+  double angle;          // rad, turned between them
 
   BallPath(const Cutter& c, const Move& m)
       : cutter(c),
@@ -30,27 +30,31 @@ struct BallPath {
         angle(m.angle * (m.to - m.from)) {}
 
   Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
-  /// The centre leaves its chord by no more: a ball thicker by it about the chord holds the sweep.
+  /// Returns an upper bound of the distance of the centre from its chord, R angle^2 / 8: a ball
+  /// thicker by it that runs along the chord contains the sweep.
   double sag() const { return 0.125 * cutter.radius * angle * angle; }
 };
 
-/// Whether no point of the ray up to s can be higher than the centre of the ball during the move,
-/// so that only the lower half of the ball can have met it.
+/// Returns true if no point of the ray up to s can be higher than the centre of the ball during the
+/// move, so that only the lower half of the ball can have met it.
 bool stays_below_flank(const BallPath& path, const Ray& ray, double s) {
   const Vector3d place = ray.point + s * ray.normal;
   const double turned = path.angle * path.angle;
   const Vector3d w0 = place - path.first;
   const Vector3d w1 = place - path.last;
-  double bend = 0.0;  // twice what a height over the tip can rise between its ends
+  double bend = 0.0;  // twice the amount by which a height above the tip can exceed its values at
+                      // the ends
   if (path.angle != 0) {
     const double arms = path.cutter.radius + w0.norm() + w1.norm();
     bend = 0.25 * (arms * turned + 2 * (path.last - path.first).norm() * path.angle);
   }
+  // angle^2: more than the axis departs from its chord, so the ray rises along it at every instant
   return ray.normal.dot(path.start.axis) >= turned && ray.normal.dot(path.end.axis) >= turned &&
          w0.dot(path.start.axis) <= -bend && w1.dot(path.end.axis) <= -bend;
 }
 
-/// First entry of the ray's line into a ball of `radius` whose centre runs along the chord.
+/// Returns the first entry of the ray's line into a ball of `radius` whose centre runs along the
+/// chord.
 std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double radius) {
   const Vector3d w = ray.point - path.first;
   const Vector3d chord = path.last - path.first;
@@ -71,15 +75,18 @@ std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double 
   return Entry{x * rise - wn - std::sqrt(D), x};
 }
 
-/// Entry into the ball on its true path, by Newton from `x`; only where the entry is strictly
-/// convex in time. Nothing if it does not settle.
+/// Returns the entry into the ball on its true path, by Newton's method from `x`; only where the
+/// entry is strictly convex in time. Nothing if the iteration does not converge.
 std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x) {
   const double R = path.cutter.radius;
   const Vector3d chord = path.last - path.first;
   const double across = (chord - chord.dot(ray.normal) * ray.normal).norm();
+  // It is convex if the centre moves across the ray faster than R angle. 10 % of that and R angle^2
+  // cover the difference between the chord and the velocity at any instant.
   if (across < R * path.angle * (1.1 + path.angle)) return std::nullopt;
   const double span = path.move.to - path.move.from;
   const Vector3d step = span * path.move.step;
+  // 8 steps suffice by far where Newton's method converges; elsewhere the general search decides.
   for (int i = 0; i < 8; ++i) {
     const double t = instant(path.move, x);
     const Position at = position(path.move, t);
@@ -100,6 +107,7 @@ std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x
         ((slope * ray.normal - speed).squaredNorm() / R - outward.dot(bend)) / facing;
     if (!(curvature > 0)) return std::nullopt;
     const double next = std::clamp(x - slope / curvature, 0.0, 1.0);
+    // s is then within 5e-13 mm of its minimum, being of second order in x
     if (curvature * (next - x) * (next - x) < 1e-12) return Entry{s, x};
     x = next;
   }
@@ -111,7 +119,8 @@ std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x
 BallEntry ball_entry(const Cutter& cutter, const Move& move, const Ray& ray, double limit) {
   const BallPath path(cutter, move);
   const std::optional<Entry> bound = capsule_entry(path, ray, cutter.radius + path.sag());
-  // a graze is off by the root of rounding, and must be found the same way whatever the limit
+  // The s of a grazing ray is uncertain by the square root of rounding. Such a ray must take the
+  // same branch whatever the limit.
   const double until = limit + 1e-6 * (1.0 + cutter.radius);
   if (!bound || bound->s > until)
     return {stays_below_flank(path, ray, std::min(until, ray.band)), std::nullopt};
@@ -121,24 +130,25 @@ BallEntry ball_entry(const Cutter& cutter, const Move& move, const Ray& ray, dou
   return {true, entry};
 }
 
-// With w from `near` to the ray's point, d the direction of the chord, n that of the ray, x the way
-// of the centre along d:
+// With w from `near` to the ray's point, d the direction of the chord, n that of the ray, x the
+// position of the centre along d:
 //   rise = d n, a = 1 - rise^2, b = w d - (w n) rise, q = w w - (w n)^2,
 //   D(x) = R^2 - q + x (2 b - x a), s(x) = x rise - w n - sqrt(D(x)),
-// least at x = (b - rise sqrt(a (R^2 - q + b^2 / a))) / a, and convex.
+// which is convex and least at x = (b - rise sqrt(a (R^2 - q + b^2 / a))) / a.
 //
-// Rounding. Let e = 2^-24, M the distances of `near` and of the ray's point from the origin, and so
-// above |w|, a >= 1/2 and D >= R^2 / 4 (elsewhere nothing is said). In units
-// of e: w n, w d, rise to 6 M, 6 M, 6; q to 20 M^2; b to 19 M; a to 13; D to 30 M^2 + 20 M^2 +
-// 38 M |x| + 13 x^2 + 8 (q + 2 |b x| + a x^2) <= 75 M^2 + 50 x^2, by which s errs by half of it
-// over sqrt(D), and by 6 M + 8 |x| + 4 M from its other terms. So
+// Rounding. Let e = 2^-24, and M the sum of the distances of `near` and of the ray's point from the
+// origin, which is above |w|; let a >= 1/2 and D >= R^2 / 4 (no bound is given elsewhere). In units
+// of e: w n, w d, rise to 6 M, 6 M, 6; q to 20 M^2; b to 19 M; a to 13; D to 30 M^2 + 20 M^2 + 38 M
+// |x| + 13 x^2 + 8 (q + 2 |b x| + a x^2) <= 75 M^2 + 50 x^2. The error of s is half of that divided
+// by sqrt(D), plus 6 M + 8 |x| + 4 M from its other terms. So
 //   doubt = e ((45 M^2 + 26 x^2) / sqrt(D) + 11 M + 9 |x|).
-// x itself errs by less than 500 e M^2 / R, and as s'' <= 10 / R the least value by less than a
-// tenth of that for M below 5 R.
-// tests/cutting/ball_bounds_test.cpp looks for worse.
+// The error of x itself is less than 500 e M^2 / R, and as s'' <= 10 / R it changes the least value
+// by less than a tenth of the doubt for M below 5 R. tests/cutting/ball_bounds_test.cpp searches
+// for larger errors.
 
 namespace {
 
+// e of the derivation, 2^-24 = 5.96e-8, rounded up
 constexpr float rounding = 6e-8f;
 
 [[gnu::always_inline]] inline Float8 bound_of(const BallChord& move, const Vector8& p,
@@ -154,7 +164,7 @@ constexpr float rounding = 6e-8f;
   const Float8 b = wd - wn * rise;
   const Float8 at_zero = R2 - (w2 - wn * wn);
   const Float8 per_a = 1.0f / a;
-  const Float8 most = at_zero + b * b * per_a;  // of D, for any x
+  const Float8 most = at_zero + b * b * per_a;  // upper bound of D over all x
   const Float8 root = stdx::sqrt(stdx::max(a * most, Float8(0.0f)));
   const Float8 x =
       stdx::min(stdx::max((b - rise * root) * per_a, Float8(move.from)), Float8(move.to));
@@ -165,7 +175,7 @@ constexpr float rounding = 6e-8f;
       rounding * ((45.0f * M * M + 26.0f * x * x) / deep + 11.0f * M + 9.0f * stdx::abs(x));
   Float8 s = x * rise - wn - deep - doubt;
   stdx::where(!(D > 0.26f * R2) || !(a > 0.51f), s) = Float8(-1e30f);
-  // what misses the thicker ball by a hundredth of it
+  // Misses by more than a hundredth of R^2, which is far beyond the rounding of `most`.
   stdx::where(most < -0.01f * R2 && a > 0.51f, s) = Float8(1e30f);
   return s;
 }
@@ -187,6 +197,7 @@ BallChord::BallChord(const Cutter& cutter, const Move& move, const Vector3d& ori
   from = float(-at);
   to = float(length - at);
   distance = float(place.norm());
+  // 0.125 turn^2 is the sag of the centre's path; the rest covers the rounding to float.
   radius = float(cutter.radius * (1.0 + 0.126 * turn * turn + 1e-7));
 }
 
@@ -208,6 +219,7 @@ std::array<int, 8> ball_bounds(std::span<const BallChord> moves, const Ray8& ray
 
 bool stays_below_centre(const Cutter& cutter, const Move& move, const Vector3d& place,
                         double around, const Vector3d& normal, double tilt) {
+  // The axis turns by at most `angle`, so every ray still rises along it at the end of the move.
   if (normal.dot(move.axis) < tilt + move.angle) return false;
   const Vector3d arm = place - move.tip;
   const double height = arm.dot(move.axis) - cutter.radius;

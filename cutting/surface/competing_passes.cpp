@@ -24,45 +24,47 @@ namespace abbe::cutting {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// Where the surface of one pass is asked about a vertex.
+/// A query for the surface of one pass around a vertex.
 struct PassQuery {
   Eigen::Vector3d normal;               ///< unit, of the vertex
-  double distance = 0.0;                ///< mm, of the pass along it
-  std::optional<Eigen::Vector3d> feed;  ///< way of the tool at the contact, any length; nothing, or
-                                        ///< along the normal: the pass stands
-  double step = 0.01;                   ///< mm, of the differences
+  double distance = 0.0;                ///< mm, of the pass along the normal
+  std::optional<Eigen::Vector3d> feed;  ///< velocity of the tool at the contact, of any length; the
+                                        ///< pass stands if it is empty or along the normal
+  double step = 0.01;                   ///< mm, step of the differences
 };
 
-/// Distance (mm) of the pass along the normal from the vertex displaced by a vector of its tangent
-/// plane; nothing where the pass is missed.
+/// Returns the distance (mm) of the pass along the normal from the vertex displaced by a vector in
+/// its tangent plane; nothing if the ray misses the pass.
 using PassDistance = std::function<std::optional<double>(const Eigen::Vector3d& displacement)>;
 
-/// A pass to second order, as `CompetingPass` describes it.
+/// The shape of a pass to second order, as described at `CompetingPass`.
 struct PassShape {
   Eigen::Vector3d gradient;
   Eigen::Vector3d across;
   double curvature = 0.0;
 };
 
-/// Shape from central differences: four rays, six where the pass stands. Where one of two rays
-/// misses, or the pass has an edge between them (a slope that changes by over 0.5), the slope is
-/// that of the flatter side and the curvature 0; where both miss, the slope is 0 too.
+/// Returns the shape from central differences: four rays, six if the pass stands. Where one of two
+/// opposite rays misses, or the pass has an edge between them (the slope changes by over 0.5), the
+/// slope is that of the flatter side and the curvature 0; where both miss, the slope is 0 too.
 PassShape pass_shape(const PassQuery& probe, const PassDistance& distance);
 
-/// All in one, each marked with its vertex.
+/// Returns all passes in one list, each labelled with its vertex.
 std::vector<CompetingPass> in_vertex_order(
     const std::vector<std::vector<CompetingPass>>& of_vertex);
 
 namespace {
 
-constexpr double edge_turn = 0.5;  // change of slope over one step
-constexpr double standing = 1e-3;  // share of the way that lies along the surface
+constexpr double edge_turn = 0.5;  // change of slope over one step that only an edge causes: a ball
+                                   // of R 5 changes it by 0.002 over 0.01 mm
+constexpr double standing = 1e-3;  // smallest fraction of the feed that must lie along the surface
 
 struct Difference {
   double slope = 0.0;
   double bend = 0.0;  // 1/mm
 };
 
+// Returns slope and second derivative of the distance along one direction of the tangent plane.
 Difference difference(const PassQuery& probe, const PassDistance& distance,
                       const Vector3d& direction) {
   const std::optional<double> before = distance(-probe.step * direction);
@@ -75,7 +77,7 @@ Difference difference(const PassQuery& probe, const PassDistance& distance,
   return {0.5 * (rise + fall), (rise - fall) / probe.step};
 }
 
-/// Unit vector of the tangent plane along the feed, if that has one.
+/// Returns the unit vector of the tangent plane along the feed, if the feed has such a component.
 std::optional<Vector3d> along_surface(const PassQuery& probe) {
   if (!probe.feed) return std::nullopt;
   const Vector3d along = *probe.feed - probe.feed->dot(probe.normal) * probe.normal;
@@ -92,13 +94,17 @@ PassShape pass_shape(const PassQuery& probe, const PassDistance& distance) {
   const Difference on_e = difference(probe, distance, e);
   const Difference on_f = difference(probe, distance, f);
   PassShape shape{probe.normal - on_e.slope * e - on_f.slope * f, f, on_f.bend};
-  // A straight feed draws the surface along itself, so it curves across it only.
+  // A straight feed generates a surface that is straight along the feed, so it curves across it
+  // only.
   if (along) return shape;
+  // The tool stands, so no direction is preferred: the larger principal curvature and its direction
+  // follow from the second derivatives in three directions.
   const Difference between = difference(probe, distance, (e + f) / std::sqrt(2.0));
   const double mixed = between.bend - 0.5 * (on_e.bend + on_f.bend);
   const double half = 0.5 * (on_e.bend - on_f.bend);
   const double mean = 0.5 * (on_e.bend + on_f.bend);
-  const double angle = 0.5 * std::atan2(mixed, half);  // of the larger eigenvalue, from e
+  const double angle = 0.5 * std::atan2(mixed, half);  // rad, direction of the larger eigenvalue,
+                                                       // from e
   const double spread = std::hypot(half, mixed);
   const bool upward = mean >= 0.0;
   shape.curvature = upward ? mean + spread : mean - spread;
@@ -126,11 +132,11 @@ std::vector<CompetingPass> in_vertex_order(
 namespace {
 
 constexpr int rival_block = 64;        // vertices that share their hints
-constexpr double parting_rise = 1e-6;  // mm, that parts two passes
+constexpr double parting_rise = 1e-6;  // mm, height of a crest that separates two passes
 constexpr double no_rise = 1e-7;       // mm, more than the error of first_entry
-constexpr int patience = 8;            // parts on which a walk may stay level
+constexpr int patience = 8;            // parts over which a walk may stay level before it ends
 
-/// A place in the order of the motion: one part of one move.
+/// A position in the order of the motion: one part of one move.
 struct Place {
   int move, part;
   friend auto operator<=>(const Place&, const Place&) = default;
@@ -157,14 +163,15 @@ struct Mill {
   }
 };
 
-/// Its nearest removal, and the crests on either side that part it from other passes.
+/// A pass: its nearest removal, and the crests on either side that separate it from other passes.
 struct Pass {
   Removal nearest;
   Place from{0, 0};
   Place to{std::numeric_limits<int>::max(), 0};
 };
 
-/// One pass for every least distance in a run of parts without a gap.
+/// Returns the passes of a run of consecutive parts: one for every local minimum of the distance.
+/// Rises below `parting_rise` are not crests, so rounding does not split a pass.
 std::vector<Pass> passes_of_run(std::span<const Removal> run) {
   std::vector<Pass> passes(1, Pass{.nearest = run.front()});
   const Removal* crest = &run.front();
@@ -184,6 +191,7 @@ std::vector<Pass> passes_of_run(std::span<const Removal> run) {
   return passes;
 }
 
+// Splits the removals into runs of consecutive parts and collects the passes of all runs.
 std::vector<Pass> passes_of(const Mill& mill, std::span<const Removal> removals) {
   std::vector<Pass> passes;
   for (std::size_t begin = 0, end = 0; begin < removals.size(); begin = end) {
@@ -195,7 +203,9 @@ std::vector<Pass> passes_of(const Mill& mill, std::span<const Removal> removals)
   return passes;
 }
 
-/// First distance of a pass along a ray near that on which it was found: downhill from there.
+/// Returns the first distance of a pass along a ray near the one on which it was found, by walking
+/// downhill in both directions of the motion. The walk continues over a few level parts, because on
+/// a plane many moves leave the same distance to rounding.
 std::optional<double> distance_of(const Mill& mill, const Pass& pass, const Ray& ray) {
   const Place start = place(pass.nearest);
   double best = std::numeric_limits<double>::infinity();
@@ -214,12 +224,15 @@ std::optional<double> distance_of(const Mill& mill, const Pass& pass, const Ray&
   return best;
 }
 
-/// Way of the cutter's material at a contact; nothing where it turns about it, or stands.
+/// Returns the velocity of the cutter's material at a contact; nothing where the tool turns about
+/// the contact or stands.
 std::optional<Vector3d> feed_at(const Move& move, double t, const Vector3d& contact) {
   const Vector3d turn = move.angle * move.axis.cross(move.side);
   const Vector3d arm = contact - (move.tip + t * move.step);
   const Vector3d feed = move.step + turn.cross(arm);
   const double parts = move.step.norm() + turn.norm() * arm.norm();
+  // Translation and rotation may cancel: below a thousandth of their sizes the direction of the
+  // difference is not reliable, below 1e-9 mm the tool stands.
   if (feed.norm() < std::max(1e-9, 1e-3 * parts)) return std::nullopt;
   return feed;
 }
@@ -301,7 +314,7 @@ struct Lathe {
   const CompetingPassOptions& options;
 };
 
-/// The nearest cut of every revolution, the nearest first.
+/// Returns the nearest cut of every revolution, sorted by distance.
 std::vector<NoseCut> nearest_per_revolution(const NoseCutSearch& swept,
                                             const std::vector<NoseCut>& cuts) {
   std::vector<NoseCut> nearest;
@@ -320,7 +333,8 @@ std::vector<NoseCut> nearest_per_revolution(const NoseCutSearch& swept,
   return nearest;
 }
 
-/// Normal of the rake plane in the workpiece, which is the way of the work past the edge.
+/// Returns the normal of the rake plane in the workpiece, which is the direction of the work past
+/// the edge.
 Vector3d rake_normal(const NoseMotion& motion, const NoseCut& cut) {
   const auto i = std::size_t(cut.interval);
   const Vector3d from = motion.T_slow[i].linear().col(1);
@@ -330,10 +344,12 @@ Vector3d rake_normal(const NoseMotion& motion, const NoseCut& cut) {
   return Eigen::AngleAxisd(angle, motion.spindle_direction) * (from + cut.u * (to - from));
 }
 
-/// rad, how far the spindle may turn until the same revolution cuts a ray of the stencil.
+/// Returns the angle within which the same revolution cuts a ray of the stencil, rad.
 double window(const Lathe& lathe, const Vector3d& contact) {
   const Vector3d arm = contact - lathe.motion.spindle_point;
   const double radius = arm.cross(lathe.motion.spindle_direction).norm();
+  // Four times the angle of a step at this radius, plus 0.05 rad for the slow motion. 90 deg at
+  // most, so that the cuts of other revolutions are excluded.
   return std::min(0.5 * half_turn, 0.05 + 4.0 * lathe.options.stencil / std::max(radius, 1e-9));
 }
 

@@ -12,23 +12,26 @@
 #include "cutting/surface/entry_bounds.h"
 #include "kinematics/units.h"
 
-/// The least value of a function of time that is convex but for a bounded dip, by branch and bound.
+/// The first entry of a ray into a moving cutter is the least value of a function of time that is
+/// convex except for a bounded dip. It is found by branch and bound.
 namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
-/// A value with its slope, and how far below zero its curvature may fall nearby.
+/// A value with its slope, and a bound of how far below zero its curvature may fall nearby.
 struct Sample {
   double t;
-  bool defined;  ///< the function is +infinity elsewhere
+  bool defined;  ///< the function is +infinity where it is not defined
   double value;
   double slope;
   double dip;               ///< curvature >= -dip; 0 where the function is convex
-  double fade;              ///< dip holds for times well below 1 / fade
-  Eigen::Vector3d outward;  ///< normal of the cutter, for a `floor`
+  double fade;              ///< dip is valid for time differences well below 1 / fade
+  Eigen::Vector3d outward;  ///< normal of the cutter, used by a `floor`
   double facing;            ///< -outward * normal of the ray
-  double doubt = 0;         ///< the value may be too large by so much, from rounding
+  double doubt = 0;         ///< the value may be too large by this much, from rounding
 
+  // Returns the dip valid over a time difference w: the facing falls by a fraction of up to fade w,
+  // and the dip contains its inverse square.
   double dip_over(double w) const { return dip / ((1 - fade * w) * (1 - fade * w)); }
 };
 
@@ -36,32 +39,35 @@ inline Sample undefined_at(double t) {
   return {t, false, std::numeric_limits<double>::infinity(), 0, 0, 0, Eigen::Vector3d::Zero(), 1};
 }
 
+// Accuracy and stopping conditions of a search.
 struct Goal {
   double tolerance;
-  /// Larger values are of no interest.
+  /// Larger values need not be found.
   double limit = std::numeric_limits<double>::infinity();
   /// A value as small as this ends the search.
   double enough = -std::numeric_limits<double>::infinity();
-  int max_samples = 5000;  ///< it needs 3 to 12; hundreds for a disc of no height that a ray grazes
+  int max_samples = 5000;  ///< 3 to 12 are needed; hundreds for a disc of zero height that a ray
+                           ///< grazes
 };
 
+// An interval of time between two samples.
 struct Piece {
   Sample a, b;
   int depth;
 };
 
-/// What a piece may still hide: a lower bound, and where it is reached.
+/// A lower bound over a piece, and the time at which it is attained.
 struct PieceBound {
   double value;
   double t;
 };
 
-/// A straight line over a piece, by its values at the ends.
+/// A straight line over a piece, given by its values at the ends.
 struct Line {
   double at_a, at_b;
 };
 
-/// Where a function above two lines may be least over a piece.
+/// Returns the least value, and its time, of the upper envelope of two lines over a piece.
 inline PieceBound min_above(const Piece& piece, const Line& first, const Line& second) {
   const auto higher = [&](double x) {
     return std::max(first.at_a + x * (first.at_b - first.at_a),
@@ -78,8 +84,8 @@ inline PieceBound min_above(const Piece& piece, const Line& first, const Line& s
   return {higher(x), piece.a.t + (x == 0.0 || x == 1.0 ? 0.5 : x) * width};
 }
 
-/// f + dip (t - a)^2 / 2 is convex, so it lies above its tangents at both ends. Where the dip
-/// cannot be trusted over the piece, `floor(piece)` is the promise.
+/// Returns a lower bound over a piece. f + dip (t - a)^2 / 2 is convex, so it lies above its
+/// tangents at both ends. Where the dip is not valid over the piece, the bound is `floor(piece)`.
 template <class Floor>
 PieceBound promise(const Piece& piece, double tolerance, const Floor& floor) {
   const auto& [a, b, depth] = piece;
@@ -101,8 +107,10 @@ PieceBound promise(const Piece& piece, double tolerance, const Floor& floor) {
   const double below_a = value_b - value_a - a.slope * w;
   const double below_b = value_a - value_b + slope_b * w;
   const double slack = tolerance + a.doubt + b.doubt;
+  // The samples contradict the dip by more than rounding, so it cannot be used.
   if (below_a < -slack || below_b < -slack) return floor(piece);
-  // What rounding does to the lower end of a slope is not found by more samples.
+  // More samples would not remove the rounding at the lower end of a monotonic piece, so its value
+  // there is taken as it is.
   if (a.slope >= 0.5 * dip * w) return {a.value, a.t};
   if (b.slope <= -0.5 * dip * w) return {b.value, b.t};
   const double turn = slope_b - a.slope;
@@ -111,6 +119,7 @@ PieceBound promise(const Piece& piece, double tolerance, const Floor& floor) {
   return {std::min({value_a, b.value - b.doubt, inner}), a.t + x};
 }
 
+// Returns the time of the next sample in a piece.
 inline double next_sample(const Piece& piece, const PieceBound& low) {
   const auto& [a, b, depth] = piece;
   const double w = b.t - a.t;
@@ -118,17 +127,19 @@ inline double next_sample(const Piece& piece, const PieceBound& low) {
     return low.t;
   if (a.slope < 0 && b.slope > 0) {
     const double secant = a.t + w * a.slope / (a.slope - b.slope);
-    // The tangents of a parabola meet in the middle, and the secant finds its lowest point; the
-    // tangents of a kink meet at it. Halving now and then serves what is neither.
+    // For a parabola the tangents meet in the middle and the secant of the slopes gives its
+    // minimum; for a kink the tangents meet at the kink. Every fourth step halves the piece, which
+    // also handles functions that are neither.
     if (depth % 4 == 3) return a.t + 0.5 * w;
     const bool smooth = std::abs(low.t - a.t - 0.5 * w) < 0.1 * w;
     return std::clamp(smooth ? secant : low.t, a.t + 1e-4 * w, b.t - 1e-4 * w);
   }
-  // Next to a minimum: what must be looked at grows with the distance from it.
+  // The minimum lies beside the lower end. The pieces split off grow by 16 with the distance from
+  // it, so few samples are spent far away.
   return a.value <= b.value ? a.t + w / 16 : b.t - w / 16;
 }
 
-/// Pieces that may hold less than the best sample so far.
+/// The pieces that may contain less than the best sample so far, on a stack.
 template <class Function, class Floor>
 class BranchAndBound {
  public:
@@ -145,7 +156,7 @@ class BranchAndBound {
     return sample;
   }
   bool is_ruled_out(const Piece& piece) const { return is_ruled_out(piece, promised(piece)); }
-  /// The same without the cost of a floor.
+  /// Weaker test without the cost of a floor.
   bool is_clearly_ruled_out(const Piece& piece) const { return !is_small(promised(piece).value); }
   void add(const Piece& piece) { open_[count_++] = piece; }
 
@@ -154,6 +165,7 @@ class BranchAndBound {
       const Piece piece = open_[--count_];
       const PieceBound low = promised(piece);
       if (is_ruled_out(piece, low)) continue;
+      // 1e-13 of a move is the rounding of time; a full stack means the same
       if (piece.b.t - piece.a.t < 1e-13 || count_ + 2 > open_.size()) continue;
       const Sample c = sample(next_sample(piece, low));
       ++samples;
@@ -168,7 +180,7 @@ class BranchAndBound {
   bool is_small(double value) const {
     return !(value >= std::min(best_.value - goal_.tolerance, goal_.limit));
   }
-  /// Planes bend less over a piece than the dip, but cost more.
+  /// The dip rules out cheaply; where it does not, the bound by planes is tighter but costs more.
   bool is_ruled_out(const Piece& piece, const PieceBound& low) const {
     if (!is_small(low.value)) return true;
     return std::max(piece.a.dip, piece.b.dip) > 0 && !is_small(floor_(piece).value);
@@ -182,7 +194,7 @@ class BranchAndBound {
   std::size_t count_ = 0;
 };
 
-/// Smallest value of f between two samples.
+/// Returns the smallest value of f between two samples.
 template <class Function, class Floor>
 Sample minimum(const Function& f, const Floor& floor, const Sample& first, const Sample& last,
                const Goal& goal) {
@@ -192,10 +204,11 @@ Sample minimum(const Function& f, const Floor& floor, const Sample& first, const
   return search.least();
 }
 
-/// The same from `from` to `to` where f is known to be least near `about`; undefined if it is
-/// undefined there. Three samples mostly: there and on either side.
-/// @param beyond  of two times and a goal: the least value between them, for what lies on the other
-///                side of a gap in f and is not ruled out
+/// Returns the smallest value of f from `from` to `to` if it is known to be attained near `about`;
+/// an undefined sample if f is undefined there. Usually takes three samples: at `about` and on
+/// either side.
+/// @param beyond  returns the least value between two times for a goal; called for the far side of
+///                a gap in f that is not ruled out
 template <class Function, class Floor, class Beyond>
 Sample minimum_about(const Function& f, const Floor& floor, const Beyond& beyond, double from,
                      double about, double to, const Goal& goal) {
@@ -220,7 +233,7 @@ Sample minimum_about(const Function& f, const Floor& floor, const Beyond& beyond
           search.take(beyond(std::min(next, end), std::max(next, end), goal));
         break;
       }
-      // once more as far as where the slope would turn
+      // At least eight times as far, and half as far again as the zero of the extrapolated slope.
       const double bend = (beside.slope - last.slope) / (beside.t - last.t);
       aside = std::max(8.0 * aside, bend > 0 ? 1.5 * std::abs(beside.slope) / bend : 0.0);
       last = beside;
@@ -231,23 +244,24 @@ Sample minimum_about(const Function& f, const Floor& floor, const Beyond& beyond
 
 namespace {
 
-constexpr double straight_tolerance = 1e-9;  // mm, where the search is convex
-constexpr double turning_tolerance = 2e-8;   // mm, where the axis turns
-constexpr double depth_tolerance = 1e-10;    // mm, of a touch that may be missed
-constexpr double min_sine = 1e-15;           // below, the sine between ray and skin is rounding
+constexpr double straight_tolerance = 1e-9;  // mm, if the axis does not turn and the search is
+                                             // convex
+constexpr double turning_tolerance = 2e-8;   // mm, if the axis turns
+constexpr double depth_tolerance = 1e-10;    // mm, depth of a touch that may be missed
+constexpr double min_sine = 1e-15;           // below it the sine between ray and skin is rounding
 
-// ---- the cutter at one instant ------------------------------------------------------------------
+// The cutter at one instant.
 
-/// A ray that meets the cutter: where it enters, and the outward normal of the cutter there.
+/// The point at which a ray enters the cutter, and the outward normal of the cutter there.
 struct Hit {
   double s;
   Vector3d outward;
 };
 
-/// The ray in the frame of the cutter, split along and across its axis.
+/// A ray in the frame of the cutter, split into components along and across its axis.
 struct LocalRay {
   Vector3d axis;
-  double h, dh;  // height above the tip and its change with s
+  double h, dh;  // mm, height above the tip, and its derivative with respect to s
   Vector3d lateral, dlateral;
 
   LocalRay(const Position& at, const Vector3d& point, const Vector3d& normal) : axis(at.axis) {
@@ -266,6 +280,7 @@ struct Interval {
   double out = infinity;
 };
 
+// The range of s inside an infinite cylinder. Below 1e-30 the ray is parallel to its axis.
 Interval within_cylinder(const LocalRay& ray, double radius) {
   const double a = ray.dlateral.squaredNorm();
   const double b = ray.lateral.dot(ray.dlateral);
@@ -285,12 +300,13 @@ Interval within_slab(const LocalRay& ray, double top) {
   return {std::min(at_bottom, at_top), std::max(at_bottom, at_top)};
 }
 
-/// Entry through the torus corner from a point s outside it, below the flank and within the outer
-/// cylinder. Each step replaces the ring by its tangent, whose tube holds the torus: the steps come
-/// from outside and never pass the root.
+/// Returns the entry through the torus corner from a point s outside it, below the flank and within
+/// the outer cylinder. Each step replaces the ring by its tangent line; the tube about that line
+/// contains the torus, so the steps approach from outside and never pass the root.
 std::optional<Hit> corner_entry(const Cutter& cutter, const LocalRay& ray, double s, double out) {
   const double r = cutter.corner_radius;
   const double ring = cutter.radius - r;
+  // The last iterate is accepted: it approaches from outside and never passes the root.
   constexpr int last = 39;
   for (int i = 0; i <= last; ++i) {
     const Vector3d across = ray.across(s);
@@ -306,7 +322,8 @@ std::optional<Hit> corner_entry(const Cutter& cutter, const LocalRay& ray, doubl
     const double advance = C <= 0 ? 0.0 : C / (std::sqrt(D) - B);
     s += advance;
     if (s > out) return std::nullopt;
-    // The next step would be of the order of the square of this one, unless the ray grazes.
+    // Convergence is quadratic, so after a step below 1e-9 the next one would be about 1e-18. A
+    // grazing ray converges more slowly and is iterated to rounding.
     const bool grazes = D < 1e-4 * B * B;
     if (advance < (grazes ? 1e-14 * (1 + std::abs(s)) : 1e-9) || i == last) {
       const double sideways = rho > 0 ? std::max(a, 0.0) / rho : 0.0;
@@ -316,8 +333,8 @@ std::optional<Hit> corner_entry(const Cutter& cutter, const LocalRay& ray, doubl
   return std::nullopt;
 }
 
-/// Entry through an outline from a point s outside it. Its distance is convex along the ray, so no
-/// step of Newton's passes the root.
+/// Returns the entry through an outline from a point s outside it. The distance to an outline is
+/// convex along the ray, so no step of Newton's method passes the root.
 std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray, double s) {
   for (int i = 0; i < 100; ++i) {
     const Vector3d across = ray.across(s);
@@ -337,8 +354,8 @@ std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray
   return std::nullopt;
 }
 
-/// Where the whole line of the ray enters the cutter.
-/// @param least  before which it does not
+/// Returns the entry of the whole line of the ray into the cutter.
+/// @param least  lower bound of the entry, from which the iteration starts
 std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vector3d& point,
                             const Vector3d& normal, double least) {
   const LocalRay ray(at, point, normal);
@@ -369,8 +386,8 @@ std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vect
   return corner_entry(cutter, ray, std::max(s, least), out);
 }
 
-/// Convex function of the place: distance from the cutter, or less beside sharp edges; negative
-/// inside.
+/// A convex function of the position: the distance from the cutter, or less beside sharp edges;
+/// negative inside.
 struct SignedDistance {
   double value;
   Vector3d gradient;
@@ -406,11 +423,12 @@ SignedDistance signed_distance(const Cutter& cutter, const Position& at, const V
   return above > body.value ? SignedDistance{above, at.axis} : body;
 }
 
-// ---- the cutter over a move ---------------------------------------------------------------------
+// The cutter over a move.
 
+// The entry of one ray into a cutter as a function of time, with the bounds that the search needs.
 class Sweep {
  public:
-  /// @param least  before which the ray enters the cutter at no instant
+  /// @param least  lower bound of the entry at every instant
   Sweep(const Cutter& cutter, const Move& move, const Ray& ray, double least = -infinity)
       : cutter_(cutter),
         move_(move),
@@ -420,11 +438,12 @@ class Sweep {
     const double place =
         std::max({ray.point.lpNorm<Eigen::Infinity>(), move.tip.lpNorm<Eigen::Infinity>(),
                   move.step.lpNorm<Eigen::Infinity>(), ray.band});
+    // 4e-16: two roundings of the largest coordinate that is subtracted
     rounding_ = 4e-16 * (place + cutter.radius + cutter.flank_length);
   }
 
-  /// Entry at instant t. A ray that starts inside the cutter enters at -band; one that leaves the
-  /// cutter before it starts does not meet it.
+  /// Returns the entry at instant t. A ray that starts inside the cutter enters at -band; a ray
+  /// that leaves the cutter before it starts does not meet it.
   Sample entry(double t) const {
     Sample sample = undefined_at(t);
     const Position at = position(move_, t);
@@ -449,7 +468,8 @@ class Sweep {
     return sample;
   }
 
-  /// Smallest depth that the ray reaches at instant t within its band: <= 0 if it meets the cutter.
+  /// Returns the smallest signed distance that the ray reaches at instant t within its band: <= 0
+  /// if it meets the cutter.
   Sample depth_reached(double t) const {
     const Position at = position(move_, t);
     const Nearest nearest = nearest_on_ray(at);
@@ -458,11 +478,11 @@ class Sweep {
             0, infinity, nearest.outward, 1};
   }
 
-  /// Smallest entry over the move, which is near `about`.
+  /// Returns the smallest entry over the move, which is expected near `about`.
   Sample first(double limit, double about) const {
     const double tolerance = move_.angle > 0 ? turning_tolerance : straight_tolerance;
     const Goal goal{tolerance, limit, -ray_.band};
-    // what moves straight sweeps a convex body, which a ray does not enter twice
+    // A cutter that moves without turning sweeps a convex body, which a ray enters only once.
     const auto beyond_gap = [this](double from, double to, const Goal& towards) {
       return move_.angle > 0 ? min_between(from, to, towards) : undefined_at(from);
     };
@@ -473,17 +493,19 @@ class Sweep {
   }
 
  private:
-  /// Where the ray comes nearest to the standing cutter within its band, or a place inside it.
+  /// The point of the ray within its band that is nearest to the standing cutter, or a point inside
+  /// it.
   struct Nearest {
     double s;
     double depth;
-    /// Unit; of the planes that touch the cutter across it, one that holds it wholly off the ray.
+    /// Unit; the normal of a plane that touches the cutter and separates it from the ray.
     Vector3d outward;
   };
 
-  /// The depth is convex along the ray, so two tangents on either side of its minimum bound it. The
-  /// mean of their normals that stands across the ray is the normal of a plane just as far off: the
-  /// normal at one place may lean along the ray, which would cost a bound `band` times the lean.
+  /// The distance is convex along the ray, so the tangents on both sides of its minimum bound it.
+  /// The weighted mean of their normals that is perpendicular to the ray is the normal of a plane
+  /// at the same distance. The normal at a single point may lean along the ray, which would weaken
+  /// a bound by `band` times the lean.
   Nearest nearest_on_ray(const Position& at) const {
     struct Along {
       double s, depth, slope;
@@ -504,6 +526,8 @@ class Sweep {
       const double low = a.depth + a.slope * crossing;
       if (low >= std::min(a.depth, b.depth) - 0.1 * depth_tolerance || w < 1e-13) break;
       const bool smooth = std::abs(crossing - 0.5 * w) < 0.1 * w;
+      // As in next_sample: the secant for a smooth minimum, the crossing of the tangents for a
+      // kink.
       const double inner = i % 4 == 3 ? 0.5 * w : smooth ? -w * a.slope / turn : crossing;
       const Along c = along(a.s + std::clamp(inner, 1e-4 * w, (1 - 1e-4) * w));
       if (c.slope == 0 || c.depth <= -depth_tolerance) return {c.s, c.depth, c.outward};
@@ -513,7 +537,9 @@ class Sweep {
     return {best.s, best.depth, (b.slope * a.outward - a.slope * b.outward).normalized()};
   }
 
-  /// Smallest entry between two instants, wherever it is.
+  /// Returns the smallest entry between two instants, without an estimate of its time. If the ray
+  /// misses the cutter at both ends, the depth is minimised first to find an instant at which it is
+  /// met.
   Sample min_between(double from, double to, const Goal& goal) const {
     const auto f = [this](double t) { return entry(t); };
     const auto floor = [this](const Piece& piece) { return entry_floor(piece); };
@@ -532,13 +558,13 @@ class Sweep {
     return right.value < left.value ? right : left;
   }
 
-  /// How far the ray's point is from the cutter along m at instant t, at least.
-  /// Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest one
-  /// from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e of
-  /// R; a difference of squares would lose up to 1e-8 R.
+  /// Lower bound of the distance from the cutter to the ray's point along m at instant t. Rounding:
+  /// with e = 2^-53 and D the larger of the distances of the ray's point and of the cutter's
+  /// farthest point from the tip, the products contribute 8 e D, and |m x axis|, as the norm of a
+  /// cross product, 7 e R; a difference of squares would lose up to 1e-8 R.
   struct Clearance {
     double value;
-    double rise;  // of m along the axis
+    double rise;  // component of m along the axis
   };
   Clearance clearance(const Vector3d& m, double t) const {
     const Position at = position(move_, t);
@@ -549,23 +575,24 @@ class Sweep {
             rise};
   }
 
-  /// Over a piece, that clearance is at least this line: m is the cutter's normal at its end
-  /// `touching`. Between the ends, the point of the cutter that is foremost along m leaves its
-  /// chord by arm turn^2 / 2 times x (1 - x), the arm being the part of it along m: R where m
-  /// points down the axis, R + flank at most. Counted from the touching end that is a line, for x
-  /// (1 - x) <= x.
+  /// Returns a line below that clearance over a piece, where m is the cutter's normal at its end
+  /// `touching`. Between the ends, the point of the cutter that is foremost along m departs from
+  /// its chord by arm turn^2 / 2 times x (1 - x). The arm is its component along m: R if m points
+  /// down the axis, R + flank at most. Because x (1 - x) <= x, a line that falls from the touching
+  /// end is a bound.
   Line clearance(const Vector3d& m, const Piece& piece, const Sample& touching) const {
     const double turn = move_.angle * (piece.b.t - piece.a.t);
     const Clearance a = clearance(m, piece.a.t);
     const Clearance b = clearance(m, piece.b.t);
     const double arm =
         cutter_.radius + (std::max(a.rise, b.rise) > -turn ? cutter_.flank_length : 0.0);
+    // 0.51 instead of 0.5 covers the rounding
     const double lower = 0.51 * arm * turn * turn;
     return &touching == &piece.a ? Line{a.value, b.value - lower} : Line{a.value - lower, b.value};
   }
 
-  /// Bounds from the planes that touch the cutter at the ends of a piece. The rounding of `facing`
-  /// counts up to the end of the band.
+  /// Returns a lower bound of the entry over a piece, from the planes that touch the cutter at its
+  /// ends. The rounding of `facing` has its effect up to the end of the band.
   PieceBound entry_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
       if (end.facing <= min_sine) return Line{-1e300, -1e300};
@@ -577,6 +604,7 @@ class Sweep {
     const bool both = piece.a.defined && piece.b.defined;
     return min_above(piece, first, both ? line(piece.b) : first);
   }
+  // Returns the corresponding lower bound of the depth.
   PieceBound depth_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
       const Line clear = clearance(end.outward, piece, end);
@@ -586,12 +614,12 @@ class Sweep {
     return min_above(piece, line(piece.a), line(piece.b));
   }
 
-  /// Velocity per unit t of the cutter's material at `arm` from the tip.
+  /// Returns the velocity per unit t of the cutter's material at `arm` from the tip.
   Vector3d velocity(const Vector3d& arm) const { return move_.step + omega_.cross(arm); }
 
-  /// How strongly the turning of the frame can bend the entry downwards: the acceleration, seen
-  /// from the cutter, of a point that moves at `v`, against the normal; a quarter of its size is
-  /// added because the normal wanders within the move.
+  /// Returns a bound of how strongly the turning of the frame bends the entry downwards: the
+  /// acceleration, in the frame of the cutter, of a point that moves at `v`, against the normal. A
+  /// quarter of its magnitude is added because the normal varies within the move.
   double dip(const Vector3d& outward, const Vector3d& arm, const Vector3d& v) const {
     if (move_.angle == 0) return 0.0;
     const Vector3d acceleration =
@@ -602,9 +630,9 @@ class Sweep {
   const Cutter& cutter_;
   const Move& move_;
   const Ray& ray_;
-  double min_;       // mm along the ray
+  double min_;       // mm along the ray, lower bound of the entry
   Vector3d omega_;   // rad per unit t
-  double rounding_;  // mm, of a point seen from the tip: an ulp or two of the coordinates
+  double rounding_;  // mm, of a point relative to the tip: an ulp or two of the coordinates
 };
 
 }  // namespace
@@ -634,7 +662,8 @@ Move move_after(const CutterMotion& motion, int index) {
   }
   move.side = across / sine;
   const double cosine = target.dot(move.axis);
-  if (sine < 0.05 && cosine > 0) {  // the series of the arc sine is exact to rounding here
+  if (sine < 0.05 && cosine > 0) {  // the truncated series of the arc sine is exact to rounding
+                                    // here
     const double y = sine * sine;
     const double more = 3.0 / 40 + y * (15.0 / 336 + y * 105.0 / 3456);
     move.angle = sine * (1 + y * (1.0 / 6 + y * more));
@@ -651,6 +680,8 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
     if (answer.decided)
       return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
   }
+  // Single rays use the eight-lane bounds too, so that the search starts from the same values, and
+  // ends with the same bits, as in a joint search.
   const MoveEndpoints ends = ends_of(move);
   Move8 eight;
   for (int lane = 0; lane < Move8::width; ++lane) eight.put(lane, cutter, ends);

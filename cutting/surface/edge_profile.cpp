@@ -16,9 +16,10 @@ using Eigen::Vector2d;
 
 namespace {
 
-constexpr double no_way = 1e-9;  // mm between points that are one
+constexpr double no_way = 1e-9;  // mm; points nearer to each other are the same point
 
-/// mm, of the circle about the origin that holds it: of an arc, the middle may be the farthest.
+/// Returns the radius of the circle about the origin that contains the pieces, mm. The farthest
+/// point of an arc may be inside it, where its normal points away from the origin.
 double outer_radius_of(const std::vector<OutlinePiece>& pieces) {
   double most = 0.0;
   for (const OutlinePiece& piece : pieces) {
@@ -32,7 +33,7 @@ double outer_radius_of(const std::vector<OutlinePiece>& pieces) {
   return most;
 }
 
-/// A loop of pieces, each of which begins where the one before ends.
+/// Returns the profile of a loop of pieces, each of which begins where the one before ends.
 EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
   require(pieces.size() >= 2, "edge profile: expected two pieces or more, seen fewer");
   EdgeProfile profile{with_corners(pieces, pieces.back().normal_to)};
@@ -40,6 +41,7 @@ EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
   for (const OutlinePiece& piece : profile.pieces)
     turned += std::atan2(sine_between(piece.normal_from, piece.normal_to),
                          piece.normal_from.dot(piece.normal_to));
+  // One turn is 2 pi and two are 4 pi, so 3 pi separates them whatever the rounding.
   require(turned < 3.0 * std::numbers::pi,
           fmt::format("edge profile: expected one that goes around once, seen {:.0f} turns",
                       turned / (2.0 * std::numbers::pi)));
@@ -73,6 +75,8 @@ void check_insert(const Insert& insert) {
                       shortest, insert.wiper, insert.minor / units::deg));
 }
 
+// Returns the part of a chord that lies behind a plane. @param v  point of the line, relative to a
+// point of the plane
 Chord within_half_plane(const Chord& chord, const Vector2d& v, const Vector2d& step,
                         const Vector2d& normal) {
   const double off = normal.dot(v), away = normal.dot(step);
@@ -81,10 +85,10 @@ Chord within_half_plane(const Chord& chord, const Vector2d& v, const Vector2d& s
   return off > 0.0 ? Chord{infinity, -infinity} : chord;
 }
 
-/// @param v  point of the line, from the middle
+/// Returns the chord of a circle. @param v  point of the line, relative to the centre
 Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
   const double aa = step.squaredNorm();
-  // from the cross product it does not cancel as b^2 - ac does
+  // The cross product does not cancel as b^2 - ac does.
   const double off = sine_between(v, step) / std::sqrt(aa);
   const double square = (radius - off) * (radius + off);
   if (square < 0.0) return {infinity, -infinity};
@@ -92,8 +96,9 @@ Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
   return {closest - half, closest + half};
 }
 
-/// Between the tangents at an arc's ends the region ends at the arc: on the near side of its chord
-/// that is all of the wedge, beyond it the circle.
+/// Returns the chord of a region that is bounded by an arc between the tangents at its ends: on the
+/// inner side of the arc's chord the region is the whole wedge of the tangents, beyond it the
+/// circle.
 Chord within_arc(const Chord& all, const OutlinePiece& arc, const Vector2d& point,
                  const Vector2d& step) {
   const Vector2d v = point - arc.from, w = point - arc.to;
@@ -123,7 +128,7 @@ EdgeProfile insert_profile(const Insert& insert) {
   const Vector2d minor_begin = wipes ? Vector2d(insert.wiper, -r) : arc_end;
   const Vector2d major_end = leaves_ahead + insert.major_length * ahead;
   const Vector2d minor_end = minor_begin + insert.minor_length * behind;
-  // in the corner behind minor_end + s ahead = major_end + t behind
+  // The rear corner of the parallelogram is minor_end + s ahead = major_end + t behind.
   const double sine = sine_between(behind, ahead);
   const double s = sine_between(behind, major_end - minor_end) / sine;
   const Vector2d back = minor_end + s * ahead;
@@ -145,7 +150,7 @@ EdgeProfile insert_profile(const Insert& insert) {
 EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
   require(points.size() >= 2, "edge profile: expected two points or more, seen fewer");
   std::vector<OutlinePiece> pieces;
-  double area = 0.0;  // mm^2, twice that of the points, + counter-clockwise
+  double area = 0.0;  // mm^2, twice the area of the polygon of the points, + if counter-clockwise
   Vector2d last = points.back().at;
   for (const OutlinePoint& point : points) {
     const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
@@ -165,13 +170,15 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
                                         : line_piece(last, point.at));
     last = point.at;
   }
+  // Two points joined by a line and an arc enclose no polygon, so an area of 0 is permitted.
   require(area > -no_way * no_way,
           "edge profile: expected points counter-clockwise, from x to z, seen them clockwise");
   return closed_profile(pieces);
 }
 
 EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
-  // turned so that it is drawn away along y: what faces the part has normals from -x over -y to x
+  // Rotate so that `away` is y: the pieces that face the part then have normals from -x over -y to
+  // x.
   const Eigen::Matrix2d turn =
       (Eigen::Matrix2d() << away.y(), -away.x(), away.x(), away.y()).finished();
   std::vector<OutlinePiece> pieces = profile.pieces;
@@ -195,6 +202,7 @@ EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
   for (OutlinePiece piece : pieces) {
     const Vector2d centre = piece.from - piece.radius * piece.normal_from;
     if (!faces(piece.normal_from) && !faces(piece.normal_to)) continue;
+    // An arc that overhangs is cut where its tangent is along `away`.
     if (!faces(piece.normal_from)) piece.from = centre - piece.radius * Vector2d::UnitX();
     if (!faces(piece.normal_to)) piece.to = centre + piece.radius * Vector2d::UnitX();
     add(piece.from);
@@ -238,6 +246,7 @@ Vector2d extreme_point(const EdgeProfile& profile, const Vector2d& direction) {
 }
 
 double max_separation(const EdgeProfile& a, const EdgeProfile& b) {
+  // 0.1 deg apart: between two directions the reach changes by less than the stated 1e-3.
   constexpr int directions = 3600;
   double most = 0.0;
   for (int i = 0; i < directions; ++i) {

@@ -14,30 +14,30 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr float rounding = 3e-6f;  // of a distance, as of a move in sweep_bounds.cpp
-constexpr float edge_on = 1e-3f;   // of a plane that bounds
-constexpr int steps = 3;           // towards the first contact
-constexpr int sharp_steps = 5;     // the same of sharp edges
-constexpr float rounded[] = {0.05f, 0.05f, 0.01f, 0.002f};  // of the radius, in each step: what
-                                                            // sharp edges are rounded by
+constexpr float rounding = 3e-6f;  // of a distance, as for a move in sweep_bounds.cpp
+constexpr float edge_on = 1e-3f;   // facing below which a plane gives no bound
+constexpr int steps = 3;           // Newton steps towards the first contact
+constexpr int sharp_steps = 5;     // the same for sharp edges
+constexpr float rounded[] = {0.05f, 0.05f, 0.01f, 0.002f};  // fraction of the radius by which sharp
+                                                            // edges are rounded in each step, since
+                                                            // a Newton step needs their curvature
 
 [[gnu::always_inline]] inline Float8 clamped(const Float8& x, float low, float high) {
   return stdx::min(stdx::max(x, Float8(low)), Float8(high));
 }
 
-/// Rays and moves, about the k at the start of each.
+/// Eight rays and eight moves, relative to the k of each move at its start.
 struct Pairs {
   Vector8 p, n, step, u, turn;
 };
 
-// ---- the forms of cutters -----------------------------------------------------------------------
-//
-// In the half plane about k, x from the axis, y along it: the nearest place of the core, which the
-// cutter is thicker than by `corner`, and how far the cutter reaches.
+// The two kinds of cutter. Both work in the half plane about k, with x from the axis and y along
+// it: `from_core` gives the nearest point of the core, which the cutter exceeds by the thickness
+// `corner`, and `reach_to` the support of the cutter.
 
 struct RoundedEnd {
   float radius, corner, ring, flank;
-  static constexpr float base = 0.0f;  // mm, of the bottom about k
+  static constexpr float base = 0.0f;  // mm, height of the bottom above k
 
   explicit RoundedEnd(const Cutter& cutter)
       : radius(float(cutter.radius)),
@@ -51,8 +51,8 @@ struct RoundedEnd {
   [[gnu::always_inline]] inline OutlineDistance8 from_core(const Float8& x, const Float8& y) const {
     const Float8 beside = stdx::max(x - ring, Float8(0.0f));
     Float8 below = stdx::max(-y, Float8(0.0f));
-    stdx::where(!(beside > 0.0f) && !(below > 0.0f), below) =
-        Float8(1e-9f);  // inside: out through the bottom
+    // Inside the core the normal is undefined; the way out is through the bottom.
+    stdx::where(!(beside > 0.0f) && !(below > 0.0f), below) = Float8(1e-9f);
     const Float8 d = stdx::sqrt(beside * beside + below * below + tiny);
     const Float8 per_d = Float8(1.0f) / d;
     Float8 curvature(0.0f);
@@ -89,17 +89,16 @@ struct FormEnd {
   }
 };
 
-// ---- the first contact --------------------------------------------------------------------------
-//
-// One step follows from the one before, and waits for it: several groups of pairs take each step in
-// turn, so that what one waits for another fills.
+// The first contact. Each step depends on the one before and waits for its latency: several groups
+// of pairs therefore take each step in turn.
 
-/// Eight pairs on their way to the first contact.
+/// Eight pairs whose first contact is being computed.
 struct Group {
   Pairs pairs;
-  Float8 s, t;  // so far
-  Vector8 m;    // unit, from the cutter to the ray, at the contact
+  Float8 s, t;  // current estimates: mm along the ray; 0 .. 1 of the move
+  Vector8 m;    // unit, from the cutter to the ray at the contact
 };
+// eight groups hide the latency of square roots and divisions
 constexpr std::size_t groups_at_once = 8;
 
 template <class End>
@@ -107,8 +106,8 @@ int last_step(const End& end) {
   return end.is_sharp() ? sharp_steps - 1 : steps - 1;
 }
 
-/// Where to begin: the ray up to s is outside of the cutter, and at t its foremost point against
-/// the normal passes by.
+/// Sets the start: the ray up to s is outside the cutter, and at t the point of the cutter that is
+/// foremost against the normal passes the ray.
 template <class End>
 [[gnu::always_inline]] inline void start(const End& end, Group& group, float band) {
   const auto& [p, n, step, u0, turn] = group.pairs;
@@ -128,10 +127,10 @@ template <class End>
       clamped(dot(from_foremost, step_across) / (dot(step_across, step_across) + tiny), 0.0f, 1.0f);
 }
 
-// Newton towards the instant at which the ray enters first: with d the distance of the place p + s
-// n from the cutter's core, m its gradient and V the velocity of the cutter there, entering at
-// ds/dt = V m / m n is least where V m = 0; d bends by the curvatures of the cutter times the
-// squares of how fast the place goes across m.
+// One Newton step towards the instant at which the ray enters first. With d the distance of the
+// point p + s n from the cutter's core, m its gradient and V the velocity of the cutter there, the
+// entry moves at ds/dt = V m / m n, which is zero at the first entry, where V m = 0. d bends by the
+// curvatures of the cutter times the squares of the speeds at which the point moves across m.
 template <class End>
 [[gnu::always_inline]] inline void take_step(const End& end, Group& group, float band, int i) {
   const auto& [p, n, step, u0, turn] = group.pairs;
@@ -147,6 +146,7 @@ template <class End>
   const Vector8 m = near.radial * radial + near.axial * u;
   if (i == steps - 1) group.m = m;
   if (i == last_step(end)) return;
+  // 0.05 limits the step of a grazing ray
   const Float8 per_facing = 1.0f / stdx::max(-dot(m, n), Float8(0.05f));
   const Vector8 v_cutter = step + y * turn - dot(across, turn) * u;
   const Float8 slope = -dot(v_cutter, m) * per_facing;
@@ -163,15 +163,16 @@ template <class End>
               -band, band);
 }
 
-// Rounding as of a move in sweep_bounds.cpp, with k at the origin and the band for how far the ray
-// goes. What is farther from k along m than `arm`, and what the bottom has below, the plane does
-// not touch.
+// The plane does not depend on parts of the cutter that are farther from k along m than `arm`, nor
+// on what the bottom has below. Rounding as for a move in sweep_bounds.cpp, with k at the origin
+// and the band as the extent of the ray.
 
-/// Touches all cutters of a move, turned so that they remove no place of the ray before it.
+/// A plane that touches all cutters of a move, turned so that they remove no point of the ray
+/// before it.
 struct Plane {
   Vector8 m;
   Float8 length;
-  Float8 gap;  // from the plane to the ray's point, times the length; at least
+  Float8 gap;  // lower bound of the distance from the plane to the ray's point, times the length
 };
 
 template <class End>
@@ -187,15 +188,17 @@ template <class End>
       stdx::max(end.reach_to(length_of(cross(m, u0)), rise0, length).most,
                 dot(m, step) + end.reach_to(length_of(cross(m, u1)), rise1, length).most);
   Float8 arm(end.radius);
-  // a rise that rounding took below zero counts
+  // 1e-6: a rise that is negative only by rounding counts as positive.
   stdx::where(stdx::max(rise0, rise1) > -1e-6f * length, arm) = Float8(end.radius + end.flank);
+  // 0.13 instead of 1/8 covers the rounding
   const Float8 sag = arm * (0.13f * dot(turn, turn)) * length;
   const Float8 far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
                      stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
   return {m, length, dot(m, p) - most - sag - rounding * far * (length + toward)};
 }
 
-/// Where the ray comes to the plane, mm along it, or a little before.
+/// Returns the position of the plane along the ray, mm, or slightly less. 4e-7 covers the rounding
+/// of the quotient.
 [[gnu::always_inline]] inline Float8 min_before(const Plane& plane, const Vector8& n, float band) {
   const Float8 facing = -dot(plane.m, n);
   const Float8 s = plane.gap / facing;
@@ -206,7 +209,7 @@ template <class End>
   return least;
 }
 
-// ---- groups -------------------------------------------------------------------------------------
+// Groups of pairs.
 
 template <class End, class Use>
 [[gnu::always_inline]] inline void planes_by_form(const End& end, std::span<Group> groups,
@@ -233,9 +236,9 @@ void store(const Vector8& v, float (&to)[3][Move8::width]) {
   v.z.copy_to(to[2], stdx::vector_aligned);
 }
 
-/// The planes of `count` eights of pairs.
-/// @param pairs  of index g: those of the eight
-/// @param use  of index, group and plane
+/// Computes the planes of `count` eights of pairs.
+/// @param pairs  returns the pairs of eight number g
+/// @param use    called with number, group and plane
 template <class PairsAt, class Use>
 [[gnu::always_inline]] inline void planes_of(const Cutter& cutter, std::size_t count, double band,
                                              double around, const PairsAt& pairs, const Use& use) {
@@ -277,6 +280,7 @@ MoveEndpoints ends_of(const Move& move) {
 
 double min_entry(const Cutter& cutter, const MoveEndpoints& move, const Ray& ray,
                  const Vector3d& m0) {
+  // 4e-15: rounding as derived at Sweep::clearance in cutter_entry.cpp
   constexpr double min_facing = 1e-6, ulps = 4e-15;
   const double toward = std::max(0.0, m0.dot(ray.normal));
   const Vector3d m = (m0 - toward * ray.normal).normalized();
@@ -344,7 +348,7 @@ void move_planes(const Cutter& cutter, std::span<const Move8> moves, const Ray& 
 
 namespace {
 
-/// A ray beside that which planes are of.
+/// A neighbour of the ray for which the planes were computed.
 struct Beside {
   Vector8 aside, n;
 

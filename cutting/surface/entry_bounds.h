@@ -4,31 +4,32 @@
 
 #include "cutting/surface/cutter_entry.h"
 
-/// Any cutter, several moves at a time against a ray, in single precision: about when it is entered
-/// first, and a bound that holds.
+/// Bounds of the first entry of rays into the moves of any cutter, eight pairs at a time in single
+/// precision: an estimate of the instant, and a lower bound that always holds.
 namespace abbe::cutting {
 
-/// A move from `from` to `to`, by its ends.
+/// A move between its instants `from` and `to`, stored as start and change.
 struct MoveEndpoints {
   Eigen::Vector3d tip, axis;   ///< mm; unit
-  Eigen::Vector3d step, turn;  ///< of the tip, mm, and of the axis
+  Eigen::Vector3d step, turn;  ///< change of the tip, mm, and of the axis
 };
+/// Returns the endpoints of a move.
 MoveEndpoints ends_of(const Move& move);
 
-/// Eight moves by the centre k of the corner circle's plane and the axis u.
+/// Eight moves as the centre k of the corner circle's plane and the axis u.
 struct alignas(32) Move8 {
   static constexpr int width = 8;
   double k[3][width];    ///< mm, at the start
-  float step[3][width];  ///< mm, of k
+  float step[3][width];  ///< mm, change of k
   float u[3][width];     ///< at the start
-  float turn[3][width];  ///< of u
+  float turn[3][width];  ///< change of u
 
   void put(int lane, const Cutter& cutter, const MoveEndpoints& move);
 };
 
 /// Eight pairs of a ray and a move.
 struct alignas(32) Pair8 {
-  float p[3][Move8::width];  ///< mm, of the ray's point from the move's k at the start
+  float p[3][Move8::width];  ///< mm, from the move's k at the start to the ray's point
   float n[3][Move8::width];  ///< normal of the ray
   float step[3][Move8::width];
   float u[3][Move8::width];
@@ -37,47 +38,53 @@ struct alignas(32) Pair8 {
   void put(int lane, const Move8& moves, int its_lane, const Ray& ray);
 };
 
+/// Bounds of eight pairs.
 struct alignas(32) EntryBounds {
   static constexpr int width = Move8::width;
-  float least[width];  ///< mm along the ray, no more than the entry; -1e30: not known, 1e30: missed
-  float part[width];   ///< 0 .. 1, about when it is entered first, of the move from `from` to `to`
-  float m[3][width];   ///< from the cutter to the ray there, unit
+  float least[width];  ///< mm along the ray, never beyond the entry; -1e30: not known, 1e30: missed
+  /// 0 .. 1, estimate of the first entry within the move's range `from` .. `to`
+  float part[width];
+  float m[3][width];  ///< unit, from the cutter to the ray at that instant
 };
 
-/// Bounds of rays, all of one band, against moves. A lane depends on its own move and ray alone,
-/// bit for bit.
-/// @param bounds  (pairs)
+/// Computes the bounds of pairs of a ray and a move; all rays have the same band. Every lane
+/// depends on its own move and ray alone, bit for bit.
+/// @param bounds  (pairs), output
 void entry_bounds(const Cutter& cutter, std::span<const Pair8> pairs, double band,
                   std::span<EntryBounds> bounds);
-/// The same of every ray against all of eight moves.
-/// @param bounds  (rays)
+/// Computes the bounds of every ray against the eight moves.
+/// @param bounds  (rays), output
 void entry_bounds(const Cutter& cutter, const Move8& moves, std::span<const Ray> rays,
                   std::span<EntryBounds> bounds);
 
-/// Planes that have all of a move's cutters behind them, for eight moves.
+/// Planes of eight moves, each with all of the move's cutters behind it.
 struct alignas(32) MovePlanes {
-  float m[3][Move8::width];  ///< normal, away from the cutters
-  float gap[Move8::width];   ///< mm times |m|, by which the ray's point is in front of the
-                             ///< plane, at least
+  float m[3][Move8::width];  ///< normal, pointing away from the cutters
+  float gap[Move8::width];   ///< mm times |m|, lower bound of the distance by which the ray's point
+                             ///< is in front of the plane
 };
-/// Those that touch the moves where `ray` enters first, good for rays beside it of the same band:
-/// their points are no farther from its point than `around` (mm, the sum of three coordinates).
-/// @param planes  (moves)
+/// Computes the planes that touch the moves where `ray` enters first. They also hold for
+/// neighbouring rays of the same band whose points are no farther from that of `ray` than `around`
+/// (mm, the sum of the absolute values of the three coordinates).
+/// @param planes  (moves), output
 void move_planes(const Cutter& cutter, std::span<const Move8> moves, const Ray& ray, double around,
                  std::span<MovePlanes> planes);
 
-/// The number, counted through all eights, of the move whose plane a ray beside comes to first.
-/// @param middle  the point of the ray that the planes are of
+/// Returns the index, counted through all eights, of the move whose plane a neighbouring ray comes
+/// to first.
+/// @param middle  the point of the ray for which the planes were computed
 int nearest_plane(std::span<const MovePlanes> planes, const Eigen::Vector3d& middle,
                   const Ray& ray);
 
-/// Bit i is set unless `ray` enters move i nowhere before `limit` (mm along it, within the band).
+/// Returns a mask in which bit i is set unless `ray` enters move i nowhere before `limit` (mm along
+/// it, within the band).
 unsigned open_before(const MovePlanes& planes, const Eigen::Vector3d& middle, const Ray& ray,
                      double limit);
 
-/// mm along the ray, no more than the entry, in double precision, where moves that lie closer than
-/// the others can distinguish follow each other: by the plane across m that touches the cutter at
-/// both ends. -infinity where the ray runs along that plane, infinity where it passes by.
+/// Returns a lower bound of the entry, mm along the ray, in double precision; it separates
+/// successive moves that lie closer together than single precision can distinguish. The bound is
+/// the plane normal to m that touches the cutter at both ends. -infinity if the ray runs along that
+/// plane, infinity if it passes by.
 double min_entry(const Cutter& cutter, const MoveEndpoints& move, const Ray& ray,
                  const Eigen::Vector3d& m);
 

@@ -28,6 +28,7 @@ using Eigen::Vector3d;
 
 namespace {
 
+// Searches all judged vertices of a design, a block of neighbours at a time, then their gouges.
 Surface searched(std::span<const SweepTree> trees, const CutterMotion& motion,
                  const Design& design_w, const SurfaceOptions& options) {
   const std::vector<Index> order = judged_along_curve(design_w);
@@ -127,6 +128,7 @@ Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotio
 
 namespace {
 
+// The arguments of streamed_surface that all steps need.
 struct StreamedVertices {
   const Design& design;
   const Cutter& cutter;
@@ -139,7 +141,7 @@ bool ends_where(const CutterMotion& first, const CutterMotion& second) {
          first.time_s[last] == second.time_s[0];
 }
 
-/// The last sample of a motion alone.
+/// Returns the last sample of a motion as a motion of its own.
 CutterMotion end_of(const CutterMotion& motion) {
   const Index last = motion.tip.rows() - 1;
   return {motion.tip.row(last),
@@ -148,6 +150,7 @@ CutterMotion end_of(const CutterMotion& motion) {
           {motion.line[std::size_t(last)]}};
 }
 
+// Blocks are checked one at a time, so that an error names its block.
 void check_block(const StreamedVertices& with, const CutterMotion& motion,
                  const std::optional<CutterMotion>& before, int number) {
   const auto refuse = [&](const std::string& what) {
@@ -163,7 +166,8 @@ void check_block(const StreamedVertices& with, const CutterMotion& motion,
     refuse("milled surface: the first sample is not the last of the block before");
 }
 
-/// Every block that moves; a lone sample, which cuts as well, only where the motion has no other.
+/// Passes every block that moves to `use`. A block of a single sample, which cuts as well, is
+/// passed only if the motion has no other.
 template <class Use>
 void each_block(const StreamedVertices& with, const MotionBlocks& next, const Use& use) {
   std::optional<CutterMotion> before;
@@ -179,14 +183,15 @@ void each_block(const StreamedVertices& with, const MotionBlocks& next, const Us
   if (before && !moves) use(MotionBlock{std::move(*before), 1.0});
 }
 
-/// A box that the cutter does not leave in a block. Between two samples a point of it is as far
-/// from the line between its two places as an arc is from its chord.
+/// Returns a box that the cutter does not leave in a block. Between two samples a point of the
+/// cutter departs from the line between its two positions no farther than an arc from its chord.
 Box reach_of(const Cutter& cutter, const CutterMotion& motion) {
-  constexpr double against_rounding = 1e-6;  // mm
+  constexpr double against_rounding = 1e-6;  // mm, far above the rounding of coordinates of 1 m
   Box reach;
   double max_chord2 = 0.0;
   for (Index i = 0; i < motion.tip.rows(); ++i) {
     const Vector3d tip = motion.tip.row(i), axis = motion.axis.row(i);
+    // half the extent along each coordinate axis of a disc of unit radius across the tool axis
     const Vector3d around = cutter.radius * (1.0 - axis.array().square()).max(0.0).sqrt().matrix();
     for (const Vector3d& end : {tip, Vector3d(tip + cutter.flank_length * axis)}) {
       reach.extend(end - around);
@@ -207,7 +212,7 @@ bool may_meet(const Box& reach, const Ray& ray) {
   return reach.squaredExteriorDistance(ray.point) <= ray.band * ray.band;
 }
 
-/// Vertices beside each other, and all of their rays.
+/// Neighbouring vertices, and the box of all of their rays.
 struct Neighbours {
   std::span<const Index> vertices;
   Box rays;
@@ -227,6 +232,8 @@ std::vector<Neighbours> neighbours_in(const std::vector<Index>& order,
   return all;
 }
 
+// Keeps the first cuts of a block. Blocks of vertices that the cutter does not reach are skipped,
+// which is most of them for a block of the motion that is short against the part.
 void keep_firsts(const StreamedVertices& with, const CutterMotion& motion,
                  const std::vector<Neighbours>& neighbours, Surface& surface) {
   const std::vector<SweepTree> trees = sweep_trees(with.cutter, motion);
@@ -236,6 +243,7 @@ void keep_firsts(const StreamedVertices& with, const CutterMotion& motion,
     if (!neighbours[i].rays.intersects(reach)) return;
     std::vector<Index> open;
     for (const Index v : neighbours[i].vertices)
+      // a gouge cannot be preceded by anything within the band
       if (surface.status[std::size_t(v)] != VertexStatus::Gouged) open.push_back(v);
     const auto cuts = first_cuts(trees, motion, with.design, open, band);
     for (std::size_t k = 0; k < open.size(); ++k)
@@ -243,7 +251,7 @@ void keep_firsts(const StreamedVertices& with, const CutterMotion& motion,
   });
 }
 
-/// The first cuts along so many rays: of equal ones that of the earlier block.
+/// Returns the first cuts along rays, of equal ones that of the earlier block.
 std::vector<std::optional<FirstCut>> cuts_along(const StreamedVertices& with,
                                                 const MotionBlocks& next, std::size_t count,
                                                 const std::function<Ray(std::size_t)>& ray_of) {
@@ -267,6 +275,7 @@ std::vector<std::optional<FirstCut>> cuts_along(const StreamedVertices& with,
 
 }  // namespace
 
+// Up to two passes over the motion: first cuts within the band, then the depths of gouges.
 Surface streamed_surface(const Design& design_w, const Cutter& cutter,
                          const std::function<MotionBlocks()>& begin,
                          const SurfaceOptions& options) {
@@ -288,12 +297,13 @@ Surface streamed_surface(const Design& design_w, const Cutter& cutter,
 
 namespace {
 
-/// Vertices that one tool cuts within the band and this one has gouged: which of them it has
-/// removed at -band, and not only deeper.
+/// Tests vertices that one tool cuts within the band and that this tool has gouged: returns those
+/// at which it has removed the material at -band itself, and not only deeper.
 std::vector<std::uint8_t> removed_at_band(const Design& design, const SurfaceFunction& tool,
                                           const std::vector<std::uint8_t>& asked, double band) {
-  constexpr double touch = 1e-6;  // mm
+  constexpr double touch = 1e-6;  // mm, band of the search at the displaced vertices
   Design below = design;
+  // without triangles there is nothing behind the vertices that would limit the rays
   below.triangles.resize(0, 3);
   below.vertices -= band * design.normals;
   below.judged = asked;
@@ -309,7 +319,7 @@ bool is_earlier(const Surface& a, const Surface& b, Index v) {
   return a.cut_time_s[v] < b.cut_time_s[v];
 }
 
-/// The cuts within the band alone, the least of all tools.
+/// Returns the cuts within the band alone, the earliest of all tools.
 Surface min_cuts(const std::vector<Surface>& surfaces) {
   Surface least = surfaces.front();
   least.gouges.clear();
@@ -328,7 +338,7 @@ Surface min_cuts(const std::vector<Surface>& surfaces) {
   return least;
 }
 
-/// Vertices that are gouged although a tool cuts them within the band: 1 for each.
+/// Returns 1 for each vertex that is gouged although a tool cuts it within the band.
 std::vector<std::uint8_t> buried_cuts(const Design& design,
                                       const std::vector<SurfaceFunction>& tools,
                                       const std::vector<Surface>& surfaces, const Surface& cuts,
@@ -346,7 +356,7 @@ std::vector<std::uint8_t> buried_cuts(const Design& design,
   return buried;
 }
 
-/// Makes a vertex one that a tool has gouged; of several gouges the deepest stays.
+/// Marks a vertex as gouged; of several gouges the deepest is kept.
 void add_gouge(Surface& to, std::map<int, Gouge>& gouges, const Surface& from, const Gouge& gouge) {
   const auto [there, is_new] = gouges.emplace(gouge.vertex, gouge);
   if (!is_new && gouge.depth <= there->second.depth) return;
@@ -379,11 +389,12 @@ Surface combined_surface(const Design& design_w, const std::vector<SurfaceFuncti
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double slack = 0.02;      // of the corner's radius
-constexpr double min_rise = slack;  // mm per mm, the slope of the round where it is kept
-constexpr double max_kept = 0.5 * slack * slack;  // of the radius, its height there
+constexpr double slack = 0.02;      // fraction of the corner's radius
+constexpr double min_rise = slack;  // mm per mm, slope of the corner's round at that distance
+constexpr double max_kept = 0.5 * slack * slack;  // fraction of the radius, height of the round
+                                                  // there: R min_rise^2 / 2
 
-/// The vertices that share an edge or a seam with each vertex, one after the other.
+/// The vertices that share an edge or a seam with each vertex, concatenated.
 struct MeshNeighbours {
   std::vector<int> first;  // (n + 1)
   std::vector<int> vertex;
@@ -393,7 +404,8 @@ MeshNeighbours neighbours(const Design& design) {
   MeshNeighbours all{std::vector<int>(std::size_t(design.vertices.rows()) + 1, 0), {}};
   const auto each_pair = [&](const auto& act) {
     for (const auto& t : design.triangles.rowwise())
-      for (int k = 0; k < 3; ++k) {  // a border has one triangle, so both ways are listed
+      for (int k = 0; k < 3; ++k) {  // an edge of the border has one triangle, so both directions
+                                     // are listed
         act(t[k], t[(k + 1) % 3]);
         act(t[(k + 1) % 3], t[k]);
       }
@@ -418,6 +430,7 @@ std::vector<std::uint8_t> corner_leftover(const Design& design, const Surface& s
   if (!(radius > 0.0)) return out;
   tbb::parallel_for(std::size_t(0), out.size(), [&](std::size_t i) {
     const auto v = Index(i);
+    // a vertex with less than a quarter of the tolerated height left needs no query of the part
     if (surface.status[i] != VertexStatus::Cut || !(surface.residual[v] > 0.25 * max_kept * radius))
       return;
     const Vector3d centre = design.vertices.row(v) + radius * design.normals.row(v);
@@ -441,6 +454,7 @@ std::vector<std::uint8_t> lead_out_leftover(const Design& design, const Surface&
   const auto height = [&](int v) {
     return surface.status[std::size_t(v)] == VertexStatus::Uncut ? infinity : surface.residual[v];
   };
+  // Flood fill from the uncut and the listed vertices, downhill along the edges.
   while (!open.empty()) {
     const int from = open.back();
     open.pop_back();

@@ -15,12 +15,14 @@ NearMoves8::NearMoves8(const Cutter& cutter, const NearMoves& near)
     : count(std::size_t(near.count + width - 1) / width) {
   for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
   for (int k = 0; k < int(count) * width; ++k)
+    // the last move is repeated to fill the last eight
     eights[k / width].put(k % width, cutter, ends[std::min(k, near.count - 1)]);
 }
 
 NearPlanes::NearPlanes(const Cutter& cutter, const NearMoves8& all, std::span<const Ray> rays)
     : count(all.count), middle(rays[rays.size() / 2].point) {
   double around = 0.0;
+  // 1.001 covers the rounding of `around` to float
   for (const Ray& ray : rays) around = std::max(around, 1.001 * (ray.point - middle).lpNorm<1>());
   move_planes(cutter, {all.eights.data(), count}, rays[rays.size() / 2], around,
               {planes.data(), count});
@@ -44,6 +46,7 @@ void NearPairs::add_open(const NearMoves8& all, int near, const NearPlanes& plan
   }
 }
 
+// Lanes are independent, so repeating the last pair changes no bound.
 void NearPairs::bound(const NearMoves8& all, const Cutter& cutter, const Ray& last) {
   while (count % width != 0) add(all, moves[count - 1], last);
   const std::size_t used = count / width;
@@ -56,14 +59,14 @@ constexpr double more_than_rounding = 1e-6;  // mm, by which a limit may be too 
 
 void lower_to(double& limit, double met) { limit = std::min(limit, met + more_than_rounding); }
 
-/// Whether a place of the ray lies so deep in the cutter at instant t that the search enters that
-/// too, at no later place: not a touch that is up to rounding.
+/// Returns true if a point of the ray lies so deep in the cutter at instant t that the search is
+/// certain to enter no later than there. A touch, which rounding decides, does not count.
 bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, double s) {
   return depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
 }
 
-/// Where a ball end that stands still is met first, or a little beyond; the end of the band if it
-/// is not, or is only grazed.
+/// The first point at which a ray meets a ball end that stands still, or slightly beyond; the end
+/// of the band if it is missed or only grazed.
 class StandingBall {
  public:
   StandingBall(const Cutter& cutter, const Move& move, double t)
@@ -77,6 +80,8 @@ class StandingBall {
     const double along = w.dot(ray.normal);
     const double deep = radius2 - (w.squaredNorm() - along * along);
     const double s = -along - std::sqrt(std::max(deep, 0.0));
+    // Closed form for a ray that meets the lower half of the ball and is no graze; the chord is
+    // then above 0.6 R.
     if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
     const auto entry = standing_entry(cutter_, move_, t_, ray, -1e30f);
     const double beyond = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
@@ -90,7 +95,7 @@ class StandingBall {
   Vector3d axis_, centre_;
 };
 
-/// A place a little beyond the bound of a lane, if it lies deep in the cutter of its move.
+/// Returns a point slightly beyond the bound of a lane if it lies deep in the cutter of its move.
 std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const EntryBounds& bounds,
                                  std::size_t lane, const Ray& ray) {
   const double least = bounds.least[lane], s = least + 1e-4 * cutter.radius;
@@ -99,7 +104,7 @@ std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const E
   return is_deep(cutter, move, t, ray, s) ? std::optional(s) : std::nullopt;
 }
 
-/// Where a ray meets the one of eight moves that it meets first, nearly.
+/// Returns approximately the s at which a ray meets the first of eight moves.
 double met_of_eight(const Cutter& cutter, std::span<const Move> moves, const EntryBounds& bounds,
                     const Ray& ray) {
   const float* least = std::min_element(bounds.least, bounds.least + moves.size());

@@ -8,49 +8,49 @@
 
 #include "cutting/surface/entry_bounds.h"
 
-/// The moves that rays beside each other may meet first, held against all of the rays at a time.
+/// The candidate moves of a group of neighbouring rays, bounded against all of the rays at a time.
 namespace abbe::cutting {
 
-/// Those moves, by their numbers in a tree.
+/// The candidate moves, with their indices in a SweepTree.
 struct NearMoves {
   static constexpr int room = 256;
-  int most = room;
+  int most = room;  ///< largest permitted `count`
   int count = 0;
   std::array<int, room> items;
   std::array<Move, room> moves;
 };
 
-/// The same as they are bounded.
+/// The candidate moves in the form in which `entry_bounds` takes them.
 struct NearMoves8 {
   static constexpr int width = Move8::width, room = (NearMoves::room + width - 1) / width;
   std::array<MoveEndpoints, NearMoves::room> ends;
   std::array<Move8, room> eights;
-  std::size_t count;  ///< of eights
+  std::size_t count;  ///< number of eights
 
   NearMoves8(const Cutter& cutter, const NearMoves& near);
 };
 
-/// Planes behind which those moves lie, for a few rays beside each other.
+/// Planes behind which the candidate moves lie, for a few neighbouring rays.
 struct NearPlanes {
   std::array<MovePlanes, NearMoves8::room> planes;
   std::size_t count;
-  Eigen::Vector3d middle;  ///< point of the ray that they are of
+  Eigen::Vector3d middle;  ///< point of the ray for which the planes were computed
 
   NearPlanes(const Cutter& cutter, const NearMoves8& all, std::span<const Ray> rays);
 };
 
-/// Pairs of a ray and a move that is open for it, those of a ray together.
+/// Pairs of a ray and a move that may meet; those of one ray are consecutive.
 struct NearPairs {
   static constexpr std::size_t width = Move8::width, room = 2 * NearMoves::room;
   std::size_t count = 0;
-  std::array<int, room> moves;  ///< numbers among those near
+  std::array<int, room> moves;  ///< indices into NearMoves
   std::array<Pair8, room / width> eights;
   std::array<EntryBounds, room / width> bounds;
 
-  /// The moves near whose planes a ray passes before its limit.
+  /// Adds the moves whose planes the ray passes before its limit.
   void add_open(const NearMoves8& all, int near, const NearPlanes& planes, const Ray& ray,
                 double limit);
-  /// Repeats the last one until they are whole eights, and bounds them.
+  /// Repeats the last pair until the last eight is full, then computes the bounds of all pairs.
   void bound(const NearMoves8& all, const Cutter& cutter, const Ray& last);
 
   float least(std::size_t pair) const { return bounds[pair / width].least[pair % width]; }
@@ -64,16 +64,17 @@ struct NearPairs {
   void add(const NearMoves8& all, int move, const Ray& ray);
 };
 
-// Each lowers the rays' limits (mm along them) to where the search would find that they meet a
-// cutter, or a little beyond.
+// Each of these lowers the rays' limits (mm along them) to the s at which the search would find
+// that they meet a cutter, or slightly beyond.
 
-/// A ball end at instant t of a move.
+/// Uses a ball end standing still at instant t of a move.
 void lower_to_ball(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
                    const Move& move, double t);
-/// Up to eight moves of any cutter.
+/// Uses up to eight moves of any cutter.
 void lower_to_eight(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
                     std::span<const Move> moves);
-/// For each ray the move whose plane it comes to first. @param rays  up to eight
+/// Uses, for each ray, the move whose plane it comes to first.
+/// @param rays  up to eight
 void lower_by_planes(std::span<double> limits, std::span<const Ray> rays, const Cutter& cutter,
                      const NearMoves& near, const NearMoves8& all, const NearPlanes& planes);
 

@@ -54,7 +54,7 @@ std::optional<double> NoseEdge::entry(const Vector2d& point, const Vector2d& ste
     return std::max(from, inside->begin);
   }
   const double closest = -point.dot(step) / aa;
-  // The distance to the line from the cross product: it does not cancel as b^2 - ac does.
+  // The distance to the line from the cross product, which does not cancel as b^2 - ac does.
   const double distance = (point.x() * step.y() - point.y() * step.x()) / std::sqrt(aa);
   const double radius = outer_radius();
   const double square = (radius - distance) * (radius + distance);
@@ -71,7 +71,8 @@ double NoseEdge::nearest(const Vector2d& point, const Vector2d& step, double fro
   if (!nose_.profile) return -point.dot(step) / aa;
   if (chord(*nose_.profile, point, step)) return from;
   const Vector2d across(-step.y(), step.x());
-  // the origin is inside, so the line lies where it does from there
+  // The origin is inside, so the side of the line on which it lies decides which extreme point is
+  // nearest.
   const Vector2d towards = across.dot(point) > 0.0 ? Vector2d(across) : Vector2d(-across);
   const double s = (extreme_point(*nose_.profile, towards) - point).dot(step) / aa;
   return std::max(from, s);
@@ -83,8 +84,8 @@ std::optional<double> NoseEdge::waved_entry(const Vector2d& point, const Vector2
   double outside = begin;
   double f_outside = outside_by(point + begin * step);
   if (f_outside <= 0.0) return begin;
-  // Steps that the Lipschitz constant allows cannot pass over a crossing; the least step only ends
-  // the crawl onto one, the bracket then finishes it.
+  // Steps that the Lipschitz constant permits cannot pass over a crossing. The least step of 1e-6
+  // mm ends the slow approach to one, after which the bracket is refined.
   double inside = begin;
   double f_inside = f_outside;
   while (f_inside > 0.0) {
@@ -94,6 +95,7 @@ std::optional<double> NoseEdge::waved_entry(const Vector2d& point, const Vector2
     inside = std::min(end, outside + std::max(f_outside / lipschitz_, 1e-6) / speed);
     f_inside = outside_by(point + inside * step);
   }
+  // Every third step bisects, so the bracket shrinks even where the secant is one-sided.
   for (int i = 0; i < 60 && (inside - outside) * speed > 1e-13; ++i) {
     const double secant = outside + (inside - outside) * f_outside / (f_outside - f_inside);
     const double middle = 0.5 * (outside + inside);
@@ -111,18 +113,18 @@ namespace {
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-// rad: at 1 mm of travel per radian across the feed this is 1e-10 mm of surface.
+// rad; at 1 mm of travel per radian across the feed this is 1e-10 mm of surface.
 constexpr double angle_tolerance = 1e-10;
-// rad: a join of two intervals belongs to both.
+// rad; within this of the join of two intervals a cut belongs to both.
 constexpr double join_angle = 1e-9;
-// mm: nearer to the spindle line than this a point has no azimuth worth solving for by Newton.
+// mm; nearer to the spindle line the azimuth of a point changes too fast for Newton's method.
 constexpr double near_axis = 1e-3;
-// mm: the rake plane that passes a point on the spindle line so near contains it.
+// mm; a rake plane that passes a point on the spindle line as near as this contains it.
 constexpr double in_plane_on_axis = 2e-8;
-// mm along the ray, farther than a contact moves from one instant to the next.
+// mm along the ray; a contact moves less than this between two adjacent instants.
 constexpr double leap = 1e-9;
 
-/// Golden section for the least value of f between low and high.
+/// Returns the minimum of f between low and high by golden section search.
 template <class Function>
 double lowest(const Function& f, double low, double high) {
   const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
@@ -130,7 +132,8 @@ double lowest(const Function& f, double low, double high) {
   double b = low + golden * (high - low);
   double f_a = f(a);
   double f_b = f(b);
-  for (int i = 0; i < 45; ++i) {  // 4e-10 of the width: a smooth least value to its square
+  for (int i = 0; i < 45; ++i) {  // 4e-10 of the width; the value at a smooth minimum is accurate
+                                  // to the square
     if (f_a <= f_b) {
       high = b;
       b = a;
@@ -148,13 +151,14 @@ double lowest(const Function& f, double low, double high) {
   return f_a <= f_b ? a : b;
 }
 
-/// The surface found so far. Equal distances go to the earlier instant, so the order of the visits
-/// cannot show.
+/// The first cut found so far. Equal distances go to the earlier instant, so the result does not
+/// depend on the order of the visits.
 struct Best {
   NoseCut cut{.s = infinity, .time_s = infinity};
 
   double limit() const { return cut.s; }
-  bool done(double from) const { return cut.s <= from; }  // removed at once: when does not matter
+  // removed at the start of the ray: the instant does not matter
+  bool done(double from) const { return cut.s <= from; }
   void take(const NoseCut& other) {
     if (other.s > cut.s || (other.s == cut.s && other.time_s >= cut.time_s)) return;
     cut = other;
@@ -173,14 +177,14 @@ struct All {
   }
 };
 
-/// What rays are asked of.
+/// The sweep against which rays are searched.
 struct Searched {
   const NoseSweep& sweep;
   const NoseEdge& edge;
-  const ProfileBound* bound;  // none of a round edge
+  const ProfileBound* bound;  // null for a round edge
 };
 
-/// One ray against one sweep; what it finds goes to `Taken`.
+/// The search of one ray in one sweep; results are passed to `Taken`.
 template <class Taken>
 class RaySearch {
  public:
@@ -214,7 +218,7 @@ class RaySearch {
   enum class End { Entry, Exit };
   struct Contact {
     double s, y;
-    bool on_axis;  // the ray stands on the spindle line there
+    bool on_axis;  // the ray lies on the spindle line there
   };
   std::optional<Contact> contact(const NosePiece& piece, double u, End end) const;
   void solve(const NosePiece& piece, double u0, double u1, End end);
@@ -242,6 +246,7 @@ void RaySearch<Taken>::visit(int index, double node_bound) {
     try_piece(sweep_.pieces[std::size_t(node.first)], node_bound);
     return;
   }
+  // the nearer child first, since its cut may rule out the other
   const double left = bound(index + 1);
   const double right = bound(node.right);
   if (left <= right) visit(index + 1, left);
@@ -257,21 +262,25 @@ void RaySearch<Taken>::offer(const NosePiece& piece, double u, double s) {
   taken_.take({s, i.time_s + within * i.time_step, piece.interval, within, i.line});
 }
 
-/// Every instant of a piece at which the rake plane contains the point where the ray meets the
-/// edge.
+/// Finds every instant of a piece at which the rake plane contains the point where the ray meets
+/// the edge.
 template <class Taken>
 void RaySearch<Taken>::try_piece(const NosePiece& piece, double s_start) {
   const Vector3d p = ray_.at(s_start);
   const double r = radius(p);
   const double turn = piece.angle1 - piece.angle0;
+  // Without a usable azimuth (rake plane along the spindle line, ray close to it, spindle turning
+  // by less than 1e-4 rad) the piece is searched densely.
   if (piece.free || r < near_axis || std::abs(turn) < 1e-4) return scan(piece);
   const double k0 = (piece.height0 - piece.tilt0 * p.x()) / r;
   const double k1 = (piece.height1 - piece.tilt1 * p.x()) / r;
   const double side0 = std::acos(std::clamp(k0, -1.0, 1.0));
   const double side1 = std::acos(std::clamp(k1, -1.0, 1.0));
+  // The amount by which the instant of a cut may lie outside the straight interpolation of the rake
+  // plane's azimuth: by the slow rotation, by the height of the nose, and along the ray.
   const double slack = 1e-3 + 10.0 * interval(piece).turn + std::abs(k0) + std::abs(k1) +
                        angle_between(p, ray_.at(ray_.to));
-  if (slack > 0.7) return scan(piece);  // Newton on a sine wants a better start
+  if (slack > 0.7) return scan(piece);  // Newton's method on a sine needs a better start
   const double azimuth_p = azimuth(p);
   for (const double side : {-1.0, 1.0}) {
     const double from = piece.angle0 + side * side0 - azimuth_p;
@@ -285,10 +294,10 @@ void RaySearch<Taken>::try_piece(const NosePiece& piece, double s_start) {
   }
 }
 
-/// Newton for the instant near u at which the rake plane contains the edge's contact on the ray; a
-/// secant once two points give the slope with the slow motion in it. While the plane's trace of the
-/// ray misses the edge, its nearest point stands for the contact.
-/// @return false if it did not settle; the piece is then searched densely
+/// Finds by Newton's method the instant near u at which the rake plane contains the edge's contact
+/// on the ray; by a secant once two points give a slope that includes the slow motion. While the
+/// trace of the ray misses the edge, its nearest point replaces the contact.
+/// @return false if the iteration does not converge; the piece is then searched densely
 template <class Taken>
 bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
   const NoseInterval& i = interval(piece);
@@ -301,6 +310,7 @@ bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
     const double s = hit ? *hit : edge_.nearest(ray.point, ray.step, ray_.from);
     const double y = ray.y + s * ray.y_step;
     const double swing = ray.swing + s * ray.swing_step;
+    // the work passes the plane too slowly: Newton's step would be unbounded
     if (std::abs(swing) < near_axis) return false;
     double slope = swing * i.angle_step;
     if (step > 0 && u != last_u) {
@@ -313,8 +323,8 @@ bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
     const double off = std::abs(u - last_u) * std::abs(i.angle_step);
     if (!(off < 1.0)) return false;
     if (!hit) {
-      // What the trace can still move until the instant is right: second order in the angle from
-      // the turning, first order from the slow motion.
+      // Bound of how far the trace still moves until the instant is right: of second order in the
+      // angle by the turning, of first order by the slow motion.
       const double nearest = std::max(s, ray_.from);
       const double r = std::max(radius(ray_.at(s)), radius(ray_.at(nearest)));
       const double slow = i.centre_step.norm() + i.turn * (i.centre.norm() + i.centre_step.norm());
@@ -347,11 +357,12 @@ std::optional<typename RaySearch<Taken>::Contact> RaySearch<Taken>::contact(cons
   return Contact{*s, ray.y + *s * ray.y_step, radius(ray_.at(*s)) <= on_axis};
 }
 
-/// The dense search of a piece, for the few rays that pass so near the spindle line, or a spindle
-/// that turns so little, that the azimuth does not give the instant.
+/// Searches a piece densely, for the few rays that pass so near the spindle line, or a spindle that
+/// turns so little, that the azimuth does not give the instant.
 template <class Taken>
 void RaySearch<Taken>::scan(const NosePiece& piece) {
   const double turn = std::abs(interval(piece).angle_step) * (piece.u1 - piece.u0);
+  // 128 per revolution, 2.8 deg each, in which y is taken to change sign at most once
   const int parts = std::max(4, int(std::ceil(128.0 * turn / (2.0 * pi))));
   for (const End end : {End::Entry, End::Exit}) {
     double u0 = piece.u0;
@@ -367,7 +378,8 @@ void RaySearch<Taken>::scan(const NosePiece& piece) {
   for (int part = 0; part <= parts; ++part) touch(piece, piece.u0 + part * step, step);
 }
 
-/// Where the ray pierces the face of the disc at u; infinity if nowhere on this stretch.
+/// Returns the s at which the ray pierces the disc inside the edge at u; infinity if not on this
+/// segment.
 template <class Taken>
 double RaySearch<Taken>::pierced(const NosePiece& piece, double u) const {
   const RayInTool ray = ray_in_tool(interval(piece), u, ray_.q, ray_.n);
@@ -376,8 +388,8 @@ double RaySearch<Taken>::pierced(const NosePiece& piece, double u) const {
   return edge_.contains(ray.point + s * ray.step) ? s : infinity;
 }
 
-/// A nose off the centre height leaves a pip, whose wall the rake plane envelops: there the pierced
-/// place is earliest without being on the edge.
+/// Handles a nose off the centre height, which leaves a pip. The rake plane envelops its wall:
+/// there the ray is cut first inside the disc and not at the edge.
 template <class Taken>
 void RaySearch<Taken>::touch(const NosePiece& piece, double u, double step) {
   const double s = pierced(piece, u);
@@ -390,8 +402,8 @@ void RaySearch<Taken>::touch(const NosePiece& piece, double u, double step) {
   }
 }
 
-/// A contact in the rake plane between two near instants: bisection on the sign of y, after drawing
-/// in an end at which the ray's trace misses the edge.
+/// Finds a contact in the rake plane between two near instants by bisection on the sign of y, after
+/// moving inwards an end at which the ray's trace misses the edge.
 template <class Taken>
 void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End end) {
   std::optional<Contact> c0 = contact(piece, u0, end);
@@ -401,6 +413,7 @@ void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End e
   if (!c0 || !c1) {
     double miss = c0 ? u1 : u0;
     double hit = c0 ? u0 : u1;
+    // 60 halvings reach the last bit of u
     for (int i = 0; i < 60 && hit != miss; ++i) {
       const double middle = 0.5 * (hit + miss);
       if (middle == hit || middle == miss) break;
@@ -421,16 +434,16 @@ void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End e
     (same ? u0 : u1) = middle;
     (same ? c0 : c1) = c;
   }
-  // Where the trace runs along a straight edge the contact leaps: in the plane is what lies
-  // between.
+  // Where the trace runs along a straight edge, the contact jumps from one end of the edge to the
+  // other; the point in the plane lies between.
   if (edge_.has_profile() && std::abs(c1->s - c0->s) > leap && c0->y != c1->y)
     return offer(piece, u0, c0->s + (c1->s - c0->s) * c0->y / (c0->y - c1->y));
   offer(piece, u0, c0->s);
   offer(piece, u1, c1->s);
 }
 
-/// On the spindle line every instant serves whose rake plane passes through it; the contact is
-/// convex over a short time.
+/// On the spindle line every instant is a solution whose rake plane passes through the line; the
+/// contact is convex over a short time.
 template <class Taken>
 void RaySearch<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double u1) {
   const auto s_at = [&](double u) {
@@ -443,12 +456,13 @@ void RaySearch<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double 
   for (const double u : {u0, u1, lowest(s_at, u0, u1)}) offer_at(u);
 }
 
-/// Where the sweep begins, ends or turns back, the whole disc is part of its skin.
+/// Cuts by the whole disc, which is part of the sweep's skin where the sweep begins, ends or
+/// reverses.
 template <class Taken>
 void RaySearch<Taken>::try_face(const NoseSweep::Face& face) {
   const NoseInterval& i = sweep_.intervals[std::size_t(face.interval)];
   const RayInTool ray = ray_in_tool(i, face.u, ray_.q, ray_.n);
-  if (std::abs(ray.y_step) < 1e-9) return;  // it lies in the plane: its contact is at the edge
+  if (std::abs(ray.y_step) < 1e-9) return;  // the ray lies in the plane: its contact is at the edge
   const double s = -ray.y / ray.y_step;
   if (!(s >= ray_.from && s <= ray_.to) || !edge_.contains(ray.point + s * ray.step)) return;
   offer({face.interval, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, false}, face.u, s);
@@ -466,8 +480,8 @@ NoseCutSearch::NoseCutSearch(const Nose& nose, const NoseMotion& motion)
   }
 }
 
-/// A ray that passes the spindle line is asked in two stretches, so that on each its radius is
-/// nearly a line and its azimuth nearly one.
+/// Divides a ray that passes the spindle line into two segments, on each of which its radius is
+/// nearly linear and its azimuth nearly constant.
 template <class Use>
 void NoseCutSearch::for_each_segment(const Ray& ray_w, const Use& use) const {
   const Vector3d q = sweep_.R_ws.transpose() * (ray_w.point - sweep_.p_ws);

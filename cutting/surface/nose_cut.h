@@ -9,44 +9,46 @@
 #include "cutting/surface/nose_sweep.h"
 #include "cutting/surface/tool.h"
 
+/// The edge of a turning tool, and the search for the points at which its sweep cuts a ray.
 namespace abbe::cutting {
 
-/// The region inside a nose's edge, in the x-z plane of frame t about its origin.
+/// The region inside the edge of a nose, in the x-z plane of frame t about its origin.
 class NoseEdge {
  public:
   /// @throws std::invalid_argument unless radius > 0, every number is finite and the waves leave a
-  ///         positive radius everywhere; for waves on the profile of an insert
+  ///         positive radius everywhere; or if an insert's profile has waves
   explicit NoseEdge(const Nose& nose);
 
-  /// Radius of a circle that holds the whole edge, mm.
+  /// Returns the radius of a circle that contains the whole edge, mm.
   double outer_radius() const {
     return nose_.profile ? nose_.profile->outer_radius : nose_.radius + wave_sum_;
   }
 
-  /// mm, how far the edge reaches in a direction of length 1 or less; of a round one `outer_radius`
-  /// of any.
+  /// Returns how far the edge reaches in a direction of length 1 or less, mm; `outer_radius` in
+  /// every direction for a round edge.
   double reach(const Eigen::Vector2d& direction) const {
     return nose_.profile ? direction.dot(extreme_point(*nose_.profile, direction)) : outer_radius();
   }
 
-  /// Whether it has straight edges, along which a line may run.
+  /// Returns true if the edge is the profile of an insert, whose straight edges a line may run
+  /// along.
   bool has_profile() const { return nose_.profile != nullptr; }
   const EdgeProfile& profile() const { return *nose_.profile; }
 
-  /// Whether a point (x, z) lies inside the edge or on it.
+  /// Returns true if the point (x, z) lies inside the edge or on it.
   bool contains(const Eigen::Vector2d& point) const { return outside_by(point) <= 0.0; }
 
-  /// Smallest s >= from at which point + s * step lies inside: to 1e-12 mm along the line for a
-  /// circle and, across the edge, for a profile; to 1e-11 mm for a waved edge, whose chords shorter
-  /// than 1e-6 mm may be passed over.
+  /// Returns the smallest s >= from at which point + s * step lies inside, or nothing: to 1e-12 mm
+  /// along the line for a circle and, across the edge, for a profile; to 1e-11 mm for a waved edge,
+  /// of which chords shorter than 1e-6 mm may be missed.
   std::optional<double> entry(const Eigen::Vector2d& point, const Eigen::Vector2d& step,
                               double from) const;
 
-  /// Of a line that misses the region: the s at which it comes nearest, to the middle of a round
-  /// edge; of one that has passed a profile by `from`, that.
+  /// Returns the s at which a line that misses the region comes nearest to it (to the centre of a
+  /// round edge); `from` for a line that has passed a profile before `from`.
   double nearest(const Eigen::Vector2d& point, const Eigen::Vector2d& step, double from) const;
 
-  /// mm, at most how far a point is outside; negative where it is inside.
+  /// Returns an upper bound of the distance of a point outside the edge, mm; negative inside.
   double beyond(const Eigen::Vector2d& point) const {
     return nose_.profile ? distance(nose_.profile->pieces, point).value
                          : point.norm() - outer_radius();
@@ -58,37 +60,39 @@ class NoseEdge {
                                     double begin, double end) const;
 
   Nose nose_;
-  double wave_sum_ = 0.0;   // mm, how far the edge leaves the circle at most
-  double lipschitz_ = 1.0;  // of outside_by, outside the smallest circle inside the edge
+  double wave_sum_ = 0.0;   // mm, largest deviation of the edge from the circle
+  double lipschitz_ = 1.0;  // of outside_by, beyond the smallest circle inside the edge
 };
 
-/// A place at which a turning tool's sweep meets a ray, and the instant.
+/// A point at which the sweep of a turning tool cuts a ray, and the instant.
 struct NoseCut {
   double s = 0.0;  ///< mm along the normal; -band if the ray starts in removed material
   double time_s = 0.0;
   int interval = 0;  ///< from sample `interval` to the next
-  double u = 0.0;    ///< instant within it, 0 .. 1
+  double u = 0.0;    ///< instant within the interval, 0 .. 1
   int line = 0;      ///< program line of the interval
 };
 
-/// The sweep of a turning tool, asked along rays of the workpiece. Immutable once made; linear in
-/// samples plus revolutions.
+/// The sweep of a turning tool, searchable along rays in the workpiece. Immutable once constructed;
+/// memory is linear in samples plus revolutions.
 class NoseCutSearch {
  public:
   /// @throws std::invalid_argument as NoseEdge and nose_sweep
   NoseCutSearch(const Nose& nose, const NoseMotion& motion);
 
-  /// First cut along the ray: smallest s, of equal ones the earliest.
+  /// Returns the first cut along the ray: the smallest s, of equal ones the earliest.
   std::optional<NoseCut> first(const Ray& ray_w) const;
 
-  /// At least one cut of every revolution that comes to `limit` (mm) or nearer, in the order of
-  /// time; a join of two intervals reports its cut twice.
+  /// Returns at least one cut of every revolution that cuts at `limit` (mm) or before it, in the
+  /// order of time. A cut at the join of two intervals is reported twice.
   std::vector<NoseCut> within(const Ray& ray_w, double limit) const;
 
-  /// First cut among those whose spindle angle is within `window` (rad) of that of `other`.
+  /// Returns the first cut among those whose spindle angle is within `window` (rad) of that of
+  /// `other`.
   std::optional<NoseCut> near(const Ray& ray_w, const NoseCut& other, double window) const;
 
-  /// rad, how far the spindle has turned until then, to and fro alike.
+  /// Returns the angle through which the spindle has turned until the cut, rad, both directions
+  /// counted as positive.
   double turned(const NoseCut& cut) const;
 
  private:
@@ -98,7 +102,7 @@ class NoseCutSearch {
 
   NoseEdge edge_;
   NoseSweep sweep_;
-  std::optional<ProfileBound> bound_;  // of an edge with a profile
+  std::optional<ProfileBound> bound_;  // only for an edge with a profile
   std::vector<double> turned_;         // rad, at the beginning of every interval
 };
 

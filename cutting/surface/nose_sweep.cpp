@@ -21,6 +21,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
 
+// About 240 bytes each (a piece of 80 and two nodes of 80): 4.8 GB.
 constexpr double max_revolutions = 20e6;
 
 void check(const NoseMotion& motion) {
@@ -50,6 +51,7 @@ void check(const NoseMotion& motion) {
 }
 
 Matrix3d spindle_axes(const Vector3d& direction) {
+  // any axis that is not nearly parallel to x
   const Vector3d other = std::abs(direction.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitY();
   Matrix3d R;
   R.col(0) = direction.normalized();
@@ -82,7 +84,7 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
   return interval;
 }
 
-/// The rake plane at one instant, as a NosePiece states it.
+/// The rake plane at one instant, with the meaning of the members of NosePiece.
 struct Rake {
   double angle, height, tilt;
   bool free;
@@ -91,11 +93,13 @@ struct Rake {
 Rake rake(const NoseInterval& interval, double u, double previous_angle) {
   const Vector3d normal = slow_rotation(interval, u).col(1);
   const double across = std::hypot(normal.y(), normal.z());
+  // lean of over 60 deg: the azimuth of the normal is ill-conditioned
   if (across < 0.5) return {previous_angle, 0.0, 0.0, true};
   const double angle =
       std::atan2(normal.z(), normal.y()) + interval.angle + u * interval.angle_step;
-  // Continuous along an interval that turns by less than a revolution and hardly tilts: the nearest
-  // of its values to where the spindle alone would have brought it.
+  // The angle is continuous along an interval that turns by less than a revolution and hardly
+  // tilts: of its values modulo 2 pi take the one nearest to where the spindle alone would have
+  // moved it.
   const double unwrapped = angle + 2.0 * pi * std::round((previous_angle - angle) / (2.0 * pi));
   const double height = normal.dot(interval.centre + u * interval.centre_step);
   return {unwrapped, height / across, normal.x() / across, false};
@@ -103,6 +107,7 @@ Rake rake(const NoseInterval& interval, double u, double previous_angle) {
 
 void append_pieces(NoseSweep& sweep, int index, double& angle) {
   const NoseInterval& interval = sweep.intervals[std::size_t(index)];
+  // 1e-9: an interval of whole revolutions must not gain a piece by rounding
   const int parts = std::max(1, int(std::ceil(std::abs(interval.angle_step) / (2.0 * pi) - 1e-9)));
   Rake from = rake(interval, 0.0, angle);
   for (int part = 0; part < parts; ++part) {
@@ -126,8 +131,8 @@ NoseNode bounds(const NoseSweep& sweep, int first) {
   const double nearest = step_r.squaredNorm() > 0.0
                              ? std::clamp(-a_r.dot(step_r) / step_r.squaredNorm(), 0.0, 1.0)
                              : 0.0;
-  // Between its ends a turning rake plane leaves the straight course of angle, height and tilt by
-  // less than the turn itself does.
+  // Between its ends the rake plane departs from the linear interpolation of angle, height and tilt
+  // by less than its slow turn; the factor covers the magnification of a leaning plane.
   const double turn = 10.0 * interval.turn * (piece.u1 - piece.u0);
   const double far = std::max(a.norm(), b.norm());
   NoseNode node;
@@ -171,6 +176,7 @@ int append_nodes(NoseSweep& sweep, int first, int count) {
   return index;
 }
 
+// The whole disc cuts where the sweep begins, where it ends, and where the spindle reverses.
 void append_faces(NoseSweep& sweep) {
   const int n = int(sweep.intervals.size());
   double sense = 0.0;
@@ -231,8 +237,8 @@ NoseRaySegment stretch_of(const Vector3d& q, const Vector3d& n, double from, dou
   stretch.radius_step = (r_to - r_from) / (to - from);
   stretch.radius0 = r_from - from * stretch.radius_step;
   stretch.radius_min = std::min(r_from, r_to);
-  // r^2 = a + 2 b s + c s^2 is convex in s, so it hangs below its chord, lowest where the slopes
-  // agree.
+  // r^2 = a + 2 b s + c s^2 is convex in s and r lies below its chord by at most the sag, which is
+  // attained where the slopes are equal.
   const double a = q.y() * q.y() + q.z() * q.z();
   const double b = q.y() * n.y() + q.z() * n.z();
   const double c = n.y() * n.y() + n.z() * n.z();
@@ -244,7 +250,7 @@ NoseRaySegment stretch_of(const Vector3d& q, const Vector3d& n, double from, dou
     const double s = std::clamp((w - b) / c, from, to);
     stretch.sag += std::max(0.0, stretch.radius0 + s * m - radius(stretch.at(s)));
   }
-  // The end that stands on the axis has no azimuth; then the other end has that of all the rest.
+  // An end on the spindle line has no azimuth; the other end then has that of the whole segment.
   const bool starts_on_axis = r_from < on_axis;
   stretch.azimuth = azimuth(stretch.at(starts_on_axis ? to : from));
   stretch.azimuth_spread =
@@ -256,6 +262,7 @@ NoseRaySegment stretch_of(const Vector3d& q, const Vector3d& n, double from, dou
 std::optional<double> nearest_to_axis(const Vector3d& q, const Vector3d& n, double band) {
   const double c = n.y() * n.y() + n.z() * n.z();
   const double s = -(q.y() * n.y() + q.z() * n.z());
+  // 1e-20: the ray is parallel to the spindle line
   if (c < 1e-20 || std::abs(s) >= band * c) return std::nullopt;
   return s / c;
 }
@@ -269,10 +276,10 @@ Matrix3d turned_to(const NoseInterval& interval, double u) {
   return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
 }
 
-/// Across the spindle line, in the rake plane and to the side of the tool.
+/// Returns the unit direction normal to the spindle line, in the rake plane and towards the tool.
 Vector3d up_in(const Matrix3d& R, const Vector3d& centre) {
   const Vector3d across = Vector3d::UnitX().cross(R.col(1));
-  if (across.norm() < 0.5) return Vector3d::UnitY();  // then the bound is wide, but holds
+  if (across.norm() < 0.5) return Vector3d::UnitY();  // the bound is then wide but valid
   return (across.dot(centre) < 0.0 ? -1.0 : 1.0) * across.normalized();
 }
 
@@ -284,7 +291,7 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
                                             : sweep.intervals.front().centre)),
       beside_(Vector3d::UnitX().cross(up_)),
       outer_radius_(profile.outer_radius) {
-  // of the point (x, z) of the profile in the meridian half-plane
+  // Maps the point (x, z) of the profile to the meridian half-plane.
   Eigen::Matrix2d meridian;
   meridian << R_(0, 0), R_(0, 2), up_.dot(R_.col(0)), up_.dot(R_.col(2));
   const auto reach = [&](const Vector2d& direction_t) {
@@ -294,7 +301,8 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
     const Vector2d normal = (meridian * normal_t).normalized();
     sides_.push_back({normal, reach(meridian.transpose() * normal)});
   };
-  constexpr double between = 0.25;  // rad, of the tangents of an arc: 1% of its radius off it
+  constexpr double between = 0.25;  // rad, between tangents of an arc: they depart from it by 1% of
+                                    // its radius
   for (const OutlinePiece& piece : profile.pieces) {
     if (!piece.is_arc) add(piece.normal_from);
     if (!piece.is_arc || piece.radius == 0.0) continue;
@@ -335,9 +343,9 @@ ProfileBound::Extent ProfileBound::extent_of(const NoseSweep& sweep, const NoseP
   return extent;
 }
 
-// A point of a tool at (x, up, beside) comes by turning to the meridian at the radius
-// hypot(up, beside): not below `up`, and not above it by more than `beside` and twice what the tool
-// reaches beyond the spindle line.
+// A point of a tool at (x, up, beside) turns to the radius hypot(up, beside) in the meridian: not
+// below `up`, and not above it by more than `beside` plus twice the tool's reach beyond the spindle
+// line.
 double ProfileBound::first_reach(int index, const NoseNode& node, const NoseRaySegment& ray) const {
   if (!can_face(node, ray)) return infinity;
   const Extent& extent = extents_[std::size_t(index)];

@@ -18,7 +18,7 @@ using Eigen::Vector2d;
 
 namespace {
 
-constexpr double same_normal = 1e-7;  // rad, by which it may turn back: rounding of input
+constexpr double same_normal = 1e-7;  // rad, by which a normal may turn back: rounding of input
 
 }  // namespace
 
@@ -32,7 +32,7 @@ ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces) {
                       piece.to.x(), piece.to.y()),
           piece.to, OutlineError::Number::Second);
     outline.radius = std::max({outline.radius, piece.from.x(), piece.to.x()});
-    // an arc may reach farther between its ends
+    // An arc may reach farther between its ends.
     if (sine_between(piece.normal_from, Vector2d::UnitX()) > 0.0 &&
         sine_between(Vector2d::UnitX(), piece.normal_to) > 0.0)
       outline.radius =
@@ -50,7 +50,7 @@ ToolOutline outline_from_points(const std::vector<OutlinePoint>& points) {
 }
 
 AptCutter with_tangent_corner(AptCutter cutter) {
-  // by which the middle of the corner lies inside of both lines
+  // Outward normals of bottom and flank: the centre lies the corner radius inside both lines.
   const Vector2d off_bottom(std::sin(cutter.bottom), -std::cos(cutter.bottom));
   const Vector2d off_flank(std::cos(cutter.flank), -std::sin(cutter.flank));
   const Vector2d meet(0.5 * cutter.diameter, 0.5 * cutter.diameter * std::tan(cutter.bottom));
@@ -73,6 +73,7 @@ AptCutter with_ball_corner(AptCutter cutter) {
 
 ToolOutline apt_outline(const AptCutter& cutter) {
   const auto& [diameter, corner, radial, axial, bottom, flank, height] = cutter;
+  // bottom and flank must meet: together they leave less than a right angle
   constexpr double quarter = 0.5 * pi;
   require(
       diameter > 0.0 && corner >= 0.0 && height > 0.0 && bottom >= 0.0 && bottom < quarter &&
@@ -90,7 +91,9 @@ ToolOutline apt_outline(const AptCutter& cutter) {
                       meet.y(), height, at_height(height).x()));
   if (corner == 0.0) return outline_from_points({{{0, 0}}, {meet}, {at_height(height)}});
   const Vector2d centre(radial, axial);
-  // half of the chord that a line through `point` cuts out of the corner's circle
+  // Returns the foot of the corner's centre on a line through `point`, and half of the chord that
+  // the line cuts out of the corner's circle. 1e-6 mm permits parameters rounded for a tangent
+  // corner.
   const auto foot = [&](const Vector2d& point, const Vector2d& along, const char* what) {
     const double off = std::abs(sine_between(along, centre - point));
     require(
@@ -117,7 +120,7 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   return closed_outline(pieces);
 }
 
-// What an arc adds to its first point is counted from there, so that large radii cost no digits.
+// Positions on an arc are computed relative to its first point, so that large radii cost no digits.
 
 double support(const ToolOutline& outline, double rise, double across) {
   const Vector2d direction(across, rise);
@@ -133,6 +136,7 @@ double support(const ToolOutline& outline, double rise, double across) {
   return most;
 }
 
+// The extreme point is a corner, or the point of an arc whose normal is the direction.
 Vector2d extreme_point(const std::vector<OutlinePiece>& pieces, const Vector2d& direction) {
   Vector2d best = pieces.front().from;
   const auto take = [&](const Vector2d& place) {
@@ -161,6 +165,8 @@ double corner_height(const ToolOutline& outline) {
   return 0.0;
 }
 
+// Intersects the bounding rectangle with the half planes inside all lines and tangents, moved
+// inwards by the margin.
 InsetOutline inside(const ToolOutline& outline, double margin) {
   require(!is_hollow(outline), "outline: expected a convex one to go inside of, seen a hollow one");
   std::vector<Vector2d> corners{
@@ -182,6 +188,8 @@ InsetOutline inside(const ToolOutline& outline, double margin) {
     if (piece.radius == 0.0) continue;
     const double turn = std::atan2(sine_between(piece.normal_from, piece.normal_to),
                                    piece.normal_from.dot(piece.normal_to));
+    // 3 deg between tangents: the corners of the polygon would stand out by 0.034 % of the radius,
+    // so the tangents are moved inwards by that
     const int tangents = 1 + int(std::ceil(turn / (3.0 * units::deg)));
     const double inwards = piece.radius * (1.0 - std::cos(0.5 * turn / (tangents - 1)));
     for (int i = 0; i < tangents; ++i) {
@@ -210,6 +218,7 @@ InsetOutline inside(const ToolOutline& outline, double margin) {
 
 double max_separation(const ToolOutline& a, const ToolOutline& b) {
   double most = 0.0;
+  // Steps of 1 deg, as stated in the header.
   for (int degree = -90; degree <= 90; ++degree) {
     const double angle = degree * units::deg;
     const double rise = std::sin(angle), across = std::max(0.0, std::cos(angle));
@@ -232,6 +241,7 @@ OutlineDistance distance(const ToolOutline& outline, const Vector2d& place) {
   return nearest;
 }
 
+// The largest of the distances to the tangents, which is convex.
 OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d& place) {
   OutlineDistance most{-1e300, {0, -1}};
   const auto take = [&](double value, const Vector2d& gradient) {
@@ -245,6 +255,7 @@ OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d
       const Vector2d from_centre = v + piece.radius * piece.normal_from;
       const double far = from_centre.norm();
       if (far > 0.0)
+        // Equal to far - radius without its cancellation for large radii.
         take((v.squaredNorm() + 2.0 * piece.radius * off) / (far + piece.radius),
              from_centre / far);
     } else {
@@ -257,13 +268,15 @@ OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d
 
 namespace {
 
-/// An arc beyond a right angle as two.
+/// Appends a piece; splits an arc beyond a right angle in two, since the tests of an arc's range by
+/// the sine need less than half a turn.
 void add_short(std::vector<OutlinePiece>& pieces, const OutlinePiece& piece) {
   const Vector2d& n = piece.normal_from;
   if (!piece.is_arc || n.dot(piece.normal_to) >= 0.0) {
     pieces.push_back(piece);
     return;
   }
+  // The 1e-9 decides the side for half a circle, whose normals cancel.
   const Vector2d middle = (n + piece.normal_to + 1e-9 * Vector2d(-n.y(), n.x())).normalized();
   const Vector2d at = piece.from + piece.radius * (middle - n);
   pieces.push_back({true, piece.from, at, n, middle, piece.radius});
@@ -339,6 +352,7 @@ std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
   for (const OutlinePiece& piece : pieces) {
     const Vector2d last = all.empty() ? before : all.back().normal_to;
     const double bend = sine_between(last, piece.normal_from);
+    // The sine of half a turn is near 0, so the cosine decides there.
     const bool turns_back = last.dot(piece.normal_from) < 0.0;
     if (!(bend > -min_bend) || (turns_back && bend <= min_bend))
       throw InwardBend(

@@ -16,7 +16,7 @@ namespace abbe::cutting {
 
 namespace {
 
-constexpr double max_part_turn = 0.05;  // rad
+constexpr double max_part_turn = 0.05;  // rad; the header states what a larger turn may miss
 
 template <class Use>
 void each_removal(const Cutter& cutter, const CutterMotion& motion, const Ray& ray, double limit,
@@ -37,6 +37,8 @@ void each_removal(const Cutter& cutter, const CutterMotion& motion, const Ray& r
 int parts_of(const CutterMotion& motion, int move) {
   const int next = std::min<int>(move + 1, int(motion.tip.rows()) - 1);
   const double chord2 = (motion.axis.row(next) - motion.axis.row(move)).squaredNorm();
+  // The chord is below the angle by 1e-4 here. 1 % off its square avoids the arc sine for almost
+  // all moves without missing a turn.
   if (chord2 < 0.99 * max_part_turn * max_part_turn) return 1;
   return 1 + int(2 * std::asin(std::min(1.0, 0.5 * std::sqrt(chord2))) / max_part_turn);
 }
@@ -78,10 +80,11 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double rim_width = 1e-7;   // mm about a sharp rim within which a contact is on it
-constexpr double min_cosine = 1e-6;  // of the skin's normal along that of the design
+constexpr double rim_width = 1e-7;   // mm; a contact this near to a sharp rim is on it
+constexpr double min_cosine = 1e-6;  // of the angle between the skin's normal and that of the
+                                     // design
 
-/// The interval of samples that holds an instant, and the share of it that has passed.
+/// The interval of samples that contains an instant, and the fraction of it that has passed.
 struct Instant {
   int interval;
   double u;
@@ -96,7 +99,7 @@ Instant instant_of(const Eigen::VectorXd& time_s, double at) {
   return {int(interval), span > 0.0 ? (at - time_s[interval]) / span : 0.0};
 }
 
-/// Whether a place of the half plane through the axis lies on a sharp rim of the cutter.
+/// Returns true if a point of the half plane through the axis lies on a sharp rim of the cutter.
 bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& place) {
   if (!cutter.outline)
     return cutter.corner_radius == 0.0 && std::abs(place.y()) < rim_width &&
@@ -107,8 +110,8 @@ bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& place) {
   });
 }
 
-/// Normal of the cutter's skin at a contact; of a sharp rim that of the surface which the rim
-/// sweeps with the feed, none where it stands.
+/// Returns the normal of the cutter's skin at a contact. On a sharp rim it is that of the surface
+/// that the rim sweeps with the feed; nothing if the rim moves along itself.
 std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, const Vector3d& feed,
                                     const Vector3d& contact) {
   const Vector3d from = contact - at.tip;
@@ -130,15 +133,17 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, co
   return Vector3d(contact - (at.tip + corner * at.axis + ring * outward));
 }
 
-/// Normal of an insert's edge in the rake plane, at what is nearest to a contact.
-/// @param R       turn of frame t @param from  contact seen from its origin
+/// Returns the normal of an insert's edge in the rake plane, at the edge point nearest to a
+/// contact.
+/// @param R     rotation of frame t
+/// @param from  contact relative to its origin
 Vector3d outward_of(const EdgeProfile& profile, const Eigen::Matrix3d& R, const Vector3d& from) {
   const Eigen::Vector2d place(R.col(0).dot(from), R.col(2).dot(from));
   const Eigen::Vector2d outward = distance(profile.pieces, place).gradient;
   return outward.x() * R.col(0) + outward.y() * R.col(2);
 }
 
-/// gradient . normal = 1; NaN where the skin is seen edge on.
+/// Returns the gradient, scaled so that gradient . normal = 1; NaN if the skin is seen edge-on.
 Vector3d gradient_of(const std::optional<Vector3d>& skin, const Vector3d& normal) {
   const double facing = skin ? std::abs(skin->dot(normal)) : 0.0;
   if (!(facing > min_cosine * (skin ? skin->norm() : 1.0)))
@@ -146,7 +151,7 @@ Vector3d gradient_of(const std::optional<Vector3d>& skin, const Vector3d& normal
   return *skin / skin->dot(normal);
 }
 
-/// The contacts of all cut vertices, each found by `of_vertex(v, contact)` as gradient and travel.
+/// Computes gradient and travel of all cut vertices by `of_vertex(v, contact)`.
 template <class OfVertex>
 PassGradients each_contact(const Design& design, const Surface& surface,
                            const OfVertex& of_vertex) {
@@ -216,8 +221,8 @@ PassGradients turned_gradients(const Design& design_w, const Surface& surface, c
             ? outward_of(*nose.profile, turn * Eigen::Matrix3d(before.linear()), contact - centre)
             : Vector3d(contact - centre);
     const Vector3d around = line.cross(contact - motion.spindle_point);
-    // the edge runs across the arm, of an insert across its normal, within the rake plane, and the
-    // work passes it around the line
+    // The edge runs normal to the arm (of an insert: to its normal) within the rake plane, and the
+    // work passes it around the spindle line; the skin contains both directions.
     const Vector3d skin = rake.cross(arm).cross(around);
     const Vector3d normal = design_w.normals.row(v);
     const std::optional<Vector3d> defined = skin.norm() > 0.0 ? std::optional(skin) : std::nullopt;

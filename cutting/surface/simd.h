@@ -4,7 +4,8 @@
 
 #include "cutting/surface/outline.h"
 
-/// Eight numbers in single precision at a time, and eight vectors of three.
+/// Vectors of eight floats, eight 3-vectors of them, and distance and support of a tool outline in
+/// them.
 namespace abbe::cutting {
 
 namespace stdx = std::experimental;
@@ -15,6 +16,7 @@ inline constexpr float tiny = 1e-30f;  ///< keeps quotients of zero lengths fini
 
 inline Float8 load(const float* values) { return Float8(values, stdx::element_aligned); }
 
+/// Eight vectors of three components.
 struct Vector8 {
   Float8 x, y, z;
 };
@@ -36,7 +38,7 @@ inline Vector8 spread(const float (&v)[3]) { return {Float8(v[0]), Float8(v[1]),
 [[gnu::always_inline]] inline Vector8 cross(const Vector8& a, const Vector8& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-/// Never zero, for the squares of tiny parts may vanish: then too large.
+/// Returns the length, never zero: for lengths below 1e-15 the result is too large.
 [[gnu::always_inline]] inline Float8 length_of(const Vector8& a) {
   return stdx::sqrt(dot(a, a) + tiny);
 }
@@ -46,22 +48,23 @@ inline Vector8 spread(const float (&v)[3]) { return {Float8(v[0]), Float8(v[1]),
           stdx::min(stdx::max(p.z, low.z), high.z)};
 }
 
-/// Lane i of the mask as bit i.
+/// Returns a bit mask with lane i of the mask as bit i.
 [[gnu::always_inline]] inline unsigned bits(const Mask8& mask) {
   return unsigned(mask.__to_bitset().to_ulong());  // libstdc++'s own: one instruction
 }
 
-// The outline of a tool in single precision, for several places or directions at a time.
+// The outline of a tool in single precision, for eight points or directions at a time.
 
 /// Signed distance from an outline without its top, with its gradient.
 struct OutlineDistance8 {
   Float8 value;          ///< mm
   Float8 radial, axial;  ///< unit
-  Float8 curvature;      ///< 1/mm, in the half plane, of what is as far
+  Float8 curvature;      ///< 1/mm, in the half plane, of the offset curve through the point
 };
 
-// What an arc adds to its first point is counted from there, so that large radii cost no digits.
+// Positions on an arc are computed relative to its first point, so that large radii cost no digits.
 
+/// Returns the signed distances of eight points.
 [[gnu::always_inline]] inline OutlineDistance8 distance(const ToolOutline& outline, const Float8& x,
                                                         const Float8& y) {
   OutlineDistance8 most{Float8(-1e30f), Float8(0.0f), Float8(-1.0f), Float8(0.0f)};
@@ -91,7 +94,7 @@ struct OutlineDistance8 {
     Float8 value = (vx * vx + vy * vy + 2.0f * r * off) / (far + r);
     stdx::where(!beside, value) = Float8(-1e30f);
     take(value, cx * per_far, cy * per_far, per_far);
-    // beyond its ends an arc goes on along their tangents
+    // Beyond its ends an arc continues along its tangents.
     Float8 before = off, beyond = mx * wx + my * wy;
     stdx::where(beside, before) = Float8(-1e30f);
     stdx::where(beside, beyond) = Float8(-1e30f);
@@ -101,15 +104,17 @@ struct OutlineDistance8 {
   return most;
 }
 
-/// How far an outline reaches in a direction, and where.
+/// The reach of an outline in a direction (its support), and the point where it is attained.
 struct Reach {
-  Float8 most;  ///< mm times the direction's length; too large by 1e-9 of an arc's radius at most
-  Float8 x, y;  ///< mm, about
+  Float8 most;  ///< mm times the direction's length; too large by at most 1e-9 of an arc's radius
+  Float8 x, y;  ///< mm, approximate
 };
 
+/// Returns the reach of an outline in eight directions.
 [[gnu::always_inline]] inline Reach reach(const ToolOutline& outline, const Float8& across,
                                           const Float8& rise) {
-  constexpr float margin = 3e-5f;  // rad: an arc counts so far beyond its ends
+  constexpr float margin = 3e-5f;  // rad: an arc is extended by this beyond its ends, so that
+                                   // rounding loses no direction
   const Float8 length = stdx::sqrt(across * across + rise * rise + tiny);
   const float base = float(bottom(outline));
   Reach reach{Float8(base * rise), Float8(0.0f), Float8(base)};

@@ -21,12 +21,12 @@ namespace abbe::cutting {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// Of a cell number in the grid of `hilbert_code`.
+/// Bits of a cell number in the grid of `hilbert_code`.
 inline constexpr int hilbert_bits = 10;
-inline constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< a side
+inline constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< cells per side
 
-/// Place of a cell along the Hilbert curve of a grid of 2^bits cells a side, so that neighbours
-/// along the curve are neighbours in space.
+/// Returns the position of a cell along the Hilbert curve of a grid of 2^bits cells per side.
+/// Neighbours along the curve are neighbours in space.
 /// @param x, y, z  cell numbers, below 2^bits
 /// @return 3 bits for each of them
 /// Source: J. Skilling, Programming the Hilbert curve, AIP Conf. Proc. 707 (2004) 381.
@@ -104,6 +104,7 @@ void check_design(const Design& design) {
   require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
   require_milled(design.judged.empty() || Index(design.judged.size()) == n,
                  "the design has not one judgement a vertex");
+  // in parallel, because a design may have millions of vertices
   tbb::parallel_for(tbb::blocked_range<Index>(0, n, 4096), [&](const auto& range) {
     for (Index i = range.begin(); i < range.end(); ++i) {
       if (!is_judged(design, i)) continue;
@@ -148,12 +149,12 @@ bool is_judged(const Design& design, Index vertex) {
 
 namespace {
 
-/// A vertex on its curve.
+/// A vertex and its code on the curve.
 struct Place {
   std::uint32_t code, vertex;
 };
 
-/// By their codes, of equal ones as they stand: a digit of as many bits as a cell number at a time.
+/// Sorts by code, stably: a radix sort with digits of as many bits as a cell number.
 void sort_by_code(std::vector<Place>& places) {
   std::vector<Place> sorted(places.size());
   for (int shift = 0; shift < 3 * hilbert_bits; shift += hilbert_bits) {
@@ -197,7 +198,7 @@ std::vector<Index> judged_along_curve(const Design& design) {
 
 namespace {
 
-/// The stretch of a vertex's normal from `from` to `to`, mm.
+/// Returns the segment of a vertex's normal from `from` to `to`, mm.
 ShiftedRay stretch(const Design& design, Index vertex, double from, double to) {
   const Eigen::Vector3d normal = design.normals.row(vertex);
   const double shift = 0.5 * (from + to);
@@ -205,8 +206,8 @@ ShiftedRay stretch(const Design& design, Index vertex, double from, double to) {
           shift};
 }
 
-/// Whether a place that was removed below an intact skin is nearer to another place of the part by
-/// a tenth: then it was cut from there.
+/// Returns true if a point that was removed below an intact skin is nearer, by a tenth, to another
+/// point of the part: it was then cut from there.
 bool is_cut_from_elsewhere(const Design& design, const Thickness& thickness, Index vertex,
                            double s) {
   constexpr double share = 0.9;
@@ -214,30 +215,32 @@ bool is_cut_from_elsewhere(const Design& design, const Thickness& thickness, Ind
   return thickness.comes_within(place, share * std::abs(s));
 }
 
-/// A vertex whose ray starts in removed material or meets none, and how far inwards it is followed.
+/// A vertex whose ray starts in removed material or meets none, and the depth to which it is
+/// followed.
 struct GougeSearch {
   int vertex = 0;
-  bool buried = false;   // it starts in removed material
-  bool thin = false;     // the part is thinner there than two bands: the outer band is searched too
-  double deepest = 0.0;  // mm below the design
+  bool buried = false;  // its ray starts in removed material
+  bool thin = false;  // the part is thinner there than two bands, so the outer band is searched too
+  double deepest = 0.0;  // mm below the design, limit of the search
 };
 
-/// Along what a vertex is followed.
+/// Returns the ray along which a vertex is followed.
 ShiftedRay ray_of(const GougeSearch& look, const Design& design, double band) {
   return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
 }
 
+// Result of the second search of a vertex.
 struct Second {
   VertexStatus status = VertexStatus::Uncut;
   FirstCut cut;
   Gouge gouge;
 };
 
-/// @param cut  along its ray
+/// Decides the status of a vertex. @param cut  first cut along its ray
 Second judged(const GougeSearch& look, const Design& design, const Thickness& thickness,
               double band, std::optional<FirstCut> cut) {
   const auto& [vertex, buried, thin, deepest] = look;
-  if (!cut && buried && !thin)  // it begins at -band, to rounding
+  if (!cut && buried && !thin)  // the removed material begins at -band, to rounding
     return {VertexStatus::Gouged, {-band, 0.0, 0}, {vertex, band, false}};
   if (!cut) return {};
   const ShiftedRay along = ray_of(look, design, band);
@@ -259,7 +262,8 @@ bool is_doubtful(VertexStatus status) {
   return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
 }
 
-/// Every doubtful vertex that has more of the part to look at, in their order.
+/// Returns the searches of all uncut or gouged vertices, in the order of the vertices. A vertex
+/// that is uncut on a thin part has no unsearched material behind it and is omitted.
 std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& design,
                                         const Thickness& body, double band) {
   std::vector<GougeSearch> looks;
@@ -270,6 +274,7 @@ std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& de
   each_in_parallel(looks.size(), [&](std::size_t k) {
     const int v = looks[k].vertex;
     const auto behind = body.behind(design.vertices.row(v), design.normals.row(v), 2.0 * most);
+    // half way through the part, so that a thin wall machined on both sides is no gouge
     looks[k].deepest = behind ? 0.5 * *behind : most;
     looks[k].thin = looks[k].deepest <= band;
   });
@@ -277,7 +282,8 @@ std::vector<GougeSearch> gouge_searches(const Surface& surface, const Design& de
   return looks;
 }
 
-/// The map once those vertices are called Gouged, Uncut or, where the part is thin, Cut.
+/// Returns the map after the second search: the vertices become Gouged, Uncut or, where the part is
+/// thin, Cut.
 /// @param cuts  (looks) first cuts along their rays
 Surface with_gouge_status(Surface surface, const Design& design, const Thickness& body, double band,
                           const std::vector<GougeSearch>& looks,
@@ -301,6 +307,7 @@ Surface with_gouge_status(Surface surface, const Design& design, const Thickness
 
 }  // namespace
 
+// The thickness of the part is rarely needed and costs a tree, so it is built on first use.
 std::optional<ShiftedRay> ThinPartRays::of(Index vertex) const {
   std::call_once(once_, [&] { thickness_.emplace(design_); });
   const auto behind =

@@ -13,57 +13,61 @@
 #include "cutting/surface/sweep_tree.h"
 #include "cutting/surface/tool.h"
 
-/// What the functions that find the machined surface at vertices are given.
+/// Building blocks of the search for the machined surface: checks of the input, the order of the
+/// vertices, first cuts along normals, and the second search of vertices that are gouged or uncut.
 namespace abbe::cutting {
 
+/// Checks design, cutter, motion and band (mm).
 /// @throws std::invalid_argument as milled_surface
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
                   double band);
 
-/// The design alone.
+/// Checks the design only.
 /// @throws std::invalid_argument as milled_surface
 void check_design(const Design& design);
 
-/// The design and the band only: nose and motion are checked where they are taken up.
+/// Checks the design and the band only; nose and motion are checked by NoseCutSearch.
 /// @throws std::invalid_argument as turned_surface
 void check_turned(const Design& design, double band);
 
-/// @throws std::invalid_argument as milled_rivals
+/// Checks the options of a search for competing passes.
+/// @throws std::invalid_argument as milled_competing_passes
 void check_pass_options(const CompetingPassOptions& options);
 
+/// Returns true if the vertex lies in the judged region.
 bool is_judged(const Design& design, Eigen::Index vertex);
 
-/// The judged vertices along a space-filling curve, so that neighbours in the order have
-/// neighbouring removals.
+/// Returns the judged vertices along a space-filling curve, so that neighbours in the order are
+/// neighbours in space and have neighbouring removals.
 std::vector<Eigen::Index> judged_along_curve(const Design& design);
 
-// The vertices whose ray starts in removed material or meets none, looked at a second time.
+// The second search, of vertices whose ray starts in removed material or meets none.
 
-/// What removes a ray first, coming from inside the part; s is -band of the ray if it starts in
-/// removed material.
+/// The first cut of a ray, coming from inside the part; s is -band if the ray starts in removed
+/// material.
 struct FirstCut {
   double s = 0.0;  ///< mm along the normal
   double time_s = 0.0;
   int line = 0;
 };
-using FirstCutFunction = std::function<std::optional<FirstCut>(const Ray&)>;  ///< from any thread
-/// Of so many rays at once, each made on request.
+using FirstCutFunction = std::function<std::optional<FirstCut>(const Ray&)>;  ///< thread-safe
+/// Returns the first cuts of `count` rays, which it obtains one by one from `ray`.
 using FirstCutsFunction = std::function<std::vector<std::optional<FirstCut>>(
     std::size_t count, const std::function<Ray(std::size_t)>& ray)>;
 
-/// The stretch of a normal that a ray covers, its middle `shift` mm from the vertex.
+/// The segment of a normal that a ray covers, with its middle `shift` mm from the vertex.
 struct ShiftedRay {
   Ray ray;
   double shift = 0.0;
 };
 
-/// Rays that start half way through the part, for vertices where that is nearer than -band.
-/// The design outlives them; asked from any thread.
+/// Rays that start half way through the part, for vertices where that is nearer than -band. The
+/// design must outlive the object. Thread-safe.
 class ThinPartRays {
  public:
   ThinPartRays(const Design& design, double band) : design_(design), band_(band) {}
 
-  /// None where the part is not so thin.
+  /// Returns the ray of a vertex, or nothing if the part is thicker than two bands there.
   std::optional<ShiftedRay> of(Eigen::Index vertex) const;
 
  private:
@@ -73,42 +77,45 @@ class ThinPartRays {
   mutable std::optional<Thickness> thickness_;
 };
 
-/// The map with its gouges: every vertex that it calls Gouged (its ray starts in removed material)
-/// or Uncut is followed inwards as milled_surface says, and called Gouged, Uncut or, where the part
-/// is thinner than two bands, Cut.
+/// Returns the map completed by its gouges: follows inwards, as described at milled_surface, every
+/// vertex that is Gouged (its ray starts in removed material) or Uncut, and sets it to Gouged,
+/// Uncut or, where the part is thinner than two bands, Cut.
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutFunction& first_cut);
-/// The same where the first cuts of all rays are found together. @param first_cuts  asked once, if
-/// there is a ray
+/// Overload for callers that compute the first cuts of all rays together.
+/// @param first_cuts  called once if there is a ray, otherwise not
 Surface with_gouge_depths(Surface surface, const Design& design, const SurfaceOptions& options,
                           const FirstCutsFunction& first_cuts);
 
-// Removals as what is reported of them: a place, an instant and a line of the program.
+// First cuts: position, instant and program line.
 
 inline constexpr std::size_t first_cut_block = 512;  ///< vertices that share their hints
 
+/// Converts a removal to a first cut with its time and program line.
 FirstCut cut_of(const Removal& removal, const CutterMotion& motion);
 
-/// The moves of each convex part of a cutter. @param motion  outlives them
+/// Returns one tree of moves for each convex part of a cutter.
+/// @param motion  must outlive the trees
 std::vector<SweepTree> sweep_trees(const Cutter& cutter, const CutterMotion& motion);
 
-/// First cut of one ray alone, whatever was asked before, by any of the parts: of equal ones the
-/// earliest.
+/// Returns the first cut of a single ray by any of the parts, of equal ones the earliest. The
+/// result does not depend on earlier calls.
 std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const CutterMotion& motion,
                                   const Ray& ray);
 
-/// First cuts along the normals, from -band on. @param vertices  beside each other: as
-/// `judged_along_curve`. @return (vertices)
+/// Returns (vertices) the first cuts along the normals from -band on.
+/// @param vertices  in an order of neighbours, such as that of `judged_along_curve`
 std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
                                                 const CutterMotion& motion, const Design& design,
                                                 std::span<const Eigen::Index> vertices,
                                                 double band);
 
-/// A surface before anything is cut of it. @param judged  its vertices; the others are Outside
+/// Returns the surface before anything is cut.
+/// @param judged  vertices of status Uncut; the others are Outside
 Surface uncut_surface(const Design& design, std::span<const Eigen::Index> judged);
 
-/// Keeps the cut of a vertex that is Cut or Uncut so far if it comes before what is known; one at
-/// -band makes it Gouged.
+/// Stores the cut of a vertex that is Cut or Uncut so far if it precedes the stored one; a cut at
+/// -band makes the vertex Gouged.
 void keep_first(Surface& surface, Eigen::Index vertex, const FirstCut& cut, double band);
 
 }  // namespace abbe::cutting

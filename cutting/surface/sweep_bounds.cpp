@@ -17,12 +17,14 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr std::size_t max_slab_leaves = 512;  // of a child; more of a surface is not flat
-constexpr int core_steps = 4;                 // towards the nearest point of a tool
-constexpr int shaft_steps = 2;                // the same of a ball on its shaft
-constexpr float move_rounding = 3e-6f;        // of a distance; proved below to be enough
-constexpr float node_rounding = 4e-6f;
+constexpr std::size_t max_slab_leaves = 512;  // of a child; the surface over more leaves is not
+                                              // flat
+constexpr int core_steps = 4;                 // iterations towards the nearest point of a tool
+constexpr int shaft_steps = 2;                // the same for a ball on its shaft
+constexpr float move_rounding = 3e-6f;        // of a distance; proved below to be sufficient
+constexpr float node_rounding = 4e-6f;        // the same for a node
 
+// Returns the largest float that is not above x, so that a bound stays a bound.
 float below(double x) {
   const float f = float(x);
   return double(f) <= x ? f : std::nextafterf(f, -std::numeric_limits<float>::infinity());
@@ -31,9 +33,9 @@ float above(double x) { return -below(-x); }
 
 Vector3d at(const float (&v)[3][8], int i) { return {v[0][i], v[1][i], v[2][i]}; }
 
-// ---- making them --------------------------------------------------------------------------------
+// Construction of the bounds.
 
-/// Centre of the corner circle's plane and axis at the ends of a move.
+/// The centre of the corner circle's plane and the axis at the ends of a move.
 struct Ends {
   Vector3d k0, k1, u0, u1;
 };
@@ -50,7 +52,7 @@ Ends ends_of(const Move& move, double corner_radius) {
   return e;
 }
 
-/// Direction in which points of that covariance spread least.
+/// Returns the direction in which points of the given covariance spread least.
 Vector3d flattest(const Eigen::Matrix3d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(covariance);
@@ -59,6 +61,8 @@ Vector3d flattest(const Eigen::Matrix3d& covariance) {
                                                          : Vector3d::UnitZ().eval();
 }
 
+// Adds the slab between two parallel planes that contains all k of the leaves. Passes over a
+// surface lie nearly in a plane, where a box that stands askew would be thick.
 void add_slab(SweepBounds& b, const SweepLeaves& leaves, std::size_t first, std::size_t end) {
   const auto each_end = [&](const auto& use) {
     for (std::size_t l = first; l < end; ++l) {
@@ -82,6 +86,7 @@ void add_slab(SweepBounds& b, const SweepLeaves& leaves, std::size_t first, std:
     count += 1.0;
   });
   const Vector3d flat = flattest(square / count - sum * sum.transpose() / (count * count));
+  // through float, so that the heights are computed with the direction that the node stores
   b.flat = flat.cast<float>().cast<double>();
   b.flat_low = std::numeric_limits<double>::infinity();
   b.flat_high = -b.flat_low;
@@ -90,6 +95,7 @@ void add_slab(SweepBounds& b, const SweepLeaves& leaves, std::size_t first, std:
     b.flat_low = std::min(b.flat_low, height);
     b.flat_high = std::max(b.flat_high, height);
   });
+  // 1 % because `flat` is a unit vector only to rounding
   b.flat_low -= 1.01 * slack;
   b.flat_high += 1.01 * slack;
 }
@@ -117,6 +123,7 @@ void put(SweepLeaves& leaves, std::size_t l, const Cutter& cutter, std::span<con
   }
   std::copy_n(origin.data(), 3, place.origin);
   place.reach = float(reach + cutter.radius + cutter.flank_length);
+  // 0.13 instead of 1/8 covers the rounding; 2e-7 is the rounding of k to float
   place.slack = float(0.13 * cutter.corner_radius * turn2) + 2e-7f * place.reach;
 }
 
@@ -136,6 +143,7 @@ SweepBounds bounds_of(const SweepLeaves& leaves, std::size_t l) {
   b.low += origin - Vector3d::Constant(place.slack);
   b.high += origin + Vector3d::Constant(place.slack);
   add_slab(b, leaves, l, l + 1);
+  // axes that nearly cancel have no mean direction
   if (sum.norm() < 1e-3 * place.count) {
     b.spread = pi;
     return b;
@@ -144,6 +152,7 @@ SweepBounds bounds_of(const SweepLeaves& leaves, std::size_t l) {
   for (int i = 0; i < place.count; ++i)
     for (const Vector3d& u : {at(leaf.u0, i), at(leaf.u1, i)})
       b.spread = std::max(b.spread, std::atan2(u.cross(b.cone).norm(), u.dot(b.cone)));
+  // rounding of the cone's axis to float
   b.spread += 1e-6;
   return b;
 }
@@ -174,6 +183,7 @@ SweepBounds bounds_of(const SweepNode& node, int children, const Vector3d& centr
 
 void put(SweepNode& node, int child, const SweepBounds& b, const Vector3d& centre) {
   for (int d = 0; d < 3; ++d) {
+    // 1e-9 mm covers the rounding of the doubles
     node.low[d][child] = below(b.low[d] - centre[d] - 1e-9);
     node.high[d][child] = above(b.high[d] - centre[d] + 1e-9);
     node.cone[d][child] = float(b.cone[d]);
@@ -182,6 +192,7 @@ void put(SweepNode& node, int child, const SweepBounds& b, const Vector3d& centr
   const Vector3d rounding = b.low - (at(node.low, child) + centre);
   node.flat_low[child] = below(b.flat_low + b.flat.dot(rounding) - 1e-9);
   node.flat_high[child] = above(b.flat_high + b.flat.dot(rounding) + 1e-9);
+  // a cone wider than 1.5 rad rules out almost nothing, and its tests need an acute angle
   const bool any = b.spread > 1.5;
   node.cos_spread[child] = any ? -1.0f : float(std::cos(b.spread));
   node.sin_spread[child] = any ? 0.0f : float(std::sin(b.spread));
@@ -223,58 +234,57 @@ PatchEnd::PatchEnd(const RayEnd& middle, const Eigen::Matrix3d& axes, const Vect
   end.doubt *= 1.5f;
 }
 
-// ---- holding them against a ray -----------------------------------------------------------------
-//
-// With q the point where the ray is cut off, a plane through q with normal m, m n <= 0, has the
-// whole ray up to q on its outer side. Nothing before q is removed by tools that all lie on the
-// inner side:
+// Testing the bounds against a ray. With q the point where the ray is cut off, a plane through q
+// with normal m, m n <= 0, has the whole ray up to q on its outer side. Tools that all lie on the
+// inner side remove nothing before q:
 // m q > max m k + h(m), where h is the support of the tool about k. With u the axis,
 //   h = r |m| + ring |m x u| if m u <= 0, (flank - r) m u + R |m x u| if m u > 0.
-// m is the direction to q from the nearest point of the tool's core, turned across n if need be.
-// Any m will do: what is rounded on the way to it costs nothing.
+// m is the direction to q from the nearest point of the tool's core, turned to be normal to n if
+// need be. The bound holds for any m, so rounding in the computation of m does no harm.
 //
-// Such a plane has all of the line before q on its outer side, cutters far behind the start of the
-// ray included. Where the nearest place lies behind q, the same is tried from the start, of the ray
-// that runs the other way.
+// Such a plane has the whole line before q on its outer side, including cutters far behind the
+// start of the ray. If the nearest point lies behind q, the test is repeated from the start, for
+// the reversed ray.
 //
 // Rounding of the test itself. Let e = 2^-24, D = |q| + |k| + R + flank about the bound's origin,
-// m0 the direction before it is turned across n, |m0| <= |m| + turned. In units of e D |m0|:
+// m0 the direction before it is turned normal to n, |m0| <= |m| + turned. In units of e D |m0|:
 //   1  q and k as floats
 //   8  a move: the products m q and m k;  28  a node: parts of m, differences from two corners,
 //      products with both and sums, each part at most D |m|
 //   3  sums of the terms
-//  14  |m x u| (7: as a norm of the cross product it is good to e |m| however small it is, where a
+//  14  |m x u| (7: as a norm of the cross product it is accurate to e |m| however small it is; a
 //      difference of squares would be to the root of e), m u (4) and their products with R and
 //      flank; 20 where they are turned by the spread of a cone
 //   8  m n <= 0 fails by 8 e |m0| (all of m may be what is left of m0), over no more than D of the
 //      ray: what is farther from q lies in no cutter
 // So 34 for a move and 60 for a node, that is 2.1e-6 and 3.6e-6.
-// tests/cutting/sweep_bounds_test.cpp looks for worse.
+// tests/cutting/sweep_bounds_test.cpp searches for larger errors.
 //
-// Rays beside each other. Their ends q lie in a box about its middle c: m q >= m c - sum |m a| h
-// over its axes a and halves h. With the tangent t of the largest angle between a ray's normal and
-// n, m n <= -t |m0| after the turn, |m|^2 <= (1 + t^2) |m0|^2, so that m n' <= 0 for every normal
-// n' within that angle: m n' <= m n cos + sqrt(|m|^2 - (m n)^2) sin, which is at most 0 where -m n
-// >= tan sqrt(|m|^2 - (m n)^2), and |m|^2 - (m n)^2 <= |m0|^2. Halves and tangent are taken a
-// thousandth larger, against which their rounding is nothing, and the doubt of a node half as large
-// again for the turn.
+// Neighbouring rays. Their ends q lie in a box about its middle c: m q >= m c - sum |m a| h over
+// its axes a and halves h. With the tangent t of the largest angle between a ray's normal and n, m
+// n <= -t |m0| after the turn and |m|^2 <= (1 + t^2) |m0|^2, so that m n' <= 0 for every normal n'
+// within that angle: m n' <= m n cos + sqrt(|m|^2 - (m n)^2) sin, which is at most 0 where -m n >=
+// tan sqrt(|m|^2 - (m n)^2), and |m|^2 - (m n)^2 <= |m0|^2. Halves and tangent are enlarged by a
+// thousandth, compared with which their rounding is nothing, and the doubt of a node by half for
+// the turn.
 
 namespace {
 
 enum class Form { Ball, Rounded, Outlined };
 
-/// A direction by its parts along an axis and across it.
+/// Components of a direction along an axis and across it.
 struct Steepness {
   Float8 along, across, length;
 };
+// Cosine and sine of half the opening of a cone.
 struct Spread {
   Float8 cosine, sine;
 };
 
-/// How far an outline reaches at most in a direction whose angle to the axis is not known better
-/// than within a spread: a direction between two is made of parts of them, together no more than 1
-/// / cos of the spread, and no less than 1, which counts for what begins above the tip and ends
-/// below a plane.
+/// Returns an upper bound of the reach of an outline in a direction whose angle to the axis is
+/// known only to within a spread. Any direction in the range is a combination of the two limits
+/// whose coefficients sum to at most 1 / cos of the spread, and to at least 1, which matters for an
+/// outline that begins above the tip and ends below a plane.
 [[gnu::always_inline]] inline Float8 support_within(const ToolOutline& outline, const Steepness& m,
                                                     const Spread& spread) {
   Float8 nearer = m.across * spread.cosine - m.along * spread.sine;
@@ -291,7 +301,8 @@ struct Spread {
   return stdx::max(most, most / spread.cosine);
 }
 
-/// To a place w from k, from the nearest place of what stands about k along u.
+/// Returns the vector to a point w about k from the nearest point of the core, which stands about k
+/// along u.
 template <Form form>
 [[gnu::always_inline]] inline Vector8 core_towards(const RayEnd& end, const Vector8& w,
                                                    const Vector8& u) {
@@ -306,12 +317,12 @@ template <Form form>
   }
 }
 
-/// A plane through q of normal `m` with room for eight tools behind it.
+/// A plane through q with normal `m`, and its distances to eight tools behind it.
 struct Plane {
   Vector8 m;
   Float8 gap;
-  Float8 doubt;   // by which gap may be too large
-  Float8 behind;  // above zero where the nearest place of the core lies behind q
+  Float8 doubt;   // amount by which gap may be too large
+  Float8 behind;  // positive if the nearest point of the core lies behind q
 };
 
 [[gnu::always_inline]] inline unsigned open_of(const Plane& plane) {
@@ -321,7 +332,7 @@ struct Plane {
 const RayEnd& middle_of(const RayEnd& end) { return end; }
 const RayEnd& middle_of(const PatchEnd& rays) { return rays.end; }
 
-/// By how much m is turned along n, so that m n <= 0 for every ray.
+/// Returns by how much m must be turned along n so that m n <= 0 for every ray.
 [[gnu::always_inline]] inline Float8 turned_by(const Vector8& m, const RayEnd& end) {
   return stdx::max(dot(m, spread(end.n)), Float8(0.0f));
 }
@@ -329,7 +340,7 @@ const RayEnd& middle_of(const PatchEnd& rays) { return rays.end; }
   return stdx::max(dot(m, spread(rays.end.n)) + rays.tilt * length_of(m), Float8(0.0f));
 }
 
-/// How far the ends of rays lie from their middle along m.
+/// Returns the extent of the rays' ends from their middle along m.
 [[gnu::always_inline]] inline Float8 extent_along(const Vector8&, const RayEnd&) {
   return Float8(0.0f);
 }
@@ -339,7 +350,8 @@ const RayEnd& middle_of(const PatchEnd& rays) { return rays.end; }
   return sum;
 }
 
-/// From the nearest place of the cutters' cores to the end of the ray, nearly.
+/// Returns approximately the direction from the nearest point of the cutters' cores to the end of
+/// the ray.
 template <Form form>
 [[gnu::always_inline]] inline Vector8 direction_to(const RayEnd& end, const SweepNode& node) {
   const Vector8 p = spread(end.p);
@@ -362,7 +374,7 @@ template <Form form>
       rise = stdx::max(dot(m, cone) + rise, Float8(0.0f));
     }
   } else {
-    Vector8 w = m;  // to p from the nearest place of k
+    Vector8 w = m;  // to p from the nearest position of k
     Vector8 last_step = m;
     for (int i = 0; i < core_steps; ++i) {
       const Vector8 core = core_towards<form>(end, w, cone);
@@ -370,7 +382,7 @@ template <Form form>
       const Vector8 next = m + core;
       const Vector8 step = next - w;
       w = next;
-      if (i == 1) {  // the steps shrink evenly: jump to their limit
+      if (i == 1) {  // the steps form a geometric series: extrapolate to its limit
         const Float8 ratio = dot(step, last_step) / (dot(last_step, last_step) + tiny);
         w = w + stdx::min(stdx::max(ratio / (1.0f - ratio), Float8(0.0f)), Float8(30.0f)) * step;
       }
@@ -391,22 +403,22 @@ template <Form form, class Rays>
   const Vector8 m0 = direction_to<form>(end, node);
   const Float8 turned = turned_by(m0, rays);
   const Vector8 m = m0 - turned * n;
-  // Both parts of m, across the slab and the rest, are bounded on their own: m (q - k) is their sum
+  // The components of m across the slab and along it are bounded separately: m (q - k) is their sum
   // whatever the length of `flat`.
   const Vector8 from_low = spread(end.p) - load(node.low);
   const Vector8 from_high = spread(end.p) - load(node.high);
   const Float8 steep = dot(m, flat);
   const Float8 height = dot(from_low, flat);
   const Vector8 rest = m - steep * flat;
-  const Float8 length_mismatch_text =
+  const Float8 apart =
       stdx::min(steep * (height - load(node.flat_low)), steep * (height - load(node.flat_high))) +
       stdx::min(rest.x * from_low.x, rest.x * from_high.x) +
       stdx::min(rest.y * from_low.y, rest.y * from_high.y) +
       stdx::min(rest.z * from_low.z, rest.z * from_high.z);
   const Float8 length = length_of(m);
-  // Of all u in the cone the nearest to m has the largest m u, and if that is below zero the
-  // largest |m x u|, too. There the angle to the cone's axis is a right one and more, so that
-  // nothing cancels in the sine of what the spread leaves of it.
+  // Of all u in the cone the one nearest to m has the largest m u and, if that is negative, also
+  // the largest |m x u|. The angle to the cone's axis is then at least a right angle, so that
+  // nothing cancels in the sine of the angle that remains after the spread.
   const Float8 along = dot(m, cone);
   const Float8 beside = length_of(cross(m, cone));
   Float8 upward = along * cos_spread + beside * sin_spread;
@@ -421,11 +433,10 @@ template <Form form, class Rays>
       support += end.ring * (beside * cos_spread - along * sin_spread);
     stdx::where(upward > 0.0f, support) = end.radius * length + (end.flank - end.corner) * upward;
   }
-  return {m, length_mismatch_text - support - extent_along(m, rays), end.doubt * (length + turned),
-          turned};
+  return {m, apart - support - extent_along(m, rays), end.doubt * (length + turned), turned};
 }
 
-/// The same of moves, the end of the ray being p about their origin.
+/// The direction for moves; p is the end of the ray about their origin.
 template <Form form>
 [[gnu::always_inline]] inline Vector8 direction_to(const Vector8& p, const RayEnd& end,
                                                    const SweepLeaf& leaf) {
@@ -457,7 +468,7 @@ template <Form form>
       t0 = t1;
       t1 = t;
       m = from_nearest(p - core, t);
-      if (i == 1) {  // the steps shrink evenly: jump to their limit
+      if (i == 1) {  // the steps form a geometric series: extrapolate to its limit
         const Float8 bend = t - 2.0f * t1 + t0;
         const Float8 limit = t - (t - t1) * (t - t1) / bend;
         stdx::where(stdx::abs(bend) > 1e-6f, t) =
@@ -501,9 +512,9 @@ template <Form form, class Rays>
     }
   };
   const Float8 most = stdx::max(farthest(load(leaf.k0), u0), farthest(load(leaf.k1), u1));
-  // Between the ends the point of the tool that is foremost along m leaves its chord by arm angle^2
-  // / 8, the arm being the part of it along m: R where m u <= 0, R + flank at most. Where m u <= 0
-  // at both ends it is in between, for (m u)'' = -angle^2 m u.
+  // Between the ends the point of the tool that is foremost along m departs from its chord by arm
+  // angle^2 / 8. The arm is its component along m: R where m u <= 0, R + flank at most. If m u <= 0
+  // at both ends it is so in between, because (m u)'' = -angle^2 m u.
   Float8 arm(end.radius);
   stdx::where(upward > 0.0f, arm) = Float8(end.radius + end.flank);
   const Float8 sag = arm * (0.13f * dot(turn, turn)) * length;
@@ -523,7 +534,7 @@ Form form_of(const RayEnd& end) {
   return end.ring == 0.0f ? Form::Ball : Form::Rounded;
 }
 
-/// What `use` makes of the form, as a constant.
+/// Calls `use` with the form as a compile-time constant.
 template <class Use>
 auto by_form(const RayEnd& end, const Use& use) {
   switch (form_of(end)) {
@@ -543,6 +554,7 @@ Open8 open_children_of(const SweepNode& node, const Stretch& ray) {
   Open8 open{open_of(plane)};
   const Float8 room = plane.gap - plane.doubt;
   room.copy_to(open.separation, stdx::vector_aligned);
+  // The second plane is computed only if it can close a child that the first leaves open.
   if ((open.bits & bits(plane.behind > 0.0f)) != 0)
     open.bits &= open_of(plane_before<form>(ray.start, node));
   return open;

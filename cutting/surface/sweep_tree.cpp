@@ -20,14 +20,14 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
-/// What a walk through the tree is for, along as much of its ray as is open.
+/// The state of a walk through the tree along the part of the ray that is still open.
 struct SweepTree::Aim {
   const Ray& ray;
   RaySegment open;
   Hint& hint;
   int done_leaf = -1;
   int done_item = -1;
-  int cuts = 0;  // that made the ray shorter
+  int cuts = 0;  // number of cuts that made the ray shorter
   bool buried = false;
 };
 
@@ -36,11 +36,11 @@ struct SweepTree::First {
   std::optional<Removal> best;
   int best_item = -1;
 
-  /// mm along the ray, beyond which nothing is of interest.
+  /// Returns the s (mm) beyond which nothing is of interest.
   double limit(const Ray& ray) const {
     return best ? std::min(best->s + entry_margin, ray.band) : ray.band;
   }
-  /// @return whether it comes before what was found
+  /// @return true if it comes before the first removal so far
   bool take(const Removal& removal, int item) {
     const auto order = [](const Removal& one) { return std::tuple(one.s, one.move, one.part); };
     if (best && order(*best) <= order(removal)) return false;
@@ -61,7 +61,7 @@ struct SweepTree::Collection : Aim {
   double limit() const { return end; }
 };
 
-// ---- building -----------------------------------------------------------------------------------
+// Construction.
 
 SweepTree::SweepTree(const Cutter& cutter, const CutterMotion& motion)
     : cutter_(cutter), motion_(motion) {
@@ -80,8 +80,9 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
   centre_ = 0.5 * (low + high);
   reach_ = 0.5 * (high - low).lpNorm<1>() + 4 * cutter_.radius + cutter_.flank_length;
 
-  // moves at one place whose axes lean apart reach apart: in one node their bound would be that of
-  // a cone of axes
+  // Moves at the same position whose axes lean apart cover different regions; in one node their
+  // bound would be that of a cone of axes. The axis times a lever therefore counts as three more
+  // coordinates.
   const double lever = 0.5 * std::max(cutter_.flank_length, cutter_.radius);
   std::vector<int> first(std::size_t(moves) + 1, 0);
   for (int i = 0; i < moves; ++i) first[i + 1] = first[i] + parts_of(motion_, i);
@@ -108,8 +109,8 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
   return items;
 }
 
-/// Orders items so that each run of 8, 64, 512 ... of them, counted from the first, keeps close
-/// together: ranges are halved across their longest side, at a whole number of runs.
+/// Orders the items so that each run of 8, 64, 512 ... of them, counted from the first, is compact:
+/// ranges are halved across their longest side, at a whole number of runs.
 void SweepTree::gather(std::span<Key> keys) {
   const auto order = [](const Item& item) { return std::tuple(item.move, item.part); };
   if (keys.size() <= width) {
@@ -134,6 +135,7 @@ void SweepTree::gather(std::span<Key> keys) {
                    [&](const Key& a, const Key& b) {
                      return a.k[d] != b.k[d] ? a.k[d] < b.k[d] : order(a.item) < order(b.item);
                    });
+  // items; a smaller range is ordered faster than a task is started
   constexpr std::size_t worth_a_thread = 4096;
   const auto first = [&] { gather(keys.first(half)); };
   const auto rest = [&] { gather(keys.subspan(half)); };
@@ -201,7 +203,7 @@ void SweepTree::make_nodes() {
   }
 }
 
-// ---- searching ----------------------------------------------------------------------------------
+// Search.
 
 Removal SweepTree::removal_of(const Entry& entry, int item) const {
   return {entry.s, entry.t, items_[item].move, items_[item].part};
@@ -223,8 +225,8 @@ void SweepTree::try_item(int item, Wanted& wanted) const {
   take(first_entry(cutter_, move_of(item, wanted.hint), wanted.ray, wanted.limit()), item, wanted);
 }
 
-// The nearest of what is open comes first, as what it cuts off rules out most of the rest: whenever
-// the ray has become shorter, what waits is held against it again, eight at a time.
+// The nearest open child comes first, because its cut rules out most of the others: whenever the
+// ray has become shorter, the waiting ones are tested again, eight at a time.
 
 template <class Wanted>
 void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
@@ -255,7 +257,8 @@ const SweepTree::Hint::LeafBounds& SweepTree::bounded(int leaf, Hint& hint) cons
   return known;
 }
 
-/// Moves of a leaf of which several are open: bounded together, tried from the least bound on.
+/// Searches several open moves of a leaf: bounds them together and tests them from the least bound
+/// on.
 template <class Wanted>
 void SweepTree::search_bounded(int leaf, unsigned open, Wanted& wanted) const {
   const Hint::LeafBounds& moves = bounded(leaf, wanted.hint);
@@ -296,9 +299,10 @@ void SweepTree::descend(Wanted& wanted) const {
   struct Visit {
     int level;
     int index;
-    int cuts;  // of the ray when it was held against
+    int cuts;  // of the ray when `open` was computed
     Open8 open;
   };
+  // 12 levels of 8 children hold 6.9e10 leaves, more than an int can number
   std::array<Visit, 12> path;
   int depth = 0;
   const auto visit = [&](int level, int index) {
@@ -334,6 +338,8 @@ RaySegment SweepTree::stretch_of(const Ray& ray, double cut_off) const {
 std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) const {
   if (items_.empty()) return std::nullopt;
   Search search{{.ray = ray, .open = stretch_of(ray, ray.band), .hint = hint}, {}};
+  // The item of the neighbour's removal, then its leaf: either usually contains the first removal
+  // and so shortens the ray before the walk begins.
   if (hint.item >= 0) {
     try_item(hint.item, search);
     search.done_item = hint.item;
@@ -346,11 +352,9 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
   return search.best;
 }
 
-// ---- rays beside each other ---------------------------------------------------------------------
-//
-// Where they meet a few moves, those beside the move that the rays before met, bounds the first
-// removals from above. What no ray up to there can meet is ruled out for all at once; the moves
-// left are bounded for every ray, and tried from the least bound on.
+// Neighbouring rays. The few moves that they meet near the move met by the rays before give upper
+// bounds of the first removals. Moves that no ray can meet up to there are ruled out for all rays
+// at once; the remaining moves are bounded for every ray, and tested from the least bound on.
 
 namespace {
 
@@ -369,8 +373,8 @@ struct Box {
 
 }  // namespace
 
-/// Lowers each ray's limit (mm) to where the search would find, or a little beyond, that it meets
-/// the cutter of a move at its instant t, or of moves beside it.
+/// Lowers each ray's limit (mm) to the s at which the search would find that it meets the cutter of
+/// a move at instant t, or of moves beside it, or slightly beyond.
 void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
                       Hint& hint) const {
   if (is_ball(cutter_)) return lower_to_ball(limits, rays, cutter_, move_of(item, hint), t);
@@ -380,10 +384,13 @@ void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int i
   lower_to_eight(limits, rays, cutter_, moves);
 }
 
-/// mm along each ray, not before it meets its first removal; nothing where one of them starts in
-/// removed material, or all but does. The move that the rays before met serves, and where that
-/// leaves one of them far behind the others, what it really meets.
+/// Returns limits in mm along each ray that do not lie before its first removal; nothing if one of
+/// the rays starts, or almost starts, in removed material. They follow from the move that the rays
+/// before met and, where that leaves one of them far behind the others, from the first removal of
+/// that ray.
 std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) const {
+  // The box about the ends of the rays is only as good as the ray that reaches farthest, so up to
+  // four of them are searched exactly.
   constexpr int searches = 4;
   const double tight = 0.003 * cutter_.radius, loose = 0.01 * cutter_.radius;
   const double band = rays.front().band;
@@ -406,7 +413,8 @@ std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) 
   return limits;
 }
 
-/// Of rays that lean from each other by less than 45 deg.
+/// Returns the common bound of the rays; nothing unless they all lean from their mean by less than
+/// 45 deg.
 std::optional<PatchSegment> SweepTree::patch_of(std::span<const Ray> rays,
                                                 std::span<const double> limits) const {
   Vector3d sum = Vector3d::Zero();
@@ -427,7 +435,7 @@ std::optional<PatchSegment> SweepTree::patch_of(std::span<const Ray> rays,
     min_cosine = std::min(min_cosine, ray.normal.dot(axes.col(2)));
   }
   if (!(min_cosine > 0.7)) return std::nullopt;
-  // the cosine of a small angle has lost half of its digits
+  // The cosine of a small angle has lost half of its digits; 1e-14 restores the bound.
   const double tangent =
       std::sqrt(std::max(0.0, 1.0 - min_cosine * min_cosine) + 1e-14) / min_cosine;
   const auto end = [&](const Box& box, double sense) {
@@ -437,7 +445,7 @@ std::optional<PatchSegment> SweepTree::patch_of(std::span<const Ray> rays,
   return PatchSegment{end(ends, 1.0), end(starts, -1.0)};
 }
 
-/// @return whether they are no more than it may hold
+/// Collects the moves that the rays may meet. @return false if there are more than `near` may hold
 bool SweepTree::gather_near(const PatchSegment& rays, NearMoves& near, Hint& hint) const {
   struct Visit {
     int level, index;
@@ -467,7 +475,7 @@ bool SweepTree::gather_near(const PatchSegment& rays, NearMoves& near, Hint& hin
   return true;
 }
 
-/// The first removal of a ray by the moves of its pairs.
+/// Returns the first removal of a ray by the moves of its pairs.
 SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearMoves8& all,
                                        const NearPairs& pairs, std::size_t first, std::size_t end,
                                        const Ray& ray) const {
@@ -486,7 +494,8 @@ SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearMoves8& 
   for (std::size_t pair = first + 1; pair < end; ++pair)
     if (pairs.least(pair) < pairs.least(best)) best = pair;
   if (!(double(pairs.least(best)) > search.limit(ray))) attempt(best);
-  // those that single precision cannot tell from it, the nearest first
+  // Moves that single precision cannot distinguish from the best follow in the order of a bound in
+  // double precision.
   std::size_t competing_passes = 0;
   std::array<std::pair<double, std::size_t>, NearMoves::room> by_least;
   for (std::size_t pair = first; pair < end; ++pair) {
@@ -500,12 +509,12 @@ SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearMoves8& 
   return search;
 }
 
-/// Planes that hold for a few rays rule out most moves for each of them.
+/// Searches a few rays at a time with common planes, which rule out most moves for each of them.
 void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
                             std::span<std::optional<Removal>> found, const NearMoves& near,
                             Hint& hint) const {
   constexpr std::size_t few = Move8::width;
-  constexpr std::size_t many = 8;  // eights of moves, for which lower limits are worth their price
+  constexpr std::size_t many = 8;  // eights of moves, for which lower limits repay their cost
   const NearMoves8 all(cutter_, near);
   NearPairs pairs;
   std::array<std::size_t, few + 1> first_pair;
@@ -534,8 +543,9 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
   }
 }
 
-/// The same by bounds in closed form. @return whether they hold: only the lower half of a ball end
-/// is met, and it is near
+/// Searches neighbouring rays with bounds of ball ends in closed form.
+/// @return false if the bounds do not apply: they require that only the lower half of the ball is
+///         met, and that it is near
 bool SweepTree::search_near_balls(std::span<const Ray> rays,
                                   std::span<std::optional<Removal>> found,
                                   const PatchSegment& patch, const NearMoves& near,
@@ -550,6 +560,7 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
   std::array<BallChord, NearMoves::room> chords;
   for (int k = 0; k < near.count; ++k) {
     chords[k] = BallChord(cutter_, near.moves[k], origin);
+    // ball_bounds requires less than 5 radii
     if (!(chords[k].distance + far < 4.9 * cutter_.radius) ||
         !stays_below_centre(cutter_, near.moves[k], origin, around, normal, patch.end.tilt))
       return false;
@@ -585,13 +596,15 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
   return true;
 }
 
-/// @return whether they are near enough to each other for it to be worth while
+/// Searches rays together. @return false if they are too far apart for it to be worthwhile
 bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                              Hint& hint) const {
   std::vector<double> limits = limits_of(rays, hint);
   if (limits.empty()) return false;
   const std::optional<PatchSegment> patch = patch_of(rays, limits);
   NearMoves near;
+  // the closed form of a ball tests every near move for every ray, which does not pay for many
+  // moves
   near.most =
       is_ball(cutter_) ? std::min(NearMoves::room, 2 * int(rays.size()) + 16) : NearMoves::room;
   if (!patch || !gather_near(*patch, near, hint)) return false;
@@ -602,6 +615,8 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
   return true;
 }
 
+// The number of rays searched together halves on failure and doubles after a series of successes,
+// so that it adapts to the density of the vertices.
 void SweepTree::first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                                Hint& hint) const {
   for (const Ray& ray : rays)

@@ -10,58 +10,61 @@
 #include "cutting/surface/removal.h"
 #include "cutting/surface/sweep_bounds.h"
 
+/// The hierarchy of bounds over all moves of a cutter.
 namespace abbe::cutting {
 
-/// All moves of a cutter in a hierarchy of bounding volumes, 8 children a node, for finding the
-/// first removal along rays. Immutable once made; about 75 bytes a move, 90 while it is made.
-/// A move whose axis turns by more than 0.05 rad counts as several.
-/// What it answers is, bit for bit, what trying every move answers (`removal.h`).
+/// All moves of a cutter in a hierarchy of bounding volumes with 8 children per node, for finding
+/// the first removal along rays. Immutable once constructed; about 75 bytes per move, 90 during
+/// construction. A move whose axis turns by more than 0.05 rad counts as several. Its results are,
+/// bit for bit, those of testing every move (`removal.h`).
 class SweepTree {
  public:
   /// @param cutter  convex
   /// @param motion  outlives the tree, as the tree refers to it
   SweepTree(const Cutter& cutter, const CutterMotion& motion);
 
-  /// What is known from rays nearby: a place in the tree to start from, that of the removal found
-  /// for the last, and the moves that were tried most recently. Of one tree only: the moves of
-  /// another would be taken for its own. 80 kB, so a run of rays shares one.
+  /// Data carried over from neighbouring rays: the item from which to start, i.e. that of the last
+  /// removal found, and the moves that were tested most recently. A hint belongs to one tree only,
+  /// because item numbers differ between trees. 80 kB, so a run of rays shares one.
   struct Hint {
+    /// A move that was tested, by its item number.
     struct Tried {
       int item = -1;
       Move move;
     };
-    /// The moves of a leaf, as they are bounded.
+    /// The moves of a leaf in the form in which entry_bounds takes them.
     struct LeafBounds {
       int leaf = -1;
       Move8 lanes;
       std::array<MoveEndpoints, SweepLeaf::width> ends;
     };
     int item = -1;
-    std::array<Tried, 256> tried = {};        ///< at the item's number modulo their count
-    std::array<LeafBounds, 32> bounded = {};  ///< the same of leaves
+    std::array<Tried, 256> tried = {};        ///< at the item number modulo the array size
+    std::array<LeafBounds, 32> bounded = {};  ///< at the leaf number modulo the array size
     static constexpr std::size_t max_beside = 32, min_beside = 8, max_alone = 512;
     static constexpr int runs_before_growth = 8;
-    std::size_t beside = max_beside;  ///< rays that are looked at together, as that went well
-    int runs = 0;                     ///< that went well in this number since it last changed
-    std::size_t alone = min_beside;   ///< or one by one, before that is tried again
+    std::size_t beside = max_beside;  ///< rays searched together; adapts to success
+    int runs = 0;                     ///< number of successful searches since `beside` last changed
+    std::size_t alone = min_beside;   ///< rays searched one by one before a joint search is tried
+                                      ///< again
   };
 
-  /// First removal along the ray: smallest s, of equal ones the earliest move; if the ray starts in
-  /// removed material, any move that removed it. Does not depend on the hint, which is replaced by
-  /// the place of the result.
+  /// Returns the first removal along the ray: the smallest s, of equal ones the earliest move; if
+  /// the ray starts in removed material, any move that removed it. The result does not depend on
+  /// the hint, which is replaced by the item of the result.
   std::optional<Removal> first_removal(const Ray& ray, Hint& hint) const;
 
-  /// The same of rays in an order in which neighbours are near to each other, which share walks
-  /// through the tree.
-  /// @param rays   of one band
-  /// @param found  (rays)
+  /// Computes the first removals of rays in an order in which neighbours are near each other; such
+  /// rays share walks through the tree.
+  /// @param rays   of the same band
+  /// @param found  (rays), output
   /// @throws std::invalid_argument if their bands differ
   void first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                       Hint& hint) const;
 
-  /// First removal of every move, or part of one, that comes within `reach` (mm) of the first of
-  /// all, in the order of the motion. Empty if there is none, or if the ray starts in removed
-  /// material.
+  /// Returns the first removal of every move, or part of a move, that comes within `reach` (mm) of
+  /// the first of all, in the order of the motion. Empty if there is none, or if the ray starts in
+  /// removed material.
   std::vector<Removal> removals_within(const Ray& ray, double reach, Hint& hint) const;
 
  private:
@@ -79,7 +82,7 @@ class SweepTree {
   struct Collection;
 
   struct Key {
-    std::array<float, 6> k;  // mm, about the centre, and the axis times a lever
+    std::array<float, 6> k;  // mm, k about the centre, and the axis times a lever
     Item item;
   };
 
@@ -124,8 +127,9 @@ class SweepTree {
   const CutterMotion& motion_;
   std::vector<Item> items_;
   SweepLeaves leaves_;
-  std::vector<std::vector<SweepNode>> levels_;        // levels_[0] holds leaves, the last the root
-  Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();  // the nodes' floats are about it
+  std::vector<std::vector<SweepNode>> levels_;  // levels_[0] holds the parents of the leaves, the
+                                                // last level the root
+  Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();  // origin of the nodes' floats
   double reach_ = 0.0;                                // mm, as in RayEnd
 };
 

@@ -20,6 +20,7 @@ namespace {
 using Pieces = std::vector<OutlinePiece>;
 using Number = OutlineError::Number;
 
+// limits the parts of a hollow tool, each of which is searched by itself
 constexpr int most_chords = 200;
 
 Vector2d along(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
@@ -41,9 +42,9 @@ void check_between(const OutlinePiece& piece, double min_normal_x, const Vector2
         to, Number::Radius);
 }
 
-// ---- arcs that bulge inwards --------------------------------------------------------------------
+// Arcs that bulge inwards.
 
-/// An arc that bulges inwards, run through the other way, in which it bulges outwards.
+/// Returns an arc that bulges inwards as the reversed arc, which bulges outwards.
 OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radius) {
   const double half = 0.5 * (to - from).norm();
   if (!(radius >= half))
@@ -65,7 +66,7 @@ OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radiu
   return round;
 }
 
-/// An arc that bulges inwards, with as few chords as keep to the sag.
+/// An arc that bulges inwards, with the smallest number of chords that keeps to the sag.
 struct HollowArc {
   OutlinePiece round;
   double turn;  // rad
@@ -73,7 +74,7 @@ struct HollowArc {
 
   HollowArc(const Vector2d& from, const Vector2d& to, double radius)
       : round(reversed_arc(from, to, radius)),
-        // of half a circle the sine may be -0
+        // the sine of half a circle may be -0, so the sign of the angle is dropped
         turn(std::abs(std::atan2(sine_between(round.normal_from, round.normal_to),
                                  round.normal_from.dot(round.normal_to)))),
         chords(std::max(
@@ -97,8 +98,8 @@ struct HollowArc {
   }
 };
 
-/// Calls straight(point) for those without an arc that bulges inwards, arc(point, its arc) for the
-/// others.
+/// Calls arc(point, its arc) for points reached by an arc that bulges inwards, straight(point) for
+/// all others.
 template <class Straight, class Arc>
 void each_point(const std::vector<OutlinePoint>& points, const Straight& straight, const Arc& arc) {
   Vector2d last = Vector2d::Zero();
@@ -127,7 +128,7 @@ std::vector<OutlinePoint> with_chords(const std::vector<OutlinePoint>& points) {
   return all;
 }
 
-// ---- the parts ----------------------------------------------------------------------------------
+// The convex parts of a hollow outline.
 
 void check_heights(const Pieces& pieces) {
   for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
@@ -154,7 +155,7 @@ void check_turns(const Pieces& pieces) {
   }
 }
 
-/// Stretches of an outline between its corners that bend inwards.
+/// Returns the runs of an outline between its corners that bend inwards.
 std::vector<Pieces> runs_of(const Pieces& pieces) {
   std::vector<Pieces> runs(1);
   for (const OutlinePiece& piece : pieces) {
@@ -165,7 +166,7 @@ std::vector<Pieces> runs_of(const Pieces& pieces) {
   return runs;
 }
 
-/// A run with a flat bottom below it and a flat top above.
+/// Returns the outline of a run with a flat bottom below it and a flat top above.
 ToolOutline closed_run(const Pieces& run) {
   Pieces pieces;
   const Vector2d low = run.front().from, high = run.back().to;
@@ -175,8 +176,8 @@ ToolOutline closed_run(const Pieces& run) {
   return closed_outline(pieces);
 }
 
-/// The middle of what a line from a corner of a convex outline has inside of it, and no nearer to
-/// the axis than half of the corner is.
+/// Returns the midpoint of the segment that a line from a corner has inside a convex outline,
+/// limited to half the corner's distance from the axis.
 Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
   if (std::abs(line.y()) <= min_bend) return corner;
   const double end = line.y() > 0.0 ? outline.height : outline.pieces.front().from.y();
@@ -186,6 +187,7 @@ Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, cons
     return distance(outline, corner + way * line).value <= 0.0;
   };
   if (is_inside(far)) near = far;
+  // 60 halvings reach the last bit
   for (int i = 0; i < 60 && near < far; ++i) {
     const double middle = 0.5 * (near + far);
     (is_inside(middle) ? near : far) = middle;
@@ -193,6 +195,7 @@ Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, cons
   return corner + 0.5 * near * line;
 }
 
+// Extends a run at its lower end to a point on its own end line.
 void begin_at(Pieces& run, const Vector2d& place) {
   OutlinePiece& first = run.front();
   if ((first.from - place).norm() <= same_place) return;
@@ -203,6 +206,7 @@ void begin_at(Pieces& run, const Vector2d& place) {
     first.from = place;
 }
 
+// Extends a run at its upper end.
 void end_at(Pieces& run, const Vector2d& place) {
   OutlinePiece& last = run.back();
   if ((last.to - place).norm() <= same_place) return;
@@ -213,6 +217,7 @@ void end_at(Pieces& run, const Vector2d& place) {
     last.to = place;
 }
 
+/// Returns the outline of pieces.
 /// @param pieces  from the tip to the axis at the top, without sharp corners
 ToolOutline outline_of(const Pieces& pieces) {
   const std::vector<Pieces> runs = runs_of(pieces);
@@ -239,9 +244,9 @@ ToolOutline outline_of(const Pieces& pieces) {
   return outline;
 }
 
-// ---- run-out ------------------------------------------------------------------------------------
+// Run-out.
 
-/// Two lines that have been moved apart at a corner that bends inwards, up to where they meet.
+/// Extends two lines that were moved apart at a corner that bends inwards to where they meet.
 void join(OutlinePiece& before, OutlinePiece& after, const Vector2d& corner) {
   const Vector2d u = along(before.normal_to), v = along(after.normal_from);
   const double way = sine_between(after.from - before.from, v) / sine_between(u, v);
@@ -254,7 +259,8 @@ void join(OutlinePiece& before, OutlinePiece& after, const Vector2d& corner) {
   before.to = after.from = meet;
 }
 
-/// A piece, or its halves below and above where it is widest.
+/// Returns a piece, or its halves below and above its widest point, which the axial run-out moves
+/// differently.
 Pieces halves_of(const OutlinePiece& piece) {
   if (!piece.is_arc || (piece.normal_from.y() <= 0.0) == (piece.normal_to.y() <= 0.0))
     return {piece};
@@ -264,9 +270,9 @@ Pieces halves_of(const OutlinePiece& piece) {
   return {below, above};
 }
 
-// ---- the inside ---------------------------------------------------------------------------------
+// The interior.
 
-/// The pieces beside the axis: not the flats of tip and top.
+/// Returns the pieces beside the axis, without the flats of tip and top.
 Pieces sides_of(const ToolOutline& outline) {
   Pieces sides;
   for (const OutlinePiece& piece : outline.pieces) {
@@ -286,7 +292,8 @@ double radius_at(const OutlinePiece& piece, double height) {
   return middle.x() + std::sqrt(std::max(0.0, piece.radius * piece.radius - up * up));
 }
 
-/// The least radius between two heights: no piece is narrower than at one of its ends.
+/// Returns the least radius between two heights. No piece is narrower between its ends than at one
+/// of them.
 double min_radius(const Pieces& sides, double low, double high) {
   double least = std::numeric_limits<double>::infinity();
   for (const OutlinePiece& piece : sides) {
@@ -296,7 +303,7 @@ double min_radius(const Pieces& sides, double low, double high) {
   return least;
 }
 
-/// Of the corners that bend inwards the one nearest to the axis.
+/// Returns the radius of the narrowest corner that bends inwards.
 double neck_radius(const Pieces& sides) {
   double neck = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < sides.size(); ++i)
@@ -304,7 +311,7 @@ double neck_radius(const Pieces& sides) {
   return neck;
 }
 
-/// Places joined by as few lines as lie on or below them, by the tolerance at most.
+/// Returns as few lines as possible that lie on or below the points, by at most the tolerance.
 std::vector<Vector2d> lower_polyline(const std::vector<Vector2d>& places, double tolerance) {
   const auto is_below = [&](std::size_t from, std::size_t to) {
     const Vector2d way = places[to] - places[from];
@@ -332,12 +339,15 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
   constexpr double max_cells = 1000.0;
   const double room = outline.height - 2.0 * margin;
   if (!(room > 0.0)) throw std::invalid_argument("outline: nothing of it lies that deep");
+  // Cells of a quarter of the margin, but at most 1000, hence the five-hundredth of the height in
+  // the stated bound: a cell counts its neighbours' heights too.
   const double cells = std::clamp(std::ceil(4.0 * room / margin), 1.0, max_cells);
   std::vector<Vector2d> places;
   for (int i = 0; i <= int(cells); ++i) {
     const double height = margin + i / cells * room, window = margin + room / cells;
     places.emplace_back(min_radius(sides, height - window, height + window) - margin, height);
   }
+  // a core thinner than a tenth of the margin does not count
   const auto is_there = [&](const Vector2d& place) { return place.x() > 0.1 * margin; };
   const auto first = std::ranges::find_if(places, is_there);
   const auto last = std::find_if(places.rbegin(), places.rend(), is_there).base();

@@ -6,52 +6,56 @@
 #include "cutting/surface/edge_profile.h"
 #include "cutting/surface/outline.h"
 
-/// Hollow tools of revolution: step drills, T-slot cutters, dovetails on a shank, grooved form
-/// cutters.
+/// Cutting tools: milling cutters of revolution by numbers or by an outline, convex or hollow (step
+/// drills, T-slot cutters, dovetails on a shank, grooved form cutters), and the noses of turning
+/// tools.
 namespace abbe::cutting {
 
 /// mm, the largest distance between an arc that bulges inwards and its chords.
 inline constexpr double max_chord_sag = 1e-3;
 
-/// The outline through points, convex or hollow, of lines and arcs. Its heights do not fall from
-/// point to point, and it stays off the axis above its tip. A hollow one is exactly the union of
-/// its parts, one more than it has corners that bend inwards: the runs between those, each going on
-/// along its own line into the next one by half of what that has room for, so that no face between
-/// two of them shows. An arc that bulges inwards is as many chords as its sag takes: the tool is
-/// larger there, by `max_chord_sag` at most.
+/// Returns the outline, convex or hollow, through points, of lines and arcs. Its heights do not
+/// fall from point to point, and it stays off the axis above its tip.
+/// A hollow outline is exactly the union of its parts, of which there is one more than corners that
+/// bend inwards: the runs between those corners. Each run is extended along its own end line into
+/// the next run by half of the available length, so that no face between two of them is exposed. An
+/// arc that bulges inwards is replaced by as many chords as its sag requires: the tool is larger
+/// there, by at most `max_chord_sag`.
 /// @param points  from the tip, whose height is 0, upwards
-/// @throws std::invalid_argument as outline_through, or for what falls, turns back on itself, comes
-///         to the axis or takes more than 200 chords, with the point
+/// @throws std::invalid_argument as outline_from_points, or if a height falls, or if the outline
+///         turns back on itself, comes to the axis or takes more than 200 chords, with the point
 ToolOutline profile_from_points(const std::vector<OutlinePoint>& points);
 
-/// mm, by which the outline through these points is larger than its arcs that bulge inwards; 0
-/// without one.
+/// Returns by how much the outline through these points is larger than its arcs that bulge inwards,
+/// mm; 0 without such an arc.
 double chord_sag(const std::vector<OutlinePoint>& points);
 
-/// What an outline sweeps that is moved across the axis by up to `radial` and along it by up to
-/// `axial`, mm, from where the tip then is at the lowest: of a convex one its hull, of a hollow one
-/// as if every height came up at every angle.
-/// @throws std::invalid_argument for a hollow one that is moved along the axis, where a corner that
-///         bends inwards is the end of an arc, or the groove beside it is lower than that
+/// Returns the region swept by an outline that is displaced across the axis by up to `radial` and
+/// along it by up to `axial`, mm, relative to its lowest tip: the hull for a convex outline; for a
+/// hollow outline the region in which every height occurs at every angle.
+/// @throws std::invalid_argument for a hollow outline with axial displacement, if a corner that
+///         bends inwards is the end of an arc or if the groove beside it is lower than the
+///         displacement
 ToolOutline widened(const ToolOutline& outline, double radial, double axial);
 
-/// What lies inside of a hollow outline by a margin and more, as lines: nowhere less than the
-/// margin, nor more than twice that and a five-hundredth of the height.
-/// @param margin  mm; half of the narrowest neck at most is taken
-/// @throws std::invalid_argument where nothing is left
+/// Returns the interior of a hollow outline at a margin, bounded by lines: nowhere less than the
+/// margin from the outline, nor more than twice the margin plus a five-hundredth of the height.
+/// @param margin  mm; limited to half of the narrowest neck
+/// @throws std::invalid_argument if nothing is left
 InsetOutline inset_hollow(const ToolOutline& outline, double margin);
 
-/// Milling cutter of revolution: a flat of radius (radius - corner_radius) at the tip, a
-/// torus corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is
-/// a ball end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the
-/// spindle. A form cutter has an outline instead, inside of the flat end that the numbers then are.
+/// A milling cutter of revolution: a flat of radius (radius - corner_radius) at the tip, a torus
+/// corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is a ball
+/// end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the spindle. A
+/// form cutter has an outline instead; it lies inside the flat end described by the numbers.
 struct Cutter {
   double radius = 5.0;                              ///< mm, > 0
   double corner_radius = 5.0;                       ///< mm, 0 .. radius
   double flank_length = 20.0;                       ///< mm above the tip, >= corner_radius
-  std::shared_ptr<const ToolOutline> outline = {};  ///< of a form cutter
+  std::shared_ptr<const ToolOutline> outline = {};  ///< of a form cutter, else null
 };
 
+/// Returns the form cutter of an outline.
 Cutter form_cutter(ToolOutline outline);
 
 inline bool is_ball(const Cutter& cutter) {
@@ -60,71 +64,78 @@ inline bool is_ball(const Cutter& cutter) {
 
 inline bool is_hollow(const Cutter& cutter) { return cutter.outline && is_hollow(*cutter.outline); }
 
-/// The convex cutters that together are this one, by the same tip; itself if it is convex.
+/// Returns the convex cutters, with the same tip, whose union is the cutter; a convex cutter
+/// itself.
 std::vector<Cutter> convex_parts(const Cutter& cutter);
 
-/// mm, of what goes on above the flank.
+/// Returns the radius of the shank above the flank, mm.
 inline double shank_radius(const Cutter& cutter) {
   return cutter.outline ? top_radius(*cutter.outline) : cutter.radius;
 }
 
-/// mm above the tip, of the middle of the corner: of a ball its centre.
+/// Returns the height above the tip of the centre of the corner, mm; for a ball that of its centre.
 inline double corner_height(const Cutter& cutter) {
   return cutter.outline ? corner_height(*cutter.outline) : cutter.corner_radius;
 }
 
-/// How far it reaches from its tip along a direction that rises by `rise` along its axis and goes
-/// by `across` across it.
+/// Returns how far the cutter reaches from its tip along the direction with component `rise` along
+/// its axis and `across` >= 0 normal to it, mm times the direction's length.
 inline double support(const Cutter& cutter, double rise, double across) {
   if (cutter.outline) return support(*cutter.outline, rise, across);
   if (rise > 0) return cutter.flank_length * rise + cutter.radius * across;
   return cutter.corner_radius * (1 + rise) + (cutter.radius - cutter.corner_radius) * across;
 }
 
-/// @throws std::invalid_argument for a cutter out of those ranges
+/// Checks the ranges of a cutter.
+/// @throws std::invalid_argument if a number is out of the ranges above
 void check_cutter(const Cutter& cutter);
 
-/// A cutter with all of its surface moved inwards, its tip staying where the bottom then is.
+/// A cutter whose whole surface is moved inwards; its tip is at the bottom of the result.
 struct InsetCutter {
   Cutter cutter;
-  double raised = 0.0;  ///< mm, of the tip
+  double raised = 0.0;  ///< mm, height of its tip above that of the original
 };
-/// @param margin  mm; a quarter of the radius at most is taken, and of the height of a form cutter,
-///                whose arcs then are polygons (outline.h, of a hollow one hollow_outline.h)
+/// Returns a cutter with its surface moved inwards.
+/// @param margin  mm; limited to a quarter of the radius and, for a form cutter, of the height; the
+///                arcs of a form cutter become polygons (`inside` in outline.h, `inset_hollow` for
+///                a hollow one)
 InsetCutter shrunk(const Cutter& cutter, double margin);
 
-/// One wave on the nose of a turning tool: the edge stands out by amplitude cos(order psi + phase).
+/// One wave on the nose of a turning tool: the edge protrudes by amplitude cos(order psi + phase).
 struct NoseWave {
   int order = 1;
   double amplitude = 0.0;  ///< mm
   double phase = 0.0;      ///< rad
 };
 
-/// Turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0,
+/// A turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0,
 /// the rake plane). The tip of a turning tool is the centre of that circle. psi counts from x to z.
-/// An insert has the profile of its edges about that circle instead.
+/// An insert has instead a profile of its edges about that circle.
 struct Nose {
   double radius = 0.249;                            ///< mm, > 0
-  std::vector<NoseWave> waves;                      ///< none: a perfect circle
-  std::shared_ptr<const EdgeProfile> profile = {};  ///< of an insert, which has no waves
+  std::vector<NoseWave> waves;                      ///< empty: a perfect circle
+  std::shared_ptr<const EdgeProfile> profile = {};  ///< of an insert, which has no waves; else null
 };
 
+/// Returns the nose of an insert.
 Nose nose_of(EdgeProfile profile);
 
-/// The cutter that stands for one whose spindle runs out: the flat grows by `radial` and with it
-/// the radius, the corner stays; its tip lies `axial` below the tip of the cutter at rest (make the
-/// tool longer by that), and the flank ends as much above. Its sweep is the union of the cutter's
-/// places exactly for radial run-out alone where the flat is at least `radial` wide, and for axial
-/// alone. Otherwise it is that union's hull, larger in two ways:
+/// Returns the cutter that represents a cutter whose spindle runs out: the flat, and with it the
+/// radius, grows by `radial`, and the corner stays. Its tip lies `axial` below the tip of the
+/// cutter at rest (make the tool longer by that), and the flank ends as much above. Its sweep
+/// equals the union of the cutter's positions exactly for radial run-out alone if the flat is at
+/// least `radial` wide, and for axial run-out alone. Otherwise it is the hull of that union, larger
+/// in two respects:
 /// - a flat narrower than `radial` leaves a hollow about the axis, r < radial - R(z), no deeper
-///   than radial^2 / (corner radius + sqrt(corner radius^2 - radial^2)), 0.1 nm for 1 um on R 5
-///   (if `radial` reaches the corner radius: than that); any feed across the axis takes it out;
-/// - radial and axial run-out locked in phase reach their largest at one angle only; the union is
-///   this one if every height comes up at every angle.
+///   than radial^2 / (corner radius + sqrt(corner radius^2 - radial^2)), 0.1 nm for 1 um on R 5 (if
+///   `radial` reaches the corner radius: than the corner radius); any feed across the axis removes
+///   it;
+/// - radial and axial run-out locked in phase are largest together at one angle only; the union
+///   equals the hull if every height occurs at every angle.
+/// For a convex form cutter the result is the hull of its displaced outline, with the same limits;
+/// for a hollow one see `widened`.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0
 /// @param axial   mm, amplitude up and down, >= 0
-/// Of a convex form cutter it is the hull of its outline so moved, by the same reasons; of a hollow
-/// one see `widened` (hollow_outline.h).
 /// @throws std::invalid_argument naming the number, or as `widened`
 Cutter with_run_out(const Cutter& cutter, double radial, double axial);
 

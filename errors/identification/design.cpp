@@ -24,12 +24,15 @@ using kinematics::Joint;
 using metrology::Measurement;
 using metrology::Readings;
 
+/// Checks the inputs of an identification.
 /// @throws std::invalid_argument unless there are readings, all of one nominal machine, with one
-///         finite number at every measurement, and a model of finite numbers without chance
+///         finite number at every measurement, and a model of finite numbers without random curves
 void check_readings(const GeometricErrors& model, std::span<const metrology::Readings> readings);
 
 namespace {
 
+// 1e-9 mm or rad: machines that were read back from a file differ by the rounding of their
+// decimals.
 bool near(double a, double b) { return a == b || std::abs(a - b) <= 1e-9; }
 
 bool same(const Joint& a, const Joint& b) {
@@ -161,7 +164,7 @@ using metrology::Bodies;
 using metrology::Measurement;
 using metrology::Readings;
 
-constexpr double cancellation_limit = 1e-12;  // of what a column would be without cancellation
+constexpr double cancellation_limit = 1e-12;  // relative to the column without cancellation
 
 std::vector<Row> rows_of(std::span<const Readings> readings) {
   std::vector<Row> rows;
@@ -174,17 +177,17 @@ std::vector<Row> rows_of(std::span<const Readings> readings) {
   return rows;
 }
 
-// ---- the chain
+// The chain
 
-/// What a unit of each component of each joint's deviation does to the body that the joint carries:
+/// Effect of a unit of each component of each joint's deviation on the body that the joint carries:
 /// small motions [translation | rotation] about the bed's origin, in the bed frame.
 struct BodyTwists {
   MatrixXd motion;    ///< (6 x 6 size)
   MatrixXd location;  ///< (6 x 6 size)
 };
 
-/// From the tool in the workpiece to the body in the bed: a workpiece that moves one way shows as a
-/// tool that moves the other.
+/// Returns the Jacobian of the body in the bed from that of the tool in the workpiece: a workpiece
+/// that moves one way appears as a tool that moves the other way.
 MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const Bodies& bodies) {
   const Eigen::Matrix3d R_bw = bodies.T_bw.linear();
   const Eigen::Matrix3d tip_b = kinematics::cross_matrix(bodies.T_bt.translation());
@@ -202,7 +205,7 @@ BodyTwists twists(const Chain& chain, const AxisState& state, const Bodies& bodi
           in_bed(kinematics::location_jacobian(chain, state.q), chain, bodies)};
 }
 
-/// One element of value 1 with the measuring lines, so that a line carries it as it always does.
+/// An element of value 1 with the measuring lines, so that a line transforms it as usual.
 struct UnitElement {
   GeometricModel unit;
   int joint = 0;
@@ -221,17 +224,17 @@ std::vector<UnitElement> unit_elements(const GeometricErrors& model, const Chain
   return result;
 }
 
-/// Everything that rows are made of.
+/// Inputs of all rows.
 struct DesignInputs {
   const GeometricErrors& model;
   std::span<const Readings> readings;
   const Chain& chain;
   std::vector<UnitElement> elements;
-  std::vector<VectorXd> since_s;  ///< (readings) of every measurement
+  std::vector<VectorXd> since_s;  ///< (readings) time since set-up of every measurement
 };
 
-/// Change of one reading per unit of each number; `natural` is what it would be if nothing in it
-/// cancelled, by which rounding is distinguished from a small effect.
+/// Change of one reading per unit of each number. `natural` is its size without cancellation, by
+/// which rounding is distinguished from a small effect.
 struct NumberRow {
   VectorXd change;
   VectorXd natural;
@@ -253,7 +256,7 @@ NumberRow number_row(const DesignInputs& maker, const metrology::Channel& channe
     const Deviation moved =
         J.middleCols<6>(6 * element.joint) * (element.location ? unit.location : unit.motion);
     const double effect = g.dot(moved);
-    const double arms = g.head<3>().norm() * moved.tail<3>().norm();  // of 1 mm
+    const double arms = g.head<3>().norm() * moved.tail<3>().norm();  // lever arm of 1 mm
     const double natural = g.cwiseAbs().dot(moved.cwiseAbs()) + arms;
     const CurveState seen = curve_state(element.unit, state, element.joint);
     for (const Curve& curve : maker.model.elements[e].curves) {
@@ -266,14 +269,15 @@ NumberRow number_row(const DesignInputs& maker, const metrology::Channel& channe
   return row;
 }
 
-// ---- what is known beforehand
+// Prior knowledge
 
 struct Prior {
-  std::vector<Index> unknown;  ///< numbers it speaks of
+  std::vector<Index> unknown;  ///< the numbers that it concerns
   MatrixXd root;               ///< rows in standard deviations
 };
 
-/// Rows of the model's own covariance; numbers of zero variance are marked as not sought.
+/// Returns the rows of the model's own covariance; numbers of zero variance are marked as not
+/// sought.
 Prior model_prior(const GeometricErrors& model, Design& design) {
   const Covariance& covariance = model.covariance;
   const auto m = Index(covariance.of.size());
@@ -298,6 +302,8 @@ Prior model_prior(const GeometricErrors& model, Design& design) {
   }
   if (kept.empty()) return prior;
   const MatrixXd known = covariance.matrix(kept, kept);
+  // Scaled to unit variances first: mm and rad differ by orders of magnitude, which would cost
+  // digits of the Cholesky factor.
   const VectorXd deviation = known.diagonal().cwiseSqrt();
   const VectorXd inverse = deviation.cwiseInverse();
   const Cholesky root = cholesky(inverse.asDiagonal() * known * inverse.asDiagonal());
@@ -328,10 +334,11 @@ void add_prior(const GeometricErrors& model, std::span<const Readings> readings,
 
 }  // namespace
 
-constexpr double max_entries = 2e8;  // of the design matrix, 1.6 GB
+constexpr double max_entries = 2e8;  // entries of the design matrix, 1.6 GB
 
 double sigma_of(const metrology::Channel& channel) {
   const double stated = metrology::standard_deviation(channel);
+  // A channel without noise still needs a finite weight: 1 nm or 1 nrad.
   if (stated > 0.0) return stated;
   return channel.is_angle() ? 1e-9 : units::nm;
 }
@@ -339,7 +346,7 @@ double sigma_of(const metrology::Channel& channel) {
 Design design(const GeometricErrors& model, std::span<const Readings> readings) {
   check_readings(model, readings);
   const Chain& chain = readings.front().nominal;
-  bind(model, chain);  // refuses by name what does not fit
+  bind(model, chain);  // throws, with its name, for an element that does not fit
   DesignInputs maker{model, readings, chain, unit_elements(model, chain), {}};
   for (const Readings& r : readings) maker.since_s.push_back(metrology::time_since_set_up(r.plan));
 
@@ -374,6 +381,7 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
   result.is_sought.assign(std::size_t(n), 1);
   result.is_unobservable.assign(std::size_t(n), 0);
   add_prior(model, readings, result);
+  // A column that is only rounding would count as an observable direction, so it is set to zero.
   for (Index j = 0; j < n; ++j) {
     if (j < p && result.A.col(j).norm() <= cancellation_limit * std::sqrt(natural[j]))
       result.A.col(j).setZero();
@@ -388,13 +396,13 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
 
 namespace {
 
-/// A machine with deviations, looked at row by row.
+/// A machine with deviations, evaluated row by row.
 struct DeviatedMachine {
   std::span<const Readings> readings;
   const Chain& chain;
   GeometricModel bound;
-  std::vector<VectorXd> since_s;   ///< (readings) of every measurement
-  std::vector<std::size_t> first;  ///< (readings) number of the first of its set-ups
+  std::vector<VectorXd> since_s;   ///< (readings) time since set-up of every measurement
+  std::vector<std::size_t> first;  ///< (readings) index of the first of its set-ups
 };
 
 DeviatedMachine deviated_machine(const GeometricErrors& model, std::span<const Readings> readings,
@@ -415,7 +423,7 @@ DeviatedMachine deviated_machine(const GeometricErrors& model, std::span<const R
   return result;
 }
 
-/// One row, read with the bodies anywhere and any misalignment.
+/// One row, evaluated for any pose of the bodies and any misalignment.
 struct RowReading {
   const Chain& chain;
   const Measurement& measurement;
@@ -442,7 +450,7 @@ RowReading at_row(const DeviatedMachine& deviated_machine, const Row& row) {
           metrology::nominal_bodies(deviated_machine.chain, measurement.state.q)};
 }
 
-/// Number of its set-up among those of all readings.
+/// Returns the index of the row's set-up among those of all readings.
 std::size_t set_up_of(const DeviatedMachine& deviated_machine, const Row& row) {
   const auto r = std::size_t(row.readings);
   return deviated_machine.first[r] +
@@ -469,9 +477,10 @@ VectorXd predicted(const GeometricErrors& model, std::span<const Readings> readi
 
 namespace {
 
-constexpr double difference = 1e-4;  // mm, rad, relative, mm/s
+constexpr double difference = 1e-4;  // step of the central differences: mm, rad, relative, mm/s;
+                                     // error and rounding are then below 1e-6 of an arm of 600 mm
 
-/// The bodies with one joint's deviation changed: the other side of the bed stays where it is.
+/// Returns the bodies with one joint's deviation changed; the other side of the bed is unaffected.
 Bodies with_change(const RowReading& reading, Bodies actual, std::vector<JointDeviation> D,
                    int joint, const JointDeviation& unit, double amount) {
   JointDeviation& changed = D[std::size_t(joint)];
@@ -491,7 +500,7 @@ bool is_any_sought(const std::vector<char>& is_sought, Index first, Index count)
   return std::any_of(begin, begin + count, [](char one) { return one != 0; });
 }
 
-/// Change of one row per unit of each number that is sought.
+/// Returns the change of one row per unit of each number that is sought.
 VectorXd number_changes(const DesignInputs& maker, const Design& design, const RowReading& reading,
                         const std::vector<JointDeviation>& D, const metrology::Misalignment& m) {
   const Bodies actual = reading.bodies(D);
@@ -519,7 +528,7 @@ VectorXd number_changes(const DesignInputs& maker, const Design& design, const R
   return change;
 }
 
-/// Change of one row per unit of each unknown of its set-up.
+/// Returns the change of one row per unit of each unknown of its set-up.
 VectorXd set_up_changes(const RowReading& reading, const std::vector<JointDeviation>& D,
                         const VectorXd& at) {
   const Bodies actual = reading.bodies(D);

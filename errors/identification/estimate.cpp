@@ -24,7 +24,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using metrology::Readings;
 
-// ---- what is left out first
+// Order in which numbers are left out
 
 enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherNumber, Location, SetUpUnknown };
 
@@ -59,7 +59,7 @@ std::vector<int> preferences(const GeometricErrors& model, const Design& design,
   return result;
 }
 
-// ---- the system of equations
+// System of equations
 
 void check(const EstimateOptions& options) {
   const auto expect = [](bool holds, const char* what) {
@@ -73,7 +73,7 @@ void check(const EstimateOptions& options) {
   expect(options.tolerance > 0.0, "a tolerance above 0");
 }
 
-/// Everything that stays while readings are left out and values change.
+/// Constant inputs of the fits, while readings are left out and values change.
 struct Problem {
   const GeometricErrors& model;
   std::span<const Readings> readings;
@@ -81,8 +81,8 @@ struct Problem {
   Design design;
   std::vector<int> preference;
   VectorXd observed;
-  VectorXd start;        ///< and what is known beforehand
-  VectorXd first_guess;  ///< where the iteration sets out
+  VectorXd start;        ///< also the mean of the prior
+  VectorXd first_guess;  ///< start of the iteration
 };
 
 std::vector<Index> used_rows(const std::vector<char>& is_out) {
@@ -100,7 +100,7 @@ Factor factor_of(const Problem& problem, const std::vector<char>& is_out) {
   return factor(A, design.is_sought, problem.preference, problem.options.rank_tolerance);
 }
 
-/// Reading minus model in standard deviations, of every measurement. (m)
+/// Returns reading minus model in standard deviations, for every measurement (m).
 VectorXd misfit(const Problem& problem, const VectorXd& x) {
   const VectorXd model = predicted(problem.model, problem.readings, problem.design, x);
   return (problem.observed - model).cwiseQuotient(problem.design.sigma);
@@ -114,8 +114,9 @@ struct Fit {
   bool converged = false;
 };
 
-/// Rounding of long readings may keep steps above the tolerance; it is over when they are far
-/// below what noise does to a number and shrink no more.
+/// Returns true if the iteration has ended. Rounding of long readings may keep steps above the
+/// tolerance; it also ends once they are far below the effect of noise on a number (1e-3 of its
+/// standard deviation) and no longer shrink.
 bool is_over(const VectorXd& step, const VectorXd& former, const VectorXd& deviation,
              double tolerance) {
   if (step.size() == 0 || step.cwiseAbs().maxCoeff() <= tolerance) return true;
@@ -125,10 +126,10 @@ bool is_over(const VectorXd& step, const VectorXd& former, const VectorXd& devia
   return now <= 1e-3 && now >= 0.5 * before;
 }
 
-constexpr double max_plausible_step = 1e3;  // mm or rad: a step of a fit that runs away
+constexpr double max_plausible_step = 1e3;  // mm or rad: a larger step is that of a diverging fit
 
-/// Chord iteration: the one factor of zero deviations serves, since it errs by the size of the
-/// deviations, about 1e-4, and shrinks the step by that each time.
+/// Chord iteration: the factor at zero deviations is used throughout. Its relative error is the
+/// size of the deviations, about 1e-4, and every step reduces the error by that factor.
 Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
   Fit fit{factor_of(problem, is_out), problem.first_guess, {}, 0, false};
   const std::vector<Index> rows = used_rows(is_out);
@@ -149,7 +150,7 @@ Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
   return fit;
 }
 
-/// The numbers that a first fit found, less those that it found too badly.
+/// The numbers found by a first fit, without those that it determined too poorly.
 struct Solution {
   std::vector<int> found;  ///< columns
   VectorXd x;              ///< (n) all unknowns
@@ -157,10 +158,11 @@ struct Solution {
   std::vector<Confounded> not_found;
 };
 
-/// Index among those found of the number that is known worst, by its limit; none is beyond it.
+/// Returns the index, among those found, of the number with the largest uncertainty relative to its
+/// limit; empty if none exceeds it.
 std::optional<Index> weakest(const Problem& problem, const Solution& solution,
                              const MatrixXd& covariance) {
-  constexpr double significant = 4.0;  // standard deviations, which chance hardly reaches
+  constexpr double significant = 4.0;  // standard deviations, rarely reached by chance
   std::optional<Index> worst;
   double most = 1.0;
   for (std::size_t i = 0; i < solution.found.size(); ++i) {
@@ -168,8 +170,8 @@ std::optional<Index> weakest(const Problem& problem, const Solution& solution,
     if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
     const double deviation = std::sqrt(covariance(Index(i), Index(i)));
     const double change = solution.x[Index(column)] - problem.start[Index(column)];
-    // of the element, not of the number: high orders are wanted where a curve needs them, however
-    // small they usually are
+    // Relative to the element, not to the number: high orders are needed where a curve requires
+    // them, however small they usually are.
     const double typical =
         typical_deviation(element_of_number(problem.design.unknowns.names[column]));
     const double ratio = deviation / (problem.options.weak_limit * typical);
@@ -180,19 +182,20 @@ std::optional<Index> weakest(const Problem& problem, const Solution& solution,
   return worst;
 }
 
-/// A number goes back to its start: the others move as they depend on it, and what it hid of those
+/// Returns a number to its start. The others move as they depend on it, and what it hid of those
 /// left out before is now hidden by the others.
 void leave(Index i, const Problem& problem, Solution& solution, MatrixXd& covariance) {
   const int column = solution.found[std::size_t(i)];
   const double variance = covariance(i, i);
-  const VectorXd along = -covariance.col(i) / variance;  // of all found, per unit of it
+  const VectorXd along = -covariance.col(i) / variance;  // change of all found, per unit of it
   const std::string& name = problem.design.unknowns.names[std::size_t(column)];
   Confounded one{name, {}, std::sqrt(variance)};
   const auto name_at = [&](std::size_t k) {
     return problem.design.unknowns.names[std::size_t(solution.found[k])];
   };
   const double back = problem.start[column] - solution.x[column];
-  constexpr double heard = 0.01;  // of a standard deviation of the other
+  constexpr double heard = 0.01;  // relative to the standard deviation of the other; smaller
+                                  // amounts are not named
   for (std::size_t k = 0; k < solution.found.size(); ++k) {
     const double share = along[Index(k)];
     solution.x[solution.found[k]] -= back * share;
@@ -213,6 +216,7 @@ void leave(Index i, const Problem& problem, Solution& solution, MatrixXd& covari
     }
   }
   solution.not_found.push_back(std::move(one));
+  // Conditioning of a normal distribution on one of its numbers (Schur complement).
   covariance -= covariance.col(i) * covariance.row(i) / variance;
   std::vector<Index> rest;
   for (Index k = 0; k < Index(solution.found.size()); ++k)
@@ -221,8 +225,9 @@ void leave(Index i, const Problem& problem, Solution& solution, MatrixXd& covari
   solution.found.erase(solution.found.begin() + i);
 }
 
-/// The first fit without the numbers that it found worse than machines differ: one after the other,
-/// since what hides one may be well known once that one is held.
+/// Returns the first fit without the numbers that are less certain than machines differ. They are
+/// removed one after the other, since a number may be well determined once the one that hides it is
+/// held.
 Solution leave_out_weak(const Problem& problem, const Fit& first,
                         std::vector<Confounded> not_found) {
   Solution solution{first.factor.found, first.x, first.converged, std::move(not_found)};
@@ -232,9 +237,9 @@ Solution leave_out_weak(const Problem& problem, const Fit& first,
   return solution;
 }
 
-/// From a first solution, with what it found alone, the equations as they are there. Rank is a
-/// matter of zero deviations: at others what is confounded differs by their squares, which means
-/// nothing.
+/// Restarts from a first solution with the numbers found there, and the equations linearised there.
+/// The rank is determined at zero deviations: elsewhere confounded columns differ by products of
+/// deviations, which is not information.
 void restart_from(Problem& problem, const Solution& first) {
   std::vector<char>& is_sought = problem.design.is_sought;
   std::fill(is_sought.begin(), is_sought.end(), char(0));
@@ -245,7 +250,7 @@ void restart_from(Problem& problem, const Solution& first) {
     problem.design = design_at(problem.design, problem.model, problem.readings, first.x);
 }
 
-// ---- how well it fits
+// Quality of the fit
 
 struct Quality {
   int degrees_of_freedom = 0;
@@ -253,7 +258,7 @@ struct Quality {
   double reduced_chi_square = 0.0;
 };
 
-Quality quality_range(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
+Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const double chi_square = fit.misfit(rows).squaredNorm() +
                             (problem.design.prior * (problem.start - fit.x)).squaredNorm();
@@ -274,9 +279,9 @@ std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit
   return result;
 }
 
-// ---- mistakes that readings may have been written down with
+// Mistakes in the notation of readings
 
-/// Rows of channels whose readings do not change on the nominal machine, by channel.
+/// Returns the rows of channels whose readings are constant on the nominal machine, by channel.
 std::vector<std::vector<Index>> steady_channels(const Problem& problem, int readings,
                                                 const VectorXd& nominal) {
   constexpr double same = 1e-9;  // mm or rad
@@ -296,7 +301,7 @@ std::vector<std::vector<Index>> steady_channels(const Problem& problem, int read
   return channels;
 }
 
-/// What readings of a channel differ by from those with the mistake, less nominal ones.
+/// Returns the change of a channel's readings by a mistake, given their departure from nominal.
 VectorXd change_by(Mistake mistake, const VectorXd& departure) {
   switch (mistake) {
     case Mistake::Negated:
@@ -311,7 +316,7 @@ VectorXd change_by(Mistake mistake, const VectorXd& departure) {
   return {};
 }
 
-/// By the factor of the fit, whose residuals of other readings are a matter of one solution.
+/// Uses the factor of the fit, so that each alternative costs one linear solution.
 std::vector<Alternative> alternatives(const Problem& problem, const Fit& fit,
                                       const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
@@ -344,24 +349,25 @@ std::vector<Alternative> alternatives(const Problem& problem, const Fit& fit,
   return result;
 }
 
-/// Residuals of the readings used, over their own standard deviation after the fit; 0 where a
-/// reading is fitted whatever it says. (m)
+/// Returns the studentised residuals of the readings used; 0 where a reading is fitted whatever its
+/// value (m).
 VectorXd studentised(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const VectorXd share = leverage(fit.factor, problem.design.A(rows, Eigen::all));
-  const Quality q = quality_range(problem, fit, is_out);
+  const Quality q = quality(problem, fit, is_out);
   const bool scale = problem.options.noise_from_residuals && q.reduced_chi_square > 0.0;
   const double noise = scale ? std::sqrt(q.reduced_chi_square) : 1.0;
   VectorXd result = VectorXd::Zero(fit.misfit.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const double rest = 1.0 - share[Index(i)];
+    // 1e-9: below it the residual of a fully determined reading is only rounding.
     if (rest > 1e-9) result[rows[i]] = fit.misfit[rows[i]] / (noise * std::sqrt(rest));
   }
   return result;
 }
 
-/// Leaves readings out, the worst first and those nearly as bad with them, until none is beyond the
-/// limit; never so many that less can be found.
+/// Leaves out readings beyond the limit, the worst first together with those at least half as bad,
+/// but never so many that fewer numbers can be found.
 Fit without_outliers(const Problem& problem, std::vector<char>& is_out) {
   Fit fit = fitted(problem, is_out);
   if (problem.options.outlier_limit == 0.0) return fit;
@@ -378,6 +384,8 @@ Fit without_outliers(const Problem& problem, std::vector<char>& is_out) {
         if (t[i] >= limit) more[std::size_t(i)] = 1;
       return more;
     };
+    // Half of the worst: one large outlier inflates the residuals of its neighbours, which must not
+    // be removed with it.
     std::vector<char> more = with_out(std::max(problem.options.outlier_limit, 0.5 * t[worst]));
     Fit next = fitted(problem, more);
     if (next.factor.found.size() < fit.factor.found.size()) {
@@ -394,7 +402,7 @@ Fit without_outliers(const Problem& problem, std::vector<char>& is_out) {
   return fit;
 }
 
-// ---- the result
+// Result
 
 std::vector<Confounded> confounded(const Problem& problem, const Factor& factor) {
   const Design& design = problem.design;
@@ -413,11 +421,12 @@ std::vector<Confounded> confounded(const Problem& problem, const Factor& factor)
   return result;
 }
 
-/// Of the numbers found, and zeros for those of zero variance from the start.
+/// Returns the covariance of the numbers found, and zeros for those of zero variance from the
+/// start.
 Covariance belief_covariance(const Problem& problem, const Factor& factor, double variance) {
   const auto& all = problem.design.unknowns.coefficients;
   Covariance result;
-  std::vector<Index> at;  // among those found
+  std::vector<Index> at;  // indices among those found
   for (std::size_t i = 0; i < factor.found.size(); ++i) {
     const auto column = std::size_t(factor.found[i]);
     if (column >= all.size()) continue;
@@ -446,6 +455,7 @@ void check(const Problem& problem) {
 std::pair<double, double> chi_square_band(double degrees_of_freedom) {
   if (!(degrees_of_freedom > 0.0)) return {0.0, HUGE_VAL};
   constexpr double one_in_a_thousand = 3.09;  // standard deviations
+  // Wilson and Hilferty: the cube root of chi-square over its freedom is nearly normal.
   const double variance = 2.0 / (9.0 * degrees_of_freedom);
   const auto at = [&](double z) {
     return std::pow(std::max(0.0, 1.0 - variance + z * std::sqrt(variance)), 3);
@@ -467,7 +477,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   Solution solution = leave_out_weak(problem, first, confounded(problem, first.factor));
   restart_from(problem, solution);
   const Fit fit = without_outliers(problem, is_out);
-  const Quality q = quality_range(problem, fit, is_out);
+  const Quality q = quality(problem, fit, is_out);
   const bool scale = options.noise_from_residuals && q.degrees_of_freedom > 0;
 
   const Unknowns& unknowns = problem.design.unknowns;
@@ -486,7 +496,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   result.chi_square = q.chi_square;
   result.reduced_chi_square = q.reduced_chi_square;
   if (options.compare_mistakes) {
-    result.quality_range = reading_qualities(problem, fit, is_out);
+    result.quality = reading_qualities(problem, fit, is_out);
     result.alternatives = alternatives(problem, fit, is_out);
   }
   result.condition = fit.factor.condition;
@@ -501,9 +511,10 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using metrology::Readings;
 
+// Points of a plotted curve.
 constexpr Index samples = 121;
 
-/// Numbers of one element: where they stand among all, and their basis at a state.
+/// The numbers of one element: their position among all.
 struct Numbers {
   int first = 0;
   int count = 0;
@@ -530,7 +541,7 @@ VectorXd basis_of(const Element& element, int count, const CurveState& state) {
   return result;
 }
 
-/// Covariance of the numbers of one element; what is not known there counts as exact.
+/// Returns the covariance of the numbers of one element; numbers without covariance count as exact.
 Eigen::MatrixXd covariance_of(const GeometricErrors& belief, int element, const Numbers& numbers) {
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(numbers.count, numbers.count);
   const std::vector<Coefficient> all = coefficients(belief.elements);
@@ -545,9 +556,9 @@ Eigen::MatrixXd covariance_of(const GeometricErrors& belief, int element, const 
   return result;
 }
 
-/// Whether a row bears on an element: whether its numbers, each 1 um or 10 urad, would change the
-/// reading at least a quarter as much as those of the element that changes it most.
-/// (rows x elements)
+/// Returns, for each row and element, true if the row is informative about the element: its
+/// numbers, each of 1 um or 10 urad, would change the reading at least a quarter as much as those
+/// of the element that changes it most. (rows x elements)
 std::vector<std::vector<bool>> is_informative(const Design& design, const GeometricErrors& belief,
                                               const std::vector<Numbers>& numbers) {
   std::vector<std::vector<bool>> result(design.rows.size());
@@ -564,14 +575,14 @@ std::vector<std::vector<bool>> is_informative(const Design& design, const Geomet
   return result;
 }
 
-/// The same at every position: nothing to draw.
+/// Returns true if the element is the same at every position, so that there is no curve to plot.
 bool is_constant(const Element& element) {
   return std::all_of(element.curves.begin(), element.curves.end(), [](const Curve& curve) {
     return std::holds_alternative<Constant>(curve.shape);
   });
 }
 
-/// What is needed to draw any element of an estimate.
+/// Inputs for the curves of an estimate.
 struct CurveInputs {
   const Estimate& estimate;
   std::span<const Readings> readings;
@@ -597,7 +608,7 @@ struct CurveInputs {
   }
 };
 
-/// The readings of one element, each as its value.
+/// Adds the readings of one element, each converted to its value.
 void add_readings(const CurveInputs& drawing, std::size_t e, CurveReadings& curve) {
   std::vector<double> at, seen;
   for (std::size_t i = 0; i < drawing.is_informative.size(); ++i) {
@@ -605,6 +616,8 @@ void add_readings(const CurveInputs& drawing, std::size_t e, CurveReadings& curv
     const VectorXd b = drawing.basis(e, drawing.state(i));
     Index k = 0;
     if (b.cwiseAbs().maxCoeff(&k) == 0.0) continue;
+    // Any number of the element converts the residual into its value; the largest basis value does
+    // so with the least rounding.
     const double per_value = drawing.design.A(Index(i), drawing.numbers[e].first + k) / b[k];
     if (per_value == 0.0) continue;
     at.push_back(drawing.state(i).q[drawing.joint(e)]);
@@ -614,7 +627,7 @@ void add_readings(const CurveInputs& drawing, std::size_t e, CurveReadings& curv
   curve.reading = VectorXd::Map(seen.data(), Index(seen.size()));
 }
 
-/// The curve over where it was read, or over the travel.
+/// Adds the curve over the range of its readings, or over the travel.
 void add_curve(const CurveInputs& drawing, std::size_t e, CurveReadings& curve) {
   const kinematics::Chain& nominal = drawing.readings.front().nominal;
   const kinematics::Joint& joint = nominal.joints()[std::size_t(drawing.joint(e))];

@@ -13,8 +13,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double min_participation =
-    1e-5;  // of a unit null vector: less is not worth being left out for
+    1e-5;  // of a unit null vector; columns with a smaller part are not candidates
+// Columns that take part nearly equally are chosen by their order, not by rounding.
 constexpr double equal_participation = 0.1;
+// The bound of the header for what is named as hiding a column.
 constexpr double hides = 1e-6;
 
 std::vector<int> selected_indices(const std::vector<char>& wanted) {
@@ -24,7 +26,7 @@ std::vector<int> selected_indices(const std::vector<char>& wanted) {
   return result;
 }
 
-/// Row of N to leave out next: of the lowest preference that takes part at all.
+/// Returns the row of N to leave out next: of the lowest preference that takes part.
 Index next_left_out(const MatrixXd& N, const std::vector<int>& preference) {
   const VectorXd part = N.rowwise().norm();
   std::vector<int> levels = preference;
@@ -43,20 +45,23 @@ Index next_left_out(const MatrixXd& N, const std::vector<int>& preference) {
   return largest;
 }
 
-/// Rows of an orthonormal null space (n x d) such that the others of each null vector follow.
+/// Returns rows of an orthonormal null space (n x d) such that they determine the others of each
+/// null vector.
 std::vector<Index> chosen(MatrixXd N, const std::vector<int>& preference) {
   std::vector<Index> rows;
   for (Index d = N.cols(); d > 0; --d) {
     const Index i = next_left_out(N, preference);
     rows.push_back(i);
     const VectorXd direction = N.row(i).transpose().normalized();
+    // The chosen row is projected out, so that the next one belongs to another null vector.
     N -= (N * direction) * direction.transpose();
   }
   std::sort(rows.begin(), rows.end());
   return rows;
 }
 
-/// Sought columns of unit norm, below them zeros if there are fewer rows.
+/// Returns the sought columns with unit norm, padded by zero rows if there are fewer rows than
+/// columns.
 MatrixXd scaled(const MatrixXd& A, const std::vector<int>& columns, const VectorXd& norm) {
   const auto n = Index(columns.size());
   MatrixXd S = MatrixXd::Zero(std::max(A.rows(), n), n);
@@ -73,11 +78,12 @@ VectorXd norms(const MatrixXd& A, const std::vector<int>& columns) {
   return norm;
 }
 
-/// Square root of the largest eigenvalue of a symmetric operator, by its powers.
+/// Returns the square root of the largest eigenvalue of a symmetric operator, by power iteration.
 template <typename Operator>
 double root_of_max(Index n, const Operator& apply) {
-  VectorXd v = VectorXd::LinSpaced(n, 1.0, 2.0).normalized();  // along no axis of symmetry
+  VectorXd v = VectorXd::LinSpaced(n, 1.0, 2.0).normalized();  // aligned with no symmetry
   double largest = 0.0;
+  // 200 iterations and 1e-4: the condition is reported to a few per cent only.
   for (int i = 0; i < 200; ++i) {
     v = apply(v);
     const double now = v.norm();
@@ -88,7 +94,7 @@ double root_of_max(Index n, const Operator& apply) {
   return std::sqrt(largest);
 }
 
-/// To some percent.
+/// Returns the condition number, to a few per cent.
 double condition_of(const MatrixXd& R) {
   if (R.cols() == 0) return 1.0;
   const auto upper = R.triangularView<Eigen::Upper>();
@@ -130,7 +136,8 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
   result.hidden = MatrixXd::Zero(A.cols(), N.cols());
   if (left.empty()) return result;
   const MatrixXd N_left = N(left, Eigen::all);
-  const MatrixXd along = N * full_pivot_inverse(N_left);  // null vectors, a unit of each in turn
+  const MatrixXd along = N * full_pivot_inverse(N_left);  // null vectors, each with a unit of one
+                                                          // left column
   for (Index k = 0; k < N.cols(); ++k)
     for (const Index j : found)
       if (std::abs(along(j, k)) > hides)

@@ -8,36 +8,37 @@
 
 namespace abbe::errors::identification {
 
-/// A weighted design matrix, its columns scaled to unit norm and taken apart once; where columns
-/// are dependent some are left out by rank of preference, never by a pseudo-inverse.
+/// Factorisation of a weighted design matrix with columns scaled to unit norm. Dependent columns
+/// are left out by preference, never by a pseudo-inverse.
 struct Factor {
   std::vector<int> found;  ///< columns that are solved for
-  std::vector<int> left;   ///< columns left out, one for each direction that nothing determines
-  Eigen::MatrixXd hidden;  ///< (columns x left) what reads the same as a unit of each column left
-                           ///< out; 0 where that is below 1e-6 of it, rows of `left` are 0
-  double condition = 0.0;  ///< of the scaled matrix over what is solved for, to some percent
+  std::vector<int> left;   ///< columns left out, one for each undetermined direction
+  Eigen::MatrixXd hidden;  ///< (columns x left) combination with the same effect as a unit of each
+                           ///< column left out; 0 below 1e-6 of its effect; rows of `left` are 0
+  double condition = 0.0;  ///< of the scaled matrix of the columns found, to a few per cent
   int rows = 0;
 
   HouseholderQr outer;   ///< of the scaled matrix, sought columns
   HouseholderQr inner;   ///< of its triangle, columns found
-  Eigen::VectorXd norm;  ///< (found) that the columns were divided by
+  Eigen::VectorXd norm;  ///< (found) scale by which the columns were divided
 };
 
-/// @param A           (m x n) rows in standard deviations
-/// @param sought      (n) 0: not solved for and not looked at
-/// @param preference  (n) columns of the lowest are left out first; among equals that take part
-///                    to a tenth of the most, the last
-/// @param tolerance   least pivot that counts, of the largest
+/// Factorises a design matrix.
+/// @param A          (m x n) rows in standard deviations
+/// @param is_sought  (n) 0: not solved for, ignored
+/// @param preference (n) columns of the lowest are left out first; among equals that take part to
+///                   at least a tenth of the largest, the last
+/// @param tolerance  smallest pivot that counts, relative to the largest
 Factor factor(const Eigen::MatrixXd& A, const std::vector<char>& is_sought,
               const std::vector<int>& preference, double tolerance);
 
-/// Least squares: changes of the columns found for right-hand sides b. (found)
+/// Returns the least-squares changes of the columns found for right-hand sides b (found).
 Eigen::VectorXd solve(const Factor& factor, const Eigen::VectorXd& b);
 
-/// (found x found), of b of unit variance.
+/// Returns the covariance (found x found) for b of unit variance.
 Eigen::MatrixXd covariance(const Factor& factor);
 
-/// Share of every row in its own fit, the diagonal of A (A'A)^-1 A'. (rows of A)
+/// Returns the leverage of every row: the diagonal of A (A'A)^-1 A' (rows of A).
 Eigen::VectorXd leverage(const Factor& factor, const Eigen::MatrixXd& A);
 
 }  // namespace abbe::errors::identification

@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <vector>
 
-// dlib is used by its headers alone. Its check against the packaged library would need that
-// library; BLAS and LAPACK, which its package turns on, would make the bits depend on which one is
-// installed.
+// Only the headers of dlib are used. Its check against the packaged library would require that
+// library; BLAS and LAPACK, which its package enables, would make the bits depend on the installed
+// ones.
 #define DLIB_TEST_FOR_ODR_VIOLATIONS_H_
 #include <dlib/assert.h>
 #undef DLIB_USE_BLAS
@@ -67,7 +67,8 @@ KernelSum trained(const Trainer& trainer, const MatrixXd& Z, const VectorXd& y) 
   return to_sum(trainer.train(samples_of(Z), std::vector<double>(y.data(), y.data() + y.size())));
 }
 
-/// Loss and its gradient with respect to all weights in one vector: in, in_bias, out, out_bias.
+/// Loss of a network and its gradient with respect to all weights in one vector: in, in_bias, out,
+/// out_bias.
 class NetworkLoss {
  public:
   NetworkLoss(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& options)
@@ -92,7 +93,7 @@ class NetworkLoss {
     const Network net = unpack(w);
     const MatrixXd t = hidden(net);
     const VectorXd r = residual(net, t) * (2.0 / static_cast<double>(y_.size()));
-    // d tanh = 1 - tanh^2; each row's residual times what it passes back
+    // d tanh = 1 - tanh^2; each row's residual times its back-propagated factor.
     const MatrixXd back =
         ((1 - t.array().square()).rowwise() * net.out.transpose().array()).colwise() * r.array();
     VectorXd g(size());
@@ -148,6 +149,7 @@ KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
           "an option of kernel ridge is not positive");
   dlib::krr_trainer<Kernel> trainer;
   trainer.set_kernel(Kernel(options.gamma));
+  // dlib's lambda is not per row, while `penalty` is.
   trainer.set_lambda(options.penalty * static_cast<double>(y.size()));
   trainer.set_max_basis_size(static_cast<unsigned long>(options.max_support));
   return trained(trainer, Z, y);
@@ -169,11 +171,14 @@ Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& 
   std::mt19937_64 random(options.seed);
   Sample best;
   double least = std::numeric_limits<double>::infinity();
+  // Several starts, since the loss has local minima.
   for (int start = 0; start < options.starts; ++start) {
     Sample w(loss.size());
-    // Uniform in +-0.5 by hand: the standard's distributions differ between libraries.
+    // Uniform in +-0.5 by hand: the distributions of the standard library differ between
+    // implementations.
     for (Index i = 0; i < loss.size(); ++i)
       w(i) = static_cast<double>(random() >> 11) * 0x1p-53 - 0.5;
+    // 20 pairs of the quasi-Newton history; 1e-10 is far below the noise of temperature data.
     const double end = dlib::find_min(
         dlib::lbfgs_search_strategy(20),
         dlib::objective_delta_stop_strategy(1e-10,

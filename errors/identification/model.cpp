@@ -31,7 +31,7 @@ using kinematics::Joint;
 using kinematics::Motion;
 
 constexpr int max_order = 60;
-constexpr double endless = 1e8;  // mm: no travel that anyone stated
+constexpr double endless = 1e8;  // mm: a larger travel is one that was not stated
 
 Index along(const Joint& joint) {
   Index k = 0;
@@ -39,7 +39,7 @@ Index along(const Joint& joint) {
   return k;
 }
 
-/// An element with the numbers of it that stay as they are.
+/// An element with the numbers that are held at their values.
 struct ElementModel {
   Element element;
   std::vector<std::pair<int, int>> held;  ///< curve and number
@@ -56,7 +56,7 @@ int order_of(const ElementName& name, int usual, const ModelOptions& options) {
   return own == options.orders.end() ? usual : own->second;
 }
 
-/// Holds numbers of a straight line: its constant, its slope.
+/// Selection of the constant and the slope of a straight line, to be identified or held.
 struct Line {
   bool constant = false;
   bool slope = false;
@@ -72,6 +72,8 @@ void add_series(ElementModel& p, Shape shape, int order, const Line& line) {
 
 void add_spline(ElementModel& p, double low, double high, int order, const Line& line) {
   if (order == 0) return;
+  // A spline is linear in its knot values; the first stands for its constant and the last for its
+  // slope.
   const int curve = int(p.element.curves.size());
   const VectorXd q = VectorXd::LinSpaced(order + 1, low, high);
   if (!line.constant) p.held.emplace_back(curve, 0);
@@ -115,8 +117,8 @@ void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& o
   }
 }
 
-/// Whether the order 1 of this motion of a table, beside that of the other motion across its axis,
-/// amounts to how the workpiece lies on it.
+/// Returns true if order 1 of this motion of a table, together with that of the other motion across
+/// its axis, is equivalent to the position of the workpiece on the table.
 bool is_workpiece_placement(const ElementName& name, const Joint& joint) {
   const int first_across = along(joint) == 0 ? 1 : 0;
   return joint.motion == Motion::Rotary && joint.side == kinematics::Side::Workpiece &&
@@ -171,7 +173,7 @@ std::vector<ElementModel> motions(const Chain& chain, const ModelOptions& option
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
     const bool is_nose = joint.motion == Motion::Spindle;
-    if (is_nose && chain.find('S')) continue;  // the letter S means the work spindle there
+    if (is_nose && chain.find('S')) continue;  // there the letter S denotes the work spindle
     for (int component = 0; component < 6; ++component) {
       const ElementName name{letters[component], is_nose ? 'S' : joint.name, false};
       if (is_meaningful(name, chain, j)) result.push_back(motion_of(name, joint, options));
@@ -180,7 +182,7 @@ std::vector<ElementModel> motions(const Chain& chain, const ModelOptions& option
   return result;
 }
 
-/// The angles of the main slides, each pair once.
+/// Returns the angles between the main slides, each pair once.
 std::vector<ElementName> squarenesses(const Chain& chain) {
   const auto slides = kinematics::main_slides(chain.joints());
   std::vector<ElementName> result;
@@ -193,7 +195,8 @@ std::vector<ElementName> squarenesses(const Chain& chain) {
   return result;
 }
 
-/// Two angles and two offsets of every rotary axis; a work spindle's constants say the same.
+/// Returns two angles and two offsets of every rotary axis; for a work spindle its constants are
+/// equivalent.
 std::vector<ElementName> places(const Chain& chain) {
   std::vector<ElementName> result;
   for (int j = 0; j < chain.size(); ++j) {
@@ -248,6 +251,7 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
     const std::string name = to_string(p.element.name);
     const auto& only = options.only;
     if (!only.empty() && std::find(only.begin(), only.end(), name) == only.end()) continue;
+    // An element whose numbers are all held cannot be identified.
     if (coefficients({p.element}).size() == p.held.size()) continue;
     for (const auto& [curve, number] : p.held)
       model.covariance.of.push_back({int(model.elements.size()), curve, number});
@@ -269,10 +273,11 @@ double shown_unit(const std::string& number) {
 double typical_deviation(const std::string& number) {
   const ElementName name = parse_element_name(element_of_number(number));
   const double unit = shown_unit(number);
+  // Half of the tolerances of ISO 10791-1 and -2, as listed in the header.
   if (name.location) return 20.0 * unit;
   const double whole =
       name.axis == 'S' ? (name.is_angle() ? 10.0 : 5.0) : (name.is_angle() ? 15.0 : 5.0);
-  // 2 of "EXX[2]" and of "EXC cos 2"
+  // the 2 of "EXX[2]" and of "EXC cos 2"
   const std::size_t digits = number.find_last_not_of("0123456789]") + 1;
   const std::string order =
       number.substr(digits, std::min<std::size_t>(6, number.find(']', digits) - digits));
@@ -288,9 +293,10 @@ using Eigen::VectorXd;
 using metrology::Readings;
 
 constexpr int max_sweeps = 4;
-constexpr double ridge = 1e-11;  // of unit columns: their normal equations round at 1e-16
+constexpr double ridge = 1e-11;  // relative to unit columns, whose normal equations have a rounding
+                                 // of 1e-16
 
-/// Lowest order of its element at which a number takes part.
+/// Returns the lowest order of its element at which a number takes part.
 int order_of(const Coefficient& coefficient, const GeometricErrors& model) {
   const Curve& curve =
       model.elements[std::size_t(coefficient.element)].curves[std::size_t(coefficient.curve)];
@@ -309,17 +315,17 @@ struct OrderProblem {
   VectorXd b;
   MatrixXd prior;
   std::vector<int> fold;     ///< (rows)
-  std::vector<int> element;  ///< (columns) -1: a set-up's
+  std::vector<int> element;  ///< (columns) -1: of a set-up
   std::vector<int> order;    ///< (columns)
   int folds = 0;
   int elements = 0;
 };
 
-/// Places of one set-up, looked at in any run and from any side, share a fold. The first and the
-/// last of a set-up are never left out (fold -1): between targets a curve is asked for, not beyond
-/// them.
+/// Returns the fold of every row. All readings of one position of a set-up, in any run and
+/// direction, belong to one fold. The first and the last position are never left out (fold -1): a
+/// curve is needed between targets, not beyond them.
 std::vector<int> fold_numbers(const Design& design, std::span<const Readings> readings, int folds) {
-  std::map<std::tuple<int, int, int>, int> number;  // readings, set-up, target
+  std::map<std::tuple<int, int, int>, int> number;  // key: readings, set-up, target
   for (const Row& row : design.rows) {
     const metrology::Measurement& measurement =
         readings[std::size_t(row.readings)].plan.measurements[std::size_t(row.measurement)];
@@ -383,8 +389,8 @@ std::vector<Index> select_rows(const OrderProblem& problem, int fold, bool insid
   return rows;
 }
 
-/// The columns of one element last and its orders rising, so that every lower order is a leading
-/// block of the highest; those of the others up to their orders.
+/// Returns the columns with those of one element last and in ascending order, so that every lower
+/// order is a leading block of the highest; those of the others up to their orders.
 std::vector<Index> columns_for_element(const OrderProblem& problem, int element,
                                        const std::vector<int>& orders) {
   std::vector<Index> columns;
@@ -403,13 +409,13 @@ std::vector<Index> columns_for_element(const OrderProblem& problem, int element,
   return columns;
 }
 
-/// Squares of the prediction errors of one fold, per order tried, and how many they are of.
+/// Squared prediction errors of one fold, per order, and the number of readings.
 struct Score {
   VectorXd squares;
   int readings = 0;
 };
 
-/// Normal equations of everything but one fold.
+/// Normal equations without one fold.
 struct Training {
   MatrixXd G;
   VectorXd h;
@@ -429,10 +435,11 @@ Training training(const OrderProblem& problem, int fold) {
 
 Score score(const OrderProblem& problem, const Training& fold, int element,
             const std::vector<int>& orders, int most) {
+  // One Cholesky factor serves all orders: the equations of a lower order are its leading block.
   const std::vector<Index> columns = columns_for_element(problem, element, orders);
   const MatrixXd L = cholesky(fold.G(columns, columns)).L;
   const VectorXd half = L.triangularView<Eigen::Lower>().solve(fold.h(columns));
-  std::vector<Index> rows;  // readings that see the element
+  std::vector<Index> rows;  // readings that depend on the element
   for (const Index i : fold.left_out)
     for (const Index j : columns)
       if (problem.element[std::size_t(j)] == element && problem.A(i, j) != 0.0) {
@@ -453,8 +460,8 @@ Score score(const OrderProblem& problem, const Training& fold, int element,
   return result;
 }
 
-// What all orders predict equally badly says nothing of the order, so each is compared with the
-// best fold by fold, and the standard error is that of the difference.
+// Errors that all orders have in common say nothing about the order, so each order is compared with
+// the best fold by fold, and the standard error is that of the difference.
 int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds) {
   const auto folds = double(mean_square_of_folds.size());
   VectorXd mean = VectorXd::Zero(mean_square_of_folds[0].size());
@@ -473,8 +480,8 @@ int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds)
   return int(best);
 }
 
-// Over part of a turn harmonics are nearly dependent, on each other and on a constant; there no
-// more are tried than the model has.
+// Over part of a turn harmonics are nearly dependent on each other and on a constant; there no more
+// are tried than the model has.
 ModelOptions with_highest_orders(ModelOptions model, const kinematics::Chain& nominal, int most) {
   model.orders.clear();
   for (const kinematics::Joint& joint : nominal.joints())
@@ -508,7 +515,7 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
   for (int f = 0; f < options.folds; ++f) folds.push_back(training(problem, f));
   std::vector<int> orders(std::size_t(problem.elements), options.most);
   OrderChoice choice;
-  // the first sweep has all other elements at the highest order
+  // the first sweep has all other elements at their highest order
   constexpr std::array done{0.0, 0.6, 0.8, 0.9, 1.0};
   static_assert(done.size() == max_sweeps + 1);
   for (int sweep = 0; sweep < max_sweeps; ++sweep) {
@@ -528,7 +535,7 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
         total.squares += s.squares;
         total.readings += s.readings;
       }
-      if (mean_squares.size() < 2) continue;  // seen from too few places
+      if (mean_squares.size() < 2) continue;  // read at too few positions
       const std::string name = to_string(highest.elements[std::size_t(e)].name);
       orders[std::size_t(e)] = choice.orders[name] = smallest_sufficient_order(mean_squares);
       choice.rms[name] = (total.squares / total.readings).cwiseSqrt();

@@ -17,7 +17,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-// Extended precision costs little at these sizes and saves the digits that ill-conditioned
+// Extended precision costs little at these sizes and preserves the digits that ill-conditioned
 // polynomials lose.
 using Real = long double;
 using RealMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
@@ -28,7 +28,7 @@ void validate(const MatrixXd& A, const VectorXd& y) {
   require(A.allFinite() && y.allFinite(), "a regression needs finite numbers");
 }
 
-/// Square roots of the weights.
+/// Returns the square roots of the weights.
 RealVector row_scale(const VectorXd& weight, Index n) {
   if (weight.size() == 0) return RealVector::Ones(n);
   require(weight.size() == n, "weights and readings differ in rows");
@@ -37,10 +37,10 @@ RealVector row_scale(const VectorXd& weight, Index n) {
 }
 
 /// [1 A], each row times the root of its weight, each column scaled to a length near 1 by a power
-/// of two, which rounds nothing.
+/// of two, which is exact.
 struct ExtendedDesign {
   RealMatrix scaled;
-  RealVector unit;  ///< what each column was divided by
+  RealVector unit;  ///< divisor of each column
 };
 
 ExtendedDesign make_design(const MatrixXd& A, bool constant, const RealVector& row) {
@@ -59,18 +59,19 @@ ExtendedDesign make_design(const MatrixXd& A, bool constant, const RealVector& r
 
 using Qr = Eigen::ColPivHouseholderQR<RealMatrix>;
 
-/// Leading half of the mantissa (Veltkamp).
+/// Returns the leading half of the mantissa (Veltkamp splitting).
 Real leading(Real a) {
   const Real c = 4294967297.0L * a;  // 2^32 + 1
   return c - (c - a);
 }
 
-/// Sum of products that keeps the rounding of every step (Dekker, Knuth) and adds it at the end.
+/// Compensated sum of products: collects the rounding of every step (Dekker, Knuth) and adds it at
+/// the end.
 struct TwofoldSum {
   Real sum = 0, rest = 0;
   void add(Real a, Real b) {
     const Real product = a * b;
-    // By halves: a fused multiply-add of long double is emulated, and slow.
+    // By halves: a fused multiply-add of long double is emulated in software, and slow.
     const Real a1 = leading(a), b1 = leading(b), a2 = a - a1, b2 = b - b1;
     const Real lost = ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2;
     const Real next = sum + product;
@@ -80,8 +81,9 @@ struct TwofoldSum {
   }
 };
 
-/// b and what the normal equations still ask for, their right side summed twofold: plain QR
-/// leaves an error of condition^2 times the residual, which matters where the fit is bad.
+/// Returns b corrected by one refinement step, with the gradient of the normal equations in
+/// compensated summation: plain QR has an error of condition^2 times the residual, which matters
+/// for a poor fit.
 RealVector refined(const ExtendedDesign& design, const RealVector& y, const Qr& qr,
                    const RealVector& b) {
   const Index n = design.scaled.rows(), q = design.scaled.cols();
@@ -103,7 +105,7 @@ RealVector refined(const ExtendedDesign& design, const RealVector& y, const Qr& 
   return b + qr.colsPermutation() * R.solve(half);
 }
 
-/// The columns past `rank` as combinations of those before.
+/// Returns the columns beyond `rank` as combinations of those before.
 std::vector<Dependence> confounded(const Qr& qr, const ExtendedDesign& design, Index rank,
                                    bool constant) {
   const Index q = design.scaled.cols();
@@ -118,6 +120,7 @@ std::vector<Dependence> confounded(const Qr& qr, const ExtendedDesign& design, I
     const Index column = order(rank + k);
     Dependence one{static_cast<int>(column) - shift, {}, {}};
     for (Index i = 0; i < rank; ++i) {
+      // 1e-9: smaller factors are rounding and would only obscure the dependence.
       if (std::abs(factors(i, k)) < 1e-9L) continue;
       one.with.push_back(static_cast<int>(order(i)) - shift);
       one.factor.push_back(
@@ -128,7 +131,8 @@ std::vector<Dependence> confounded(const Qr& qr, const ExtendedDesign& design, I
   return result;
 }
 
-/// Columns of which more than the tolerance is left beside those before them; n >= q.
+/// Returns the number of columns of which more than the tolerance remains after projection on those
+/// before them; n >= q.
 Index rank_of(const Qr& qr, double tolerance) {
   const auto& R = qr.matrixQR();
   Index rank = 0;
@@ -138,7 +142,7 @@ Index rank_of(const Qr& qr, double tolerance) {
   return rank;
 }
 
-/// Inverse of A'A of the scaled design.
+/// Returns the inverse of A'A of the scaled design.
 RealMatrix inverse_normal_matrix(const Qr& qr, Index q) {
   const RealMatrix R_inverse =
       qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>().solve(
@@ -155,7 +159,7 @@ double condition_of(const Qr& qr) {
   return static_cast<double>(svd.singularValues()(0) / svd.singularValues()(q - 1));
 }
 
-/// Weighted sum of squares about the weighted mean, or about 0.
+/// Returns the weighted sum of squares about the weighted mean, or about 0.
 Real total_squares(const RealVector& y, const RealVector& row, bool about_mean) {
   if (!about_mean) return y.cwiseProduct(row).squaredNorm();
   const RealVector weight = row.cwiseAbs2();
@@ -163,8 +167,8 @@ Real total_squares(const RealVector& y, const RealVector& row, bool about_mean) 
   return (y.array() - mean).matrix().cwiseProduct(row).squaredNorm();
 }
 
-/// VIF of a column is its diagonal of the inverse normal matrix times its sum of squares about the
-/// mean (about 0 where there is no constant).
+/// Returns the variance inflation of every column: its diagonal entry of the inverse normal matrix
+/// times its sum of squares about the mean (about 0 without a constant).
 VectorXd inflation(const MatrixXd& A, const ExtendedDesign& design, const RealMatrix& inverse,
                    const RealVector& row) {
   const Index p = A.cols(), shift = inverse.cols() - p;
@@ -182,7 +186,7 @@ double press_rms(const RealVector& residual, const VectorXd& leverage, const Rea
   Index count = 0;
   for (Index i = 0; i < residual.size(); ++i) {
     if (row(i) == 0) continue;
-    // A row with all the leverage cannot be predicted by the others.
+    // A row of leverage 1 cannot be predicted by the others.
     const Real left = std::max<Real>(1.0L - static_cast<Real>(leverage(i)), 1e-12L);
     sum += (residual(i) / left) * (residual(i) / left);
     ++count;
@@ -190,7 +194,7 @@ double press_rms(const RealVector& residual, const VectorXd& leverage, const Rea
   return static_cast<double>(std::sqrt(sum / static_cast<Real>(count)));
 }
 
-/// Columns scaled to mean 0 and standard deviation 1 (0 for one that stands still).
+/// Columns scaled to mean 0 and standard deviation 1 (0 for a constant one).
 struct StandardisedData {
   MatrixXd Z;
   VectorXd mean, sd;
@@ -207,7 +211,7 @@ StandardisedData standardise(const MatrixXd& A, const VectorXd& y) {
   s.centred.array() -= s.y_mean;
   for (Index j = 0; j < A.cols(); ++j) {
     const double sd = std::sqrt(s.Z.col(j).squaredNorm() / n);
-    // Below this the column only holds rounding of its own mean.
+    // Below this the column contains only the rounding of its mean.
     if (sd > 1e-13 * std::abs(s.mean(j)) && sd > 0) s.sd(j) = sd;
     s.Z.col(j) *= s.sd(j) > 0 ? 1.0 / s.sd(j) : 0.0;
   }
@@ -225,6 +229,7 @@ double largest_gradient(const StandardisedData& s) {
   return (s.Z.transpose() * s.centred).cwiseAbs().maxCoeff() / static_cast<double>(s.Z.rows());
 }
 
+// Optimality conditions (Karush, Kuhn, Tucker) of the LASSO, as in the header.
 double violation(const MatrixXd& gram, const VectorXd& moment, const VectorXd& b, double penalty) {
   const VectorXd gradient = moment - gram * b;
   double worst = 0;
@@ -323,9 +328,11 @@ ShrunkFit fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
   const double most = largest_gradient(s);
   VectorXd b = VectorXd::Zero(A.cols());
   double worst = violation(gram, moment, b, penalty);
+  // The limits of the header: 1e-9 of the largest gradient, at most 20 000 sweeps.
   for (int sweep = 0; sweep < 20000 && worst > 1e-9 * most; ++sweep) {
     for (Index j = 0; j < b.size(); ++j) {
       if (gram(j, j) == 0) continue;
+      // Soft thresholding: the minimum over one coefficient with the others fixed.
       const double free = moment(j) - gram.col(j).dot(b) + gram(j, j) * b(j);
       b(j) = std::copysign(std::max(std::abs(free) - penalty, 0.0), free) / gram(j, j);
     }

@@ -5,81 +5,88 @@
 
 #include <Eigen/Core>
 
-/// Linear regression with what one needs to know of its result, and its two shrunk relatives.
+/// Linear regression with diagnostics, ridge regression and LASSO.
 namespace abbe::errors::identification {
 
-/// Columns that the others leave nothing of: column = sum of factor times the columns beside it.
+/// A column that depends on others: column = sum of factor times the columns in `with`.
 struct Dependence {
-  int column = 0;              ///< of the design, the constant not counted; -1 is the constant
-  std::vector<int> with;       ///< likewise
+  int column = 0;              ///< of the design, without the constant; -1 is the constant
+  std::vector<int> with;       ///< other columns, likewise
   std::vector<double> factor;  ///< one for each of `with`
 };
 enum class RegressionStatus {
   Ok,
-  TooFewRows,     ///< fewer rows of weight than coefficients
-  RankDeficient,  ///< `confounded` says which columns; nothing else is filled in
+  TooFewRows,     ///< fewer rows of non-zero weight than coefficients
+  RankDeficient,  ///< `confounded` names the columns; nothing else is filled in
 };
 struct RegressionOptions {
-  bool constant = true;    ///< fit a constant as well
+  bool constant = true;    ///< fit a constant too
   Eigen::VectorXd weight;  ///< (n) >= 0, 1 / variance up to a factor; empty: all 1
-  /// A column of which less than this part of its length is left beside the others is confounded.
+  /// A column of which less than this fraction of its length remains beside the others is
+  /// confounded.
   double rank_tolerance = 1e-11;
 };
-/// Weighted least squares. Where there are more rows than coefficients, the variance comes from the
-/// residuals; with as many rows as coefficients it is unknown and everything that needs it is 0.
+/// Result of weighted least squares. With more rows than coefficients the variance is estimated
+/// from the residuals; with as many rows as coefficients it is unknown, and everything that depends
+/// on it is 0.
 struct Regression {
   RegressionStatus status = RegressionStatus::Ok;
   std::vector<Dependence> confounded;
 
-  double constant = 0.0;           ///< 0 where none was asked for
+  double constant = 0.0;           ///< 0 if not requested
   Eigen::VectorXd beta;            ///< (p)
   Eigen::MatrixXd covariance;      ///< (q x q) of [constant, beta], q = p + 1, or of beta alone
   Eigen::VectorXd standard_error;  ///< (q) likewise
   Eigen::VectorXd residual;        ///< (n) y minus fit
   Eigen::VectorXd leverage;        ///< (n) diagonal of the hat matrix
-  int degrees_of_freedom = 0;      ///< rows of weight minus q
+  int degrees_of_freedom = 0;      ///< rows of non-zero weight minus q
   double residual_sd = 0.0;        ///< sqrt(weighted sum of squares / degrees of freedom)
-  double r_squared = 0.0;          ///< about the weighted mean; about 0 where there is no constant
+  double r_squared = 0.0;          ///< about the weighted mean; about 0 without a constant
   double condition = 0.0;          ///< 2-norm, of the design with columns scaled to length 1
-  Eigen::VectorXd vif;             ///< (p) variance inflation, 1 / (1 - R^2 on the other columns)
-  double press_rms = 0.0;  ///< RMS of each row predicted by a fit to all others: rows of one run
-                           ///< are correlated, so this flatters; see thermal_model.h
+  Eigen::VectorXd vif;             ///< (p) variance inflation factors, 1 / (1 - R^2 on the other
+                                   ///< columns)
+  double press_rms = 0.0;  ///< RMS of each row predicted by a fit to all others; optimistic for
+                           ///< rows of one run, which are correlated; see thermal_model.h
 };
 
-/// Householder QR with column exchange in 64-bit mantissas, then one step of refinement from a
-/// gradient summed twofold. The NIST StRD linear sets come out to 12 digits and more, Filip to 7,
-/// which is what rounding its tenth powers to doubles leaves; regression_test.cpp prints them.
+/// Fits a weighted linear regression by column-pivoted Householder QR with 64-bit mantissas, then
+/// one step of refinement with a compensated gradient. The NIST StRD linear sets are reproduced to
+/// 12 digits and more, Filip to 7, the limit set by rounding its tenth powers to double;
+/// regression_test.cpp prints them.
 /// @param A  (n x p), p >= 1, or p >= 0 with a constant
-/// @throws std::invalid_argument for shapes that disagree, numbers that are not finite, a weight <
-/// 0
+/// @throws std::invalid_argument for shapes that disagree, numbers that are not finite, or a weight
+///         < 0
 [[nodiscard]] Regression fit_regression(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
                                         const RegressionOptions& options = {});
 
-/// "T3 = 0.5 T1 - 2 constant" for every confounded column.
+/// Returns e.g. "T3 = 0.5 T1 - 2 constant" for every confounded column.
 std::string describe(const std::vector<Dependence>& confounded,
                      const std::vector<std::string>& names);
 
-/// Fit with shrunk coefficients, of columns scaled to standard deviation 1; the constant is free.
+/// Fit with shrunk coefficients, of columns scaled to standard deviation 1; the constant is not
+/// penalised.
 struct ShrunkFit {
   bool converged = true;
   double constant = 0.0;
-  Eigen::VectorXd beta;  ///< (p) in the units of the columns; 0 for a column that stands still
-  double kkt = 0.0;      ///< LASSO: largest violation of its optimality, as part of `max_penalty`
+  Eigen::VectorXd beta;  ///< (p) in the units of the columns; 0 for a constant column
+  double kkt = 0.0;      ///< LASSO: largest violation of its optimality conditions, as a fraction
+                         ///< of `max_penalty`
 };
 
-/// min (1/2n) |y - a - Z b|^2 + (penalty/2) |b|^2, Z the scaled columns, by Cholesky.
+/// Minimises (1/2n) |y - a - Z b|^2 + (penalty/2) |b|^2, Z the scaled columns, by Cholesky.
 /// @param penalty  > 0
 [[nodiscard]] ShrunkFit fit_ridge(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
                                   double penalty);
 
-/// min (1/2n) |y - a - Z b|^2 + penalty |b|_1 by coordinate descent. Converged means that every
-/// column's gradient g = Z_j' r / n keeps |g| <= penalty where b_j = 0 and g = penalty sign(b_j)
-/// elsewhere, both within 1e-9 of `max_penalty`; at most 20 000 sweeps.
+/// Minimises (1/2n) |y - a - Z b|^2 + penalty |b|_1 by coordinate descent. Converged means that
+/// every column's gradient g = Z_j' r / n satisfies |g| <= penalty if b_j = 0 and g = penalty
+/// sign(b_j) otherwise, both within 1e-9 of `max_penalty`; at most 20 000 sweeps.
 /// @param penalty  >= 0
 [[nodiscard]] ShrunkFit fit_lasso(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
                                   double penalty);
 
-/// Smallest LASSO penalty at which every coefficient is 0: the largest |Z_j' (y - mean)| / n.
+/// Returns the smallest LASSO penalty for which every coefficient is 0: the largest |Z_j' (y -
+/// mean)| / n.
 double max_penalty(const Eigen::MatrixXd& A, const Eigen::VectorXd& y);
 
 }  // namespace abbe::errors::identification

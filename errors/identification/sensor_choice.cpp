@@ -36,7 +36,7 @@ struct Images {
   MatrixXd image;
 };
 
-/// Every column divided, or shifted and divided, as the image says.
+/// Returns every column divided, or shifted and divided, according to the image.
 Images images(const MatrixXd& series, Image image) {
   Images result;
   result.image = series;
@@ -62,7 +62,7 @@ Images images(const MatrixXd& series, Image image) {
   return result;
 }
 
-/// |s| of each column: the area from the column's own start.
+/// Returns |s| of each column: the area between the series and its initial value.
 VectorXd areas(const MatrixXd& series) {
   const auto n = series.rows();
   const MatrixXd from_start = series.rowwise() - series.row(0);
@@ -75,7 +75,7 @@ double liu_degree(double s0, double si) {
   return sum / (sum + std::abs(si - s0));
 }
 
-/// Liu's degree of every pair of areas.
+/// Returns Liu's degree of every pair of areas.
 MatrixXd liu_matrix(const VectorXd& s) {
   return MatrixXd::NullaryExpr(s.size(), s.size(),
                                [&](auto i, auto j) { return liu_degree(s(i), s(j)); });
@@ -86,7 +86,7 @@ double mean_grade(const ArrayXd& difference, double least, double most, double r
   return ((least + rho * most) / (difference + rho * most)).mean();
 }
 
-/// Liu's degrees of all pairs, by the kind asked for.
+/// Returns Liu's degrees of all pairs, of the requested kind.
 MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
   MutualDegrees result;
   const bool absolute = options.kind != GreyKind::Relative;
@@ -166,7 +166,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Columns of mean 0 and length 1; zero for one that stands still.
+/// Returns the columns with mean 0 and length 1; zero for a constant one.
 MatrixXd directions(const MatrixXd& columns) {
   MatrixXd result = columns.rowwise() - columns.colwise().mean();
   for (Index j = 0; j < columns.cols(); ++j) {
@@ -184,7 +184,7 @@ std::vector<int> moving(const ThermalData& data) {
   return result;
 }
 
-/// Degrees of the inputs named, the other entries 0.
+/// Degrees of the selected inputs; the other entries are 0.
 struct Degrees {
   GreyStatus status = GreyStatus::Ok;
   int input = -1;
@@ -201,7 +201,7 @@ Degrees correlation_degrees(std::span<const ThermalData> errors) {
   return result;
 }
 
-/// The first row at which neither the error nor an input is too near to zero to divide by.
+/// Returns the first row at which neither the error nor an input is too close to zero as a divisor.
 std::optional<int> first_row(const ThermalData& error, const std::vector<int>& inputs,
                              double min_start) {
   for (Index k = 0; k + 1 < error.y.size(); ++k)
@@ -210,10 +210,12 @@ std::optional<int> first_row(const ThermalData& error, const std::vector<int>& i
   return std::nullopt;
 }
 
-/// Inputs of one error as its degree takes them.
+/// Returns the inputs of one error as required by its degree.
 MatrixXd series_of(const ThermalData& error, const std::vector<int>& inputs,
                    const GreyOptions& options) {
   MatrixXd series = error.T(Eigen::all, inputs);
+  // The interval image maps rising and falling series to opposite shapes, so a sensor that falls
+  // while the error rises is inverted first.
   if (options.kind == GreyKind::Deng && options.image == Image::Interval)
     for (Index j = 0; j < series.cols(); ++j)
       if ((series.col(j).array() - series.col(j).mean()).matrix().dot(error.y) < 0)
@@ -252,6 +254,7 @@ Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::
 std::vector<std::vector<int>> group_sensors(const std::vector<int>& by_degree,
                                             const MatrixXd& mutual, double threshold) {
   std::vector<std::vector<int>> groups;
+  // In descending degree, so that the best sensor of a group is its leader.
   for (const int sensor : by_degree) {
     const auto leader = std::ranges::find_if(groups, [&](const std::vector<int>& group) {
       return mutual(group.front(), sensor) >= threshold;
@@ -264,7 +267,7 @@ std::vector<std::vector<int>> group_sensors(const std::vector<int>& by_degree,
   return groups;
 }
 
-/// The lowest mutual degree that, as a threshold, leaves at least `wanted` groups.
+/// Returns the lowest mutual degree that, as a threshold, gives at least `wanted` groups.
 double threshold_for(const std::vector<int>& by_degree, const MatrixXd& mutual,
                      std::size_t wanted) {
   std::set<double> candidates;
@@ -273,11 +276,11 @@ double threshold_for(const std::vector<int>& by_degree, const MatrixXd& mutual,
       if (i != j) candidates.insert(mutual(i, j));
   for (const double threshold : candidates)
     if (group_sensors(by_degree, mutual, threshold).size() >= wanted) return threshold;
-  return 1.0 + 1e-9;  // each sensor a group of its own
+  return 1.0 + 1e-9;  // every sensor is its own group
 }
 
-/// Mean square of what regressions on these inputs leave of all errors; infinite where one cannot
-/// be made.
+/// Returns the mean squared residual of regressions on these inputs over all errors; infinite if
+/// one is not possible.
 double regression_residual(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
   ThermalModelOptions options;
   options.sigma_from_runs = false;
@@ -300,6 +303,7 @@ double regression_residual(std::span<const ThermalData> errors, const std::vecto
 std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::vector<int> leaders,
                                       std::size_t count) {
   std::vector<int> chosen;
+  // Greedy forward selection: trying all subsets would need a fit for each.
   while (chosen.size() < count && !leaders.empty()) {
     std::vector<double> left;
     for (const int leader : leaders) {
@@ -400,7 +404,7 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
 
 namespace {
 
-/// The rows from `start` on with noise added.
+/// Returns the rows from `start` on with additional noise.
 std::vector<ThermalData> redraw_noise(std::span<const ThermalData> errors, Index start,
                                       const ChoiceSpreadOptions& spread, std::uint64_t stream) {
   const Index n = errors.front().y.size() - start, m = errors.front().T.cols();
@@ -421,7 +425,7 @@ std::vector<ThermalData> redraw_noise(std::span<const ThermalData> errors, Index
   return result;
 }
 
-/// Ranks of degrees, from 1; 0 of inputs without one.
+/// Returns the ranks of the degrees, from 1; 0 for inputs without a degree.
 std::vector<int> degree_ranks(const VectorXd& degree) {
   std::vector<int> ranks(std::size_t(degree.size()), 0);
   int rank = 0;
@@ -447,7 +451,7 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
   const int last = std::clamp(int(errors.front().y.size() / 4), 0, spread.last_start);
   std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
   tbb::parallel_for(0, spread.draws, [&](int draw) {
-    // each start row in turn, so that none is left out of a few draws
+    // Start rows in turn, so that all occur even in a few draws.
     choices[std::size_t(draw)] =
         choose_sensors(redraw_noise(errors, draw % (last + 1), spread,
                                     spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
@@ -504,7 +508,7 @@ std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
     std::vector<int> all(static_cast<std::size_t>(below));
     std::iota(all.begin(), all.end(), 0);
     for (int k = 0; k < size; ++k) {
-      // The remainder is off from uniform by below / 2^64, and the same with every library.
+      // The remainder differs from uniform by below / 2^64, and is the same with every library.
       const auto pick = k + static_cast<int>(random() % static_cast<std::uint64_t>(below - k));
       std::swap(all[static_cast<std::size_t>(k)], all[static_cast<std::size_t>(pick)]);
     }
@@ -517,7 +521,7 @@ std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
 
 namespace {
 
-/// The value below which this part of the sorted values lies, linear between neighbours.
+/// Returns a percentile of sorted values, linear between neighbours.
 double percentile(const std::vector<double>& sorted, double part) {
   if (sorted.empty()) return 0.0;
   const double at = part * static_cast<double>(sorted.size() - 1);
@@ -526,18 +530,18 @@ double percentile(const std::vector<double>& sorted, double part) {
   return sorted[low] + (at - static_cast<double>(low)) * (sorted[high] - sorted[low]);
 }
 
-/// Training and test data of every error and what is done with a choice of their inputs.
+/// Training and test data of every error, and the evaluation of a choice of inputs.
 struct Trial {
   std::span<const ThermalData> training;
   std::span<const ThermalData> test;
   Recipe recipe;
-  double range = 0.0;  ///< root of the sum of the squares of the errors' ranges
+  double range = 0.0;  ///< root of the sum of squares of the errors' ranges
 
   Validation of(std::size_t error, const std::vector<int>& inputs) const {
     return validate_on(select_inputs(training[error], inputs), select_inputs(test[error], inputs),
                        recipe);
   }
-  /// RMS over range of all errors; none where one could not be fitted.
+  /// Returns the RMS over the range of all errors; empty if one could not be fitted.
   std::optional<double> graded(const std::vector<int>& inputs) const {
     double sum = 0.0;
     for (std::size_t e = 0; e < training.size(); ++e) {
@@ -558,6 +562,7 @@ RandomChoices random_choices(const Trial& trial, const ThermalStudyOptions& opti
       random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
                      options.random_subsets, options.seed);
   std::vector<std::optional<double>> grades(subsets.size());
+  // Subsets are drawn before, so that the result does not depend on the number of threads.
   tbb::parallel_for(std::size_t(0), subsets.size(), [&](std::size_t i) {
     std::vector<int> inputs;
     for (const int k : subsets[i]) inputs.push_back(usable[static_cast<std::size_t>(k)]);
@@ -588,6 +593,7 @@ void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
     throw std::invalid_argument("training and test data differ in their inputs");
   const std::vector<int> seen = runs(training);
   for (const int label : runs(test))
+    // A run in both would let the model predict what it was trained on.
     if (std::ranges::count(seen, label))
       throw std::invalid_argument("run " + std::to_string(label) +
                                   " stands in the training and in the test data");
@@ -626,7 +632,7 @@ ThermalStudy study_sensors(std::span<const ThermalData> training, std::span<cons
     check_disjoint_runs(training[e], test[e]);
   }
   ThermalStudy study;
-  // Lagged copies are made of the chosen sensors only, so the choice goes by the sensors
+  // Lagged copies are made of the chosen sensors only, so the choice is based on the sensors
   // themselves.
   std::vector<ThermalData> featured;
   for (const ThermalData& error : training)

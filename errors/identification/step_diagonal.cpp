@@ -33,39 +33,40 @@ using metrology::Readings;
 
 inline constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
 
-/// A slide of a chain by its number, 0 1 2.
-/// @throws std::invalid_argument unless the chain has it and it runs along that axis of the bed
+/// Returns a slide of a chain by its index, 0 1 2.
+/// @throws std::invalid_argument unless the chain has it and it travels along that axis of the bed
 kinematics::Joint slide(const kinematics::Chain& chain, int axis);
 
-/// One leg: a change of reading against its length, over one interval of one axis.
+/// One leg: a change of reading per motion of one axis over one interval.
 struct StepLeg {
   int axis = 0;
   int interval = 0;
   int diagonal = 0;        ///< set-up
   Eigen::Vector3d across;  ///< change of reading per unit of E(upper) - E(lower)
-  Eigen::Index from = 0;   ///< readings it is the difference of
+  Eigen::Index from = 0;   ///< readings of which it is the difference
   Eigen::Index to = 0;
 };
 
-/// Steps of the three axes, each from its lower end upwards.
+/// Step positions of the three axes, ascending.
 using Steps = std::array<std::vector<double>, 3>;
 
-/// The way of four step diagonals.
+/// The path of four step diagonals.
 struct StepPath {
   Steps steps;
   std::vector<StepLeg> legs;
 };
 
+/// Returns the path of the readings.
 /// @throws std::invalid_argument unless the readings are those of four diagonals, finite, each one
-///         step of X, Y or Z from the one before, with the same steps on every diagonal
+///         step of X, Y or Z after the previous, with the same steps on every diagonal
 StepPath step_path(const metrology::Readings& readings);
 
-/// @throws std::invalid_argument, always: "step diagonal: " and why
+/// Throws std::invalid_argument with "step diagonal: " and the reason.
 [[noreturn]] void throw_diagonal_error(const std::string& why);
 
 namespace {
 
-constexpr double same_place = 1e-6;  // mm
+constexpr double same_place = 1e-6;  // mm: rounding of a commanded position
 
 void check_diagonals(const Readings& readings) {
   const metrology::Plan& plan = readings.plan;
@@ -86,7 +87,8 @@ void check_diagonals(const Readings& readings) {
 
 int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
 
-/// The slide that moved between two states, -1 if not exactly one did and nothing else.
+/// Returns the slide that moved between two states; -1 unless exactly one slide and nothing else
+/// did.
 int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
   int which = -1;
   for (int j = 0; j < chain.size(); ++j) {
@@ -175,7 +177,7 @@ using kinematics::Chain;
 using metrology::Measurement;
 using metrology::Readings;
 
-/// What a machine would read at every measurement, set up perfectly. (measurements)
+/// Returns the readings of a machine at every measurement with perfect set-ups (measurements).
 VectorXd perfect_readings(const Readings& readings, const GeometricErrors& errors) {
   const Chain& chain = readings.nominal;
   const GeometricModel model = bind(errors, chain);
@@ -191,12 +193,12 @@ VectorXd perfect_readings(const Readings& readings, const GeometricErrors& error
   return result;
 }
 
-// ---- the estimator as a matrix over the readings, so that its covariance follows
+// The estimator as a matrix over the readings, which gives its covariance
 
-/// Numbers by axis, component and step: increments of the displacement error over an interval.
+/// Estimator of the increments of the displacement errors over the intervals.
 struct Linear {
-  MatrixXd increments;  ///< (3 components x intervals of X Y Z by readings), 3 rows an interval
-  MatrixXd contrast;    ///< (intervals x readings) zero for errors of translation
+  MatrixXd increments;  ///< (3 components x intervals of X Y Z by readings), 3 rows per interval
+  MatrixXd contrast;    ///< (intervals x readings) zero for translational errors
 };
 
 Linear linear(const StepPath& path, Index readings) {
@@ -219,7 +221,10 @@ Linear linear(const StepPath& path, Index readings) {
       count[leg->diagonal] += 1.0;
     }
     if (count.minCoeff() == 0.0) throw_diagonal_error("expected the same steps on every diagonal");
+    // Four diagonals measure three components: the fourth left singular vector is the contrast that
+    // a translation cannot produce.
     const SingularValues svd = singular_values(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
+    // 1e-3: diagonals of a box 1000 times longer than high no longer separate its height.
     if (svd.values[2] < 1e-3 * svd.values[0])
       throw_diagonal_error("expected diagonals that differ in three directions");
     const MatrixXd inverse =
@@ -237,7 +242,7 @@ Linear linear(const StepPath& path, Index readings) {
   return result;
 }
 
-/// Line of least squares of values over q: slope = weights . value.
+/// Returns the weights of the least-squares slope over q: slope = weights . value.
 VectorXd slope_weights(const VectorXd& q) {
   const VectorXd dq = q.array() - q.mean();
   return dq / dq.squaredNorm();
@@ -247,8 +252,8 @@ ElementName axis_element(int component, int axis) {
   return {slides[std::size_t(component)], slides[std::size_t(axis)], false};
 }
 
-/// Rows of one displacement, its straight line taken out where it is a straightness; what the line
-/// was goes to `squareness` (EC0Y, EB0Z, EA0Z by readings).
+/// Rows of one displacement error; for a straightness without its least-squares line, whose slope
+/// goes to `squareness` (EC0Y, EB0Z, EA0Z by readings).
 struct Curves {
   std::array<VectorXd, 3> q;
   std::array<std::array<MatrixXd, 3>, 3> rows;  ///< [axis][component] (steps x readings)
@@ -291,10 +296,10 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
   return result;
 }
 
-// ---- the belief
+// Belief
 
-/// A direction of travel turned by theta runs sin(theta) off: the angle of a slope, and what the
-/// travel itself lacks.
+/// A direction of travel tilted by theta deviates by sin(theta): the angle of a slope, and the
+/// travel lost by it.
 struct TravelTilt {
   double angle_per_slope = 1.0;
   double shortening = 0.0;  ///< 1 - cos(theta)
@@ -343,9 +348,9 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
   return belief;
 }
 
-// ---- what contradicts it
+// Contradictions in the readings
 
-/// Chi-square that chance exceeds once in a thousand (Wilson and Hilferty 1931).
+/// Returns the chi-square that is exceeded by chance once in a thousand (Wilson and Hilferty 1931).
 double rare_chi_square(double freedom) {
   const double t = 2.0 / (9.0 * freedom);
   return freedom * std::pow(1.0 - t + 3.0902 * std::sqrt(t), 3);
@@ -364,7 +369,7 @@ Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const V
   return {k.dot(solve_positive(weighted * weighted.transpose(), k)), double(k.size())};
 }
 
-/// The same contrasts as the mean of each axis, and as changes from one interval to the next.
+/// The contrasts split into the mean of each axis and the changes from one interval to the next.
 struct ContrastParts {
   MatrixXd steady;   ///< (3 x intervals)
   MatrixXd varying;  ///< (intervals - 3 x intervals)
@@ -413,16 +418,16 @@ std::vector<std::string> contradiction_warnings(const Steps& steps, const Matrix
   return result;
 }
 
-// ---- what would not
+// Errors without contradiction
 
-/// A turn of one carriage that grows evenly along its steps.
+/// Returns a rotation of one carriage that grows linearly along its steps.
 GeometricErrors turning(const ElementName& name, const std::vector<double>& steps, double angle) {
   const double length = steps.back() - steps.front();
   const Polynomial line{(VectorXd(2) << 0.0, angle).finished(), steps.front(), length};
   return {{{name, {Curve{line}}}}, {}, {}};
 }
 
-/// Largest value that any of the nine curves takes on for these readings.
+/// Returns the largest value of any of the nine curves for these readings.
 double largest_value(const Curves& curves, const VectorXd& y) {
   double largest = 0.0;
   for (const auto& axis : curves.rows)
@@ -430,9 +435,12 @@ double largest_value(const Curves& curves, const VectorXd& y) {
   return largest;
 }
 
-/// Every angular error tried on the nominal machine: those that leave no contradiction.
+/// Tries every angular error on the nominal machine and returns a warning about those that leave no
+/// contradiction.
 std::string angular_caution(const Readings& readings, const StepPath& path,
                             const MatrixXd& contrast, const Curves& curves) {
+  // A usual pitch or yaw of a machine tool; the effect is linear, so the size only scales the
+  // figure of the message.
   constexpr double angle = 20.0 * units::urad;
   const VectorXd perfect = perfect_readings(readings, {});
   std::string unseen;
@@ -444,6 +452,8 @@ std::string angular_caution(const Readings& readings, const StepPath& path,
           perfect_readings(readings, turning(name, path.steps[axis], angle)) - perfect;
       const double largest = largest_value(curves, y);
       const double contradicts = (contrast * y).cwiseAbs().maxCoeff();
+      // Below 1 nm the error does not affect the elements; below 1 % of it per step the contrast
+      // does not reveal it.
       if (largest < units::nm || contradicts > 1e-2 * largest / double(path.steps[axis].size()))
         continue;
       unseen += " " + to_string(name);
@@ -456,7 +466,7 @@ std::string angular_caution(const Readings& readings, const StepPath& path,
       unseen, worst / units::um);
 }
 
-// ---- over temperature
+// Trend over temperature
 
 struct Quantities {
   std::vector<std::string> names;
@@ -464,7 +474,7 @@ struct Quantities {
   std::vector<double> value;
 };
 
-/// The numbers of one result that are followed over temperature.
+/// Returns the numbers of one result that are followed over temperature.
 Quantities quantities(const GeometricErrors& belief) {
   Quantities result;
   for (const Element& element : belief.elements) {

@@ -34,7 +34,7 @@ ThermalData filter_rows(const ThermalData& data, const Keep& keep) {
 
 constexpr std::size_t max_inputs = 1000;
 
-/// Reads the rows of a log one by one.
+/// Reader of a log, row by row.
 class LogReader {
  public:
   LogReader(std::string file, const ThermalColumns& columns)
@@ -71,6 +71,7 @@ class LogReader {
       refuse(number, row.back().column, fmt::format("{} cells, as the head has", kinds_.size()),
              row.size() > kinds_.size() ? "more" : fmt::format("{}", row.size()));
     for (std::size_t i = 0; i < row.size(); ++i) {
+      // An ignored column may hold text, such as a time stamp.
       if (kinds_[i] == Kind::Ignored) continue;
       const double value = finite(row[i], number);
       if (static_cast<int>(i) == run_)
@@ -85,6 +86,7 @@ class LogReader {
   ThermalData finish(int lines) const {
     const auto n = static_cast<Index>(run_of_row_.size());
     if (n == 0) refuse(lines, 1, "a row of readings", "none");
+    // The values were collected row by row, whereas Eigen matrices store columns by default.
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     return {names_,
             Eigen::Map<const RowMajor>(values_.data(), n, static_cast<Index>(names_.size())),
@@ -108,6 +110,7 @@ class LogReader {
     if (value != std::floor(value) || std::abs(value) > 1e9)
       refuse(line, cell.column, "a whole number for the run", in_quotes(cell.text));
     const int label = static_cast<int>(value);
+    // The rows of a run must be contiguous, since lags and starts are taken along them.
     if (run_of_row_.empty() || run_of_row_.back() != label)
       if (!labels_.insert(label).second)
         refuse(line, cell.column, "the rows of one run together",
@@ -139,6 +142,7 @@ void validate(const ThermalData& data) {
   require(std::set(data.names.begin(), data.names.end()).size() == data.names.size(),
           "two inputs of thermal data bear one name");
   std::vector<int> starts = data.run;
+  // Equal neighbours collapse, so a label that remains twice belongs to separate rows.
   starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
   require(std::set(starts.begin(), starts.end()).size() == starts.size(),
           "the rows of one run of thermal data stand apart");
@@ -168,6 +172,7 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
 ThermalData thinned(const ThermalData& data, int every) {
   require(every >= 1, "thinning keeps every first row or fewer");
   std::vector<Index> rows;
+  // Counting restarts with every run, so the first row of each run is kept.
   Index start = 0;
   for (Index row = 0; row < data.y.size(); ++row) {
     if (data.run[static_cast<std::size_t>(row)] != data.run[static_cast<std::size_t>(start)])
@@ -191,6 +196,7 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
   while (const auto line = lines.next()) {
     const std::size_t first = line->find_first_not_of(" \t");
     if (first == std::string_view::npos || (*line)[first] == '#') continue;
+    // The first line that is neither blank nor a comment holds the heads.
     if (headed)
       reader.row(*line, lines.number());
     else
@@ -217,6 +223,7 @@ void transform_runs(const ThermalData& data, const Visit& visit) {
   }
 }
 
+// Discrete first-order lag: exp(-1 / rows) is its exact decay over one row.
 Eigen::MatrixXd lagged(const ThermalData& data, double rows) {
   Eigen::MatrixXd result = data.T;
   const double kept = std::exp(-1.0 / rows);
@@ -233,6 +240,7 @@ ThermalData with_features(const ThermalData& data, const ThermalFeatures& featur
   if (!(features.lag_rows >= 0) || !std::isfinite(features.lag_rows))
     throw std::invalid_argument("a lag is a number of rows, 0 or more");
   ThermalData result = data;
+  // The temperature at the start of a run serves as its reference.
   if (features.since_start)
     transform_runs(data, [&](Index start, Index count) {
       result.T.middleRows(start, count).rowwise() -= data.T.row(start);

@@ -8,31 +8,32 @@
 
 namespace abbe::errors::identification {
 
-/// Readings for a thermal model: at every row the inputs (temperatures, spindle speed, current) and
-/// the deviation seen there. Rows of one run (a day, a warm-up) follow each other in time and are
-/// correlated, so training and testing are parted by run and never by row.
+/// Data for a thermal model: in every row the inputs (temperatures, spindle speed, current) and the
+/// deviation at that time. Rows of one run (a day, a warm-up) are consecutive in time and
+/// correlated, so training and test data are separated by run and never by row.
 struct ThermalData {
   std::vector<std::string> names;  ///< (m) of the inputs
-  Eigen::MatrixXd T;               ///< (n x m) deg C or K, as the source has them
-  Eigen::VectorXd y;               ///< (n) mm or rad, or as the source has it
+  Eigen::MatrixXd T;               ///< (n x m) deg C or K, as in the source
+  Eigen::VectorXd y;               ///< (n) mm or rad, or as in the source
   std::vector<int> run;            ///< (n) label of the run of every row
 };
 
+/// Checks the data.
 /// @throws std::invalid_argument unless the shapes agree, n >= 1, m >= 1, every number is finite,
-///         names differ, and the rows of each run stand together
+///         names differ, and the rows of each run are contiguous
 void validate(const ThermalData& data);
 
-/// Labels in order of first appearance.
+/// Returns the labels of the runs in order of first appearance.
 std::vector<int> runs(const ThermalData& data);
 
-/// The rows of the runs named, in the order of the data.
+/// Return the rows of the given runs, or all but one run, in the order of the data.
 ThermalData select_runs(const ThermalData& data, const std::vector<int>& labels);
 ThermalData exclude_run(const ThermalData& data, int label);
 
-/// The inputs named by index, in that order.
+/// Returns the inputs with the given indices, in that order.
 ThermalData select_inputs(const ThermalData& data, const std::vector<int>& inputs);
 
-/// Every k-th row of each run, its first among them.
+/// Returns every k-th row of each run, including its first.
 ThermalData thinned(const ThermalData& data, int every);
 
 /// RMS and largest magnitude.
@@ -42,36 +43,36 @@ struct Spread {
 };
 Spread spread(const Eigen::VectorXd& values);
 
-/// Which column of a log is what; every other column not in `ignored` is an input.
+/// Roles of the columns of a log; every other column that is not in `ignored` is an input.
 struct ThermalColumns {
   std::string run = "run";
   std::string y = "y";
   std::vector<std::string> ignored;
 };
-/// Reads a log: lines that start with # are left out, the first other one holds the heads, numbers
-/// follow; cells are parted by ; or , or blanks. Runs are whole numbers.
-/// @param file  name for refusals
-/// @throws BadInput with the place: no such column, a name twice, more than 1000 columns, a row of
-///         another length, no number within +-1e9, a run that is not a whole number or comes in two
-///         pieces, no rows
+/// Reads a log: lines that start with # are skipped, the first other line is the header, numbers
+/// follow; cells are separated by ; or , or blanks. Runs are whole numbers.
+/// @param file  name in input errors
+/// @throws BadInput with the location: a missing column, a name twice, more than 1000 columns, a
+///         row of another length, no number within +-1e9, a run that is not a whole number or not
+///         contiguous, or no rows
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns = {});
 
-/// What is made of the temperatures of a run before a model sees them. Every feature of a row uses
-/// that row and earlier ones of its own run only, as a control could.
+/// Features computed from the temperatures of a run for a model. Every feature of a row uses only
+/// that row and earlier ones of its own run, as a control could.
 struct ThermalFeatures {
-  bool since_start = false;  ///< each input minus its value at the first row of the run
-  /// Beside every input its copy behind a first-order lag of this many rows, the reaction of a mass
-  /// that it heats; it starts settled at the first row. 0: none.
+  bool since_start = false;  ///< each input minus its value in the first row of the run
+  /// Adds to every input its copy behind a first-order lag of this many rows, the response of a
+  /// mass that it heats; it starts settled in the first row. 0: none.
   double lag_rows = 0.0;
 };
 
-/// The same rows, lagged copies named "NAME lag".
-/// @throws std::invalid_argument if lag_rows < 0 or not finite
+/// Returns the same rows with features; lagged copies are named "NAME lag".
+/// @throws std::invalid_argument if lag_rows is negative or not finite
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
 
-/// y counted from the first row of each run: another problem, that of a control which resets its
-/// zero at the start of a run.
+/// Returns y relative to the first row of each run: the problem of a control that resets its zero
+/// at the start of a run.
 ThermalData zeroed_at_start(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

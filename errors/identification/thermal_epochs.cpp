@@ -25,7 +25,7 @@ using metrology::SetUp;
 
 constexpr std::size_t max_epochs = 200;
 
-// ---- epochs
+// Epochs
 
 Epoch empty_epoch() { return {INFINITY, -INFINITY}; }
 
@@ -37,6 +37,7 @@ void take(Epoch& epoch, double time_s) {
 std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
   std::vector<Epoch> epochs(std::size_t(starts), empty_epoch());
   for (const DayLog& log : logs) {
+    // An instrument with a single start reads through the day and does not determine the epochs.
     if (log.starts == 1) continue;
     if (log.starts != starts)
       throw std::invalid_argument(
@@ -47,6 +48,7 @@ std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
       take(epochs[std::size_t(log.start_of(i))], log.time_s(i));
   }
   for (std::size_t k = 1; k < epochs.size(); ++k)
+    // Overlapping epochs would assign a reading to two thermal states.
     if (!(epochs[k].from_s > epochs[k - 1].to_s))
       throw std::invalid_argument(fmt::format(
           "expected a start when all instruments have read from the one before, seen one at "
@@ -60,6 +62,7 @@ std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
   for (const DayLog& log : logs)
     for (const Measurement& measurement : log.readings->plan.measurements)
       instants.insert(measurement.state.time_s);
+  // Neighbouring instants are combined, so that the number of epochs stays below the limit.
   const std::size_t each = (instants.size() + max_epochs - 1) / max_epochs;
   std::vector<Epoch> epochs;
   std::size_t count = 0;
@@ -70,9 +73,10 @@ std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
   return epochs;
 }
 
-// ---- what changed since the first epoch
+// Changes since the first epoch
 
-/// A place at which a channel read, and the way it was come to; the angle of a nose says nothing.
+/// A position at which a channel read, and the direction of approach; the angle of a nose is
+/// ignored.
 using Place = std::vector<double>;
 struct MeasuringPoint {
   std::string set_up;
@@ -116,9 +120,10 @@ Means point_means(const DayLog& log, const Epoch& epoch) {
   return means;
 }
 
-/// A set-up as a difference of two readings sees it: what stands drops out, what was laid twice
-/// errs twice.
+/// Returns a set-up for the difference of two readings: errors of a permanent set-up cancel, those
+/// of a repeated set-up add up.
 SetUp difference_set_up(SetUp set_up, bool stands) {
+  // The difference of two independent readings has the variance of both.
   const double twice = std::sqrt(2.0);
   for (auto& channel : set_up.channels) {
     channel.noise *= twice;
@@ -133,8 +138,8 @@ SetUp difference_set_up(SetUp set_up, bool stands) {
   return set_up;
 }
 
-/// What the nominal machine would show, and beside it what has changed since the first epoch: the
-/// readings of a machine that was perfect then.
+/// Returns the nominal readings plus the change since the first epoch: the readings of a machine
+/// that was perfect then.
 Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
   const Readings& all = *log.readings;
   Readings some{{all.plan.instrument, all.plan.kind, {}, {}, 0.0}, all.nominal, {}, {}, {}};
@@ -144,6 +149,7 @@ Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
     Measurement measurement = all.plan.measurements[i];
     if (!reads(all, measurement) || !epoch.holds(measurement.state.time_s)) continue;
     const auto before = first.find(measuring_point(all, measurement));
+    // A point that was not read in the first epoch has no reference.
     if (before == first.end()) continue;
     const SetUp& set_up = all.plan.set_ups[std::size_t(measurement.set_up)];
     const auto bodies = metrology::nominal_bodies(all.nominal, measurement.state.q);
@@ -151,6 +157,7 @@ Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
                      metrology::reading(set_up, measurement.channel, {}, bodies, bodies,
                                         metrology::spindle_angle(all.nominal, measurement.state)));
     const auto [at, is_new] = kept.emplace(measurement.set_up, int(some.plan.set_ups.size()));
+    // Only set-ups with readings in this epoch enter the plan, so their indices change.
     if (is_new) some.plan.set_ups.push_back(difference_set_up(set_up, log.starts == 1));
     measurement.set_up = at->second;
     some.plan.measurements.push_back(measurement);
@@ -169,6 +176,7 @@ Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
 std::vector<int> start_numbers(const metrology::Plan& plan) {
   std::vector<int> starts;
   std::map<std::string, int> seen;
+  // A set-up of the same name appears once per start, so its occurrences number the starts.
   for (const SetUp& set_up : plan.set_ups) starts.push_back(seen[set_up.name]++);
   return starts;
 }
@@ -177,7 +185,7 @@ std::vector<Readings> split_by_start(const Readings& readings) {
   const std::vector<int> start = start_numbers(readings.plan);
   const metrology::Plan& plan = readings.plan;
   std::vector<Readings> result;
-  std::vector<int> place;  // of every set-up in its start
+  std::vector<int> place;  // index of every set-up within its start
   for (std::size_t s = 0; s < start.size(); ++s) {
     const auto k = std::size_t(start[s]);
     if (k == result.size())
@@ -278,6 +286,7 @@ MatrixXd temperature_rise_K(const std::vector<DayLog>& logs, const std::vector<E
       count[k] += 1.0;
     }
   }
+  // Every reading weighs the same, whichever instrument took it.
   const MatrixXd mean = sum.array().colwise() / count.array();
   return mean.rowwise() - mean.row(0).eval();
 }
@@ -317,7 +326,7 @@ double polynomial(const VectorXd& c, double p) {
   return value;
 }
 
-/// All cold runs as one, which is what makes the cold curve.
+/// Returns all cold runs as one, for the cold curve.
 CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
   CompositeRun all;
   for (const CompositeRun& run : runs) {
@@ -331,7 +340,7 @@ CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
   return all;
 }
 
-/// Powers of p / scale, so that a fourth power of 500 mm does not drown the first.
+/// Fits powers of p / scale, so that the fourth power of 500 mm does not swamp the first.
 bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   const double largest = cold.p.size() ? cold.p.cwiseAbs().maxCoeff() : 0.0;
   fit.curve_scale = largest > 0 ? largest : 1.0;
@@ -347,7 +356,7 @@ bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   return true;
 }
 
-/// Straight line through a later run minus the cold curve.
+/// Fits a straight line to a later run minus the cold curve.
 Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool free_offset) {
   VectorXd rest = run.delta;
   for (Index i = 0; i < rest.size(); ++i) rest(i) -= polynomial(geometric, run.p(i));
@@ -356,7 +365,7 @@ Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool fr
   return fit_regression(run.p, rest, options);
 }
 
-/// Where every slope is known: what they owe to the temperatures.
+/// Regresses the slopes, once all are known, on the temperatures.
 void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
                       CompositeFit& fit) {
   MatrixXd dT(static_cast<Index>(fit.later.size()), runs.front().dT_K.size());
@@ -379,7 +388,7 @@ double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& 
   for (const CompositeRun& run : runs) {
     const double offset = run.cold ? 0.0 : fit.offset(later++);
     for (Index i = 0; i < run.p.size(); ++i) {
-      // A cold run has dT = 0, but a constant of the slope belongs to the later runs.
+      // A cold run has dT = 0, and a constant of the slope belongs to the later runs only.
       const double thermal = run.cold ? 0.0 : fit.thermal_constant + fit.thermal.dot(run.dT_K);
       const double law = polynomial(fit.geometric, run.p(i)) + thermal * run.p(i) + offset;
       squares += (run.delta(i) - law) * (run.delta(i) - law);
@@ -389,7 +398,7 @@ double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& 
   return std::sqrt(squares / static_cast<double>(rows));
 }
 
-/// The first run that makes a separation meaningless.
+/// Returns the first reason why a separation is meaningless.
 CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) {
   bool any_cold = false;
   for (std::size_t i = 0; i < runs.size(); ++i) {

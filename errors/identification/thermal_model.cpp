@@ -23,6 +23,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// A constant column gets the scale 1, so that it becomes 0 and not NaN.
 double finite_sd(const VectorXd& centred) {
   const double sd = std::sqrt(centred.squaredNorm() / static_cast<double>(centred.size()));
   return sd > 0 ? sd : 1.0;
@@ -40,7 +41,7 @@ MatrixXd scaled(const Scaling& s, const MatrixXd& T) {
   return (T.rowwise() - s.mean.transpose()).array().rowwise() / s.scale.transpose().array();
 }
 
-/// Every k-th row, so that no more than `most` are left (one a run at least).
+/// Returns every k-th row, so that at most `most` are left (at least one per run).
 ThermalData thin_to(const ThermalData& data, int most) {
   const auto n = static_cast<int>(data.y.size());
   return n <= most ? data : thinned(data, (n + most - 1) / most);
@@ -54,6 +55,7 @@ ThermalFit fit_linear(const ThermalData& data, ThermalModel model) {
   if (regression.status == RegressionStatus::RankDeficient)
     result.status = FitStatus::RankDeficient;
   if (result.status != FitStatus::Ok) return result;
+  // The stored covariance is relative to the variance of a reading, as leverage() uses it.
   const double variance = regression.residual_sd * regression.residual_sd;
   model.law = LinearLaw{regression.constant, regression.beta,
                         variance > 0 ? MatrixXd(regression.covariance / variance)
@@ -85,6 +87,7 @@ ThermalFit fit_learned(const ThermalData& all, const ThermalModelOptions& option
   const ThermalData data = thin_to(all, options.most_rows);
   const Scaling s = data_scaling(data);
   const MatrixXd Z = scaled(s, data.T);
+  // Kernels and networks have no units, so inputs and outputs are scaled to standard deviation 1.
   const VectorXd y = (data.y.array() - s.y_mean) / s.y_scale;
   if (options.kind == ModelKind::SupportVectors)
     model.law = KernelLaw{s, fit_support_vectors(Z, y, options.support)};
@@ -97,9 +100,11 @@ ThermalFit fit_learned(const ThermalData& all, const ThermalModelOptions& option
   return result;
 }
 
-/// How far beyond the range, as a part of it; infinite if the input stood still and now does not.
+/// Returns the distance beyond the trained range as a fraction of it; infinite if the input was
+/// constant and now differs.
 double beyond(const ThermalModel& model, Index input, double T) {
   const double out = std::max({model.lowest(input) - T, T - model.highest(input), 0.0});
+  // A constant input that has not changed would give 0 / 0.
   return out == 0 ? 0.0 : out / (model.highest(input) - model.lowest(input));
 }
 
@@ -118,12 +123,13 @@ double value_of(const ThermalModel& model, const VectorXd& T) {
   return std::visit([&](const auto& law) { return value_of(law, T); }, model.law);
 }
 
-/// What the uncertainty of the coefficients adds, as variance over that of a reading.
+/// Returns the variance of the coefficients' contribution relative to that of a reading.
 double leverage(const ThermalModel& model, const VectorXd& T) {
   const auto* law = std::get_if<LinearLaw>(&model.law);
   if (!law || law->covariance.size() == 0) return 0.0;
   VectorXd x(T.size() + 1);
   x << 1, T;
+  // Rounding can make a tiny variance negative.
   return std::max(x.dot(law->covariance * x), 0.0);
 }
 
@@ -162,8 +168,12 @@ ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
                       : shrunk ? fit_shrunk(data, options, std::move(model))
                                : fit_learned(data, options, std::move(model));
   if (!result.model) return result;
+  // The sigma of a linear fit has its degrees of freedom removed; for the others the plain RMS is
+  // all there is.
   if (options.kind != ModelKind::Linear)
     result.model->sigma = spread(data.y - values(*result.model, data.T)).rms;
+  // Rows of a run are correlated, so the scatter within known runs underestimates that of a new
+  // one.
   if (options.sigma_from_runs && runs(data).size() >= 2) {
     const Validation left_out = cross_validate(data, options);
     result.model->sigma_from_runs = left_out.status == FitStatus::Ok;
@@ -176,6 +186,7 @@ ThermalPrediction predict(const ThermalModel& model, const VectorXd& T) {
   if (T.size() != model.lowest.size() || !T.allFinite())
     throw std::invalid_argument("a prediction needs as many finite inputs as were trained");
   ThermalPrediction result;
+  // Of several inputs outside of the range, the farthest is reported.
   double farthest = model.margin;
   for (Index i = 0; i < T.size(); ++i)
     if (const double out = beyond(model, i, T(i)); out > farthest) {
@@ -206,7 +217,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-/// Residuals of one part that was left out, and what to call it.
+/// Residuals of a part that was left out, and its label.
 struct Part {
   int run = 0;
   FitStatus status = FitStatus::Ok;
@@ -226,11 +237,12 @@ Part left_out(const ThermalData& training, const ThermalData& test, ThermalModel
   return graded(fit(training, options), test, run);
 }
 
-/// @param alike  every part counts alike, not every row
+/// @param alike  every part has the same weight, not every row
 Validation summary(const std::vector<Part>& parts, bool alike) {
   Validation result;
   double squares = 0, weight = 0, sum_rms = 0;
   for (const Part& part : parts) {
+    // A mean over the remaining parts would be too favourable.
     if (part.status != FitStatus::Ok) {
       result = {};
       result.status = part.status;
@@ -264,6 +276,7 @@ Validation cross_validate(const ThermalData& data, const ThermalModelOptions& op
       parts.push_back(
           left_out(exclude_run(data, label), select_runs(data, {label}), options, label));
   } else {
+    // From half of the runs on: fewer would train on too little to say how a model ages.
     for (std::size_t k = (labels.size() + 1) / 2; k < labels.size(); ++k) {
       const auto cut = labels.begin() + static_cast<std::ptrdiff_t>(k);
       parts.push_back(left_out(select_runs(data, {labels.begin(), cut}),
@@ -277,6 +290,7 @@ Validation validate_on(const ThermalData& training, const ThermalData& test, con
   validate(test);
   const ThermalData seen = with_features(training, recipe.features);
   const ThermalData unseen = with_features(test, recipe.features);
+  // Equal names in another order would still assign temperatures to wrong coefficients.
   if (seen.names != unseen.names)
     throw std::invalid_argument("training and test data differ in their inputs");
   ThermalModelOptions options = recipe.model;
@@ -307,13 +321,16 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
 NestedValidation nested_validation(const ThermalData& data, const std::vector<Recipe>& recipes,
                                    const ChoiceOptions& options) {
   const std::vector<int> labels = runs(data);
+  // One run is left out, and the choice among the others again needs two.
   if (labels.size() < 3) throw std::invalid_argument("nested validation by run needs three runs");
   std::vector<Part> parts(labels.size());
   std::vector<int> chosen(labels.size(), -1);
+  // Each run writes only its own entry, so the result does not depend on the number of threads.
   tbb::parallel_for(std::size_t(0), labels.size(), [&](std::size_t i) {
     const ThermalData others = exclude_run(data, labels[i]);
     chosen[i] = choose_recipe(others, recipes, options).best;
     parts[i].run = labels[i];
+    // This status remains if no recipe could be fitted.
     parts[i].status = FitStatus::NotConverged;
     if (chosen[i] < 0) return;
     const Recipe& recipe = recipes[static_cast<std::size_t>(chosen[i])];
@@ -324,8 +341,8 @@ NestedValidation nested_validation(const ThermalData& data, const std::vector<Re
   return {summary(parts, false), chosen};
 }
 
-// Every line is a word and numbers, in a fixed order; a number is the shortest decimal that reads
-// back as the same bits.
+// Text format: every line is a keyword and numbers, in a fixed order; a number is the shortest
+// decimal that reads back the same bits.
 
 namespace {
 
@@ -389,14 +406,14 @@ class Writer {
   std::string text_;
 };
 
-/// Takes the lines in their order.
+/// Parser of the lines in their order.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
     check_encoding(text, file);
   }
 
-  /// What follows the word on the next line.
+  /// Returns the text after the keyword on the next line.
   std::string_view rest(std::string_view word) {
     const std::optional<std::string_view> line = lines_.next();
     if (!line) refuse(fmt::format("a line \"{} ...\"", word), "the end");
@@ -409,7 +426,7 @@ class Reader {
 
   VectorXd vector(std::string_view word, Index size) {
     std::string_view left = rest(word);
-    if (static_cast<Index>(left.size()) < size)  // before room is made for them
+    if (static_cast<Index>(left.size()) < size)  // before memory is allocated for them
       refuse(fmt::format("{} finite numbers", size), in_quotes(left));
     VectorXd values(size);
     for (Index i = 0; i < size; ++i) {
@@ -439,7 +456,8 @@ class Reader {
       refuse(fmt::format("a whole number from {} to {}", least, most), fmt::format("{}", value));
     return static_cast<int>(value);
   }
-  /// Rows are read before the next is made room for, so a text cannot ask for more than it holds.
+  /// Each row is read before memory for the next is allocated, so a text cannot claim more than it
+  /// contains.
   MatrixXd matrix(std::string_view word, Index columns, int most) {
     const int count = whole(word, 0, most);
     std::vector<VectorXd> rows;
@@ -477,6 +495,7 @@ LinearLaw read_linear(Reader& reader, Index m) {
   LinearLaw law;
   law.constant = reader.number("constant");
   law.beta = reader.vector("beta", m);
+  // Shrunk models have no covariance, so the matrix may be empty.
   law.covariance = reader.matrix("covariance", m + 1, static_cast<int>(m) + 1);
   if (law.covariance.rows() != 0 && law.covariance.rows() != m + 1)
     reader.refuse(fmt::format("no covariance or {} rows of it", m + 1),

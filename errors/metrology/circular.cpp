@@ -19,14 +19,14 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double full_turn = 2.0 * pi;
-constexpr double one_place = 1e-9;  // rad: rounding of an angle that was made of two coordinates
+constexpr double one_place = 1e-9;  // rad: rounding of an angle computed from two coordinates
 
-/// The places of readings around a circle and the gap that follows each.
+/// Distinct positions of readings around a circle, and the gap after each.
 struct Ring {
-  std::vector<double> place;  ///< (m) rad in [0, 2 pi), rising
-  std::vector<double> gap;    ///< (m) rad to the next place, round the end too
-  std::vector<int> place_of;  ///< (n) of each reading
-  std::vector<int> readings;  ///< (m) at each place
+  std::vector<double> place;  ///< (m) rad in [0, 2 pi), ascending
+  std::vector<double> gap;    ///< (m) rad to the next position, also from the last to the first
+  std::vector<int> place_of;  ///< (n) index of the position of each reading
+  std::vector<int> readings;  ///< (m) number of readings at each position
 
   std::size_t size() const { return place.size(); }
   std::size_t widest() const {
@@ -39,6 +39,8 @@ Ring ring_of(const VectorXd& angle) {
   std::iota(order.begin(), order.end(), 0);
   const VectorXd within = angle.unaryExpr([](double a) {
     const double rest = a - full_turn * std::floor(a / full_turn);
+    // An angle just below a full turn is the start of the circle, by the rounding of its
+    // coordinates.
     return rest > full_turn - one_place ? 0.0 : rest;
   });
   std::stable_sort(order.begin(), order.end(),
@@ -59,6 +61,8 @@ Ring ring_of(const VectorXd& angle) {
   return ring;
 }
 
+// Gaps below 5 degrees are small on any circle; a coarser circle is full if its widest gap is about
+// as wide as the median.
 bool is_full_ring(const Ring& ring) {
   if (ring.size() < 3) return false;
   std::vector<double> gap = ring.gap;
@@ -76,6 +80,8 @@ VectorXd arc_weights(const VectorXd& angle) {
   for (Index i = 0; i < shares.size(); ++i) {
     const auto k = std::size_t(ring.place_of[std::size_t(i)]);
     double before = ring.gap[(k + m - 1) % m], after = ring.gap[k];
+    // Beside the widest gap of an arc nothing was read, so its end counts only as far outwards as
+    // inwards.
     if (!whole && k == widest) after = std::min(before, after);
     if (!whole && (k + m - 1) % m == widest) before = std::min(before, after);
     shares[i] = 0.5 * (before + after) / ring.readings[k];
@@ -85,8 +91,8 @@ VectorXd arc_weights(const VectorXd& angle) {
 
 bool is_full_turn(const VectorXd& angle) { return is_full_ring(ring_of(angle)); }
 
-// Rows are sorted by one number that differs from place to place nearly always, so that only those
-// next to each other are compared.
+// Rows are sorted by a linear combination of their coordinates with irrational weights, which
+// differs for almost all distinct positions, so that only neighbours in this order are compared.
 VectorXd place_weights(const Eigen::MatrixXd& places, double tolerance) {
   const Index n = places.rows();
   VectorXd along(places.cols());
@@ -137,7 +143,7 @@ void check(const CircularRuns& runs) {
     throw std::invalid_argument("circular: expected a sense that was measured");
 }
 
-/// The path of a sense, or of both, and what each of its points stands for.
+/// Points of one sense, or of both, with their arc weights.
 struct CircularPath {
   MatrixX2d points;
   VectorXd shares;
@@ -158,6 +164,7 @@ CircularPath together(const CircularPath& a, const CircularPath& b) {
   return all;
 }
 
+// Radii about the centre in use, hence not those of the trace.
 VectorXd distances(const MatrixX2d& points, const Vector2d& centre) {
   return (points.rowwise() - centre.transpose()).rowwise().norm();
 }
@@ -169,7 +176,7 @@ CircularFigures figures(const CircularPath& path, const Vector2d& centre, double
           radius.minCoeff() - nominal_radius};
 }
 
-/// Radii of a sense over the angle from where it began, within one turn.
+/// Radii of one sense over the angle from its start, within one turn.
 class RadiiOverAngle {
  public:
   RadiiOverAngle(const VectorXd& angle, const VectorXd& radius) : from_(angle.minCoeff()) {
@@ -178,7 +185,7 @@ class RadiiOverAngle {
     if (is_full_turn(angle)) at_.emplace_back(2.0 * pi, at_.front().second);
   }
 
-  /// Straight between readings; nothing where the sense did not go.
+  /// Returns the radius, linear between readings; empty where this sense was not measured.
   std::optional<double> radius(double angle) const {
     const double there = since_start(angle);
     if (there > at_.back().first + one_place) return std::nullopt;
@@ -204,7 +211,8 @@ class RadiiOverAngle {
   std::vector<std::pair<double, double>> at_;
 };
 
-/// Largest difference of the radii of two senses at the angles at which either was read.
+/// Returns the largest difference of the radii of both senses at the angles at which either was
+/// read.
 std::optional<double> hysteresis(const CircularRuns& runs, const VectorXd& forth,
                                  const VectorXd& back) {
   std::optional<double> most;
@@ -223,11 +231,12 @@ std::optional<double> hysteresis(const CircularRuns& runs, const VectorXd& forth
 enum Cause { Radius, CentreU, CentreV, Scale, SquarenessVU, ReversalU, ReversalV, Lag, Causes };
 
 double sign(double x) {
-  constexpr double turning = 1e-12;  // rad: there an axis stands still and has no direction
+  constexpr double turning = 1e-12;  // rad: at a quadrant an axis stands still and has no direction
   return x > turning ? 1.0 : (x < -turning ? -1.0 : 0.0);
 }
 
-/// Radial deviation per unit of every cause at one angle of a sense of motion (+1 anticlockwise).
+/// Returns the radial deviation per unit of every cause at one angle for one sense of motion (+1
+/// anticlockwise).
 Eigen::Matrix<double, 1, Causes> effect(double angle, double sense, double R) {
   const double c = std::cos(angle), s = std::sin(angle);
   Eigen::Matrix<double, 1, Causes> row;
@@ -245,7 +254,7 @@ Eigen::Matrix<double, 1, Causes> effect(double angle, double sense, double R) {
 struct Deviations {
   Eigen::MatrixXd effect;  ///< (n x Causes)
   VectorXd deviation;      ///< (n) mm
-  VectorXd share;          ///< (n) of arc
+  VectorXd share;          ///< (n) arc weights
 };
 
 Deviations deviations(const CircularRuns& runs) {
@@ -261,20 +270,24 @@ Deviations deviations(const CircularRuns& runs) {
   return all;
 }
 
-/// Least squares by singular values; a cause that takes part in a direction without effect is open.
+/// Weighted least squares by singular values; a cause that takes part in a direction without effect
+/// is undetermined.
 struct Solution {
   VectorXd value, u;
   std::array<bool, Causes> open{};
   double residual = 0.0;
 };
 
-// With w the shares, x = (A'WA)^-1 A'W y has the covariance s^2 (A'WA)^-1 A'W^2A (A'WA)^-1 where
-// all readings have the noise s, and the sum of w r^2 expects s^2 times the sum of w less the trace
-// below.
+// With weights w, x = (A'WA)^-1 A'W y has the covariance s^2 (A'WA)^-1 A'W^2A (A'WA)^-1 if all
+// readings have the noise s, and the sum of w r^2 expects s^2 times (sum of w - trace), the trace
+// computed below.
 Solution solution(const Deviations& all, Index causes) {
-  constexpr double without_effect = 1e-8;  // of the largest, columns scaled to length 1
+  constexpr double without_effect = 1e-8;  // relative to the largest singular value, columns scaled
+                                           // to length 1
   const VectorXd share = all.share / all.share.maxCoeff(), root = share.cwiseSqrt();
   const Eigen::MatrixXd weighted = root.asDiagonal() * all.effect.leftCols(causes);
+  // Scaled columns make the causes (mm, rad, relative) comparable; 1e-300 avoids a division by
+  // zero.
   const VectorXd norm = weighted.colwise().norm().transpose().cwiseMax(1e-300);
   const Eigen::MatrixXd scaled = weighted * norm.cwiseInverse().asDiagonal();
   const SingularValues svd = singular_values(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
@@ -287,14 +300,16 @@ Solution solution(const Deviations& all, Index causes) {
       continue;
     }
     for (Index c = 0; c < causes; ++c)
+      // 1e-6: a cause whose part of the null direction is below this is determined to six digits.
       if (std::abs(svd.V(c, i)) > 1e-6) result.open[std::size_t(c)] = true;
   }
   const Eigen::MatrixXd estimator =
-      svd.V * inverse.asDiagonal() * svd.U.transpose();  // of root times y
+      svd.V * inverse.asDiagonal() * svd.U.transpose();  // applied to root times y
   const VectorXd x = estimator * root.cwiseProduct(all.deviation);
   const VectorXd left = root.cwiseProduct(all.deviation) - scaled * x;
   const double taken = share.dot((scaled * estimator).diagonal());
   const double free = share.sum() - taken;
+  // With as many readings as causes nothing is left to estimate the noise from.
   result.residual = free > 1e-9 ? std::sqrt(left.squaredNorm() / free) : 0.0;
   result.value = x.cwiseQuotient(norm);
   result.u = result.residual * (estimator * root.asDiagonal()).rowwise().norm().cwiseQuotient(norm);
@@ -309,6 +324,7 @@ Circular circular(const CircularRuns& runs, const CircularOptions& options) {
   const CircularPath all = together(forth, back);
   Circular result;
   result.circle = least_squares_circle(all.points, all.shares);
+  // ISO 230-4 allows the least-squares centre for full circles only.
   const bool whole = (forth.shares.size() == 0 || is_full_turn(runs.anticlockwise.angle)) &&
                      (back.shares.size() == 0 || is_full_turn(runs.clockwise.angle));
   if (options.centre == CircleCentre::LeastSquares && whole) {

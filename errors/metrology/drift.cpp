@@ -26,6 +26,7 @@ void check(const DriftLog& log) {
       throw std::invalid_argument("drift: expected times that increase");
 }
 
+// Linear between samples; at and beyond the ends the first or last segment.
 VectorXd at(const DriftLog& log, double time_s) {
   const double* begin = log.time_s.data();
   const double* end = begin + log.time_s.size();
@@ -63,7 +64,8 @@ DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
   return {interval, high - low, end - start, rate};
 }
 
-/// Extreme of a sliding window: indices whose values still matter, the extreme first.
+/// Extreme of a sliding window: a monotonic queue of the indices that can still become the extreme,
+/// the current one first. Each index enters and leaves once, so a log costs linear time.
 class WindowExtreme {
  public:
   WindowExtreme(const Eigen::MatrixXd& values, Index column, double sign)
@@ -75,7 +77,7 @@ class WindowExtreme {
   void forget_before(Index i) {
     while (!kept_.empty() && kept_.front() < i) kept_.pop_front();
   }
-  /// sign times the largest of sign times value
+  /// Returns sign times the largest of sign times value.
   double extreme() const { return sign_ * value(kept_.front()); }
   bool empty() const { return kept_.empty(); }
 
@@ -87,8 +89,9 @@ class WindowExtreme {
   std::deque<Index> kept_;
 };
 
-/// Log with a row more wherever a window that begins or ends at a sample has its other end: the
-/// worst window begins or ends at a sample, as the range is piecewise linear in between.
+/// Returns the log with an extra row wherever a window that begins or ends at a sample has its
+/// other end. The range is piecewise linear between these, so the worst window begins or ends at a
+/// sample.
 DriftLog with_window_ends(const DriftLog& log, double window_s) {
   const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
   std::vector<double> times(log.time_s.begin(), log.time_s.end());
@@ -119,7 +122,7 @@ VectorXd worst_drift(const DriftLog& log, double window_s) {
   if (!(window_s > 0.0) || !(window_s <= length))
     throw std::invalid_argument("drift: expected a window that fits into the log");
   const DriftLog dense = with_window_ends(log, window_s);
-  // ends found by adding and subtracting agree to a few ulp only
+  // Window ends found by adding and by subtracting agree to a few ulp only.
   const double slack = 1e-12 * std::max(length, dense.time_s.cwiseAbs().maxCoeff());
   VectorXd worst = VectorXd::Zero(log.values.cols());
   for (Index c = 0; c < log.values.cols(); ++c) {
@@ -141,6 +144,7 @@ std::vector<DriftInterval> running_intervals(const DriftLog& log, double start_s
   check(log);
   const double last = log.time_s[log.time_s.size() - 1];
   std::vector<DriftInterval> result;
+  // ISO 230-3 reports the first hour separately, if the test lasts that long.
   if (stop_s - start_s >= hour_s)
     result.push_back({"first hour of running", start_s, start_s + hour_s});
   result.push_back({"running", start_s, stop_s});
@@ -156,6 +160,7 @@ DriftLog mandrel_drift(const DriftLog& readings, const MandrelSensors& sensors) 
   DriftLog result{readings.time_s, {"X", "Y", "Z", "A", "B"}, {}};
   result.values.resize(readings.values.rows(), 5);
   const auto& r = readings.values;
+  // A positive tilt about X moves the far end to -Y, one about Y to +X.
   result.values << r.col(0), r.col(1), r.col(4), -(r.col(3) - r.col(1)) / height,
       (r.col(2) - r.col(0)) / height;
   return result;

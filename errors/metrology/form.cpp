@@ -18,24 +18,25 @@
 
 namespace abbe::errors::metrology {
 
-/// Best uniform fit of linear terms: the coefficients that make the largest |y - terms * x| as
-/// small as it can be.
+/// Uniform (minimax) fit of linear terms: the coefficients that minimise the largest |y - terms *
+/// x|.
 struct ChebyshevFit {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   double half_width = 0.0;  ///< largest |residual| at `x`
-  double lower = 0.0;       ///< no x has less: half_width - lower is what may be missing
-  std::vector<Eigen::Index> upper_points;  ///< that touch +half_width
-  std::vector<Eigen::Index> lower_points;  ///< that touch -half_width
+  double lower = 0.0;       ///< lower bound of the optimum: half_width - lower is the most by which
+                            ///< the fit can be improved
+  std::vector<Eigen::Index> upper_points;  ///< rows with residual +half_width
+  std::vector<Eigen::Index> lower_points;  ///< rows with residual -half_width
 };
 
-/// By exchange of one point of a reference of four. The third term is a constant, so `terms` has
-/// two columns; they and `y` should be centred and scaled to about 1. Source: Stiefel 1959; Watson
-/// 1980, ch. 2.
+/// Returns the uniform fit by exchanging one point of a reference of four (Remez). The third term
+/// is a constant, so `terms` has two columns; they and `y` should be centred and scaled to about 1.
+/// Source: Stiefel 1959; Watson 1980, ch. 2.
 ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const Eigen::VectorXd& y);
 
-/// How fast a difference of extremes grows away from its minimum: the least over unit directions d
-/// of max over upper points of -d.u minus min over lower points of -d.u; at most 0 where the points
-/// do not hold the minimum from all sides.
+/// Returns the rate at which a difference of extremes grows away from its minimum: the least over
+/// unit directions d of max over upper points of -d.u minus min over lower points of -d.u; 0 or
+/// less if the contact points do not enclose the minimum.
 /// @param upper, lower  (n x 2), (k x 2), n and k >= 1
 double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower);
 
@@ -49,23 +50,27 @@ using Eigen::Vector4d;
 using Eigen::VectorXd;
 using Reference = std::array<Index, 4>;
 
+// The lower bound grows with every exchange, so the iteration ends by itself; the limit only stops
+// cycling by rounding.
 constexpr int max_exchanges = 1000;
-constexpr double nudge = 1e-11;  // of the terms, which are about 1: breaks ties of points on a line
+constexpr double nudge = 1e-11;  // relative to the terms, which are about 1; separates points on a
+                                 // line, whose references would be degenerate
 
-/// A number in -1 .. 1 that depends on k alone.
+/// Returns a pseudo-random number in -1 .. 1 that depends on k alone, so that results are
+/// reproducible.
 double scatter(std::uint64_t k) {
   k = (k + 0x9e3779b97f4a7c15u) * 0xbf58476d1ce4e5b9u;
   k = (k ^ (k >> 29)) * 0x94d049bb133111ebu;
   return double(k >> 11) * 0x1p-52 - 1.0;
 }
 
-/// Twice the area of a triangle, positive if it turns left.
+/// Returns twice the area of a triangle, positive if it turns left.
 double orientation(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
-/// Weights of four points with which every affine function of the terms sums to zero, their
-/// absolute values to one; zero where the points leave that open.
+/// Returns weights of four points for which every affine function of the terms sums to zero, their
+/// absolute values to one; zero if the points do not determine them.
 Vector4d balance(const Eigen::MatrixX2d& terms, const Reference& r) {
   const Vector2d p0 = terms.row(r[0]), p1 = terms.row(r[1]), p2 = terms.row(r[2]),
                  p3 = terms.row(r[3]);
@@ -80,7 +85,8 @@ double value(const VectorXd& y, const Reference& r, const Vector4d& weight) {
   return weight[0] * y[r[0]] + weight[1] * y[r[1]] + weight[2] * y[r[2]] + weight[3] * y[r[3]];
 }
 
-/// One exchange: which of four points gives way to a fifth so that the bound grows most.
+/// Returns the reference in which the entering point replaces one of the four such that the lower
+/// bound grows most.
 Reference exchange_point(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r,
                          Index entering) {
   Reference best = r;
@@ -97,7 +103,8 @@ Reference exchange_point(const Eigen::MatrixX2d& terms, const VectorXd& y, const
   return best;
 }
 
-/// Coefficients whose residuals at the reference are the bound with the signs of its weights.
+/// Returns the coefficients whose residuals at the reference are the bound with the signs of its
+/// weights.
 Vector3d solved(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r) {
   const Vector4d weight = balance(terms, r);
   const double side = value(y, r, weight) < 0.0 ? -1.0 : 1.0;
@@ -114,7 +121,7 @@ VectorXd residual(const Eigen::MatrixX2d& terms, const VectorXd& y, const Vector
   return (y - terms * x.head<2>()).array() - x[2];
 }
 
-/// Four points far apart, so that the first bound is no degenerate one.
+/// Returns four points far apart, so that the first bound is not degenerate.
 Reference first_reference(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   Reference r{0, 0, 0, 0};
   const Vector2d middle = terms.colwise().mean();
@@ -135,14 +142,14 @@ Reference first_reference(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   return r;
 }
 
-/// The same coefficients with the constant in the middle of the residuals.
+/// Returns the coefficients with the constant shifted to the middle of the residuals.
 Vector3d centred(const Eigen::MatrixX2d& terms, const VectorXd& y, Vector3d x) {
   const VectorXd left = residual(terms, y, x);
   x[2] += 0.5 * (left.maxCoeff() + left.minCoeff());
   return x;
 }
 
-/// Corners of the convex hull, all different, in order around it.
+/// Returns the corners of the convex hull in order, without duplicates (Andrew's monotone chain).
 std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
   std::vector<Vector2d> sorted;
   for (Index i = 0; i < points.rows(); ++i) sorted.push_back(points.row(i));
@@ -169,6 +176,7 @@ std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
 }
 
 void add_contact_points(const VectorXd& left, ChebyshevFit& fit) {
+  // 1e-9 relative is the accuracy of the fit; 1e-15 covers the rounding of terms of size 1.
   const double near = fit.half_width * (1.0 - 1e-9) - 1e-15;
   for (Index i = 0; i < left.size(); ++i) {
     if (left[i] >= near) fit.upper_points.push_back(i);
@@ -181,7 +189,7 @@ void add_contact_points(const VectorXd& left, ChebyshevFit& fit) {
 ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   ChebyshevFit fit;
   const Index n = y.size();
-  if (n < 4) {  // three points always fit
+  if (n < 4) {  // three points are always fitted exactly
     Eigen::MatrixX3d all(n, 3);
     all << terms, VectorXd::Ones(n);
     fit.x = centred(terms, y, all.fullPivLu().solve(y));
@@ -202,6 +210,8 @@ ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
         fit.x = x;
       }
       const bool known = std::find(r.begin(), r.end(), farthest) != r.end();
+      // The largest residual equals the bound to rounding, or its point is already in the
+      // reference: optimal.
       if (known || largest <= std::abs(value(y, r, balance(moved, r))) * (1.0 + 1e-14)) break;
       r = exchange_point(moved, y, r, farthest);
     }
@@ -214,8 +224,8 @@ ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
 }
 
 double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower) {
-  // the support function of the polygon of all differences; its least value over directions is
-  // taken where the direction is a normal of one of the edges, which are edges of the two hulls
+  // The support function of the polygon of all differences takes its minimum over directions at a
+  // normal of one of its edges, which are edges of the two hulls.
   const std::vector<Vector2d> above = hull(upper), below = hull(lower);
   const auto support = [&](const Vector2d& d) {
     double most = -std::numeric_limits<double>::infinity();
@@ -244,7 +254,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double flat = 1e-9;  // of the size: what is thinner is a line, or on one
+constexpr double flat = 1e-9;  // relative to the size: a cloud thinner than this is a line
 
 template <typename Points>
 void check(const Points& points, const char* what) {
@@ -254,7 +264,7 @@ void check(const Points& points, const char* what) {
     throw std::invalid_argument(std::string(what) + ": expected finite numbers");
 }
 
-/// Parts of 1 that the points count; of no weights the same for all.
+/// Returns the weights scaled to sum 1; equal weights if none are given.
 VectorXd parts_of(const VectorXd& weights, Index points, const char* what) {
   if (weights.size() == 0) return VectorXd::Constant(points, 1.0 / double(points));
   if (weights.size() != points || !weights.allFinite() || !(weights.minCoeff() > 0.0))
@@ -262,7 +272,7 @@ VectorXd parts_of(const VectorXd& weights, Index points, const char* what) {
   return weights / weights.sum();
 }
 
-/// Distances of the points from a centre and the unit vectors towards them.
+/// Distances of the points from a centre, and the unit vectors towards them.
 struct Rays {
   VectorXd length;
   MatrixX2d direction;
@@ -279,7 +289,7 @@ Rays rays(const MatrixX2d& points, const Vector2d& centre) {
   return result;
 }
 
-/// The circle of least squares in x^2 + y^2, to start from.
+/// Returns the centre of the least-squares circle in x^2 + y^2, as a start for the iteration.
 Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
   MatrixX3d terms(points.rows(), 3);
   terms << 2.0 * points, VectorXd::Ones(points.rows());
@@ -291,13 +301,13 @@ Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
   return fit.x.head<2>();
 }
 
-/// Mean of the squared distances from the best circle about a centre.
+/// Returns the mean squared distance from the best circle about a centre.
 double mean_square_distance(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
   const VectorXd d = rays(points, centre).length;
   return part.dot((d.array() - part.dot(d)).square().matrix());
 }
 
-/// Gauss-Newton step of the centre; the radius goes with it as the mean distance.
+/// Returns the Gauss-Newton step of the centre; the radius follows as the mean distance.
 Vector2d step(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
   const Rays r = rays(points, centre);
   MatrixX3d terms(points.rows(), 3);
@@ -307,7 +317,8 @@ Vector2d step(const MatrixX2d& points, const VectorXd& part, const Vector2d& cen
   return least_squares(weighted, VectorXd(root.cwiseProduct(r.length))).x.head<2>();
 }
 
-/// Goes from `centre` along `move`, or a part of it, to where `width` is less; false if nowhere.
+/// Moves from `place` along `move` or a fraction of it to a smaller `width`; returns false if there
+/// is none. 1e-6 of a step is below the accuracy that the next step would correct.
 template <typename Place, typename Width>
 bool descend(Place& place, const Vector2d& move, const Width& width) {
   const double before = width(place, Vector2d::Zero());
@@ -324,7 +335,7 @@ struct Centre {
   Centre moved(const Vector2d& by) const { return {at + by}; }
 };
 
-/// Points about their mean, of size 1.
+/// Points relative to their mean, scaled to size 1.
 struct ScaledPoints {
   MatrixX2d points;
   Vector2d mean;
@@ -348,10 +359,11 @@ Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& part) {
   };
   for (int i = 0; i < 200; ++i) {
     const Vector2d move = step(points, part, centre.at);
+    // Points nearly on a line: the centre runs away, since the line is the better fit.
     if (centre.at.norm() > 1e6) throw std::invalid_argument("circle: no circle is best");
     if (!descend(centre, move, sum)) break;
   }
-  // the sum is flat to rounding here, the steps are not
+  // The sum is flat to rounding here, the steps are not: iterate until they stop halving.
   double last = 1e-6;
   for (Vector2d move = step(points, part, centre.at); move.norm() < last;
        move = step(points, part, centre.at)) {
@@ -367,11 +379,11 @@ MatrixX2d rows(const MatrixX2d& all, const std::vector<Index>& which) {
   return result;
 }
 
-/// Uniform fit of the extremes that `lengths` would have if the place moved: x in units of `size`.
+/// Uniform fit of the extremes after a small motion, linearised; x in units of `spread`.
 struct ZoneFit {
   ChebyshevFit fit;
   double width = 0.0;
-  double spread = 1.0;  ///< mm that stand for 1 in the fit
+  double spread = 1.0;  ///< mm that correspond to 1 in the fit
 
   Vector2d move() const { return spread * fit.x.head<2>(); }
   double gap() const { return std::max(0.0, width - 2.0 * spread * fit.lower); }
@@ -387,6 +399,7 @@ ZoneFit zone_fit(const MatrixX2d& terms, const VectorXd& heights) {
 }
 
 double zone_sharpness(const MatrixX2d& terms, const VectorXd& heights, double width) {
+  // 1e-8 of the width: ten times the accuracy of the fit, so no contact point is missed.
   const double highest = heights.maxCoeff() - 1e-8 * width;
   const double lowest = heights.minCoeff() + 1e-8 * width;
   std::vector<Index> upper, lower;
@@ -407,9 +420,9 @@ double largest_gap(const MatrixX2d& directions) {
   return most;
 }
 
-/// A centre at distance t from this one has at least width + g t - t^2 / 2(m - t), by what holds
-/// it, and at least 2 k t - width - t^2 / 2(m - t), by the points all around: m the inner radius, k
-/// the cosine of half the largest gap. The two must cover 0 < t < m / 2.
+/// Proof of the minimum. A centre at distance t has a width of at least w + g t - t^2 / 2(m - t),
+/// by the contact points, and of at least 2 k t - w - t^2 / 2(m - t), by the points all around: m
+/// the inner radius, k the cosine of half the largest gap. The two bounds must cover 0 < t < m / 2.
 bool is_proven(const Rays& r) {
   const double w = r.width(), m = r.length.minCoeff();
   if (!(m > 0.0)) return false;
@@ -423,10 +436,10 @@ bool is_proven(const Rays& r) {
   return (b - std::sqrt(root)) / (2.0 * a) < near && (b + std::sqrt(root)) / (2.0 * a) > 0.5 * m;
 }
 
-/// An orthonormal frame whose third axis is a plane's normal.
+/// An orthonormal frame whose third axis is the normal of a plane.
 struct PlaneFrame {
   Matrix3d axes;  ///< columns
-  /// The frame of the plane z = by.x x + by.y y in this one.
+  /// Returns the frame of the plane z = by.x x + by.y y, given in this frame.
   PlaneFrame moved(const Vector2d& by) const {
     const Vector3d n = (axes * Vector3d(-by.x(), -by.y(), 1.0)).normalized();
     const Vector3d x = (axes.col(0) - n * n.dot(axes.col(0))).normalized();
@@ -439,10 +452,12 @@ struct PlaneFrame {
 Vector3d upright(const Vector3d& normal) {
   Index largest = 0;
   normal.cwiseAbs().maxCoeff(&largest);
+  // The sign of a normal is arbitrary; its largest component is made positive, so that results
+  // compare.
   return normal[largest] < 0.0 ? Vector3d(-normal) : normal;
 }
 
-/// Points about their mean, and the axes of their scatter, the thinnest last.
+/// Points relative to their mean, and the axes of their scatter, the thinnest last.
 struct PointCloud {
   Vector3d mean;
   MatrixX3d points;
@@ -541,7 +556,7 @@ MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   planes.upper = offset + height.maxCoeff();
   planes.flatness = size * w;
   planes.gap = size * zone.gap();
-  // planes tilted by the slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is enough
+  // Planes tilted by the slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is sufficient.
   planes.proven =
       !(w > 0.0) || (planes.gap <= 1e-8 * planes.flatness &&
                      zone_sharpness(local.leftCols<2>(), local.col(2), w) > 1.000001 * w);

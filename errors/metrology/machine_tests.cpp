@@ -21,10 +21,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// Targets by their position along a path, from the lowest.
+/// Targets by their position along a path, in ascending order.
 struct Targets {
   VectorXd position;         ///< (m)
-  std::map<int, Index> row;  ///< by number of the target
+  std::map<int, Index> row;  ///< row by number of the target
 };
 
 Targets path_targets(const Series& series, const VectorXd& along) {
@@ -73,6 +73,7 @@ std::vector<int> moving_joints(const Series& series) {
   std::vector<int> moving;
   for (Index j = 0; j < series.measurement(0).state.q.size(); ++j)
     for (std::size_t i = 1; i < series.measurements.size(); ++i)
+      // 1e-9 mm or rad: rounding of a commanded position; a larger change is a motion.
       if (std::abs(series.measurement(i).state.q[j] - series.measurement(0).state.q[j]) > 1e-9) {
         moving.push_back(int(j));
         break;
@@ -92,6 +93,7 @@ std::optional<PositionRuns> runs_of(const Series& series, const VectorXd& along,
     const std::pair key{bool(from_below[i]), series.measurement(i).run};
     VectorXd& column = columns.try_emplace(key, VectorXd::Zero(m)).first->second;
     const Index row = targets.row.at(series.measurement(i).target);
+    // A target that is read twice in one run and direction is no ISO 230-2 run.
     if (!filled[key].insert(row).second) return std::nullopt;
     column[row] = value[Index(i)];
   }
@@ -110,7 +112,7 @@ std::optional<PositionRuns> runs_of(const Series& series, const VectorXd& along,
 
 namespace {
 
-/// Direction in which a channel looks, in the bed, at its first measurement.
+/// Returns the direction of a channel in the bed, at its first measurement.
 Eigen::Vector3d sensor_direction_b(const Series& series) {
   const Bodies nominal = nominal_at(series, 0);
   const Channel& sensor = series.sensor();
@@ -119,8 +121,8 @@ Eigen::Vector3d sensor_direction_b(const Series& series) {
          sensor.direction_in;
 }
 
-/// Whether a length is read along the travel, not across it: by how much the nominal machine
-/// itself moves the reading.
+/// Returns true if a length is read along the travel, not across it, judged by the change of the
+/// reading on the nominal machine.
 bool is_measured_along(const Series& series, int joint) {
   std::size_t far = 0;
   const auto moved = [&](std::size_t i) {
@@ -131,6 +133,8 @@ bool is_measured_along(const Series& series, int joint) {
   const auto first = nominal_at(series, 0), last = nominal_at(series, far);
   const double seen = reading(series.optics(), series.channel, {}, last, last) -
                       reading(series.optics(), series.channel, {}, first, first);
+  // One half separates the two cases widely: along the travel the ratio is about 1, across it about
+  // 0.
   return std::abs(seen) > 0.5 * moved(far);
 }
 
@@ -141,7 +145,8 @@ AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& te
   return is_measured_along(series, joint) ? TestKind::Positioning : TestKind::Straightness;
 }
 
-// Readings count from an arbitrary zero: here from the mean at the target nearest to the axis's.
+// Readings count from an arbitrary zero: here from the mean at the target nearest to the zero of
+// the axis.
 void subtract_zero_reading(PositionRuns& runs) {
   Index nearest = 0;
   runs.target.cwiseAbs().minCoeff(&nearest);
@@ -174,6 +179,7 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
   test.rotary = axis.motion != kinematics::Motion::Linear;
   if (test.rotary) {
     test.spindle = axis.motion == kinematics::Motion::Spindle || axis.name == 'S';
+    // 0.7: cosine of 45 degrees, between axial and radial.
     test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
   }
   test.what = test_kind(series, joint, test);
@@ -185,6 +191,8 @@ bool is_hidden_by_centring(const AxisTest& test) {
   if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
   Eigen::MatrixX2d place(test.runs.target.size(), 2);
   place << test.runs.target.array().cos(), test.runs.target.array().sin();
+  // 3.5: three distinct positions leave nothing after offset and once-per-turn motion (rounded sum
+  // of weights).
   return place_weights(place, 1e-9).sum() < 3.5;
 }
 
@@ -193,6 +201,8 @@ PositionRuns form_of(const AxisTest& test) {
   const VectorXd& t = runs.target;
   Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
   VectorXd root = VectorXd::Ones(t.size());
+  // A straightness has the line of its optics to be removed, a radial error motion the eccentricity
+  // of the artefact, an axial one its zero.
   if (test.what == AxisTest::TestKind::Straightness) {
     set_up.conservativeResize(Eigen::NoChange, 2);
     set_up.col(1) = t.array() - t.mean();
@@ -216,7 +226,7 @@ PositionRuns form_of(const AxisTest& test) {
 
 namespace {
 
-/// The two slides of a circle by letter; nothing if other axes move.
+/// Returns the two slides of a circle in alphabetical order; empty if other axes move.
 std::optional<std::array<int, 2>> circle_slides(const Series& series,
                                                 const std::vector<int>& moving) {
   const auto& joints = series.readings.nominal.joints();
@@ -229,14 +239,14 @@ std::optional<std::array<int, 2>> circle_slides(const Series& series,
   return slides;
 }
 
-/// Measurements of one run in one sense, with the angle about the socket going on without jumps.
+/// Measurements of one run in one sense, with the angle about the centre unwrapped.
 struct CirclePass {
   int run = 0;
   std::vector<std::size_t> measurements;
   std::vector<double> angle;
 };
 
-// A sense ends where the run does or where a target is read again before the way back.
+// A sense ends with the run, or where a target is read again before the motion back.
 std::vector<CirclePass> circle_passes(const Series& series,
                                       const Eigen::Matrix<double, 3, 2>& plane) {
   std::vector<CirclePass> passes;
@@ -252,6 +262,7 @@ std::vector<CirclePass> circle_passes(const Series& series,
     if (!goes_on) passes.push_back({measurement.run, {}, {}});
     CirclePass& pass = passes.back();
     if (!pass.angle.empty())
+      // Unwrapped: the step from reading to reading is below half a turn.
       angle = pass.angle.back() + std::remainder(angle - pass.angle.back(), 2 * pi);
     step = way;
     pass.measurements.push_back(i);
@@ -260,11 +271,13 @@ std::vector<CirclePass> circle_passes(const Series& series,
   return passes;
 }
 
-/// Unit vectors along the first slide and, square to it, towards the second, in the workpiece.
+/// Returns the unit vectors along the first slide and, square to it, towards the second, in the
+/// workpiece.
 Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 2>& slides) {
   const auto& q0 = series.measurement(0).state.q;
   Eigen::Matrix<double, 3, 2> plane;
   for (int k = 0; k < 2; ++k) {
+    // A displacement of 1 mm gives the direction; slides move along straight lines.
     kinematics::AxisVector q = q0;
     q[slides[std::size_t(k)]] += 1.0;
     plane.col(k) = place_w(series, q) - place_w(series, q0);
@@ -284,6 +297,7 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
   const double radius = (place_w(series, q0) - series.sensor().point_in).norm();
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
     const Vector3d arm = place_w(series, series.measurement(i).state.q) - series.sensor().point_in;
+    // 1e-6 of the radius: rounding of positions that were read from a file.
     if (std::abs(arm.norm() - radius) > 1e-6 * radius) return {};
   }
   std::map<int, CircleTest> circles;
@@ -317,7 +331,7 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-/// Signs of the slides along a diagonal, in the order X Y Z; nothing if other axes move.
+/// Returns the signs of the slides along a diagonal, in the order X Y Z; empty if other axes move.
 std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
                                                  const std::vector<int>& moving) {
   std::array<int, 3> signs{0, 0, 0};
@@ -344,6 +358,7 @@ bool is_along_beam(const Series& series) {
   const Vector3d start = place_w(series, series.measurement(0).state.q);
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
     const Vector3d way = place_w(series, series.measurement(i).state.q) - start;
+    // 1e-6 relative: rounding of positions that were read from a file.
     if ((way - way.dot(beam) * beam).norm() > 1e-6 * (1 + way.norm())) return false;
   }
   return true;
@@ -378,7 +393,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Channels of a set-up over time, the axes at rest.
+/// Returns the channels of a set-up over time, the axes at rest.
 std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
   const Series& first = channels.front();
   DriftTest test;
@@ -401,7 +416,7 @@ std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
   return test;
 }
 
-/// Where the axes stand at each measurement, whole turns left out.
+/// Returns the positions of the axes at each measurement, with whole turns removed.
 Eigen::MatrixXd places_of(const Series& series) {
   const auto& joints = series.readings.nominal.joints();
   Eigen::MatrixXd places(Index(series.measurements.size()), 2 * Index(joints.size()));
@@ -425,7 +440,8 @@ OtherTest other_test(const Series& series) {
   return test;
 }
 
-/// Channels that were read once, as those of a tracker at every place, are one test of their kind.
+/// Joins channels that were read once, such as those of a tracker at every position, into one test
+/// of each kind.
 void join_single_readings(std::vector<OtherTest>& tests) {
   std::vector<OtherTest> joined;
   std::array<std::vector<double>, 2> single;
@@ -450,6 +466,7 @@ void join_single_readings(std::vector<OtherTest>& tests) {
 void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
   std::vector<AxisTest> lines;
   std::set<char> axes;
+  // Without any motion the readings are a drift test, whatever the instrument.
   bool rest = true;
   for (const Series& series : channels) rest = rest && moving_joints(series).empty();
   if (rest) {
@@ -458,6 +475,8 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
       return;
     }
   }
+  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle;
+  // anything else is reported by its range.
   for (const Series& series : channels) {
     const std::vector<int> moving = moving_joints(series);
     if (moving.size() == 1) {

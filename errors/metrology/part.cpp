@@ -25,6 +25,7 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Chain;
 
+// A picometre: far below any reading, above the rounding of positions of 1 m.
 constexpr double contact = 1e-12;  // mm
 
 [[noreturn]] void refuse(const std::string& sentence) {
@@ -61,7 +62,7 @@ PartReadings blank(const PartSurface& part, const std::vector<Index>& chosen, do
   return r;
 }
 
-// ---- on the machine
+// Touch probe on the machine
 
 void check(const TouchProbe& options, const Chain& nominal) {
   expect(options.radius > 0.0 && std::isfinite(options.radius), "a ball above 0 mm",
@@ -81,7 +82,7 @@ void check(const TouchProbe& options, const Chain& nominal) {
   expect(options.q.allFinite(), "finite positions of the axes", options.q.norm());
 }
 
-/// One machine with its probe, carrying its state from touch to touch.
+/// A machine with its probe; carries its state from touch to touch.
 struct ProbingMachine {
   const Chain& nominal;
   const MachineUnderTest& machine;
@@ -109,7 +110,7 @@ struct ProbingMachine {
   double touch(const Vector3d& point_w, const Vector3d& normal_w, double deviation);
 };
 
-/// Commanded height above the design at which the ball meets the surface.
+/// Returns the commanded height above the design at which the ball meets the surface.
 double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, double deviation) {
   const auto centre_w = [&](double height) -> Vector3d {
     return point_w + (options.radius + height) * normal_w;
@@ -118,6 +119,8 @@ double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, 
   const AxisState before = state;
   const double approach_s = options.clearance / options.speed + options.dwell_s;
   double height = 0.0;
+  // Each pass corrects the height by the whole gap; errors change by 1e-3 of a motion at most, so a
+  // few passes converge, and 60 mark a machine on which they do not.
   for (int k = 0; k < 60; ++k) {
     AxisState there = moved(before, at(centre_w(height)));
     there.time_s = before.time_s + approach_s;
@@ -135,7 +138,7 @@ double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, 
                      options.clearance, point_w.x(), point_w.y(), point_w.z()));
 }
 
-// ---- on a coordinate measuring machine
+// Coordinate measuring machine
 
 void check(const CoordinateMachine& options) {
   expect(options.spacing > 0.0 && std::isfinite(options.spacing), "a spacing above 0 mm",
@@ -149,14 +152,16 @@ void check(const CoordinateMachine& options) {
     expect(options.alignment->allFinite(), "a finite alignment", options.alignment->norm());
 }
 
-/// Which side of the part a normal belongs to: its largest component and that one's sign.
+/// Returns the side of the part to which a normal belongs: index of its largest component, plus 3
+/// if negative.
 int side_of(const Vector3d& normal) {
   int k = 0;
   normal.cwiseAbs().maxCoeff(&k);
   return normal[k] < 0.0 ? k + 3 : k;
 }
 
-/// The machined point nearest to the middle of each cell, for each side of the part apart.
+/// Returns the machined point nearest to the centre of each cell, separately for each side of the
+/// part.
 std::vector<Index> grid_points(const PartSurface& part, double spacing) {
   Vector3d low = Vector3d::Constant(INFINITY);
   for (Index i = 0; i < part.points_w.rows(); ++i)
@@ -191,8 +196,8 @@ kinematics::Deviation random_alignment(const CoordinateMachine& options) {
   return D;
 }
 
-/// Deviations after the rigid motion that makes their squares least. What a motion does not change
-/// (of a plane three of six) is left alone by the least-norm step and changes no deviation.
+/// Returns the deviations after the rigid motion that minimises their squares. Motions that do not
+/// change the deviations (three of six for a plane) are left alone by the minimum-norm step.
 Eigen::VectorXd best_fit_deviation(const PartReadings& r, const Vector3d& middle_w) {
   const Index n = r.deviation.size();
   Eigen::MatrixX3d read_w = r.points_w;
@@ -200,10 +205,13 @@ Eigen::VectorXd best_fit_deviation(const PartReadings& r, const Vector3d& middle
   const double size =
       std::max(1.0, (r.points_w.rowwise() - middle_w.transpose()).rowwise().norm().maxCoeff());
   Eigen::VectorXd left = r.deviation;
-  for (int pass = 0; pass < 5; ++pass) {  // each squares what the one before left
+  for (int pass = 0; pass < 5; ++pass) {  // Gauss-Newton: the error of each pass is the square of
+                                          // the previous one
     Eigen::MatrixXd A(n, 6);
     for (Index i = 0; i < n; ++i) {
       const Vector3d normal = r.normals_w.row(i), arm = read_w.row(i).transpose() - middle_w;
+      // Angles are scaled by the size of the part, so that the threshold 1e-9 means the same for
+      // all six.
       A.row(i) << normal.transpose(), arm.cross(normal).transpose() / size;
     }
     kinematics::Deviation D = -shortest_least_squares(A, left, 1e-9);
@@ -232,6 +240,7 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
     const Vector3d point_w = r.points_w.row(i), normal_w = r.normals_w.row(i);
     if (i == 0) {
       probing.state.q = probing.at(point_w + (options.radius + options.clearance) * normal_w);
+      // The first touch is to happen at start_s, so the approach begins earlier.
       probing.state.time_s = options.start_s - options.clearance / options.speed - options.dwell_s;
     }
     const double height = probing.touch(point_w, normal_w, part.deviation[chosen[std::size_t(i)]]) +
@@ -253,6 +262,7 @@ PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachin
   const Vector3d middle_w = r.points_w.colwise().mean();
   const kinematics::Pose lie = kinematics::motion(random_alignment(options), middle_w);
   for (Index i = 0; i < n; ++i) {
+    // The lie of the part is drawn once: it is an error of the alignment, not noise.
     const Vector3d point = r.points_w.row(i), normal = r.normals_w.row(i);
     const Vector3d machined = lie * (point + part.deviation[chosen[std::size_t(i)]] * normal);
     const Vector3d stands = lie.linear() * normal;

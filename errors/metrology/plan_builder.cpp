@@ -21,12 +21,14 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr double longest_travel = 1e6;  // mm; beyond it a limit is not meant as one
+constexpr double longest_travel = 1e6;  // mm; a larger range stands for no limit
 constexpr double reached = 1e-9;        // mm
 constexpr int max_places = 100'000;
 
 bool is_spindle(const Joint& joint) { return joint.motion == Motion::Spindle || joint.name == 'S'; }
 
+// 0 is where a rotary axis is set up; where it is out of reach the middle is farthest from both
+// limits.
 double park_position(const Joint& joint) {
   if (is_spindle(joint)) return 0.0;
   if (joint.motion == Motion::Rotary && joint.min <= 0.0 && joint.max >= 0.0) return 0.0;
@@ -72,6 +74,7 @@ ParkedMachine stand(const Instrument& instrument, const Chain& nominal) {
   const auto by_letter = [](const AxisDirection& a, const AxisDirection& b) {
     return a.name < b.name;
   };
+  // The order by letter makes plans independent of the order of the axes in the chain.
   std::sort(result.slides.begin(), result.slides.end(), by_letter);
   std::sort(result.rotary.begin(), result.rotary.end(), by_letter);
   return result;
@@ -84,6 +87,7 @@ Range travel(const Instrument& instrument, const Joint& slide) {
 
 Range arc(const Instrument& instrument, const Joint& rotary) {
   double from = instrument.from_rad, to = instrument.to_rad;
+  // A whole turn is a request for all positions, so an axis that turns less uses its full travel.
   const bool whole = to - from >= 2.0 * pi - 1e-9;
   if (whole && rotary.max - rotary.min < to - from) {
     from = rotary.min;
@@ -108,6 +112,7 @@ Across across(const Chain& nominal, const AxisVector& q, const Vector3d& directi
   int along = 0;
   (R_wb.transpose() * direction_w).cwiseAbs().maxCoeff(&along);
   Across result;
+  // The two bed axes other than the one nearest to the direction, made orthogonal to it.
   for (int k = 0, n = 0; k < 3; ++k) {
     if (k == along) continue;
     Vector3d e = R_wb.col(k) - R_wb.col(k).dot(direction_w) * direction_w;
@@ -122,7 +127,8 @@ Vector3d reflector_w(const Instrument& instrument, const Chain& nominal, const A
   return nominal.tool_in_workpiece(q) * instrument.reflector_t;
 }
 
-// The line is where turning the axis moves nothing: half a turn takes the place across it.
+// The axis is the set of points that its rotation does not move; the midpoint of a point and its
+// image after half a turn is the nearest of them.
 Vector3d on_axis(const Chain& nominal, const AxisVector& q, int joint, const Vector3d& place_w) {
   AxisVector turned = q;
   turned[joint] += pi;
@@ -143,11 +149,12 @@ std::optional<AxisVector> slides_for_reflector(const Instrument& instrument, con
     directions_w.col(Eigen::Index(k)) = J_w.col(slides[k]).head<3>();
 
   AxisVector there = q;
-  for (int pass = 0; pass < 2; ++pass) {  // the second takes up rounding
+  for (int pass = 0; pass < 2; ++pass) {  // the second pass removes the rounding of the first
     const Eigen::VectorXd left_w = place_w - reflector_w(instrument, nominal, there);
     const Eigen::VectorXd way = least_squares(directions_w, left_w).x;
     for (std::size_t k = 0; k < slides.size(); ++k) there[slides[k]] += way[Eigen::Index(k)];
   }
+  // The slides may not span the space, so it is checked that the position was reached.
   if (!((place_w - reflector_w(instrument, nominal, there)).norm() <= reached)) return std::nullopt;
   return there;
 }
@@ -161,7 +168,8 @@ std::vector<AxisVector> grid(const Instrument& instrument, const AxisVector& q,
     std::vector<AxisVector> finer;
     for (std::size_t i = 0; i < places.size(); ++i) {
       for (Eigen::Index k = 0; k < line.at.size(); ++k) {
-        finer.push_back(places[i]);  // every other line is gone back, so that nothing is jumped
+        finer.push_back(places[i]);  // every other line is traversed backwards, so that each step
+                                     // moves one axis by one spacing
         finer.back()[line.joint] = line.at[i % 2 == 0 ? k : line.at.size() - 1 - k];
       }
     }
@@ -215,8 +223,8 @@ void refuse(const Instrument& instrument, const std::string& sentence) {
 
 namespace {
 
-/// Targets off equal spacing by up to this part of it, each by another, the first and the last by
-/// none: the multiples of the golden section fill an interval most evenly.
+/// Returns targets moved off equal spacing by up to this fraction of it, each differently, the
+/// first and the last not at all. Multiples of the golden section fill an interval most evenly.
 Eigen::VectorXd scatter_targets(Eigen::VectorXd targets, double part) {
   constexpr double golden = 0.6180339887498949;
   for (Eigen::Index i = 1; i + 1 < targets.size(); ++i) {
@@ -232,10 +240,10 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr std::size_t max_measurements = 500'000;  // some 80 MB
-// A way this short is rounding of the path: an axis that stands has not turned back.
+constexpr std::size_t max_measurements = 500'000;  // about 80 MB
+// A shorter motion is rounding of the path: the axis is at rest and has not reversed.
 constexpr double still = 1e-9;  // mm or rad
-constexpr double slack = 1e-9;  // mm or rad, rounding of a place on a limit
+constexpr double slack = 1e-9;  // mm or rad, rounding of a position on a limit
 
 }  // namespace
 
@@ -245,6 +253,7 @@ kinematics::AxisState moved(kinematics::AxisState state, const AxisVector& q) {
     if (std::abs(way) <= still) continue;
     const std::int8_t up_or_down = way > 0.0 ? 1 : -1;
     std::int8_t& last = state.direction[std::size_t(j)];
+    // A new stroke begins with each reversal, and the first motion is no reversal.
     if (last != 0 && last != up_or_down) ++state.stroke[std::size_t(j)];
     last = up_or_down;
   }
@@ -279,11 +288,12 @@ void PlanBuilder::move(const AxisVector& q) {
                                       linear ? "mm" : "deg", q[j] / unit));
     const double way = q[j] - state_.q[j];
     if (linear)
+      // Slides move together along a straight line, whereas rotary axes turn side by side.
       slides = std::hypot(slides, way);
     else
       turns = std::max(turns, std::abs(way));
   }
-  // A rotary axis turns as fast as takes a point at the instrument's radius along at its speed.
+  // A rotary axis turns at the rate that moves a point at the instrument's radius at its speed.
   time_s_ += std::max(slides, turns * instrument_.radius) / instrument_.speed;
   state_ = moved(std::move(state_), q);
 }
@@ -296,7 +306,7 @@ void PlanBuilder::spin(int joint, double angle) {
   state_.spindle_speed = speed;
 }
 
-// It comes to rest at 0, where the next set-up begins to count.
+// The spindle stops at 0, where the next set-up begins to count.
 void PlanBuilder::stop_spindle(int joint) {
   state_.q[joint] = 0.0;
   state_.spindle_speed = 0.0;
@@ -313,6 +323,7 @@ void PlanBuilder::read(int run, int target, const std::vector<int>& channels) {
     plan_.measurements.push_back({set_up, channel, run, target, state_});
   };
   const int all = int(plan_.set_ups.back().channels.size());
+  // A set-up without channels reads the temperatures only.
   if (all == 0) measurement(-1);
   if (channels.empty())
     for (int channel = 0; channel < all; ++channel) measurement(channel);
@@ -329,6 +340,7 @@ void PlanBuilder::read_both_directions(const Path& path, const Range& range, int
   const Eigen::VectorXd at =
       scatter_targets(targets(range, instrument_.targets), instrument_.scatter);
   const int count = int(at.size());
+  // The overshoot makes the approach to the first target of either direction a true one.
   const double below = range.from - range.overshoot, above = range.to + range.overshoot;
   double here = below;
   const auto go = [&](double there) {

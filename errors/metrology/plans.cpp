@@ -18,7 +18,8 @@ namespace {
 using kinematics::Chain;
 using kinematics::Motion;
 
-/// What a kind is called, how it is planned, and which sorts of axis it may be asked for.
+/// An instrument kind: its name, the function that plans it, and the types of axis that it can
+/// measure.
 struct Entry {
   Kind kind;
   const char* word;
@@ -49,7 +50,7 @@ constexpr std::array<Entry, 17> entries = {{
 
 const Entry& entry_of(Kind kind) { return entries[std::size_t(kind)]; }
 
-// Conditions are written so that NaN fails them.
+// The conditions are written so that NaN fails them.
 void check_numbers(const Instrument& i) {
   const auto expect = [&](bool holds, const char* what, double seen) {
     if (!holds) refuse(i, fmt::format("expected {}, seen {}", what, seen));
@@ -67,6 +68,7 @@ void check_numbers(const Instrument& i) {
       {"a dwell of 0 s or more", i.dwell_s},
       {"a time of set-up of 0 s or more", i.set_up_s},
       {"a spindle speed of 0 or more", i.spindle_speed}};
+  // 1e12 excludes infinity and numbers whose squares would overflow.
   for (const auto& [what, seen] : not_negative) expect(seen >= 0.0 && seen < 1e12, what, seen);
   const std::pair<const char*, double> positive[] = {{"a radius above 0 mm", i.radius},
                                                      {"a lever above 0 mm", i.lever},
@@ -75,6 +77,7 @@ void check_numbers(const Instrument& i) {
   for (const auto& [what, seen] : positive) expect(seen > 0.0 && seen < 1e12, what, seen);
   expect(i.runs >= 1 && i.runs <= 10000, "1 to 10000 runs", i.runs);
   expect(i.targets >= 2 && i.targets <= 100000, "2 to 100000 targets", i.targets);
+  // Below 0.45 of the spacing targets keep their order.
   expect(i.scatter >= 0.0 && i.scatter < 0.45, "a scatter of targets of at least 0 and below 0.45",
          i.scatter);
   expect(i.margin > 0.0 && i.margin < 0.4, "a margin above 0 and below 0.4 of the travel",
@@ -179,7 +182,7 @@ AxisVector middle(const ParkedMachine& stand, const AxisDirection& slide, const 
   return q;
 }
 
-/// Straightness of one slide towards another.
+/// Returns the channel for the straightness of one slide in the direction of another.
 Channel straightness_across(const Instrument& instrument, const Chain& nominal,
                             const ParkedMachine& stand, const AxisDirection& line,
                             const AxisDirection& other) {
@@ -194,7 +197,7 @@ Channel straightness_across(const Instrument& instrument, const Chain& nominal,
 
 }  // namespace
 
-// The counter is meant to show the axis position, so p_in is where the reflector is at its zero.
+// The counter shows the axis position, so p_in is the position of the reflector at its zero.
 Plan laser(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 1);
@@ -212,7 +215,7 @@ Plan laser(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// The optics are turned for the second direction, which is a set-up of its own.
+// The optics are turned for the second direction, which is a separate set-up.
 Plan straightness(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 1);
@@ -261,8 +264,8 @@ Plan angle_optics(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// One artefact serves both lines, so that its place and turn are common to the two channels and
-// only the angle between the lines is left to be the machine's.
+// One artefact serves both lines, so its position and rotation are common to the two channels, and
+// only the angle between the lines remains as the machine's.
 Plan square(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 2);
@@ -282,7 +285,7 @@ Plan square(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// A level stands on what the slide carries and knows the bed by gravity; it cannot feel a turn
+// A level stands on the carriage and refers to the bed by gravity; it cannot measure a rotation
 // about the plumb line.
 Plan level(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
@@ -311,8 +314,8 @@ Plan level(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// Both lines are read against one flat straightedge: what turns the straightedge is common to
-// them, so that their difference is the roll.
+// Both lines are read against one flat straightedge: its rotation is common to both, so that their
+// difference is the roll.
 Plan roll_lines(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 1);
@@ -346,16 +349,16 @@ using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
 
-/// From one corner of the travel to the opposite one, the last of its axes going up.
+/// A diagonal from one corner of the travel to the opposite one; its last axis moves upwards.
 struct Diagonal {
   std::string name;        ///< "+X -Y +Z"
   std::vector<int> joint;  ///< of its axes, by letter
   AxisVector from;
   AxisVector to;
-  AxisVector overshoot;  ///< on every axis, the way the diagonal goes
+  AxisVector overshoot;  ///< on every axis, in the direction of the diagonal
 };
 
-/// All diagonals of the box of some axes: half as many as it has corners.
+/// Returns all diagonals of the box of some axes: half as many as it has corners.
 std::vector<Diagonal> volume_diagonals(const Instrument& instrument, const Chain& nominal,
                                        const AxisVector& q,
                                        const std::vector<AxisDirection>& axes) {
@@ -378,7 +381,7 @@ std::vector<Diagonal> volume_diagonals(const Instrument& instrument, const Chain
   return result;
 }
 
-/// The channel along a diagonal, counting from where the reflector is at its start.
+/// Returns the channel along a diagonal; it counts from the reflector's position at the start.
 Channel along_diagonal(const Instrument& instrument, const Chain& nominal, const Diagonal& d,
                        Quantity quantity) {
   const Vector3d start_w = reflector_w(instrument, nominal, d.from);
@@ -430,7 +433,7 @@ Plan diagonals(const Instrument& instrument, const Chain& nominal) {
 }
 
 // Reading 0 of a run is at the start; reading 3 k + leg is after leg X (1), Y (2) or Z (3) of step
-// k. Every leg goes its axis's way up the diagonal, so that no axis turns back within a run.
+// k. Every leg follows the diagonal's direction of its axis, so that no axis reverses within a run.
 Plan step_diagonal(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   check_slides(instrument, stand, 3);
@@ -471,7 +474,7 @@ using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Motion;
 
-/// A spindle with its line in the workpiece and the side that its artefact is on.
+/// A spindle with its axis in the workpiece and the side that carries the artefact.
 struct Turning {
   AxisDirection axis;
   bool carries_tool = true;
@@ -494,7 +497,7 @@ std::vector<Turning> spindles(const Instrument& instrument, const Chain& nominal
   return result;
 }
 
-/// A channel of the artefact's ball at a place, by sensors on the side that does not turn.
+/// Returns a channel of the artefact's ball, with its sensors on the side that does not turn.
 Channel sensor(const Instrument& instrument, const Turning& spindle, const kinematics::Pose& T_wt,
                const Vector3d& ball_w) {
   Channel c = channel(instrument, "", Quantity::Displacement, Vector3d::UnitX());
@@ -506,8 +509,8 @@ Channel sensor(const Instrument& instrument, const Turning& spindle, const kinem
   return c;
 }
 
-/// Two balls on the spindle's line, X1 and Y1 at the first, X2 and Y2 a lever along, Z at the
-/// first.
+/// Returns the set-up of two balls on the spindle axis: X1 and Y1 at the first, X2 and Y2 a lever
+/// further on, Z at the first.
 SetUp artefact(const Instrument& instrument, const Chain& nominal, const AxisVector& q,
                const Turning& spindle) {
   const kinematics::Pose T_wt = nominal.tool_in_workpiece(q);
@@ -531,13 +534,14 @@ SetUp artefact(const Instrument& instrument, const Chain& nominal, const AxisVec
 
   SetUp result =
       set_up(instrument, fmt::format("spindle {}", spindle.axis.name), std::move(channels));
-  // On a turning workpiece the ball's place itself goes round.
+  // On a turning workpiece the position of the ball itself rotates.
   (spindle.carries_tool ? result.eccentricity_sigma : result.point_of_sigma) =
       instrument.position_sigma;
   return result;
 }
 
 int readings_over_time(const Instrument& instrument) {
+  // 1e-9: a duration that is a whole number of intervals includes its end in spite of rounding.
   return int(std::floor(instrument.duration_s / instrument.interval_s + 1e-9)) + 1;
 }
 
@@ -565,8 +569,8 @@ Plan spindle(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// The machine stands, its spindle turning if it is commanded to; the sensors are read as it comes
-// by the same angle.
+// The machine is at rest, its spindle turning if commanded; the sensors are read at always the same
+// angle.
 Plan drift(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   AxisVector q = stand.q;

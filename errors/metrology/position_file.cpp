@@ -23,7 +23,8 @@ std::string place_of(const PositionReading& r) {
   return fmt::format("run {} {} at target {}", r.run, r.up ? "up" : "down", r.target);
 }
 
-/// Sorted readings of one direction as targets x runs; every run must have every target.
+/// Returns the sorted readings of one direction as (targets x runs); every run must have every
+/// target.
 Eigen::MatrixXd table(const std::vector<PositionReading>& all, bool up,
                       const Eigen::VectorXd& target, const std::string& file) {
   std::vector<PositionReading> mine;
@@ -48,6 +49,7 @@ Eigen::MatrixXd table(const std::vector<PositionReading>& all, bool up,
 }  // namespace
 
 PositionRuns assemble_runs(std::vector<PositionReading> all, const std::string& file) {
+  // Sorted by direction, run and target, whatever the order of the file.
   std::stable_sort(all.begin(), all.end(), [](const PositionReading& a, const PositionReading& b) {
     return a.order() < b.order();
   });
@@ -100,10 +102,10 @@ enum class Role { Set, Ordinal, Target, Direction, Run, Deviation, Position };
 struct Column {
   Role role;
   const Unit* unit = nullptr;
-  int run = 0;  ///< of j1, j2, ...; 0: the row says
+  int run = 0;  ///< of j1, j2, ...; 0: given by the row
 };
 
-/// Reader of the head of a table.
+/// Parser of the header of a table.
 class HeaderReader {
  public:
   HeaderReader(const TableLines& lines, const Line& line) : lines_(lines), line_(line) {}
@@ -149,6 +151,7 @@ class HeaderReader {
       if (unit == nullptr) lines_.refuse(cell, "a unit such as mm, um, deg or arcsec");
     }
     Column column{role_of(cell, name, unit), unit};
+    // Columns j1, j2, ... repeat on purpose, one for each run; all others are unique.
     if (name.front() == 'j') {
       column.run = ++wide_;
     } else if (count(column.role) > 0 ||
@@ -181,7 +184,7 @@ class HeaderReader {
     lines_.refuse(cell, "a column of a head such as target_mm,direction,run,deviation_um");
   }
 
-  /// Positions without a unit take that of the target; all must be lengths or all angles.
+  /// Gives positions without a unit that of the target; all must be lengths or all angles.
   void settle_units(const std::vector<Cell>& cells) {
     const auto target = std::find_if(head_.columns.begin(), head_.columns.end(),
                                      [](const Column& c) { return c.role == Role::Target; });
@@ -212,7 +215,7 @@ bool is_up(const TableLines& lines, const Cell& cell) {
   return false;
 }
 
-/// A row of a table: its set and one reading or several.
+/// A row of a table: its set and one or several readings.
 struct Row {
   std::string set;
   std::vector<PositionReading> readings;
@@ -234,6 +237,7 @@ Row read_row(const TableLines& lines, const Line& line, const Head& head) {
     if (column.role == Role::Run) common.run = lines.whole_number_in(cells[i], 1, max_runs);
     if (column.role == Role::Target) common.target = lines.number_in(cells[i]);
   }
+  // The column of the target may follow the readings, so its unit is found first.
   double unit = 1.0;
   for (const Column& column : head.columns)
     if (column.role == Role::Target) unit = column.unit->size;
@@ -243,14 +247,16 @@ Row read_row(const TableLines& lines, const Line& line, const Head& head) {
     PositionReading reading = common;
     if (column.run > 0) reading.run = column.run;
     const double x = lines.number_in(cells[i]);
-    // in the file's own unit, where most decimal fractions cancel exactly enough
+    // Computed in the unit of the file, in which most decimal fractions cancel exactly enough.
     reading.deviation = column.role == Role::Deviation
                             ? x * column.unit->size
                             : x * column.unit->size - common.target * unit;
+    // With equal units the subtraction comes before the conversion.
     if (column.role == Role::Position && column.unit->size == unit)
       reading.deviation = (x - common.target) * unit;
     row.readings.push_back(reading);
   }
+  // Targets are converted last, because the deviations above need them in the unit of the file.
   for (PositionReading& reading : row.readings) reading.target *= unit;
   return row;
 }
@@ -279,7 +285,7 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
     auto found = std::find_if(sets.begin(), sets.end(),
                               [&](const NamedReadings& s) { return s.name == row.set; });
     if (found == sets.end()) {
-      constexpr std::size_t max_sets = 1000;  // so that the search stays short
+      constexpr std::size_t max_sets = 1000;  // keeps the linear search short
       if (sets.size() == max_sets) lines.refuse(0, "at most 1000 sets", "more");
       found = sets.insert(sets.end(), {row.set, {}});
     }
@@ -294,7 +300,7 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
 
 namespace {
 
-/// Reader of an .rtl, section by section.
+/// Parser of an .rtl file, section by section.
 class RtlReader {
  public:
   RtlReader(std::string_view text, const std::string& file, const PositionFileOptions& options)
@@ -340,7 +346,7 @@ class RtlReader {
     while (in_section()) line_ = lines_.next();
   }
 
-  /// "key : value" of the line; nothing where there is no colon.
+  /// Returns "key : value" of the line; empty if there is no colon.
   std::optional<Entry> entry() const {
     const Cell whole = cell();
     const std::size_t at = whole.text.find(':');
@@ -382,7 +388,7 @@ class RtlReader {
     if (targets_.empty()) refuse_line("Targets in the section TARGET DATA::");
   }
 
-  /// Leaves the reader on the last line of numbers.
+  /// Leaves the parser on the last line of numbers.
   void read_target_numbers(int count) {
     while (int(targets_.size()) < count) {
       line_ = lines_.next();
@@ -402,6 +408,7 @@ class RtlReader {
   void read_user_text() {
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
+      // 100 characters: enough for a title; a longer text is not one.
       if (e && e->key == "Axis") axis_ = std::string(e->value.text.substr(0, 100));
       if (e && e->key == "TITLE") title_ = std::string(e->value.text.substr(0, 100));
     }
@@ -434,7 +441,7 @@ class RtlReader {
     if (in_section()) refuse_line("a new section after the last reading");
   }
 
-  /// One row; `before` holds the last target of each run, `way` where the run is going.
+  /// Reads one row; `before` holds the last target of each run, `way` its direction.
   void add_reading(std::vector<int>& before, std::vector<int>& way) {
     const std::vector<Cell> cells = cells_of(line_->text, ' ', 3);
     if (cells.size() != 3) refuse_line("a row: run, target, deviation");
@@ -453,7 +460,7 @@ class RtlReader {
     all_.push_back({true, run, here, lines_.number_in(cells[2]) * units::um, line_->number});
   }
 
-  /// Runs back that were only filled with zeros, where the file says that it has one direction.
+  /// Removes backward runs that contain only zeros, if the file states a single direction.
   void drop_fill() {
     if (!one_way_) return;
     const bool filled = std::all_of(all_.begin(), all_.end(), [](const PositionReading& r) {

@@ -31,9 +31,11 @@ std::optional<OneWayPositioning> one_way(const MatrixXd& x) {
   OneWayPositioning result;
   result.mean = x.rowwise().mean();
   result.E = range(result.mean);
+  // A single run has no standard deviation, so R and A remain empty.
   if (x.cols() == 1) return result;
   const MatrixXd from_mean = x.colwise() - result.mean;
   result.s = (from_mean.rowwise().squaredNorm() / double(x.cols() - 1)).cwiseSqrt();
+  // ISO 230-2:2014 uses the coverage factor 2: R_i = 4 s_i.
   result.repeatability = 4.0 * result.s;
   result.R = result.repeatability.maxCoeff();
   result.A = (result.mean + 2.0 * result.s).maxCoeff() - (result.mean - 2.0 * result.s).minCoeff();
@@ -42,6 +44,7 @@ std::optional<OneWayPositioning> one_way(const MatrixXd& x) {
 
 void add_repeatability(const OneWayPositioning& up, const OneWayPositioning& down,
                        Positioning& both) {
+  // ISO 230-2: the bidirectional repeatability is never smaller than that of either direction.
   both.repeatability = (2.0 * up.s + 2.0 * down.s + both.reversal.cwiseAbs())
                            .cwiseMax(up.repeatability)
                            .cwiseMax(down.repeatability);
@@ -83,7 +86,7 @@ VectorXd mean_of(const PositionRuns& runs) {
 
 namespace {
 
-/// The same signs for a diagonal and its reverse.
+/// Returns the same signs for a diagonal and its reverse.
 std::array<int, 3> forward(std::array<int, 3> signs) {
   const auto first = std::find_if(signs.begin(), signs.end(), [](int s) { return s != 0; });
   if (first != signs.end() && *first < 0)
@@ -136,6 +139,9 @@ Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
   const auto [ppp, npp, pnp, ppn] = lengthening;
   if (!is_side(x) || !is_side(y) || !is_side(z) || !std::isfinite(ppp + npp + pnp + ppn))
     throw std::invalid_argument("body diagonals: expected positive sides and finite deviations");
+  // An angle error E between two axes changes each body diagonal by E times the product of their
+  // sides over D, with the sign of the diagonal in that plane. The sum of all four with these signs
+  // isolates E; scale errors cancel.
   const double D = std::hypot(x, y, z);
   return {-D * ((ppp + ppn) - (npp + pnp)) / (4.0 * x * y),
           D * ((ppp + pnp) - (npp + ppn)) / (4.0 * x * z),

@@ -6,30 +6,30 @@
 
 #include <Eigen/Core>
 
-/// Evaluation of readings as the standards for machine tools prescribe it.
+/// Evaluation of positioning readings by ISO 230-2 and of diagonals by ISO 230-6.
 namespace abbe::errors::metrology {
 
-/// Deviations of one axis at its targets, actual minus target, mm for a slide, rad for a turn;
-/// a column is a run. `up` are the approaches in the positive direction of the axis.
+/// Deviations of one axis at its targets, actual minus target, mm for a slide, rad for a rotary
+/// axis; one column per run. `up` are the approaches in the positive direction of the axis.
 struct PositionRuns {
   Eigen::VectorXd target;  ///< (m) strictly increasing, m >= 2
-  Eigen::MatrixXd up;      ///< (m x n), or without columns: not measured in this direction
-  Eigen::MatrixXd down;    ///< (m x k), the same
+  Eigen::MatrixXd up;      ///< (m x n); without columns: not measured in this direction
+  Eigen::MatrixXd down;    ///< (m x k); without columns: not measured in this direction
 };
 
-/// Quantities of one direction of approach, in the unit of the readings.
+/// Results for one direction of approach, in the unit of the readings.
 struct OneWayPositioning {
   Eigen::VectorXd mean;           ///< (m) mean deviation at each target
   Eigen::VectorXd s;              ///< (m) standard deviation of one approach; (0) for a single run
   Eigen::VectorXd repeatability;  ///< (m) R_i = 4 s_i; (0) for a single run
   double E = 0.0;                 ///< systematic deviation: range of the means
-  std::optional<double> R;        ///< largest R_i; needs two runs
-  std::optional<double> A;        ///< range of mean +- 2 s; needs two runs
+  std::optional<double> R;        ///< largest R_i; requires two runs
+  std::optional<double> A;        ///< range of mean +- 2 s; requires two runs
 };
 
-/// Quantities of ISO 230-2, in the unit of the readings. What the runs cannot give is left out:
-/// a direction that was not measured, R and A of a single run, and everything bidirectional where
-/// one direction is missing.
+/// Results of ISO 230-2, in the unit of the readings. Quantities that the runs do not determine are
+/// omitted: those of a direction that was not measured, R and A of a single run, and all
+/// bidirectional ones if one direction is missing.
 struct Positioning {
   Eigen::VectorXd target;                 ///< (m)
   std::optional<OneWayPositioning> up;    ///< positive direction of approach
@@ -41,69 +41,68 @@ struct Positioning {
   std::optional<double> B_mean;           ///< mean of B_i, with its sign
   std::optional<double> M;                ///< range of the bidirectional mean
   std::optional<double> E;                ///< systematic deviation, both directions
-  std::optional<double> R;                ///< largest R_i; needs two runs in each direction
-  std::optional<double> A;                ///< accuracy; needs two runs in each direction
+  std::optional<double> R;                ///< largest R_i; requires two runs in each direction
+  std::optional<double> A;                ///< accuracy; requires two runs in each direction
 };
 
-/// Accuracy and repeatability of positioning:
-/// R_i = max(2 s_i up + 2 s_i down + |B_i|, 4 s_i up, 4 s_i down), s_i with n - 1, coverage factor
-/// 2 throughout. The order of the runs does not matter; the numbers of runs may differ.
+/// Returns accuracy and repeatability of positioning: R_i = max(2 s_i up + 2 s_i down + |B_i|, 4
+/// s_i up, 4 s_i down), s_i with n - 1, coverage factor 2 throughout. The order of the runs does
+/// not matter; the numbers of runs may differ.
 /// Source: ISO 230-2:2014, clause 3.
 /// @throws std::invalid_argument if there is no run, if sizes differ, if targets do not increase,
-/// or
-///         for numbers that are not finite
+///         or for numbers that are not finite
 Positioning positioning(const PositionRuns& runs);
 
-/// Largest less smallest.
+/// Returns the largest minus the smallest value.
 double range(const Eigen::VectorXd& values);
 
-/// Mean of all runs, of both ways. (m)
+/// Returns the mean of all runs of both directions (m).
 Eigen::VectorXd mean_of(const PositionRuns& runs);
 
-/// Runs along one diagonal of the work zone, targets counted along it from its start. Signs give
-/// its direction: {1, 1, 1} goes up in X, Y and Z, {-1, 1, 1} goes down in X; a face diagonal has a
-/// zero. A diagonal and its reverse are one.
+/// Runs along one diagonal of the work zone, targets counted along it from its start. The signs
+/// give its direction: {1, 1, 1} rises in X, Y and Z, {-1, 1, 1} falls in X; a face diagonal has
+/// one zero. A diagonal and its reverse are the same.
 struct DiagonalRuns {
   std::array<int, 3> signs{1, 1, 1};
   PositionRuns runs;
 };
 
-/// Quantities of ISO 230-6, in mm.
+/// Results of ISO 230-6, mm.
 struct Diagonals {
-  std::vector<Positioning> each;  ///< in the order given
-  double E_d = 0.0;  ///< diagonal systematic deviation: largest E of the set (of the one direction
-                     ///< measured where a diagonal was measured in one only)
-  std::optional<double> B_d;  ///< largest |B_i| of the set, if every diagonal has both directions
+  std::vector<Positioning> each;  ///< in the given order
+  double E_d = 0.0;  ///< diagonal systematic deviation: largest E of the set (of a diagonal
+                     ///< measured in one direction only, of that direction)
+  std::optional<double> B_d;  ///< largest |B_i| of the set, if every diagonal was measured in both
+                              ///< directions
 };
 
-/// ISO 230-2 quantities of every diagonal, and of the set.
+/// Returns the ISO 230-2 results of every diagonal, and of the set.
 /// Source: ISO 230-6:2002.
 /// @throws std::invalid_argument as `positioning`, or for no diagonal, signs other than -1, 0, 1,
 ///         fewer than two of them not zero, or the same diagonal twice
 Diagonals diagonals(const std::vector<DiagonalRuns>& set);
 
-/// Angles between the directions of travel beyond 90 degrees, as location elements: EC0Y > 0 makes
-/// the angle between X and Y larger, EB0Z > 0 leans Z towards +X, EA0Z > 0 leans Z towards -Y.
-/// Rad.
+/// Angles between the directions of travel minus 90 degrees, as location elements, rad: EC0Y > 0
+/// enlarges the angle between X and Y, EB0Z > 0 tilts Z towards +X, EA0Z > 0 tilts Z towards -Y.
 struct Squareness {
   double EC0Y = 0.0;
   double EB0Z = 0.0;
   double EA0Z = 0.0;
 };
 
-/// Squareness of a box of `sides` (mm) from how much longer than nominal its four body diagonals
-/// are (mm, in the order ppp, npp, pnp, ppn: the sign is negative in no axis, X, Y, Z). Scale
-/// errors of the axes cancel; angular errors of the axes do not. First order in the deviations d:
-/// neglects at most 4 d^2 / (shortest side)^2.
-/// @throws std::invalid_argument unless sides are positive and all is finite
+/// Returns the squareness of a box of `sides` (mm) from the deviations of its four body diagonals
+/// from nominal (mm, in the order ppp, npp, pnp, ppn: the sign is negative in no axis, X, Y, Z).
+/// Scale errors of the axes cancel; angular errors of the axes do not. First order in the
+/// deviations d: neglects at most 4 d^2 / (shortest side)^2.
+/// @throws std::invalid_argument unless sides are positive and all numbers are finite
 Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
                                           const std::array<double, 4>& lengthening);
 
-/// The same in one face with sides `first` and `second` (mm): the angle by which the second axis is
-/// turned about the normal first x second, so EC0Y for (X, Y) and -EB0Z for (X, Z), EA0Z for (Y,
-/// Z).
-/// @param lengthening_pp  of the diagonal that goes up in both axes, mm
-/// @param lengthening_np  of the one that goes down in the first, mm
+/// Returns the squareness in one face with sides `first` and `second` (mm): the angle by which the
+/// second axis is turned about the normal first x second, i.e. EC0Y for (X, Y), -EB0Z for (X, Z),
+/// EA0Z for (Y, Z).
+/// @param lengthening_pp  of the diagonal that rises in both axes, mm
+/// @param lengthening_np  of the diagonal that falls in the first, mm
 double squareness_from_face_diagonals(double first, double second, double lengthening_pp,
                                       double lengthening_np);
 

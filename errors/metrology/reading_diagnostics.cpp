@@ -19,10 +19,12 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double impossible = 1e-9;                   // chance below which readings are an error
-constexpr double large_mm = 1.0, large_rad = 0.01;    // no machine is that wrong
-constexpr double certain = 10.0;                      // times that
-constexpr int min_equal = 5, min_equal_in_a_row = 4;  // readings
+constexpr double impossible = 1e-9;                   // probability below which readings are an
+                                                      // error, not a coincidence
+constexpr double large_mm = 1.0, large_rad = 0.01;    // a deviation that no machine has
+constexpr double certain = 10.0;                      // factor on that limit from which a warning
+                                                      // becomes an error
+constexpr int min_equal = 5, min_equal_in_a_row = 4;  // number of readings
 constexpr int min_scattered = 20;
 
 double limit_of(bool is_angle) { return is_angle ? large_rad : large_mm; }
@@ -37,15 +39,16 @@ std::string noise_text(double value, bool is_angle) {
                      is_angle ? "urad" : "um");
 }
 
-// ---- readings that never change
+// Constant readings
 
-/// Largest chance that a reading with this noise shows the step that the one before it showed.
+/// Returns an upper bound of the probability that a reading with this noise repeats the previous
+/// step of the resolution.
 double repetition_chance(double noise, double resolution) {
   if (noise <= 0.0) return 1.0;
   return std::erf(0.5 * resolution / (noise * std::sqrt(2.0)));
 }
 
-/// First reading of the longest part of equal ones, and how many they are.
+/// Returns the first reading and the length of the longest sequence of equal ones.
 std::pair<Index, Index> longest_equal_run(const VectorXd& values) {
   Index first = 0, count = values.size() > 0 ? 1 : 0;
   for (Index from = 0, i = 1; i <= values.size(); ++i) {
@@ -79,16 +82,18 @@ void check_changes(const std::string& name, const Channel& channel, const Vector
   }
 }
 
-/// Noise of readings whose curve is smooth, by their second differences.
+/// Returns the noise of readings along a smooth curve, from their second differences.
 double second_difference_noise(const VectorXd& v) {
   const Index n = v.size() - 2;
+  // A second difference of white noise has the variance 1 + 4 + 1 = 6.
   return ((v.head(n) - 2.0 * v.segment(1, n) + v.tail(n)).matrix()).norm() /
          std::sqrt(6.0 * double(n));
 }
 
 void check_scatter(const std::string& name, const Channel& channel, const VectorXd& departure,
                    ReadingDiagnostics& found) {
-  constexpr double too_little = 0.1;  // of the noise: chance 1e-7 of 20 readings, of which 9 count
+  constexpr double too_little = 0.1;  // relative to the noise: probability 1e-7 for 20 readings, of
+                                      // which 9 are independent
   if (departure.size() < min_scattered || !(channel.noise > 0.0) ||
       channel.resolution > channel.noise)
     return;
@@ -99,20 +104,22 @@ void check_scatter(const std::string& name, const Channel& channel, const Vector
       noise_text(scatter, channel.is_angle()), noise_text(channel.noise, channel.is_angle())));
 }
 
-// ---- readings far from the nominal machine
+// Readings far from the nominal machine
 
-/// One channel as it was read and as the nominal machine would show it.
+/// One channel: its readings and those of the nominal machine.
 struct ChannelReadings {
   std::string name;
   const SetUp* set_up = nullptr;
   int channel = 0;
   VectorXd value, nominal;  ///< (n) mm or rad
-  double alignment = 0.0;  ///< mm or rad, one sigma of the set-up's alignment, the most of any look
+  double alignment = 0.0;   ///< mm or rad, largest standard deviation of a reading by the set-up's
+                            ///< alignment
 
   const Channel& of() const { return set_up->channels[std::size_t(channel)]; }
 };
 
-/// Reading minus nominal; a counter of unknown zero counts from its median.
+/// Returns reading minus nominal; a counter of unknown zero counts from its median, which a few
+/// wrong readings do not move.
 VectorXd departure_from_nominal(const ChannelReadings& readings, const VectorXd& value) {
   VectorXd departure = value - readings.nominal;
   if (readings.set_up->zero_unknown && departure.size() > 0) {
@@ -127,7 +134,7 @@ double max_departure(const ChannelReadings& readings, const VectorXd& value) {
   return departure_from_nominal(readings, value).cwiseAbs().maxCoeff();
 }
 
-/// What was done to readings that would be near if it were undone.
+/// Returns the likely cause: the change of the readings that would bring them within the limit.
 std::string cause_of(const ChannelReadings& readings, double limit) {
   struct Factor {
     double factor;
@@ -147,6 +154,7 @@ std::string cause_of(const ChannelReadings& readings, double limit) {
 
 void check_departure(const ChannelReadings& readings, ReadingDiagnostics& found) {
   const Channel& channel = readings.of();
+  // Five sigmas: a set-up that is merely misaligned is no error of the readings.
   const double allowed = 5.0 * readings.alignment;
   const double limit = limit_of(channel.is_angle()) + allowed;
   const double far = max_departure(readings, readings.value);
@@ -169,6 +177,7 @@ double alignment_sigma(const Readings& readings, const ChannelMeasurements& read
                           spindle_angle(readings.nominal, state));
     double variance = 0.0;
     for (std::size_t k = 0; k < list.size(); ++k)
+      // Infinite sigmas are those of zeros, which the median already removes.
       if (std::isfinite(list[k].sigma)) variance += std::pow(list[k].sigma * gradient[Index(k)], 2);
     largest = std::max(largest, std::sqrt(variance));
   }
@@ -193,9 +202,9 @@ void check_channel(const Readings& readings, const ChannelMeasurements& read,
   check_scatter(one.name, channel, departure_from_nominal(one, one.value), found);
 }
 
-// ---- plan and temperatures
+// Plan and temperatures
 
-/// Rows that hold one reading twice would give it twice its weight.
+/// Warns of rows that hold one reading twice, which would double its weight.
 void check_repeated_rows(const Plan& plan, ReadingDiagnostics& found) {
   std::set<std::tuple<int, int, int, int, double>> known;
   int repeated = 0;
@@ -216,7 +225,8 @@ void check_repeated_rows(const Plan& plan, ReadingDiagnostics& found) {
                     repeated, first));
 }
 
-/// The side from which an axis came decides what is backlash: it must be that of its motion.
+/// Warns of directions of approach that contradict the motion: the direction determines the
+/// backlash.
 void check_directions(const Readings& readings, ReadingDiagnostics& found) {
   const std::vector<Measurement>& measurements = readings.plan.measurements;
   const auto& joints = readings.nominal.joints();
@@ -237,7 +247,7 @@ void check_directions(const Readings& readings, ReadingDiagnostics& found) {
   }
 }
 
-/// Readings of one set-up take no longer than the whole measurement.
+/// Warns if the readings of one set-up take longer than the whole measurement.
 void check_duration(const Plan& plan, ReadingDiagnostics& found) {
   std::map<int, std::pair<double, double>> spans;
   for (const Measurement& measurement : plan.measurements) {
@@ -283,7 +293,7 @@ void check_plan(const Readings& readings, ReadingDiagnostics& found) {
   check_duration(plan, found);
 }
 
-/// Channels of the plan that were not read: of a file that was cut off.
+/// Warns of channels of the plan without readings, as in a truncated file.
 void check_complete(const Plan& plan, const std::vector<ChannelMeasurements>& read,
                     ReadingDiagnostics& found) {
   std::size_t channels = 0;
@@ -294,7 +304,7 @@ void check_complete(const Plan& plan, const std::vector<ChannelMeasurements>& re
                     channels - read.size(), channels));
 }
 
-/// Temperatures that contradict each other: of another unit or sign, or of a loose contact.
+/// Warns of temperatures that contradict each other: wrong unit or sign, or a loose contact.
 void check_temperature_levels(const Readings& readings, ReadingDiagnostics& found) {
   constexpr double warmest_room_C = 45.0;  // 20 degrees Celsius are 68 Fahrenheit
   constexpr double coldest_K = 25.0;       // below the median: machines are warmer than their room
@@ -333,6 +343,7 @@ void check_temperatures(const Readings& readings, ReadingDiagnostics& found) {
   constexpr double lowest_C = -40.0, highest_C = 150.0, zero_K = -273.15;
   const Eigen::MatrixXd& T_C = readings.T_C;
   const bool is_long = T_C.rows() >= min_equal;
+  // Fewer readings than this can be constant by chance.
   check_temperature_levels(readings, found);
   bool some_move = false;
   for (Index k = 0; is_long && k < T_C.cols(); ++k)
@@ -353,7 +364,8 @@ void check_temperatures(const Readings& readings, ReadingDiagnostics& found) {
   }
 }
 
-/// "X: all 11 deviations are 0" of series that state nothing of their noise.
+/// Warns of constant or excessive deviations of series that state no noise, e.g. "X: all 11
+/// deviations are 0".
 void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
                       ReadingDiagnostics& found) {
   if (v.size() == 0) return;
@@ -421,7 +433,7 @@ std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files) {
         const double chance =
             std::pow(repetition_chance(channel.noise, channel.resolution), double(values.size()));
         const auto [low, high] = std::ranges::minmax(values);
-        if (chance >= impossible || low == high) continue;  // a channel that stands still is known
+        if (chance >= impossible || low == high) continue;  // reported elsewhere
         const SeriesIndex name{int(f), read.set_up, read.channel, run};
         const auto [at, is_first] = known.try_emplace(std::move(values), name);
         if (!is_first) repeated.push_back({at->second, name});

@@ -24,7 +24,7 @@ Pose body_pose(Body body, const Bodies& bodies) {
   return body == Body::Workpiece ? bodies.T_bw : bodies.T_bt;
 }
 
-/// The eccentric ball of a spindle: carried round about z of the tool.
+/// Returns the position of the eccentric ball of a spindle, rotated about z of the tool.
 Vector3d turned(const Eigen::Vector2d& eccentricity, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   return {c * eccentricity.x() - s * eccentricity.y(), s * eccentricity.x() + c * eccentricity.y(),
@@ -37,22 +37,21 @@ Eigen::Matrix<double, 3, 2> mirror_rotations(const SetUp& set_up) {
   return across(Vector3d::UnitX());
 }
 
-/// What a channel sees of its two points, at a perfect set-up unless one is given.
+/// The geometry of a reading, perfectly set up unless stated otherwise.
 struct SightLine {
-  Vector3d length_mismatch_text;  ///< p - p_in, in the frame of `in`
-  Vector3d direction_in;          ///< u
-  Vector3d normal_in;             ///< of the mirror as it stands
+  Vector3d apart;         ///< p - p_in, in the frame of `in`
+  Vector3d direction_in;  ///< u
+  Vector3d normal_in;     ///< of the mirror in its current position
 };
 
 double seen(const Channel& channel, const SightLine& sight) {
   switch (channel.quantity) {
     case Quantity::Length:
-      return sight.length_mismatch_text.norm();
+      return sight.apart.norm();
     case Quantity::Displacement:
-      return sight.direction_in.dot(sight.length_mismatch_text);
+      return sight.direction_in.dot(sight.apart);
     case Quantity::Mirror:
-      return sight.normal_in.dot(sight.length_mismatch_text) /
-             sight.normal_in.dot(sight.direction_in);
+      return sight.normal_in.dot(sight.apart) / sight.normal_in.dot(sight.direction_in);
     case Quantity::Angle:
       break;
   }
@@ -60,7 +59,7 @@ double seen(const Channel& channel, const SightLine& sight) {
   return 0.0;
 }
 
-/// Change of what is seen per unit of change of p, of u and of n, in the frame of `in`.
+/// Derivatives of the value with respect to p, u and n, in the frame of `in`.
 struct Slopes {
   Vector3d point = Vector3d::Zero();
   Vector3d direction = Vector3d::Zero();
@@ -71,20 +70,21 @@ Slopes slopes(const Channel& channel, const SightLine& sight) {
   Slopes s;
   switch (channel.quantity) {
     case Quantity::Length: {
-      const double length = sight.length_mismatch_text.norm();
-      if (length > 0.0) s.point = sight.length_mismatch_text / length;
+      const double length = sight.apart.norm();
+      if (length > 0.0) s.point = sight.apart / length;
+      // At length 0 the derivative is undefined and stays 0.
       break;
     }
     case Quantity::Displacement:
       s.point = sight.direction_in;
-      s.direction = sight.length_mismatch_text;
+      s.direction = sight.apart;
       break;
     case Quantity::Mirror: {
       const double facing = sight.normal_in.dot(sight.direction_in);
-      const double value = sight.normal_in.dot(sight.length_mismatch_text) / facing;
+      const double value = sight.normal_in.dot(sight.apart) / facing;
       s.point = sight.normal_in / facing;
       s.direction = -value * sight.normal_in / facing;
-      s.normal = (sight.length_mismatch_text - value * sight.direction_in) / facing;
+      s.normal = (sight.apart - value * sight.direction_in) / facing;
       break;
     }
     case Quantity::Angle:
@@ -102,7 +102,7 @@ Pose relative_pose(const Channel& channel, const Bodies& bodies) {
   return body_pose(channel.in, bodies).inverse() * body_pose(channel.of, bodies);
 }
 
-// Where the unknowns of a set-up stand in their vector; -1: not there.
+// Offsets of the unknowns of a set-up in their vector; -1: not present.
 struct Layout {
   int zero = -1, rotation = -1, point_of = -1, point_in = -1, normal = -1, eccentricity = -1,
       scale = -1, drift = -1;
@@ -128,8 +128,8 @@ Layout layout(const SetUp& set_up) {
   return at;
 }
 
-// An angle reads about a direction that a misaligned instrument turns; at a perfect set-up the body
-// stands as it should, so that its first-order change is nothing.
+// An angle is measured about a direction that a misaligned instrument turns. In a perfect set-up
+// the body has no rotation from nominal, so that the misalignment has no first-order effect.
 Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
                                const Bodies& nominal) {
   const Matrix3d R_actual = relative_pose(channel, actual).linear();
@@ -169,7 +169,7 @@ ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
   const Pose T_b_of = body_pose(channel.of, nominal);
   const Pose T_b_in = body_pose(channel.in, nominal);
   const Matrix3d R_b_in = T_b_in.linear();
-  Deviation of = Deviation::Zero();  // moving `in` along with it would change nothing
+  Deviation of = Deviation::Zero();  // moving `in` together with it changes nothing
   if (channel.is_angle()) {
     of.tail<3>() = R_b_in * channel.direction_in;
   } else {
@@ -177,6 +177,7 @@ ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
     const Slopes s = slopes(channel, sight);
     const Vector3d point_b = T_b_of * channel.point_of;
     of.head<3>() = R_b_in * s.point;
+    // The mirror is carried by `of`, so a rotation of the body also turns its normal.
     of.tail<3>() = point_b.cross(of.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
   }
   ReadingGradient result;
@@ -251,7 +252,7 @@ Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies
   const Pose T_of_in = relative_pose(c, nominal);
   const SightLine sight = nominal_sight(c, T_of_in);
   const Slopes s = slopes(c, sight);
-  const Vector3d of = T_of_in.linear().transpose() * s.point;  // per motion of the point carried
+  const Vector3d of = T_of_in.linear().transpose() * s.point;  // per motion of the carried point
   if (at.rotation >= 0) g.segment<3>(at.rotation) = c.direction_in.cross(s.direction);
   if (at.point_of >= 0) g.segment<3>(at.point_of) = of;
   if (at.point_in >= 0) g.segment<3>(at.point_in) = -s.point;
@@ -271,7 +272,8 @@ namespace {
 
 using kinematics::AxisState;
 
-// Noise and set-ups draw from two streams, so that a longer plan leaves the first readings alone.
+// Noise and set-ups use separate random streams, so that a longer plan leaves the first readings
+// unchanged.
 constexpr std::uint64_t set_up_random_stream = 0x5e7095e7095e7095ull;
 
 bool same(const AxisState& a, const AxisState& b) {
@@ -306,13 +308,13 @@ void check(const Plan& plan, const kinematics::Chain& nominal) {
   }
 }
 
-/// A set-up as it stands: its counters are set when they are first read.
+/// A set-up in use: counters are zeroed at their first reading.
 struct SetUpState {
   Misalignment misalignment;
   std::vector<char> is_set;  ///< (channels)
 };
 
-/// Everything that is drawn when the set-ups are made.
+/// Draws all misalignments when the set-ups are made.
 std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
   std::vector<SetUpState> result;
   std::uint64_t counter = 0;
@@ -329,7 +331,7 @@ std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
   return result;
 }
 
-/// What one measurement meets.
+/// The conditions of one measurement.
 struct Instant {
   const Bodies& actual;
   const Bodies& ideal;
@@ -342,7 +344,7 @@ double shown(SetUpState& standing, const SetUp& set_up, int channel, const Insta
     return reading(set_up, channel, m, at.actual, at.ideal, at.spindle_angle, at.since_s);
   };
   char& is_set = standing.is_set[std::size_t(channel)];
-  if (set_up.zero_unknown && !is_set) {  // the counter is set to what it should show
+  if (set_up.zero_unknown && !is_set) {  // the counter is set to its nominal value
     standing.misalignment.zero[channel] =
         reading(set_up, channel, {}, at.ideal, at.ideal) - now(standing.misalignment);
     is_set = 1;
@@ -368,6 +370,7 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
   Bodies actual, ideal;
   for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
     const Measurement& measurement = plan.measurements[i];
+    // Channels that are read together share one evaluation of the machine.
     if (i == 0 || !same(measurement.state, plan.measurements[i - 1].state)) {
       actual = machine(measurement.state);
       ideal = nominal_bodies(nominal, measurement.state.q);
@@ -393,6 +396,7 @@ Bodies nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVe
 }
 
 double standard_deviation(const Channel& channel) {
+  // A uniform rounding error over one step has the variance of step^2 / 12.
   return std::sqrt(channel.noise * channel.noise + channel.resolution * channel.resolution / 12.0);
 }
 

@@ -17,7 +17,8 @@ using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Joint;
 
-constexpr double path_arc = 5.0 * units::deg;  // between places that a curved path is moved over
+constexpr double path_arc = 5.0 * units::deg;  // between the points of a curved path that the plan
+                                               // moves through
 constexpr double search_arc = 1.0 * units::deg;
 
 int pieces(const Instrument& instrument, const Range& range) {
@@ -25,9 +26,9 @@ int pieces(const Instrument& instrument, const Range& range) {
   return std::max(1, int(std::ceil(step / path_arc)));
 }
 
-/// A range whose end is its first place again, after whole turns, without that end. Of one turn the
-/// targets are as many places; of several they follow each other evenly, and n of them on k turns
-/// are n / gcd(n, k) places, each read gcd(n, k) times.
+/// Returns the range without its end if that coincides with its start after whole turns. On one
+/// turn the targets are then distinct positions; n targets on k turns are n / gcd(n, k) positions,
+/// each read gcd(n, k) times.
 Range whole_turn_range(const Instrument& instrument, Range range) {
   const double turns = (range.to - range.from) / (2.0 * pi);
   if (turns > 0.5 && std::abs(turns - std::round(turns)) < 1e-9)
@@ -35,14 +36,15 @@ Range whole_turn_range(const Instrument& instrument, Range range) {
   return range;
 }
 
-/// A place of the ball at the tool that the slides keep while one rotary axis turns.
+/// A position of the ball at the tool that the slides maintain while one rotary axis turns.
 struct BallPlace {
   Vector3d place_w;
-  Vector3d radial_w;  ///< unit, from the axis to the place; across the axis where it is on it
+  Vector3d radial_w;  ///< unit, from the axis to the ball; any direction across the axis if the
+                      ///< ball is on it
   Range range;
 };
 
-/// @param slides  that move; empty: all
+/// @param slides  joints that move; empty: all
 AxisVector followed(const Instrument& instrument, const Chain& nominal, const AxisVector& q,
                     const Vector3d& place_w, const std::vector<int>& slides = {}) {
   const auto there = slides_for_reflector(instrument, nominal, q, place_w, slides);
@@ -59,10 +61,11 @@ Path following(const Instrument& instrument, const Chain& nominal, const ParkedM
   };
 }
 
-/// Part of a range over which the slides can follow, about `here` if they can there.
+/// Returns the part of a range over which the slides can follow, the longest if there are several.
 Range clip_to_slides(const Instrument& instrument, const Chain& nominal,
                      const AxisDirection& rotary, const Range& range, const Path& path) {
   const double first = range.from - range.overshoot, last = range.to + range.overshoot;
+  // The ends are found to one search_arc; the margin is then taken off the part found.
   const int count = std::max(2, int(std::ceil((last - first) / search_arc))) + 1;
   const auto angle = [&](int i) { return first + (last - first) * i / (count - 1); };
   int best_from = 0, best_length = 0, from = 0;
@@ -84,8 +87,8 @@ Range clip_to_slides(const Instrument& instrument, const Chain& nominal,
   return {low + room, high - room, 0.5 * room};
 }
 
-/// Where a ball stands on a table if nobody says: the instrument's radius above the workpiece's
-/// zero and as far from the axis; where the slides do not reach that, level with the waiting tool.
+/// Returns the default position of a ball on a table: the instrument's radius above the workpiece's
+/// zero and as far from the axis; level with the waiting tool where the slides do not reach that.
 Vector3d place_on_table(const Instrument& instrument, const Chain& nominal,
                         const ParkedMachine& stand, const AxisDirection& rotary,
                         const Vector3d& radial_w) {
@@ -102,6 +105,7 @@ Vector3d radial(const Chain& nominal, const ParkedMachine& stand, const AxisDire
   const Vector3d& axis_w = rotary.direction_w;
   const Vector3d standing_w = nominal.tool_in_workpiece(stand.q).linear().col(2);
   const Vector3d upright_w = standing_w - standing_w.dot(axis_w) * axis_w;
+  // 0.5: sine of 30 degrees; a tool closer to the axis has no usable direction across it.
   return upright_w.norm() > 0.5 ? upright_w.normalized()
                                 : across(nominal, stand.q, axis_w).direction_w[0];
 }
@@ -110,7 +114,7 @@ bool has_rotary_table(const Chain& nominal, const AxisDirection& rotary) {
   return nominal.joints()[std::size_t(rotary.joint)].side == kinematics::Side::Workpiece;
 }
 
-// A head is turned about wherever the waiting tool holds its ball.
+// A head is turned about the position at which the waiting tool holds its ball.
 BallPlace ball_place(const Instrument& instrument, const Chain& nominal, const ParkedMachine& stand,
                      const AxisDirection& rotary) {
   BallPlace kept;
@@ -132,7 +136,8 @@ BallPlace ball_place(const Instrument& instrument, const Chain& nominal, const P
   return kept;
 }
 
-/// Positions of all rotary axes together at which the slides can hold the ball at its place.
+/// Returns the positions of all rotary axes together at which the slides can hold the ball in
+/// place.
 std::vector<AxisVector> rotary_grid(const Instrument& instrument, const Chain& nominal,
                                     const ParkedMachine& stand, const Vector3d& place_w) {
   std::vector<GridLine> lines;
@@ -163,7 +168,8 @@ std::vector<Channel> nest(const Instrument& instrument, const Vector3d& place_w)
   return channels;
 }
 
-/// A circle about a place by two slides; the others stay where they put the ball at its centre.
+/// Returns a circle about a point by two slides; the others stay where they put the ball at its
+/// centre.
 Path circle(const Instrument& instrument, const Chain& nominal, const AxisVector& at_centre,
             const Vector3d& centre_w, const std::array<AxisDirection, 2>& pair) {
   const Vector3d& first = pair[0].direction_w;
@@ -195,7 +201,7 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
     c.point_in = centre_w;
     SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].name, pair[1].name), {c});
     bar.point_in_sigma = instrument.position_sigma;
-    bar.zero_unknown = false;  // its length is calibrated, to the scale's sigma
+    bar.zero_unknown = false;  // its length is calibrated, to the sigma of the scale
     walk.set_up(bar);
     walk.read_both_directions(circle(instrument, nominal, at_centre, centre_w, pair), range,
                               pieces(instrument, range));
@@ -243,13 +249,13 @@ Plan r_test(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// The control reports where its axes stood when the probe met the sphere; turned round, that is the
-// deviation of the probe from the sphere's centre where the machine is commanded to be on it. The
-// two differ by the change of the errors over the deviation itself, below 1e-3 of it.
+// The control reports its axis positions at contact with the sphere; reversed, that is the
+// deviation of the probe from the sphere's centre at the commanded position. The two differ by the
+// change of the errors over the deviation itself, below 1e-3 of it.
 Plan sphere(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   expect_rotary(instrument, stand);
-  // It stands beside the axis nearest to it, or it would not feel that axis turn.
+  // The sphere stands beside the axis nearest to it, otherwise it would not move with that axis.
   const AxisDirection& nearest = *std::min_element(
       stand.rotary.begin(), stand.rotary.end(),
       [](const AxisDirection& a, const AxisDirection& b) { return a.joint < b.joint; });
@@ -278,7 +284,8 @@ std::vector<AxisVector> travel_grid(const Instrument& instrument, const Chain& n
   return grid(instrument, stand.q, lines);
 }
 
-/// The box that the reflector goes through: its centre and half its edges, a third across two.
+/// The box that the reflector covers: its centre and half its edges; with two slides the third is
+/// across both.
 struct Box {
   Vector3d centre_w;
   std::array<Vector3d, 3> half_w;
@@ -310,8 +317,9 @@ void check(const Instrument& instrument, const ParkedMachine& stand) {
 
 }  // namespace
 
-// The two angles of a tracker are displacements across its beam, so that every place has two
-// channels of its own, as noisy as the angle times the range; the range has one for all.
+// The two angles of a tracker are modelled as displacements across its beam, so that every position
+// has two channels of its own, with the noise of the angle times the range; the range has one
+// channel.
 Plan tracker(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   check(instrument, stand);
@@ -323,6 +331,7 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
   channels[0].point_in = station_w;
   for (std::size_t i = 0; i < places.size(); ++i) {
     const Vector3d beam_w = reflector_w(instrument, nominal, places[i]) - station_w;
+    // The reflector must be away from the station: its beam needs a direction.
     if (!(beam_w.norm() > 1.0))
       refuse(instrument, "expected a station off the places that it looks at");
     const Across across = metrology::across(nominal, stand.q, beam_w.normalized());
@@ -336,7 +345,7 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
     }
   }
   SetUp station = set_up(instrument, "station", std::move(channels));
-  station.zero_unknown = false;  // the range counts from the station's own centre
+  station.zero_unknown = false;  // the range counts from the centre of the station
   station.point_in_sigma = instrument.position_sigma;
   PlanBuilder walk(instrument, nominal, stand.q);
   walk.set_up(station);
@@ -346,8 +355,8 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// One instrument is carried from place to place and the whole grid is visited from each; three
-// places are low, the fourth is high, so that no plane holds all four.
+// One instrument is moved from station to station and the whole grid is measured from each; three
+// stations are low and the fourth is high, so that no plane contains all four.
 Plan multilateration(const Instrument& instrument, const Chain& nominal) {
   const ParkedMachine stand = metrology::stand(instrument, nominal);
   check(instrument, stand);

@@ -16,11 +16,12 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Weights of the filter at 0, 1, 2 ... steps from the place.
-/// @param most  so many at most
+/// Returns the weights of the filter at 0, 1, 2 ... steps from the point.
+/// @param most  maximum number of weights
 VectorXd profile_weights(double step, double nesting_index, Index most) {
   const double variance = nesting_index * nesting_index * std::numbers::ln2 /
                           (2.0 * std::numbers::pi * std::numbers::pi);
+  // Weights beyond one nesting index are below 1e-7 and dropped.
   const double reach = std::min(nesting_index / step * (1.0 + 1e-12), double(most - 1));
   VectorXd weight(Index(reach) + 1);
   for (Index k = 0; k < weight.size(); ++k)
@@ -28,7 +29,8 @@ VectorXd profile_weights(double step, double nesting_index, Index most) {
   return weight;
 }
 
-/// Lines that fit heights with the weights of the filter, where some of its window has no places.
+/// Lines fitted to the heights with the weights of the filter, used where part of its window is
+/// beyond the profile. Moments are prefix sums, so a window costs no more than its heights.
 class WindowFit {
  public:
   WindowFit(const VectorXd& z, const VectorXd& weight) : z_(z), reach_(weight.size() - 1) {
@@ -42,7 +44,7 @@ class WindowFit {
       sums_.row(j + 1) = sums_.row(j) + Eigen::RowVector3d(weight_[j], first_[j], second[j]);
   }
 
-  /// Value of the line about place i, there.
+  /// Returns the value of the line about point i, at i.
   double at(Index i) const {
     const Index from = std::max(Index(0), i - reach_), to = std::min(z_.size(), i + reach_ + 1);
     const Index window = from - i + reach_, count = to - from;
@@ -50,40 +52,40 @@ class WindowFit {
     const double z0 = weight_.segment(window, count).dot(z_.segment(from, count));
     const double z1 = first_.segment(window, count).dot(z_.segment(from, count));
     const double determinant = m[0] * m[2] - m[1] * m[1];
-    // a single place has no slope
+    // A single point has no slope.
     return determinant > 0.0 ? (m[2] * z0 - m[1] * z1) / determinant : z0 / m[0];
   }
 
  private:
   const VectorXd& z_;
   Index reach_;
-  VectorXd weight_, first_;  // at -reach .. reach, times 1 and the distance in steps
-  Eigen::MatrixX3d sums_;    // of weights times 1, distance, its square, up to a place
+  VectorXd weight_, first_;  // at -reach .. reach: weight times 1 and times the distance in steps
+  Eigen::MatrixX3d sums_;    // cumulative sums of weights times 1, distance, its square
 };
 
 struct Places {
-  Index first, last;  // last not included
+  Index first, last;  // last is exclusive
 };
 
-/// Section k of an evaluation, or with k = -1 all of it.
+/// Returns section k of an evaluation; all of it for k = -1.
 Places places_of(const Profile& profile, const EvaluationLength& e, int k) {
   const double from = e.from + std::max(k, 0) * e.section;
   const double to = k < 0 ? e.from + e.sections * e.section : from + e.section;
-  // a place exactly at a boundary belongs to the section that begins there
+  // A point exactly on a boundary belongs to the section that begins there.
   const auto number = [&](double at) { return Index(std::ceil(at / profile.step - 1e-6)); };
   const Places places{std::max(Index(0), number(from)), std::min(profile.z.size(), number(to))};
   require(places.last > places.first, "profile: expected at least a place in every section");
   return places;
 }
 
-/// Where the profile crosses its mean line between two significant parts of it.
+/// Crossings of the mean line between two significant parts of a profile.
 struct Crossings {
-  std::vector<double> first, last;  // of several between two parts, in steps
+  std::vector<double> first, last;  // the first and the last of several between two parts, in steps
 };
 
 Crossings crossings_of(const VectorXd& z, double above, double below) {
   Crossings found;
-  Index at = -1;  // last place of the significant part before
+  Index at = -1;  // last point of the previous significant part
   for (Index i = 0; i < z.size(); ++i) {
     if (!(z[i] > above) && !(z[i] < -below)) continue;
     if (at >= 0 && (z[i] > 0.0) != (z[at] > 0.0)) {
@@ -100,10 +102,11 @@ Crossings crossings_of(const VectorXd& z, double above, double below) {
   return found;
 }
 
-/// Mean length of the profile elements, in steps.
+/// Returns the mean length of the profile elements, in steps.
 std::optional<double> element_spacing(const VectorXd& z, double above, double below) {
   const Crossings crossings = crossings_of(z, above, below);
   const std::size_t n = crossings.first.size();
+  // Two elements share a crossing: an element needs three.
   if (n < 3) return std::nullopt;
   const std::size_t elements = (n - 1) / 2;
   const double from_left = crossings.first[2 * elements] - crossings.first[0];
@@ -113,6 +116,7 @@ std::optional<double> element_spacing(const VectorXd& z, double above, double be
 
 double gradient(const Profile& profile, const Places& places) {
   const VectorXd& z = profile.z;
+  // The sixth-order difference needs three points on either side.
   const Index first = std::max(places.first, Index(3));
   const Index last = std::min(places.last, z.size() - 3);
   double squares = 0.0;
@@ -133,7 +137,7 @@ constexpr std::array classes = {SettingClass{"Sc1", 0.08, 0.08, 0.4, 2.5 * um, 0
                                 SettingClass{"Sc4", 2.5, 2.5, 12.5, 8.0 * um, 1.5 * um},
                                 SettingClass{"Sc5", 8.0, 8.0, 40.0, 25.0 * um, 5.0 * um}};
 
-/// Heights every `step`, straight between those given.
+/// Returns heights every `step`, linear between those given.
 VectorXd resampled(const VectorXd& s, const VectorXd& z, double step, Index n) {
   VectorXd heights(n);
   Index k = 0;
@@ -253,7 +257,8 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
     result.zx = std::max(result.zx, highest - lowest);
   }
   result.z = result.p + result.v;
-  constexpr double significant = 0.1;  // of mean peak height and pit depth
+  constexpr double significant = 0.1;  // fraction of mean peak height and pit depth, the default
+                                       // discrimination of ISO 21920-2
   if (const auto spacing = element_spacing(z, significant * std::max(result.p, 0.0),
                                            significant * std::max(result.v, 0.0)))
     result.sm = *spacing * profile.step;
@@ -270,9 +275,10 @@ ProfileTexture profile_texture(const VectorXd& s, const VectorXd& z,
   result.requested_Nis = options.Nis.value_or(setting_class(options.Nic).Nis);
   const double steps = std::min(std::ceil(result.length * places_an_index / result.requested_Nis),
                                 double(options.places - 1));
+  // At least 16 points: the gradient needs seven, and sections must not be empty.
   const Index n = Index(std::max(steps, 15.0)) + 1;
   result.primary.step = result.length / double(n - 1);
-  // rounding does not raise an index
+  // 1e-9: rounding must not raise the index.
   result.Nis = std::max(result.requested_Nis, places_an_index * result.primary.step * (1.0 - 1e-9));
   const Profile traced{result.primary.step, resampled(s, z, result.primary.step, n)};
   result.primary.z = mean_line(traced, result.Nis);
@@ -311,7 +317,7 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z, cons
   terms << VectorXd::Ones(z.size()), shifted / size;
   const VectorXd root = share.cwiseSqrt();
   const Eigen::MatrixX3d weighted = root.asDiagonal() * terms;
-  // a strip a thousand million times longer than wide is a line
+  // A strip a thousand million times longer than wide counts as a line.
   const auto fit = least_squares(weighted, VectorXd(root.array() * z.array()), 1e-9);
   if (fit.rank < 3) throw std::invalid_argument("areal: the points do not fix a plane");
   return z - terms * fit.x;

@@ -20,8 +20,9 @@
 
 namespace abbe::errors::metrology {
 
-/// ISO 230-4, and what the shape of the circle says of its causes. A bar that reads changes of its
-/// length alone gives no radius and no F; too few places leave all causes open.
+/// Returns the results of ISO 230-4 and the causes found from the shape of the circle. A bar that
+/// measures only changes of its length gives no radius and no F; with too few positions all causes
+/// are undetermined.
 /// @throws std::invalid_argument as `circular`
 TestResult circle_result(const CircleTest& test);
 
@@ -42,14 +43,14 @@ Figure estimated(std::string name, const char* unit, const std::optional<Estimat
   return figure;
 }
 
-/// A cause of `cause_names` with the letters of a plane for its u and v.
+/// Returns a cause of `cause_names` with the letters of a plane instead of u and v.
 std::string axis_cause_name(const std::string& cause, const std::string& plane) {
   if (cause == "scale") return fmt::format("scale_{}_minus_{}", plane[0], plane[1]);
   if (!cause.ends_with("_u") && !cause.ends_with("_v")) return cause;
   return cause.substr(0, cause.size() - 1) + plane[cause.back() == 'u' ? 0 : 1];
 }
 
-/// Causes of a circle; all are open where it has too few places.
+/// Returns the causes of a circle; all are undetermined if it has too few positions.
 CircularCauses test_causes(const CircleTest& test, bool enough) {
   if (enough) return circular_causes(test.runs);
   CircularCauses causes;
@@ -57,7 +58,7 @@ CircularCauses test_causes(const CircleTest& test, bool enough) {
   return causes;
 }
 
-/// Which causes a circle leaves open, and why.
+/// Returns the undetermined causes and the reason.
 std::string undetermined_reason(const std::vector<std::string>& open, int places,
                                 bool both_senses) {
   const std::string names = fmt::format("{}", fmt::join(open, ", "));
@@ -164,13 +165,13 @@ TestResult positioning_result(const std::string& name, const PositionRuns& runs,
   return result;
 }
 
-/// Slope of the least-squares line through the mean of all runs.
+/// Returns the slope of the least-squares line through the mean of all runs.
 double mean_slope(const PositionRuns& runs) {
   const VectorXd from_middle = runs.target.array() - runs.target.mean();
   return from_middle.dot(mean_of(runs)) / from_middle.squaredNorm();
 }
 
-/// Range of the mean of all runs about the line through its ends.
+/// Returns the range of the mean of all runs about the line through its ends.
 double end_line_range(const PositionRuns& runs) {
   const VectorXd mean = mean_of(runs), &t = runs.target;
   const Index last = t.size() - 1;
@@ -217,7 +218,7 @@ TestResult axis_result(const AxisTest& test) {
   return result;
 }
 
-// Straightness slopes turn the lines the same way only if the axes turn apart.
+// A positive slope turns each axis towards the other, so both reduce the angle between them.
 TestResult square_result(const SquareTest& test) {
   const std::vector<std::string> axes{std::string(1, test.first.axis),
                                       std::string(1, test.second.axis)};
@@ -234,7 +235,8 @@ bool is_face(const DiagonalTest& test) {
   return std::count(signs.begin(), signs.end(), 0) > 0;
 }
 
-/// Body and face diagonals apart, and where one comes again, as from another start, a new set.
+/// Returns body and face diagonals in separate sets; a diagonal that occurs again, as from another
+/// start, begins a new set.
 std::vector<std::vector<DiagonalTest>> diagonal_sets(const std::vector<DiagonalTest>& tests) {
   std::vector<std::vector<DiagonalTest>> sets;
   for (const DiagonalTest& test : tests) {
@@ -312,7 +314,7 @@ using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double one_point = 1e-6;  // mm: points of a design closer than this are one
+constexpr double one_point = 1e-6;  // mm: points of a design closer than this coincide
 
 MatrixX3d machined(const PartReadings& r) {
   return r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
@@ -329,11 +331,12 @@ TestResult flatness_result(const PartReadings& r, const VectorXd& share) {
            {"minimum_zone_proven", "", zone.proven}}};
 }
 
-/// The direction that no normal has a part of, where the normals have every other: of a cylinder or
-/// a ring its axis.
+/// Returns the direction perpendicular to all normals if they span the plane across it: the axis of
+/// a cylinder or a ring.
 std::optional<Vector3d> axis_of(const PartReadings& r) {
   const PrincipalAxes normals = principal_axes(r.normals_w);
   const Vector3d size = normals.size / normals.size[0];
+  // 1e-9: normals of a design are exact; 0.1 excludes normals that point almost in one direction.
   if (size[2] > 1e-9 || size[1] < 0.1) return std::nullopt;
   Vector3d axis = normals.axes.col(2);
   Index largest = 0;
@@ -341,7 +344,7 @@ std::optional<Vector3d> axis_of(const PartReadings& r) {
   return axis[largest] < 0.0 ? Vector3d(-axis) : axis;
 }
 
-/// Rows of the points at each height along an axis, from the lowest.
+/// Returns the rows of the points at each height along an axis, lowest first.
 std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector3d& axis) {
   const VectorXd height = points * axis;
   std::vector<Index> order(static_cast<std::size_t>(height.size()));
@@ -356,7 +359,7 @@ std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector
   return rings;
 }
 
-/// Angles of points about a centre.
+/// Returns the angles of points about a centre.
 VectorXd angles_around(const MatrixX2d& points, const Eigen::Vector2d& centre) {
   VectorXd angle(points.rows());
   for (Index i = 0; i < angle.size(); ++i)
@@ -364,14 +367,15 @@ VectorXd angles_around(const MatrixX2d& points, const Eigen::Vector2d& centre) {
   return angle;
 }
 
-/// Circularity of the points at one height; nothing where the design is no circle there or the
-/// points do not go round it.
+/// Returns the circularity of the points at one height; empty if the design is not a circle there
+/// or the points do not cover the full turn.
 std::optional<TestResult> circularity_result(const PartReadings& r, const std::vector<Index>& rows,
                                              const Vector3d& axis) {
   const Eigen::Matrix<double, 3, 2> plane = across(axis);
   const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
   const Eigen::Vector2d middle = design.colwise().mean();
-  if (!is_full_turn(angles_around(design, middle))) return std::nullopt;  // nor on a line
+  // also excludes points on a line
+  if (!is_full_turn(angles_around(design, middle))) return std::nullopt;
   const LeastSquaresCircle nominal = least_squares_circle(design);
   const VectorXd angle = angles_around(design, nominal.centre);
   if (nominal.circularity > one_point || !is_full_turn(angle)) return std::nullopt;
@@ -396,7 +400,7 @@ Figure shape(const char* name, const std::optional<double>& value) {
   return figure;
 }
 
-// Heights of a part that is no plane are counted from their mean, along the design's normals.
+// Heights of a part that is not a plane count from their mean, along the design's normals.
 TestResult heights_result(const PartReadings& r, const VectorXd& share, bool flat) {
   ArealOptions options;
   options.reference = flat ? ArealReference::Plane : ArealReference::Mean;
@@ -421,6 +425,7 @@ TestResult heights_result(const PartReadings& r, const VectorXd& share, bool fla
 
 std::vector<TestResult> standard_results(const PartReadings& r) {
   const VectorXd share = place_weights(r.points_w, one_point);
+  // 1e-12: cosine of 1.4 urad between the normals of a plane.
   const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
   std::vector<TestResult> results;
   if (flat) results.push_back(flatness_result(r, share));

@@ -13,45 +13,45 @@
 
 namespace abbe::errors::metrology {
 
-/// One number or word of a test.
+/// A number or text of a test result.
 struct Figure {
-  std::string name;  ///< as the standard has it: "A_up", "G_both_lsq"
-  std::string unit;  ///< of the value as it stands here: "um", "urad", "um_per_m", "mm"; or empty
-  /// std::monostate: the readings cannot give it.
+  std::string name;  ///< as in the standard: "A_up", "G_both_lsq"
+  std::string unit;  ///< unit of the value: "um", "urad", "um_per_m", "mm"; may be empty
+  /// std::monostate: the readings do not determine it.
   std::variant<std::monostate, double, EstimatedValue, Eigen::Index, bool, std::string,
                std::vector<std::string>, Eigen::Vector3d>
       value;
 };
 
-/// A number in um or urad.
-/// @param value  mm, or rad of an angle; none: the readings cannot give it
+/// Returns a figure in um or urad.
+/// @param value  mm, or rad for an angle; empty: the readings do not determine it
 Figure figure(std::string name, const std::optional<double>& value, bool angle = false);
 
-/// Figures of one part of a test: an interval of a drift, the causes of a circle.
+/// Figures of a part of a test: an interval of a drift, the causes of a circle.
 struct FigureGroup {
   std::string name;
   std::vector<Figure> figures = {};
   std::vector<FigureGroup> groups = {};
 };
 
-/// What a standard makes of readings.
+/// Result of a test by a standard.
 struct TestResult {
-  std::string name;      ///< of set-up and channel, or of what is tested
+  std::string name;      ///< of set-up and channel, or of the tested object
   std::string standard;  ///< "ISO 230-2:2014 positioning"
   std::vector<Figure> figures = {};
   std::vector<FigureGroup> groups = {};
-  std::vector<TestResult> diagonals = {};  ///< of a set of them
+  std::vector<TestResult> diagonals = {};  ///< of a set of diagonals
 };
 
-/// What the standards make of tests of a machine: positioning (ISO 230-2), straightness, angles and
+/// Returns the results of tests of a machine: positioning (ISO 230-2), straightness, angles and
 /// squareness (230-1), error motion (230-7), diagonals (230-6), circles (230-4), drift (230-3); of
 /// other readings their range and rms.
 /// @throws std::invalid_argument for runs that the standard cannot evaluate
 std::vector<TestResult> standard_results(const Tests& tests);
 
-/// What the standards make of a part that was read: flatness (ISO 12781-1) where its normals agree,
+/// Returns the results of a measured part: flatness (ISO 12781-1) if its normals agree,
 /// circularity, centre and radius of each ring of points around one axis (ISO 12181-1), heights
-/// (ISO 25178-2). A point that was read again counts once. Least-squares rings weight their points
+/// (ISO 25178-2). A point that was read twice counts once. Least-squares rings weight their points
 /// by arc.
 /// @throws std::invalid_argument for fewer than 3 points
 std::vector<TestResult> standard_results(const PartReadings& part);

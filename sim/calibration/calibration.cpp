@@ -51,13 +51,14 @@ std::vector<Evaluation::Temperatures> temperatures_of(const metrology::Readings&
   return all;
 }
 
-/// A file by what it holds, not evaluated yet.
+/// Reads a file by its content, without evaluating it.
 Evaluation read(const std::filesystem::path& file) {
   Evaluation found{file, {}, {}, {}, {}, {}, {}};
   metrology::ReadingDiagnostics diagnostics;
   const std::string text = read_text(file, std::size_t(256) << 20);
   if (is_part_readings_text(text)) {
     found.part = read_part_readings(text, file.string());
+    // fewer points determine no plane
     if (found.part->readings.deviation.size() < 3)
       throw BadInput(file.string(), 0, 0, "at least 3 points of a part", "fewer");
     found.kind = found.part->kind;
@@ -74,6 +75,7 @@ Evaluation read(const std::filesystem::path& file) {
         tests_of_sets(metrology::read_positions(text, file.string()), file.stem().string());
     diagnostics = metrology::diagnose(found.tests.axes);
   }
+  // a channel that no working instrument reads is an error: a standard would turn it into a figure
   std::vector<BadInput> errors;
   for (const std::string& error : diagnostics.errors)
     errors.emplace_back(file.string(), 0, 0, "readings of a working instrument", error);
@@ -108,8 +110,8 @@ std::string names_of(const Files& files) {
   return text;
 }
 
-/// One error for each pair of files of which one repeats runs of the other, or for a file that
-/// repeats its own.
+/// Returns an error for each pair of files of which one repeats runs of the other, or for a file
+/// that repeats its own runs.
 std::vector<BadInput> repeated_files(const Files& files, const std::vector<Readings>& readings) {
   using errors::metrology::RepeatedSeries;
   std::map<std::pair<int, int>, std::vector<RepeatedSeries>> of_files;
@@ -130,7 +132,8 @@ std::vector<BadInput> repeated_files(const Files& files, const std::vector<Readi
   return errors;
 }
 
-/// Judges every file. @return warnings, each with its file
+/// Diagnoses every file.
+/// @return warnings, each with its file
 /// @throws BadScene with every error
 std::vector<std::string> diagnose(const Files& files, const std::vector<Readings>& readings) {
   std::vector<std::string> warnings;
@@ -147,11 +150,13 @@ std::vector<std::string> diagnose(const Files& files, const std::vector<Readings
   return warnings;
 }
 
-/// @param logs_too  a log of temperatures alone is a file as well
+/// Reads all files.
+/// @param logs_too  accepts a log of temperatures alone
 std::vector<Readings> read_all(const Files& files, bool logs_too, const Progress& progress) {
   std::vector<Readings> all;
   std::set<std::filesystem::path> seen;
   for (const auto& file : files) {
+    // compared by canonical path: a file given twice would count its readings twice
     std::error_code ignored;
     const std::filesystem::path canonical = std::filesystem::canonical(file, ignored);
     if (!canonical.empty() && !seen.insert(canonical).second)
@@ -164,7 +169,7 @@ std::vector<Readings> read_all(const Files& files, bool logs_too, const Progress
   return all;
 }
 
-/// What every method says: the files, and where the belief will be written.
+/// Returns the result that every method starts from: the sources, and the files of the belief.
 Identified common(const Files& files, const std::vector<Readings>& readings,
                   const IdentifyOptions& options) {
   Identified result{
@@ -181,12 +186,13 @@ double unit_of_value(const errors::Element& element) {
   return element.name.is_angle() ? units::urad : units::um;
 }
 
-/// The covariance without the numbers that the model holds at their place.
+/// Returns the covariance without the numbers that the model holds at their start.
 errors::Covariance determined_covariance(const errors::Covariance& all) {
   errors::Covariance found;
   std::vector<Eigen::Index> rows;
   for (std::size_t i = 0; i < all.of.size(); ++i) {
     const auto k = Eigen::Index(i);
+    // a number that is held has no variance
     if (!(all.matrix(k, k) > 0.0)) continue;
     rows.push_back(k);
     found.of.push_back(all.of[i]);
@@ -195,8 +201,8 @@ errors::Covariance determined_covariance(const errors::Covariance& all) {
   return found;
 }
 
-/// The model without the curves of which no number was found, nor the elements of which nothing is
-/// left.
+/// Returns the model without the curves of which no number was determined, and without elements
+/// that have no curve left. Indices in the covariance follow.
 errors::GeometricErrors determined_errors(const Estimate& estimate) {
   const errors::GeometricErrors& belief = estimate.belief;
   errors::GeometricErrors kept;
@@ -220,7 +226,7 @@ errors::GeometricErrors determined_errors(const Estimate& estimate) {
   return kept;
 }
 
-/// Curves of which no number was found, all at zero.
+/// Returns the curves of which no number was determined, all at zero.
 std::vector<errors::Element> undetermined_elements(const Estimate& estimate) {
   const errors::GeometricErrors& belief = estimate.belief;
   const errors::Covariance found = determined_covariance(belief.covariance);
@@ -242,7 +248,7 @@ std::vector<ChainFit::Outlier> outliers_of(const Files& files,
                                            const std::vector<Readings>& readings,
                                            const Estimate& estimate) {
   std::vector<ChainFit::Outlier> outliers;
-  int at = 0;  // among the readings of all files, temperatures left out
+  int at = 0;  // index among the readings of all files, without temperatures
   for (std::size_t f = 0; f < files.size(); ++f) {
     const auto& measurements = readings[f].plan.measurements;
     for (std::size_t row = 0; row < measurements.size(); ++row) {
@@ -255,7 +261,7 @@ std::vector<ChainFit::Outlier> outliers_of(const Files& files,
   return outliers;
 }
 
-/// The residuals file by file, temperatures left out.
+/// Returns the residuals file by file, without temperatures.
 std::vector<Eigen::VectorXd> residuals_of(const std::vector<Readings>& readings,
                                           const Estimate& estimate) {
   std::vector<Eigen::VectorXd> all;
@@ -269,7 +275,7 @@ std::vector<Eigen::VectorXd> residuals_of(const std::vector<Readings>& readings,
   return all;
 }
 
-/// Beyond what chance gives one fit in a thousand.
+/// Returns true if the scatter is larger than chance gives in one fit of a thousand.
 bool has_excess_scatter(const Estimate& estimate) {
   return estimate.reduced_chi_square >
          identification::chi_square_band(estimate.degrees_of_freedom).second;
@@ -290,28 +296,34 @@ const char* text_of(identification::Mistake mistake) {
   return "";
 }
 
-/// Reduced chi-square of one file where it were written down with a mistake.
-double group_reduced_chi_square(const Estimate& estimate,
-                                const identification::Alternative& alternative) {
-  const identification::FitQuality& own = estimate.quality_range[std::size_t(alternative.readings)];
+/// Returns the reduced chi-square of one file if it had been written with a mistake.
+double corrected_reduced_chi_square(const Estimate& estimate,
+                                    const identification::Alternative& alternative) {
+  const identification::FitQuality& own = estimate.quality[std::size_t(alternative.readings)];
+  // with half a degree of freedom or less the ratio says nothing
   return own.degrees_of_freedom > 0.5 ? alternative.own_chi_square / own.degrees_of_freedom : 0.0;
 }
 
-/// The mistake that would explain a chi-square beyond chance; empty if none does. It must leave the
-/// file with the noise that it states: a file of which little is left fits anything.
+/// Returns the mistake that would explain a chi-square beyond chance; empty if none does. The file
+/// must keep the noise that it states, since a file with very few readings fits anything.
 std::string mistake_text(const Files& files, const Estimate& estimate) {
+  // Limits of the file's reduced chi-square with the mistake undone; between them its noise is as
+  // stated, within a factor of 2.
   constexpr double low = 0.3, high = 4.0;
   const double now = estimate.reduced_chi_square;
   const identification::Alternative* best = nullptr;
+  // Distance of the fit from a reduced chi-square of 1, on a logarithmic scale, since a file may
+  // also fit too well; 1e-300 avoids the logarithm of zero.
   const auto distance = [&](const identification::Alternative& one) {
     return std::abs(
         std::log(std::max(one.chi_square, 1e-300) / std::max(1, estimate.degrees_of_freedom)));
   };
   for (const identification::Alternative& one : estimate.alternatives) {
-    const double own = group_reduced_chi_square(estimate, one);
+    const double own = corrected_reduced_chi_square(estimate, one);
     if (own > low && own < high && (best == nullptr || distance(one) < distance(*best)))
       best = &one;
   }
+  // the mistake must remove half of the misfit, or it is no explanation
   if (best == nullptr || distance(*best) > 0.5 * std::abs(std::log(std::max(now, 1e-300))))
     return "";
   return fmt::format("; taken {} {} would come to a reduced chi-square of {:.3g}",
@@ -319,11 +331,11 @@ std::string mistake_text(const Files& files, const Estimate& estimate) {
                      best->chi_square / std::max(1, estimate.degrees_of_freedom));
 }
 
-/// Of the files the one whose readings fit worst, where several were read.
+/// Returns a note on the file whose readings fit worst, if several files were read.
 std::string worst_file_warning(const Files& files, const Estimate& estimate) {
-  if (files.size() < 2 || estimate.quality_range.size() != files.size()) return "";
+  if (files.size() < 2 || estimate.quality.size() != files.size()) return "";
   const auto reduced = [&](std::size_t i) {
-    const identification::FitQuality& one = estimate.quality_range[i];
+    const identification::FitQuality& one = estimate.quality[i];
     return one.degrees_of_freedom > 0.5 ? one.chi_square / one.degrees_of_freedom : 0.0;
   };
   std::size_t worst = 0;
@@ -340,14 +352,15 @@ bool has_stated_noise(const Readings& readings) {
   return true;
 }
 
-/// Files whose readings are nearer to the model than their noise lets them be.
+/// Returns warnings about files whose readings are nearer to the model than their noise allows.
 std::vector<std::string> too_close_warnings(const Files& files,
                                             const std::vector<Readings>& readings,
                                             const Estimate& estimate) {
-  constexpr double too_close = 0.5;  // of what is expected: rounding makes a little
+  constexpr double too_close = 0.5;  // of the expected value; rounding makes it a little smaller
   std::vector<std::string> warnings;
-  for (std::size_t i = 0; i < files.size() && i < estimate.quality_range.size(); ++i) {
-    const identification::FitQuality& one = estimate.quality_range[i];
+  for (std::size_t i = 0; i < files.size() && i < estimate.quality.size(); ++i) {
+    const identification::FitQuality& one = estimate.quality[i];
+    // fewer than 3 degrees of freedom scatter too widely
     if (!has_stated_noise(readings[i]) || one.degrees_of_freedom < 3.0) continue;
     const double reduced = one.chi_square / one.degrees_of_freedom;
     if (reduced <
@@ -361,17 +374,17 @@ std::vector<std::string> too_close_warnings(const Files& files,
   return warnings;
 }
 
-/// Signs and orders of readings that no other reading checks.
+/// Returns the signs and orders of readings that no other reading checks.
 std::vector<std::string> assumptions_of(const Files& files, const Estimate& estimate) {
   using identification::Mistake;
-  constexpr double seen = 30.0;  // of chi-square: five standard deviations
+  constexpr double seen = 30.0;  // of chi-square: 5.5 standard deviations
   std::string signs, orders, units;
   const auto add = [&](std::string& list, const identification::Alternative& one) {
     const std::string file = files[std::size_t(one.readings)].string();
     if (list.find(file) == std::string::npos) list += (list.empty() ? "" : ", ") + file;
   };
   for (const identification::Alternative& one : estimate.alternatives) {
-    // a thousandth of it is nearer to anything, which says nothing
+    // Readings of a thousandth are close to any model, so that alternative says nothing.
     if (one.chi_square > estimate.chi_square + seen || one.mistake == Mistake::OverThousand)
       continue;
     add(one.mistake == Mistake::Negated    ? signs
@@ -391,12 +404,13 @@ std::vector<std::string> assumptions_of(const Files& files, const Estimate& esti
   return assumptions;
 }
 
-/// Elements of the belief that no machine has, over the travel of the axes.
+/// Returns warnings about elements of the belief that no machine has, over the travel of the axes.
 std::vector<std::string> size_warnings(const errors::GeometricErrors& belief,
                                        const kinematics::Chain& nominal) {
   kinematics::AxisVector low(nominal.size()), high(nominal.size());
   for (int j = 0; j < nominal.size(); ++j) {
     const kinematics::Joint& joint = nominal.joints()[std::size_t(j)];
+    // a rotary axis of more than 100 rad turns without end; its errors repeat every turn
     const bool is_endless =
         joint.motion != kinematics::Motion::Linear && joint.max - joint.min > 100;
     low[j] = is_endless ? -pi : joint.min;
@@ -422,6 +436,7 @@ std::vector<std::string> warnings_of(const Files& files, const std::vector<Readi
             : "the curves may need a higher order (--choose-orders) or the pitch of the screws "
               "(--pitch), or the machine does not repeat"));
   }
+  // 2 % outliers: mistakes are rarer, so the curves or the noise are wrong
   const auto n = double(estimate.fit_residual.size());
   if (double(estimate.outliers.size()) > 0.02 * n)
     warnings.push_back(fmt::format(
@@ -433,6 +448,7 @@ std::vector<std::string> warnings_of(const Files& files, const std::vector<Readi
   for (std::size_t i = 0; i < covariance.of.size(); ++i) {
     const auto& element = estimate.belief.elements[std::size_t(covariance.of[i].element)];
     const auto k = Eigen::Index(i);
+    // 50 um or urad: as much as the errors of the machine, so the number is not known
     if (covariance.matrix(k, k) > std::pow(50.0 * unit_of_value(element), 2))
       weak +=
           (weak.empty() ? "" : ", ") + errors::name_of(covariance.of[i], estimate.belief.elements);
@@ -442,7 +458,8 @@ std::vector<std::string> warnings_of(const Files& files, const std::vector<Readi
   return warnings;
 }
 
-/// Pitches that no screw has: of m, um or inches, or the length of a travel.
+/// Returns warnings about pitches that no screw has: values in m, um or inches, or the length of a
+/// travel.
 std::vector<std::string> pitch_warnings(const std::map<char, double>& pitches) {
   constexpr double finest_mm = 0.4, coarsest_mm = 200.0;
   std::vector<std::string> warnings;
@@ -455,19 +472,21 @@ std::vector<std::string> pitch_warnings(const std::map<char, double>& pitches) {
   return warnings;
 }
 
-/// Positions of a slide at which the most thorough of the set-ups that move it reads.
+/// Returns the number of positions of a slide in the set-up that reads it at most positions.
 std::size_t count_positions(const std::vector<Readings>& readings, int joint) {
   std::map<std::pair<std::size_t, int>, std::set<double>> positions;
   for (std::size_t f = 0; f < readings.size(); ++f)
     for (const auto& measurement : readings[f].plan.measurements)
       if (measurement.channel >= 0)
+        // rounded to 1 um: readings at one target differ by less
         positions[{f, measurement.set_up}].insert(std::round(measurement.state.q[joint] * 1e3));
   std::size_t most = 0;
   for (const auto& [set_up, distinct] : positions) most = std::max(most, distinct.size());
   return most;
 }
 
-/// Slides whose curves have as many numbers as there are positions: between these they are free.
+/// Returns warnings about slides whose curves have as many coefficients as there are positions;
+/// they are free in between.
 std::vector<std::string> order_warnings(const std::vector<Readings>& readings,
                                         const IdentifyOptions& options) {
   std::vector<std::string> warnings;
@@ -493,6 +512,7 @@ Identified identify_by_chain(const Files& files, const std::vector<Readings>& re
     fit.orders = options.model.orders =
         identification::choose_orders(readings, options.model, options.orders).orders;
   if (progress) progress("fit", 0.0);
+  // the alternatives are needed for the warnings and the assumptions
   options.estimate.compare_mistakes = true;
   Estimate estimate = identification::estimate(
       identification::model_of(result.nominal, options.model), readings, options.estimate);
@@ -501,7 +521,7 @@ Identified identify_by_chain(const Files& files, const std::vector<Readings>& re
         fmt::format("{}: the fit did not converge in {} iterations, nothing was written: readings "
                     "of another unit, sign or machine, or far too few",
                     names_of(files), estimate.iterations));
-  // what the model does not follow counts as noise
+  // Deviations that the model does not follow count as noise, so the uncertainties grow with them.
   if (has_excess_scatter(estimate))
     estimate.belief.covariance.matrix *= estimate.reduced_chi_square;
   result.belief = determined_errors(estimate);
@@ -589,7 +609,8 @@ ThermalIdentification thermal_identification(const IdentifyOptions& options) {
   day.elements = options.model.only;
   day.sensors = options.sensors;
   day.choice.count = options.sensor_count;
-  day.choice.groups = 3 * options.sensor_count;  // as the packaged protocols choose
+  day.choice.groups = 3 * options.sensor_count;  // three clusters for each sensor, as in the
+                                                 // packaged protocols
   day.margin = options.margin;
   return day;
 }
@@ -628,6 +649,7 @@ Identified identified(const Files& files, const IdentifyOptions& options,
   const std::vector<Readings> readings =
       read_all(files, options.method == IdentifyOptions::Method::Thermal, progress);
   std::vector<std::string> warnings = diagnose(files, readings);
+  // the chain reports its own stages
   if (progress && options.method != IdentifyOptions::Method::Chain) progress("fit", 0.0);
   try {
     Identified result = identify_by_method(files, readings, options, progress);

@@ -20,18 +20,19 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using identification::ThermalData;
 
-/// What was read on one day: the drift channels and the temperatures beside them.
+/// The readings of one day: the drift channels and the temperatures.
 struct Log {
   std::string day;
   errors::metrology::DriftTest drift;
   std::vector<double> noise;  ///< (channels) mm or rad, standard deviation of one drift
   std::vector<std::string> sensors;
   Eigen::MatrixXd T_C;      ///< (n x sensors)
-  std::vector<int> cycle;   ///< (n) of work and rest, from 0
+  std::vector<int> cycle;   ///< (n) number of the cycle of work and rest, from 0
   VectorXd sensor_noise_K;  ///< (sensors)
 };
 
-/// Noise and rounding of a reading and of the first one, from which the drift counts.
+/// Returns the standard deviation of a drift: noise and rounding of a reading and of the first one,
+/// from which the drift counts. Rounding is uniform over the resolution r, with variance r^2 / 12.
 std::vector<double> drift_noise(const errors::metrology::Readings& readings) {
   std::vector<double> noise;
   for (const auto& channel : readings.plan.set_ups.front().channels)
@@ -57,16 +58,18 @@ Log log_of(const DayReadings& day) {
   const std::vector<double>& starts = day.cycle_starts_s;
   log.T_C.resize(n, readings.T_C.cols());
   for (Index i = 0; i < n; ++i) {
+    // the channels of a row share one temperature
     log.T_C.row(i) = readings.T_C.row(i * channels);
     const auto next =
+        // 1e-6 s: a cycle that starts with a reading includes it
         std::upper_bound(starts.begin(), starts.end(), log.drift.log.time_s[i] + 1e-6);
     log.cycle.push_back(std::max(0, int(next - starts.begin()) - 1));
   }
   return log;
 }
 
-/// Rows of one channel over some days, each of their cycles a run; drift and, if wanted,
-/// temperatures count from the first reading of the day.
+/// Returns the rows of one channel over some days, each of their cycles as a run. Drift and, if
+/// wanted, temperatures count from the first reading of the day.
 ThermalData data_of(const std::vector<Log>& days, std::size_t from, std::size_t to, Index channel,
                     bool since_start) {
   ThermalData data;
@@ -79,6 +82,7 @@ ThermalData data_of(const std::vector<Log>& days, std::size_t from, std::size_t 
     data.T.bottomRows(n) = day.T_C;
     if (since_start) data.T.bottomRows(n).rowwise() -= day.T_C.row(0);
     data.y.tail(n) = day.drift.log.values.col(channel);
+    // 1000 cycles a day keep the runs of the days apart
     for (const int cycle : day.cycle) data.run.push_back(1000 * int(d) + cycle);
   }
   return data;
@@ -93,12 +97,14 @@ std::vector<std::string> names_of(const std::vector<int>& inputs,
   return result;
 }
 
-/// What makes the figures doubtful.
+/// Returns the warnings about a channel.
 std::vector<std::string> warnings_of(const ChannelGrade& channel) {
   std::vector<std::string> warnings;
   if (!channel.fitted.model) return warnings;
   if (channel.fitted.regression)
     for (Index k = 0; k < channel.fitted.regression->vif.size(); ++k)
+      // A variance inflation factor above 10 is the usual limit of collinearity: the coefficients
+      // are then hardly determined.
       if (const double vif = channel.fitted.regression->vif[k]; vif > 10.0)
         warnings.push_back(fmt::format(
             "{} says nearly what the other chosen sensors say on the training day (VIF {:.0f})",
@@ -111,6 +117,7 @@ std::vector<std::string> warnings_of(const ChannelGrade& channel) {
   return warnings;
 }
 
+// Fits a channel on the first day and grades it on the others.
 ChannelGrade channel_of(const std::vector<Log>& days, Index c, const std::vector<int>& chosen,
                         const identification::ThermalStudyOptions& options, bool since_start) {
   const identification::Recipe recipe{options.features, options.model};
@@ -125,6 +132,7 @@ ChannelGrade channel_of(const std::vector<Log>& days, Index c, const std::vector
                        {},
                        {}};
   if (!channel.fitted.model) return channel;
+  // the residual of the fit itself, with no day unseen
   channel.in_cycle =
       identification::spread(seen.y - identification::values(*channel.fitted.model, seen.T));
   for (std::size_t d = 1; d < days.size(); ++d) {
@@ -137,7 +145,8 @@ ChannelGrade channel_of(const std::vector<Log>& days, Index c, const std::vector
   return channel;
 }
 
-/// The displacements among the channels, or those of these names: what sensors are chosen for.
+/// Returns the displacements among the channels, or those with the given names; sensors are chosen
+/// for these.
 /// @throws std::invalid_argument for a name that no displacement has
 std::vector<Index> displacements(const Log& day, const std::vector<std::string>& names = {}) {
   std::vector<Index> result;
@@ -171,17 +180,18 @@ void append_series(std::vector<DriftSeries>& all, const std::vector<Log>& days, 
   }
 }
 
-// ---- ways to choose
+// Selection methods
 
 using Way = SensorChoiceDescription::Way;
 
+// Returns true if the similarity compares areas, which depend on the unit of the drift.
 bool uses_area_comparison(const identification::SensorChoiceOptions& choice) {
   using identification::GreyKind;
   return choice.similarity_measure == identification::SimilarityMeasure::Grey &&
          (choice.grey.kind == GreyKind::Absolute || choice.grey.kind == GreyKind::Comprehensive);
 }
 
-/// Where the degree of each displacement began.
+/// Returns the row from which the degree of each displacement starts.
 std::vector<DegreeStart> degree_starts(const Log& day, const std::vector<Index>& channels,
                                        const identification::SensorChoice& choice) {
   std::vector<DegreeStart> begins;
@@ -194,9 +204,11 @@ std::vector<DegreeStart> degree_starts(const Log& day, const std::vector<Index>&
   return begins;
 }
 
-// Areas of drift and temperature are compared as numbers: drift in um, as the papers have it.
+// Area comparisons treat drift and temperature as plain numbers, so the drift is in um, as in the
+// papers.
 SensorChoiceGrade chosen_by(const std::vector<Log>& days, const Way& way, bool since_start) {
-  constexpr double beyond_noise = 4.0;  // standard deviations
+  constexpr double beyond_noise = 4.0;  // standard deviations of the noise, below which a drift is
+                                        // taken as none
   identification::SensorChoiceOptions options = way.choice;
   const bool by_start = identification::is_divided_by_start(options);
   const double unit = uses_area_comparison(options) ? units::um : 1.0;
@@ -230,9 +242,10 @@ SensorChoiceGrade chosen_by(const std::vector<Log>& days, const Way& way, bool s
   return result;
 }
 
-/// A way graded on all days: its channels, and how it compares with random choices.
+/// Grades a selection on all days: its channels, and its rank among random selections.
 SensorChoiceGrade graded(const std::vector<Log>& logs, SensorChoiceGrade way,
                          identification::ThermalStudyOptions options, bool since_start) {
+  // the sensors are fixed now; only the models are fitted
   options.choice.fixed = way.chosen;
   if (logs.size() > 1) {
     const auto study = identification::study_sensors(
@@ -245,7 +258,8 @@ SensorChoiceGrade graded(const std::vector<Log>& logs, SensorChoiceGrade way,
   return way;
 }
 
-/// The other ways against the random choices of the first, which serve where as many are chosen.
+/// Compares the other selections with the random ones of the first; these also apply to any
+/// selection of as many sensors.
 void compare_with_random(std::vector<SensorChoiceGrade>& ways) {
   const std::optional<identification::RandomChoices> random = ways.front().random;
   if (!random || random->rms_over_range.empty()) return;
@@ -258,8 +272,10 @@ void compare_with_random(std::vector<SensorChoiceGrade>& ways) {
   }
 }
 
-/// Says where an order or a choice is one of chance.
+/// Adds warnings where an order or a choice may be due to chance.
 void add_chance_warnings(const SensorChoiceGrade& way, std::vector<std::string>& warnings) {
+  // A choice made in fewer than 90 % of the draws, or better than fewer than 75 % of the random
+  // choices, counts as chance.
   constexpr double certain = 0.9, better = 0.75;
   const std::string name = way.way.name.empty() ? "the choice" : way.way.name;
   if (way.spread && way.spread->draws > 0 && way.spread->same < certain)
@@ -282,7 +298,7 @@ ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
   std::vector<Log> logs;
   for (const DayReadings& day : days) logs.push_back(log_of(day));
   identification::ThermalStudyOptions options = description.study;
-  // counted from the start of the day, not from that of each cycle
+  // drift and temperatures count from the start of the day, not from that of each cycle
   const bool since_start = std::exchange(options.features.since_start, false);
   const Log& training = logs.front();
   ThermalChoice result{

@@ -11,19 +11,20 @@
 #include "errors/metrology/readings.h"
 #include "sim/scene/instruments.h"
 
+/// Choice of temperature sensors for a thermal model, and its grades on unseen days.
 namespace abbe::sim {
 
-/// What the drift instrument and the sensors of a machine read over one day.
+/// Readings of the drift instrument and the sensors of a machine over one day.
 struct DayReadings {
   std::string name;
-  std::filesystem::path file;          ///< of its scene, for refusals
-  std::vector<double> cycle_starts_s;  ///< at which spindle or axes start after a rest
+  std::filesystem::path file;          ///< of the scene, for messages
+  std::vector<double> cycle_starts_s;  ///< times at which spindle or axes start after a rest
   errors::metrology::Readings readings;
-  Eigen::VectorXd sensor_noise_K = {};  ///< (sensors) standard deviation of one temperature, noise
-                                        ///< and rounding; empty: none
+  Eigen::VectorXd sensor_noise_K = {};  ///< (sensors) standard deviation of one temperature, from
+                                        ///< noise and rounding; empty: none
 };
 
-/// Time line of one channel of the drift on one day, for pictures.
+/// The drift of one channel over one day, for pictures.
 struct DriftSeries {
   std::string day;
   std::string channel;
@@ -33,26 +34,26 @@ struct DriftSeries {
   Eigen::VectorXd predicted;  ///< (n) by the model of the chosen sensors, fitted on the first day
 };
 
-/// What a model leaves of a channel on a day that neither chose nor fitted.
+/// The residual of a model for a channel on a day not used for choice or fit.
 struct DayGrade {
   std::string day;
-  errors::identification::Spread left;  ///< mm or rad
-  double drift_range = 0.0;             ///< mm or rad, highest less lowest
+  errors::identification::Spread left;  ///< residual, mm or rad
+  double drift_range = 0.0;             ///< mm or rad, highest minus lowest
   int rows = 0;
-  int outside = 0;  ///< rows beyond the trained range, graded all the same
+  int outside = 0;  ///< rows beyond the trained range; they are graded too
 };
 
-/// One channel of the drift by a model of the chosen sensors, fitted on the first day.
+/// A channel of the drift, with a model of the chosen sensors fitted on the first day.
 struct ChannelGrade {
   std::string name;
   bool angle = false;
-  double training_range = 0.0;                ///< mm or rad, highest less lowest
-  errors::identification::ThermalFit fitted;  ///< what follows is empty where it has no model
-  errors::identification::Spread in_cycle;    ///< mm or rad, left of the first day
+  double training_range = 0.0;                ///< mm or rad, highest minus lowest
+  errors::identification::ThermalFit fitted;  ///< the members below are empty if it has no model
+  errors::identification::Spread in_cycle;    ///< mm or rad, residual on the first day
   std::vector<DayGrade> other_days;
 };
 
-/// Where the degree with a displacement began that divides by its first value.
+/// Start of a displacement's degree of relation, for degrees that divide by a first value.
 struct DegreeStart {
   std::string channel;
   struct Row {
@@ -60,43 +61,44 @@ struct DegreeStart {
     double since_start_s = 0.0;
     double drift = 0.0;  ///< mm
   };
-  std::optional<Row> at;  ///< none: it drifts within its noise and takes no part
+  std::optional<Row> at;  ///< none: the displacement drifts within its noise and is left out
 };
 
-/// A way to choose, what it chose on the first day, and what that is worth.
+/// A selection method, the sensors it chose on the first day, and their grade.
 struct SensorChoiceGrade {
   SensorChoiceDescription::Way way;
-  bool since_start = false;  ///< its temperatures counted from the start of the day
-  errors::identification::SensorChoice choice;     ///< indices into the sensors logged
-  std::vector<std::string> chosen;                 ///< names, in the order in which it chose them
-  std::optional<std::vector<DegreeStart>> begins;  ///< of a degree that divides by a first value
+  bool since_start = false;                        ///< temperatures count from the start of the day
+  errors::identification::SensorChoice choice;     ///< indices of the logged sensors
+  std::vector<std::string> chosen;                 ///< names, in the order of choice
+  std::optional<std::vector<DegreeStart>> begins;  ///< for a degree that divides by a first value
   std::vector<ChannelGrade> channels;
-  std::optional<double> rms_over_range;  ///< of all displacements on all other days, if any
-  std::optional<errors::identification::RandomChoices> random;  ///< of as many sensors, graded in
-                                                                ///< the same way
-  std::optional<errors::identification::ChoiceSpread> spread;   ///< none of sensors that are fixed
+  std::optional<double> rms_over_range;  ///< over all displacements on all other days, if there are
+                                         ///< any
+  /// Selections of as many sensors, graded in the same way.
+  std::optional<errors::identification::RandomChoices> random;
+  std::optional<errors::identification::ChoiceSpread> spread;  ///< none if the sensors are fixed
 };
 
-/// Which sensors were chosen and what a model of them is good for.
+/// The chosen sensors and the grades of their models.
 struct ThermalChoice {
   std::string training_day;
-  Eigen::Index rows = 0;  ///< read on it
+  Eigen::Index rows = 0;  ///< number of rows of the training day
   std::vector<std::string> sensors;
   std::vector<SensorChoiceGrade> ways;  ///< the scene's own first, then those beside it
   std::vector<std::string> warnings;    ///< about the first
   std::vector<DriftSeries> series;      ///< of the first
 };
 
-/// Chooses sensors and fits a model on what the drift instrument and the sensors read over the
-/// first day, and grades both on the other days, which chose and fitted nothing. One set of
-/// sensors is chosen for the three displacements together; tilts are predicted from the same ones.
-/// Every other way to choose that the scene lists is graded beside, by the same models on the same
-/// days. Every choice is made again from other start rows with the noise of sensors and drift drawn
-/// again, and compared with random choices of as many sensors. A degree that divides by a first
-/// value begins, for each displacement, at the first drift beyond four standard deviations of its
-/// noise, with temperatures in deg C as read.
-/// @param days  (n >= 1) of one machine; with one day alone there is no grade on days unseen
-/// @throws BadInput naming the scene if the instrument or the sensors cannot do that
+/// Chooses sensors and fits a model on the readings of the first day, and grades both on the other
+/// days, which take no part in choice and fit. One set of sensors is chosen for the three
+/// displacements together; tilts are predicted from the same sensors. Every other selection that
+/// the scene lists is graded with the same models on the same days. Every choice is repeated from
+/// other start rows with new draws of the noise of sensors and drift, and compared with random
+/// selections of as many sensors. A degree that divides by a first value starts, for each
+/// displacement, at the first drift beyond four standard deviations of its noise, with temperatures
+/// in deg C as read.
+/// @param days  (n >= 1) of one machine; with a single day there is no grade on unseen days
+/// @throws BadInput naming the scene if the instrument or the sensors do not suffice
 ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
                              const SensorChoiceDescription& description);
 

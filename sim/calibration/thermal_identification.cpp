@@ -32,14 +32,14 @@ using Sensors = std::vector<std::string>;
 
 constexpr double per_m = 1e-6;  // um/m
 
-/// The runs of one axis, start by start.
+/// The runs of one axis, one for each start.
 struct AxisRuns {
   std::vector<CompositeRun> runs;
-  std::vector<VectorXd> T_C;   ///< of the sensors during each
-  std::vector<double> time_s;  ///< at which each began
+  std::vector<VectorXd> T_C;   ///< temperatures of the sensors during each run
+  std::vector<double> time_s;  ///< time at which each run began
 };
 
-/// Mean temperatures of some sensors while a set-up stood.
+/// Returns the mean temperatures of some sensors during a set-up.
 VectorXd mean_C(const Readings& readings, int set_up, const Sensors& sensors) {
   const std::vector<Index> columns = identification::sensor_columns(sensors, readings.sensors);
   VectorXd sum = VectorXd::Zero(Index(sensors.size()));
@@ -71,6 +71,7 @@ std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensor
       axis.T_C.push_back(mean_C(start, test.set_up, sensors));
       axis.time_s.push_back(start_s(start, test.set_up));
       axis.runs.push_back(
+          // the first run of an axis is the cold one, from which temperatures count
           {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
     }
   }
@@ -91,19 +92,20 @@ const char* sentence(CompositeStatus status) {
   }
 }
 
-// ---- beliefs
+// Beliefs
 
-/// The positioning of a slide, and how readings, which follow the command, turn into displacements
-/// of the carriage along the bed.
+/// The positioning of a slide, and the conversion of readings, which follow the command, into
+/// displacements of the carriage along the bed.
 struct Positioning {
   errors::ElementName element;
-  double of_reading = 1.0;  ///< carriage's displacement for a reading of 1
-  double of_travel = 1.0;   ///< carriage's own travel for a command of 1
+  double of_reading = 1.0;  ///< displacement of the carriage for a reading of 1
+  double of_travel = 1.0;   ///< travel of the carriage for a command of 1
 };
 
 Positioning positioning_of(char axis, const kinematics::Chain& nominal) {
   const kinematics::Joint& joint = nominal.joints()[std::size_t(*nominal.find(axis))];
   Index k = 0;
+  // 1e-6: an element has the letter of a bed axis, so the slide must lie along one within 1.4 mrad
   if (!(joint.direction_b.cwiseAbs().maxCoeff(&k) > 1.0 - 1e-6))
     throw std::invalid_argument(fmt::format(
         "{}: expected a slide along an axis of the bed, seen direction {:.6g} {:.6g} {:.6g}", axis,
@@ -112,12 +114,15 @@ Positioning positioning_of(char axis, const kinematics::Chain& nominal) {
   return {{char('X' + k), axis, false}, joint.direction_b[k] > 0.0 ? travel : -travel, travel};
 }
 
+// Adds the cold curve of a slide as a polynomial, with its covariance.
 void add_cold(errors::GeometricErrors& cold, const Positioning& slide, const CompositeFit& fit) {
   VectorXd c = slide.of_reading * fit.geometric;
+  // c[k] belongs to p^k in the fit and to (p / curve_scale)^k in the polynomial
   for (Index k = 0; k < c.size(); ++k) c[k] *= std::pow(fit.curve_scale, double(k));
   const Index before = cold.covariance.matrix.rows(), n = c.size();
   for (Index k = 0; k < n; ++k)
     cold.covariance.of.push_back({int(cold.elements.size()), 0, int(k)});
+  // Curves of different axes come from different readings: their covariance is zero.
   cold.covariance.matrix.conservativeResize(before + n, before + n);
   cold.covariance.matrix.topRightCorner(before, n).setZero();
   cold.covariance.matrix.bottomLeftCorner(n, before).setZero();
@@ -125,8 +130,8 @@ void add_cold(errors::GeometricErrors& cold, const Positioning& slide, const Com
   cold.elements.push_back({slide.element, {{errors::Polynomial{c, 0.0, fit.curve_scale}, "cold"}}});
 }
 
-/// The slope as a law of absolute temperatures, beta . (T - T_cold), so that a day which begins
-/// warm is a warm day.
+/// Returns the slope as a law of absolute temperatures, beta . (T - T_cold), so that a machine that
+/// is already warm in the morning is treated as warm.
 identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFit& fit,
                                          const CompositeIdentification& options, double sense) {
   const Index m = fit.thermal.size();
@@ -140,6 +145,7 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
   }
   const VectorXd& cold_C = axis.T_C.front();
   identification::LinearLaw law{-sense * cold_C.dot(fit.thermal), sense * fit.thermal, {}};
+  // The constant is -beta . T_cold, so its variance follows from that of beta.
   MatrixXd back(m + 1, m);
   back << -cold_C.transpose(), MatrixXd::Identity(m, m);
   const double variance = fit.slope_fit.residual_sd * fit.slope_fit.residual_sd;
@@ -151,9 +157,10 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
   return model;
 }
 
-// ---- what the law does not say
+// Checks of the law
 
-/// The slopes regressed with a constant as well: what the temperatures leave at dT = 0.
+/// Returns the regression of the slopes with an additional constant, which is what the temperatures
+/// do not explain at dT = 0; none if there are too few starts.
 std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit& fit) {
   const auto n = Index(fit.later.size()), m = fit.thermal.size();
   if (n < m + 2) return std::nullopt;
@@ -168,12 +175,14 @@ void add_warnings(std::vector<std::string>& warnings, const CompositeAxis& axis,
                   const Sensors& sensors) {
   const VectorXd& vif = axis.fit.slope_fit.vif;
   for (Index k = 0; k < vif.size(); ++k)
+    // A variance inflation factor above 10 is the usual limit of collinearity.
     if (vif[k] > 10.0)
       warnings.push_back(fmt::format("{}: {} says nearly what the other sensors say (VIF {:.0f})",
                                      axis.axis, sensors[std::size_t(k)], vif[k]));
   if (!axis.with_constant || axis.with_constant->degrees_of_freedom < 1) return;
   const double constant = axis.with_constant->constant,
                error = axis.with_constant->standard_error[0];
+  // Four standard errors and 0.1 um/m: a smaller constant may be chance, or does not matter.
   if (std::abs(constant) > 4.0 * error && std::abs(constant) > 0.1 * per_m)
     warnings.push_back(fmt::format(
         "{}: by the later starts the slope is {:.3f} ({:.2g}) um/m where these temperatures are "
@@ -218,10 +227,12 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr double per_metre = 1000.0;  // mm: slopes are numbers of mm or rad over a metre or radian
+constexpr double per_metre = 1000.0;  // mm: slopes are in mm or rad over a metre or a radian
 
-// ---- elements
+// Elements
 
+// Returns an element with a constant, or for the positioning of a slide that moved an offset and a
+// slope.
 errors::Element element_of(const errors::ElementName& name, const Chain& nominal,
                            const std::vector<DayLog>& logs) {
   const int at = errors::joint_of(name.axis, nominal, to_string(name));
@@ -241,7 +252,8 @@ char letter(int component) {
   return component < 3 ? char('X' + component) : char('A' + component - 3);
 }
 
-/// What heat may move, those first that would be kept where readings cannot part them.
+/// Returns the elements that heat may move, in the order in which they are kept if readings cannot
+/// separate them.
 std::vector<errors::ElementName> candidates(const Chain& nominal) {
   std::vector<errors::ElementName> positioning, angles, places, nose;
   for (const Joint& joint : nominal.joints()) {
@@ -281,11 +293,11 @@ errors::GeometricErrors model_of(const Chain& nominal, const std::vector<DayLog>
   return model;
 }
 
-// ---- numbers over the day
+// Numbers over the day
 
-/// Numbers of a model over the epochs.
+/// The coefficients of a model over the epochs.
 struct Series {
-  MatrixXd value;  ///< (epochs x p) mm or rad, of slopes over a metre
+  MatrixXd value;  ///< (epochs x p) mm or rad; slopes over a metre
   MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
   std::vector<identification::Confounded> confounded;  ///< at the last epoch
 
@@ -298,6 +310,7 @@ struct Series {
   }
 };
 
+// Returns the standard uncertainties of the coefficients, 0 for those that were not determined.
 VectorXd sigma_of(const Estimate& estimate, const std::vector<errors::Coefficient>& numbers) {
   VectorXd sigma = VectorXd::Zero(Index(numbers.size()));
   const errors::Covariance& covariance = estimate.belief.covariance;
@@ -335,7 +348,8 @@ errors::GeometricErrors with_held_numbers(errors::GeometricErrors model,
   return model;
 }
 
-/// Leaves numbers out, the weakest first, until all that are left stand out of the noise.
+/// Fits with fewer and fewer coefficients, leaving out the weakest, until all that remain stand out
+/// of the noise.
 Series signals_of(const errors::GeometricErrors& model,
                   const std::vector<std::vector<Readings>>& changes, double min_signal) {
   std::set<Index> held;
@@ -349,19 +363,21 @@ Series signals_of(const errors::GeometricErrors& model,
       throw std::invalid_argument(
           "expected a machine that heat moves beyond the noise of its "
           "instruments, seen one that stands");
+    // One at a time: without the weakest the others are determined better and may stand out.
     if (series.signal(*weakest) >= min_signal) return series;
     held.insert(*weakest);
   }
 }
 
-// ---- terms
+// Terms
 
+// A determined coefficient, with its weight in the choice of sensors.
 struct Number {
   errors::ElementName name;
   bool slope = false;
-  Index column = 0;         ///< of the series
-  double per_unit = 1.0;    ///< of the term for one of the number: slopes are per mm or rad
-  double tip_effect = 1.0;  ///< mm at the tip for one of the number, about
+  Index column = 0;         ///< column of the series
+  double per_unit = 1.0;    ///< term for one unit of the coefficient: slopes are per mm or rad
+  double tip_effect = 1.0;  ///< mm, approximate effect on the tip of one unit of the coefficient
 };
 
 Number number_of(const errors::Coefficient& coefficient, Index column,
@@ -374,9 +390,11 @@ Number number_of(const errors::Coefficient& coefficient, Index column,
       errors::joint_of(number.name.axis, nominal, to_string(number.name)))];
   if (number.slope) {
     number.per_unit = 1.0 / per_metre;
+    // half of the travel, the largest distance from its middle
     number.tip_effect = 0.5 * (joint.max - joint.min) / per_metre;
   } else if (number.name.is_angle()) {
     const double arm = (nominal.T_bt_home().translation() - joint.point_b).norm();
+    // the arm from the axis to the tip, or 1 mm where the axis passes through the tip
     number.tip_effect = std::max(arm, 1.0);
   }
   return number;
@@ -399,6 +417,7 @@ identification::SensorChoice choice_of(const Series& series, const std::vector<N
                                        const identification::SensorChoiceOptions& options) {
   std::vector<identification::ThermalData> errors;
   for (const Number& number : numbers) {
+    // All coefficients in mm at the tip, so that one set of sensors serves them by their effect.
     const VectorXd y = number.tip_effect * series.value.col(number.column);
     if (y.maxCoeff() > y.minCoeff())
       errors.push_back({sensors, dT_K, y, std::vector<int>(std::size_t(y.size()), 0)});
@@ -418,6 +437,7 @@ identification::ThermalFit fit_of(const Number& number, const Series& series,
   options.margin = margin;
   identification::ThermalData data = warmed;
   data.y = number.per_unit * series.value.col(number.column);
+  // one more epoch than coefficients leaves a degree of freedom for the residual
   if (std::size_t(data.y.size()) <= data.names.size() + 1)
     throw std::invalid_argument(
         fmt::format("expected more epochs than {} sensors and a constant, seen {}",
@@ -433,6 +453,7 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
   std::vector<std::string> warnings;
   const VectorXd& vif = day.terms.front().regression.vif;
   for (Index k = 0; k < vif.size(); ++k)
+    // A variance inflation factor above 10 is the usual limit of collinearity.
     if (vif[k] > 10.0)
       warnings.push_back(
           fmt::format("{} says nearly what the other sensors say on this day (VIF {:.0f})",
@@ -448,6 +469,7 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
           term.name.is_angle() ? "mrad" : "mm"));
   }
   for (const RegressedTerm& term : day.terms)
+    // below 0.9 more than a tenth of the variance is not explained
     if (const double r_squared = term.regression.r_squared; r_squared < 0.9)
       warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",
                                      name_of(term), 100.0 * std::max(0.0, r_squared)));

@@ -29,23 +29,25 @@ namespace {
 
 using errors::metrology::Readings;
 
-/// None for a case without.
+/// Returns the compensator of a case; empty for a case without one.
 std::optional<CaseDescription> part_compensator(const std::string& name) {
   if (name.empty() || name == "error_free" || name == "uncompensated") return std::nullopt;
   return parse_case(name);
 }
 
+/// Cuts the named case: error-free, uncompensated or with a compensator.
 Cut cut_case(const Job& job, const std::string& name, const Progress& progress) {
   if (name == "error_free") return cut_error_free(job, progress);
   return cut(job, part_compensator(name), progress);
 }
 
-/// Instruments to use: those named, or every one of the scene.
+/// Instruments to use: those named, or all of the scene.
 struct InstrumentSelection {
   std::vector<InstrumentDescription> of_machine;
   std::vector<PartInstrumentDescription> of_part;
 };
 
+/// Returns the instruments of these names; an unknown name is an input error.
 InstrumentSelection chosen(const Scene& scene, const std::vector<std::string>& names) {
   if (names.empty()) return {scene.instruments, scene.part_instruments};
   InstrumentSelection result;
@@ -63,6 +65,7 @@ struct PartMeasurement {
   std::vector<std::string> warnings;  ///< of the cut
 };
 
+/// Cuts the part in the case that the instrument names, and measures it.
 PartMeasurement cut_and_measure(const Scene& scene, const PartInstrumentDescription& instrument,
                                 const Progress& progress = {}) {
   const Job job = placed(prepare(scene, progress));
@@ -71,7 +74,7 @@ PartMeasurement cut_and_measure(const Scene& scene, const PartInstrumentDescript
   return {measured_part(job, made, instrument), warnings_of(job, made)};
 }
 
-/// What measuring will take: the machine in a moment, a part as long as it is cut.
+/// Returns the stages of measuring: a moment for the machine, the time of a cut for a part.
 std::vector<Stage> stages_of(const Scene& scene, const InstrumentSelection& chosen) {
   std::vector<Stage> stages;
   if (!chosen.of_machine.empty())
@@ -85,7 +88,7 @@ std::vector<Stage> stages_of(const Scene& scene, const InstrumentSelection& chos
   return stages;
 }
 
-/// The file of an instrument, with at least one reading.
+/// Returns the file of an instrument; an input error if it has no reading.
 Measured whole(Measured one, const Scene& scene, const std::string& instrument) {
   if (one.readings == 0)
     throw BadInput(scene.file.string(), 0, 0, "readings of " + instrument, "none");
@@ -103,7 +106,8 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
   const InstrumentSelection instruments = chosen(scene, options.instruments);
   if (instruments.of_machine.empty() && instruments.of_part.empty())
     throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
-  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
+  // A file that may not be written is reported before anything is measured.
   for (const InstrumentDescription& one : instruments.of_machine)
     check_file(folder / (one.instrument.name + ".csv"));
   for (const PartInstrumentDescription& one : instruments.of_part)
@@ -119,7 +123,8 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     written.push_back(whole({csv.path(), readings.plan.measurements.size(),
                              readings.plan.set_ups.size(), readings.plan.duration_s},
                             scene, one.instrument.name));
-    if (i == 0) written.back().warnings = value_warnings(scene);  // once, not for every instrument
+    // Warnings of the scene are reported once, not for every instrument.
+    if (i == 0) written.back().warnings = value_warnings(scene);
     write_table(csv, to_text(readings));
   }
   for (const PartInstrumentDescription& one : instruments.of_part) {
@@ -137,6 +142,7 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
 
 namespace {
 
+/// Measures and prints the files written. Warnings go to stderr, so that JSON stays valid.
 Exit print_measurements(const CommonOptions& common, const std::vector<std::string>& instruments) {
   MeasureOptions options;
   options.overrides = overrides(common);
@@ -188,15 +194,18 @@ Command measure_command(CommonOptions& common) {
 
 namespace {
 
+/// Returns all files that an identification writes.
 std::vector<std::filesystem::path> all_of(const BeliefFiles& files) {
   std::vector<std::filesystem::path> all{files.belief, files.report, files.picture};
   if (files.thermal) all.push_back(*files.thermal);
   return all;
 }
 
-/// By the bytes of the readings, of which a row has about sixty.
+/// Returns the stages of an identification, by the size of the readings; a row has about 60 bytes.
 std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
                              const IdentifyOptions& options) {
+  // Seconds for a row on an average computer; the progress line corrects them by its own
+  // measurements.
   constexpr double s_of_row_read = 1e-5, s_of_row_fitted = 4e-4, s_of_order_tried = 2e-4;
   double rows = 0.0;
   for (const std::filesystem::path& file : files) {
@@ -216,8 +225,9 @@ std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
 
 Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
                     const Progress& instead) {
-  const Writer writer{options.permissions, files};  // readings are never written over
+  const Writer writer{options.permissions, files};  // readings are never overwritten
   const BeliefFiles out = belief_files(options);
+  // All outputs are checked before a long fit begins.
   for (const std::filesystem::path& file : all_of(out)) check_file(file, writer);
   ProgressLine progress(stages_of(files, options), instead);
   progress.begin("identify");
@@ -227,6 +237,7 @@ Identified identify(const std::vector<std::filesystem::path>& files, const Ident
   write_table(result_file(out.belief, writer), belief_text(found));
   write_json(result_file(out.report, writer), to_json(found));
   if (out.thermal) write_table(result_file(*out.thermal, writer), thermal_half_text(found));
+  // Only the chain method fits curves.
   const auto* fit = std::get_if<ChainFit>(&found.fit);
   if (!fit || fit->curves.empty()) return found;
   write_curves_picture(result_file(out.picture, writer), fit->curves, found.nominal, files);
@@ -235,7 +246,7 @@ Identified identify(const std::vector<std::filesystem::path>& files, const Ident
 
 namespace {
 
-/// What stands on the command line.
+/// Arguments of the command line.
 struct IdentifyArguments {
   std::vector<std::filesystem::path> readings;
   std::string basis = "legendre";
@@ -246,7 +257,7 @@ struct IdentifyArguments {
   std::string language = "en";
 };
 
-/// "X=16": the pitch of an axis's screw.
+/// Parses "X=16", the pitch of an axis's screw.
 std::pair<char, double> parse_pitch(const std::string& text) {
   const auto period = text.size() > 2 && text[1] == '=' ? number_of(text.substr(2)) : std::nullopt;
   if (!period || *period <= 0.0)
@@ -254,7 +265,7 @@ std::pair<char, double> parse_pitch(const std::string& text) {
   return {text[0], *period};
 }
 
-/// An option that the method does not use would be without effect.
+/// Throws if an option is given that the method does not use and would ignore.
 void check_options(const IdentifyArguments& words) {
   const IdentifyOptions defaults;
   const IdentifyOptions& options = words.options;
@@ -271,6 +282,8 @@ void check_options(const IdentifyArguments& words) {
   needs(options.estimate.outlier_limit != defaults.estimate.outlier_limit, "--outliers", "chain");
 }
 
+/// Checks the arguments, identifies and prints the result. All output paths are checked first,
+/// because a long fit must not be lost.
 Exit print_identification(const CommonOptions& common, IdentifyArguments words) {
   using errors::identification::Basis;
   check_options(words);
@@ -278,6 +291,8 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments words) 
                                : words.basis == "spline"   ? Basis::Spline
                                                            : Basis::Legendre;
   for (const std::string& one : words.pitch) words.options.model.pitch.insert(parse_pitch(one));
+  // --constants frees both the constants of error motions and the placement of the workpiece, each
+  // of which hides in a zero or a position of a set-up.
   words.options.model.placement = words.options.model.constants;
   words.options.method = words.method == "step_diagonal" ? IdentifyOptions::Method::StepDiagonal
                          : words.method == "composite"   ? IdentifyOptions::Method::Composite
@@ -286,6 +301,7 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments words) 
   const bool thermal = words.options.method == IdentifyOptions::Method::Thermal;
   words.options.out = output_file(common.out.empty() ? "out" : common.out,
                                   thermal ? "belief_thermal.txt" : "belief.toml");
+  // The report and the picture have the name of the belief file with these extensions.
   for (const char* taken : {".json", ".png", ".csv", ".html"})
     if (words.options.out.extension() == taken)
       throw BadUsage(
@@ -293,6 +309,7 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments words) 
           fmt::format("expected a belief file such as belief.toml (report and picture stand "
                       "beside it), seen {}",
                       words.options.out.string()));
+  // The same file may have two names, so they are compared by what they refer to.
   for (const std::filesystem::path& readings : words.readings) {
     std::error_code ignored;
     if (std::filesystem::equivalent(readings, words.options.out, ignored))
@@ -310,12 +327,15 @@ Exit print_identification(const CommonOptions& common, IdentifyArguments words) 
     figures.command = common.permissions.command;
     write_file(result_file(page, writer), page_html(figures));
   } else {
-    remove_file(result_file(page, writer));  // that of an earlier identification
+    remove_file(result_file(page, writer));  // a page of an earlier identification would describe
+                                             // another belief
   }
   print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
   return Exit::Ok;
 }
 
+/// Returns the options of the command; values go directly into the options of the identification
+/// where they need no parsing.
 std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& words) {
   IdentifyOptions& options = words.options;
   return {
@@ -380,13 +400,15 @@ EvaluationOutcome evaluate(const std::filesystem::path& file, const EvaluateOpti
   const ResultFolder folder(options.folder, {options.permissions, {file}});
   stop_if_interrupted();
   const ResultFile json = folder / "evaluation.json";
+  // The JSON is written first, so that a failing picture does not lose the figures.
   write_json(json, to_json(evaluation));
   evaluated.pictures = evaluation.part
                            ? write_part_picture(folder, *evaluation.part, file.string())
                            : write_test_pictures(folder, evaluation.tests, file.string());
   write_json(json, to_json(evaluation, evaluated.pictures));
   if (options.report_language.empty()) {
-    remove_file(folder / "report.html");  // that of an earlier evaluation
+    remove_file(folder / "report.html");  // a page of an earlier evaluation would show other
+                                          // readings
     return evaluated;
   }
   FiguresPage page = evaluate_page(evaluation);
@@ -408,6 +430,7 @@ Exit print_evaluation(const CommonOptions& common, const EvaluateArguments& word
   const std::filesystem::path& readings = words.readings;
   EvaluateOptions options;
   if (words.report) options.report_language = words.language;
+  // The default folder has the name of the readings.
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
   options.permissions = common.permissions;
   const EvaluationOutcome done = evaluate(readings, options);

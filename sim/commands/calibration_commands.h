@@ -11,64 +11,69 @@
 
 namespace abbe::sim {
 
-/// Cuts the part of a scene in the case that the instrument names and measures it.
-/// @throws BadInput naming the scene if it cannot
+/// Cuts the part of a scene in the case that the instrument names, and measures it.
+/// @throws BadInput naming the scene if this is not possible
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument);
 
+/// Options of `abbe measure`.
 struct MeasureOptions {
   std::vector<Override> overrides;
-  std::vector<std::string> instruments;  ///< names; empty: every one of the scene
-  std::filesystem::path folder;          ///< NAME.csv of each goes there
+  std::vector<std::string> instruments;  ///< names; empty: all instruments of the scene
+  std::filesystem::path folder;          ///< NAME.csv of each instrument is written there
   Permissions permissions = {};
 };
 
-/// One file that was written.
+/// One readings file that was written.
 struct Measured {
   std::filesystem::path file;
   std::size_t readings = 0;
   std::size_t set_ups = 0;
-  double duration_s = 0.0;                 ///< that it would take on a real machine
+  double duration_s = 0.0;                 ///< time on a real machine
   std::vector<std::string> warnings = {};  ///< of the scene, and of the cut of a part
 };
 
 /// Measures and writes the readings.
-/// @throws BadScene, BadInput, OutputFailure; BadInput where an instrument would read nothing
+/// @throws BadScene, BadInput, OutputFailure; BadInput if an instrument would read nothing
 std::vector<Measured> measure(const std::filesystem::path& scene, const MeasureOptions& options);
 
-/// `abbe measure`.
+/// Returns the command `abbe measure`.
 Command measure_command(CommonOptions& common);
 
-/// Identifies a machine from files of readings alone and writes a belief file (an errors file with
-/// covariance, or a thermal belief), of a composite its thermal half too, the report of the fit and
-/// a sheet of every curve with its readings and 95 % band. What may not be written is refused
-/// before the work.
-/// @param instead  called in place of what is said on stderr
-/// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they are of different
+/// Identifies a machine from files of readings alone. Writes a belief file (an errors file with
+/// covariance, or a thermal belief; for a composite also its thermal half), the report of the fit,
+/// and a sheet of every curve with its readings and 95 % band. Output files that may not be written
+/// are an error before the work begins.
+/// @param instead  called instead of the progress display on stderr
+/// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they belong to different
 /// machines
 Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
                     const Progress& instead = {});
 
-/// `abbe identify`.
+/// Returns the command `abbe identify`.
 Command identify_command(CommonOptions& common);
 
+/// Options of `abbe evaluate`.
 struct EvaluateOptions {
-  std::filesystem::path folder;  ///< evaluation.json and pictures; empty: none are written
+  std::filesystem::path folder;  ///< folder of evaluation.json and pictures; empty: none are
+                                 ///< written
   Permissions permissions = {};
-  std::string report_language = {};  ///< of report.html, "en" or "zh"; empty: none is written
+  std::string report_language = {};  ///< language of report.html, "en" or "zh"; empty: none is
+                                     ///< written
 };
 
-/// An evaluation and the pictures that were written of it.
+/// An evaluation with the pictures written of it.
 struct EvaluationOutcome {
   Evaluation evaluation;
   std::vector<std::filesystem::path> pictures;
 };
 
-/// Evaluates readings (sim/calibration/calibration.h) and writes what the options ask for.
+/// Evaluates readings (sim/calibration/calibration.h) and writes the files that the options
+/// request.
 /// @throws BadInput, BadScene, OutputFailure
 EvaluationOutcome evaluate(const std::filesystem::path& readings,
                            const EvaluateOptions& options = {});
 
-/// `abbe evaluate`.
+/// Returns the command `abbe evaluate`.
 Command evaluate_command(CommonOptions& common);
 
 }  // namespace abbe::sim

@@ -19,6 +19,7 @@ namespace abbe::sim {
 Exit exit_code(const std::function<Exit()>& program) {
   try {
     const Exit code = program();
+    // Output that is still in the buffer may fail to be written, which must change the exit code.
     flush_output();
     return code;
   } catch (const Interrupted&) {
@@ -31,6 +32,7 @@ Exit exit_code(const std::function<Exit()>& program) {
     for (const BadInput& fault : input_errors.input_errors)
       print(stderr, "abbe: {}\n", fault.what());
     return Exit::Input;
+    // BadProgram before BadInput: it derives from it and holds all input errors.
   } catch (const dialects::BadProgram& input_errors) {
     for (const BadInput& fault : input_errors.input_errors)
       print(stderr, "abbe: {}\n", fault.what());
@@ -47,6 +49,8 @@ Exit exit_code(const std::function<Exit()>& program) {
   } catch (const OutputFailure& failure) {
     print(stderr, "abbe: {}\n", failure.what());
     return Exit::Output;
+    // Not enough memory is reported as a numerical failure: the scene is valid, but cannot be
+    // computed.
   } catch (const std::bad_alloc&) {
     print(stderr, "abbe: not enough memory for this scene\n");
     return Exit::Numerical;
@@ -111,11 +115,13 @@ std::vector<Option> scene_options(CommonOptions& common, const std::vector<Optio
 std::vector<Override> overrides(const CommonOptions& common) {
   std::vector<Override> all;
   for (const std::string& text : common.set) {
+    // The first '=' separates: the value may contain others, the key may not.
     const std::size_t equals = text.find('=');
     if (equals == std::string::npos || equals == 0)
       throw BadUsage("--set", "expected key=value, seen " + text);
     all.emplace_back(text.substr(0, equals), text.substr(equals + 1));
   }
+  // --seed comes last and so overrides a --set of seed.
   if (common.seed) all.emplace_back("seed", std::to_string(*common.seed));
   return all;
 }
@@ -148,7 +154,7 @@ void print_warnings(const std::vector<std::string>& warnings) {
 
 namespace {
 
-/// The rule of a kind that an option has; null if it has none.
+/// Returns the rule of a kind that an option has; null if it has none.
 template <typename Kind>
 const Kind* find_rule(const Option& option) {
   const Kind* first = std::get_if<Kind>(&option.rule);
@@ -162,6 +168,7 @@ bool holds(const Target& target) {
   return (std::holds_alternative<Kinds>(target) || ...);
 }
 
+/// Returns true if the value of an option is a path.
 bool is_file(const Option& option) {
   return holds<std::filesystem::path*, std::optional<std::filesystem::path>*,
                std::vector<std::filesystem::path>*>(option.target);
@@ -213,6 +220,7 @@ std::string value_name(const Option& option) {
   return is_file(option) ? "FILE" : "TEXT";
 }
 
+/// The order matters: an option with enumerated values offers these even if it takes a file.
 CompletionKind completion_kind(const Option& option) {
   if (!words_of(option).empty()) return CompletionKind::Words;
   if (option.name == "--case") return CompletionKind::Cases;

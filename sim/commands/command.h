@@ -15,7 +15,7 @@
 
 namespace abbe::sim {
 
-/// What the program says to the shell.
+/// Exit codes of the program.
 enum class Exit {
   Ok = 0,
   LimitExceeded = 1,
@@ -27,34 +27,34 @@ enum class Exit {
   Interrupted = 130
 };
 
-/// A value of an option that the command cannot take. what(): "--set: expected ..."
+/// An invalid value of an option. what(): "--set: expected ..."
 struct BadUsage : std::invalid_argument {
   BadUsage(const std::string& option, const std::string& reason)
       : std::invalid_argument(option + ": " + reason) {}
 };
 
-/// Returns the exit code of a program, or the one that its exception stands for, which is printed.
-/// Standard output that was lost counts as an exception.
+/// Runs a program and returns its exit code, or prints its exception and returns the code for it.
+/// Lost standard output counts as an exception.
 Exit exit_code(const std::function<Exit()>& program);
 
-// Commands as values: what each takes, and what runs it. None knows the library that reads the
-// command line.
+// Commands as values: their options, and the function that runs them. They do not depend on the
+// library that parses the command line.
 
-/// Where the words of an option go; what is not on the command line stays as it is.
+/// Destination of an option's value; it stays unchanged if the option is not on the command line.
 using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem::path*,
                             std::optional<std::int64_t>*, std::optional<std::string>*,
                             std::optional<std::filesystem::path>*, std::vector<std::string>*,
                             std::vector<std::filesystem::path>*>;
 
-// Rules of an option. Those that it names stand before it in the list.
+// Rules of an option. Options that a rule names must precede it in the list.
 struct Between {
   std::int64_t least, most;
 };
 struct OneOf {
   std::vector<std::string> values;
 };
-struct CommaSeparated {};  ///< a list may be given at once: a,b,c
-struct Bare {};            ///< without a value it is there and empty
+struct CommaSeparated {};  ///< several values may be given at once: a,b,c
+struct Bare {};            ///< without a value the option is present and empty
 struct Excludes {
   std::vector<std::string> options;
 };
@@ -62,45 +62,46 @@ struct RequiresOption {
   std::string option;
 };
 struct TypeName {
-  std::string name;  ///< of its value in `--help`
+  std::string name;  ///< name of its value in `--help`
 };
-struct OptionalArgument {};  ///< of an option that is known by its place
+struct OptionalArgument {};  ///< a positional argument that may be omitted
 using Rule = std::variant<std::monostate, Between, OneOf, CommaSeparated, Bare, Excludes,
                           RequiresOption, TypeName, OptionalArgument>;
 
 /// An option as `--help` lists it.
 struct Option {
-  std::string name;  ///< "--seed"; without dashes it is known by its place, and must be there
-                     ///< unless a rule says otherwise
-  Target target;     ///< a bool is a flag; a list is repeatable
+  std::string name;  ///< "--seed"; a name without dashes is a positional argument, which is
+                     ///< required unless a rule says otherwise
+  Target target;     ///< bool: a flag; a list: repeatable
   std::string help;
   Rule rule = {};
   Rule second_rule = {};
 };
 
+/// A command with its options and the function that runs it.
 struct Command {
   std::string name, summary;
-  std::vector<std::string> examples;  ///< whole lines: "abbe run scenes/gantry_dome.toml"
+  std::vector<std::string> examples;  ///< complete lines: "abbe run scenes/gantry_dome.toml"
   std::vector<Option> options;
-  std::function<Exit()> run;  ///< with its options read
+  std::function<Exit()> run;  ///< called after its options are parsed
   std::string footer = {};
-  std::vector<Option> where = {};  ///< besides, exactly one of these
+  std::vector<Option> where = {};  ///< exactly one of these options is required in addition
 };
 
-/// What several commands take.
+/// Options of several commands.
 struct CommonOptions {
   std::filesystem::path scene;
   std::filesystem::path out;
   std::vector<std::string> set;
   std::optional<std::int64_t> seed;
-  int threads = 0;         ///< 0: all
-  double memory_gb = 0.0;  ///< 0: what the computer has
+  int threads = 0;         ///< 0: all threads
+  double memory_gb = 0.0;  ///< 0: the memory of the computer
   bool json = false;
   Permissions permissions;
-  std::string commit;  ///< from which the program was built
+  std::string commit;  ///< commit from which the program was built
 };
 
-// options that several commands have
+// Return options that several commands have.
 Option set_option(CommonOptions& common, const std::string& help);
 Option seed_option(CommonOptions& common, const std::string& help);
 Option threads_option(CommonOptions& common, const std::string& help);
@@ -110,51 +111,52 @@ Option result_folder_option(CommonOptions& common);
 Option force_option(CommonOptions& common);
 Option trust_option(CommonOptions& common);
 
-/// What every command takes that reads a scene, and then its own.
+/// Returns the options of every command that reads a scene, followed by its own.
 std::vector<Option> scene_options(CommonOptions& common, const std::vector<Option>& own);
 
-/// What --set and --seed change. @throws BadUsage
+/// Returns the overrides of --set and --seed.
+/// @throws BadUsage
 std::vector<Override> overrides(const CommonOptions& common);
 
-/// The file of a command that writes one: what --out names if that has an ending, as belief.toml,
-/// and is no folder; else `name` in that folder.
+/// Returns the output file of a command that writes one file: the path of --out if it has an
+/// extension, such as belief.toml, and is not a folder; else `name` in that folder.
 std::filesystem::path output_file(const std::filesystem::path& out, const std::string& name);
 
-/// The folder of --out, else out/SCENE.
+/// Returns the folder of --out, by default out/SCENE.
 std::filesystem::path result_folder(const CommonOptions& common);
 
-/// @throws BadUsage for a --case that there cannot be
+/// @throws BadUsage if the name of a --case is invalid
 void check_case(const std::string& name);
 
-/// Prints what a reader of programs assumed, one line each, on standard error.
+/// Prints the assumptions of a program's reader on standard error, one per line.
 void print_assumptions(const std::vector<program::Assumption>& assumptions);
 
-/// Warnings of a result, on standard error.
+/// Prints warnings on standard error.
 void print_warnings(const std::vector<std::string>& warnings);
 
-// What pages of the manual and completions ask of an option.
+// Properties of options for manual pages and shell completion.
 
-/// Every option of a command that has dashes, `--help` among them, in the order of `--help`.
+/// Returns every option of a command that has dashes, with `--help`, in the order of `--help`.
 std::vector<Option> named_options(const Command& command);
 
-/// What a command takes by its place.
+/// Returns the positional arguments of a command.
 std::vector<Option> positional_options(const Command& command);
 
 bool is_flag(const Option& option);
 bool is_list(const Option& option);
 bool is_optional_argument(const Option& option);
 
-/// The words that its value may be; empty where they are not listed.
+/// Returns the possible values of an option; empty if they are not enumerated.
 std::vector<std::string> words_of(const Option& option);
 
-/// Its value as a page calls it: "FILE", "N", "KEY=VALUE", "x|y|radius"; empty for a flag.
+/// Returns the name of an option's value: "FILE", "N", "KEY=VALUE", "x|y|radius"; empty for a flag.
 std::string value_name(const Option& option);
 
-/// What a shell offers for a value.
+/// Kind of completion that a shell offers for a value.
 enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };
 CompletionKind completion_kind(const Option& option);
 
-/// Whether `--set` of a command changes a study, not a scene.
+/// Returns true if `--set` of a command changes a study instead of a scene.
 bool has_study_keys(const Command& command);
 
 }  // namespace abbe::sim

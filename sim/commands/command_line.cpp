@@ -27,13 +27,14 @@
 
 namespace abbe::sim {
 
-/// What `abbe --version` prints: version, commit, compiler with preset and flags, libraries, and
-/// where the scenes are.
+/// Returns the output of `abbe --version`: version, commit, compiler with preset and flags,
+/// libraries, and the folder of the scenes.
 /// @param commit  from which the program was built
 std::string version_text(const std::string& commit);
 
 namespace {
 
+/// A missing library must not prevent the version from being printed.
 std::string library_text() {
   try {
     return library_folder().string();
@@ -57,8 +58,9 @@ namespace {
 
 using Added = std::map<std::string, CLI::Option*>;
 
-constexpr const char* out_name = "--out";  // has a short form, in every command
+constexpr const char* out_name = "--out";  // has a short form in every command
 
+/// Adds an option to the parser: a bool becomes a flag.
 CLI::Option* bound(CLI::App& app, const Option& option) {
   return std::visit(
       [&](auto* target) {
@@ -71,7 +73,7 @@ CLI::Option* bound(CLI::App& app, const Option& option) {
       option.target);
 }
 
-/// "expected one of a, b (nearest: b), seen c"
+/// Returns "expected one of a, b (nearest: b), seen c".
 std::string slip(const std::string& expected, const std::string& seen,
                  const std::set<std::string>& words) {
   const auto meant = nearest(seen, words);
@@ -83,12 +85,13 @@ std::string joined(const std::vector<std::string>& words) {
   return fmt::format("{}", fmt::join(words, ", "));
 }
 
-/// Makes a rule hold for an option.
+/// Applies a rule to an option of the parser.
 struct RuleMaker {
   const Option& option;
   CLI::Option& added;
   const Added& others;
 
+  // The option has no rule.
   void operator()(std::monostate) const {}
   void operator()(const Between& rule) const {
     if (std::holds_alternative<double*>(option.target))
@@ -113,6 +116,8 @@ struct RuleMaker {
   void operator()(const OptionalArgument&) const { added.required(false); }
 };
 
+/// Adds options to the parser. Positional arguments are required unless a rule says otherwise; a
+/// list takes one value at a time, so that it does not swallow positional arguments.
 void add(CLI::App& app, const std::vector<Option>& options, Added& added) {
   for (const Option& option : options) {
     CLI::Option& one = *(added[option.name] = bound(app, option));
@@ -125,6 +130,7 @@ void add(CLI::App& app, const std::vector<Option>& options, Added& added) {
   }
 }
 
+/// Adds a command with its options and examples to the parser.
 void add(CLI::App& app, const Command& command) {
   CLI::App& sub = *app.add_subcommand(command.name, command.summary);
   Added added;
@@ -139,7 +145,7 @@ void add(CLI::App& app, const Command& command) {
   sub.footer(footer + command.footer);
 }
 
-/// A word that is no command; empty where the command line begins as it should.
+/// Returns an error message if the first argument is not a command or a global option; else empty.
 std::string unknown_command(const std::vector<Command>& commands,
                             const std::vector<GlobalOption>& global_options, int argc,
                             char** argv) {
@@ -158,13 +164,15 @@ std::string unknown_command(const std::vector<Command>& commands,
          "; abbe --help lists them";
 }
 
-/// The first word that looks like an option of a command and is none; empty if there is none.
+/// Returns an error message for the first argument that looks like an option but is none of the
+/// command; else empty.
 std::string unknown_option(const Command& command, int argc, char** argv) {
   std::set<std::string> words{"-h", "--help"};
   for (const std::vector<Option>& options : {command.options, command.where})
     for (const Option& option : options)
       if (option.name.starts_with('-')) words.insert(option.name);
   if (words.contains(out_name)) words.insert("-o");
+  // A value such as -1 also begins with a dash, so this is checked only after parsing failed.
   for (int i = 2; i < argc; ++i) {
     const std::string word = argv[i], name = word.substr(0, word.find('='));
     if (name.size() > 1 && name.starts_with('-') && !words.contains(name))
@@ -174,7 +182,7 @@ std::string unknown_option(const Command& command, int argc, char** argv) {
   return {};
 }
 
-/// The answer of a question with its argument; the exit of a fault of usage, which is printed.
+/// Runs a global option with its argument and returns its exit code.
 Exit answered(const GlobalOption& question, int argc, char** argv) {
   const int most = 3;
   const bool is_optional_argument = question.argument.starts_with('[');
@@ -190,7 +198,7 @@ Exit answered(const GlobalOption& question, int argc, char** argv) {
   return question.answer(argument);
 }
 
-/// Prints what was asked for: help, or the version.
+/// Prints help or the version.
 Exit answered(const CLI::App& app, const CLI::Success& help) {
   std::ostringstream out, errors;
   app.exit(help, out, errors);
@@ -198,8 +206,8 @@ Exit answered(const CLI::App& app, const CLI::Success& help) {
   return Exit::Ok;
 }
 
-/// Fills the words of a command.
-/// @return it, or the exit where help was asked for or a fault of usage was printed
+/// Parses the arguments of a command.
+/// @return the command, or the exit code if help or a usage error was printed
 std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
                                           const std::string& version, int argc, char** argv) {
   const std::vector<GlobalOption> asked = global_options(commands);
@@ -212,7 +220,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
                   about_line, about_text)};
   app.set_version_flag("--version", version);
   app.require_subcommand(1);
-  std::string argument;  // of questions, which are listed here and answered above
+  std::string argument;  // global options are listed here and handled above
   for (const GlobalOption& question : asked)
     app.add_option(question.name, argument, question.help)
         ->type_name(question.argument)
@@ -223,6 +231,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
     print(stderr, "abbe: {}\n", why);
     return Exit::Usage;
   };
+  // Checked before parsing, because the parser would not suggest the nearest command.
   if (const std::string why = unknown_command(commands, asked, argc, argv); !why.empty())
     return refuse(why);
   const auto named =
@@ -250,9 +259,10 @@ Exit parse_command_line(const std::vector<Command>& commands, int argc, char** a
   return exit ? *exit : Exit::Ok;
 }
 
+/// Help and the version are handled by `parsed`.
 Exit run_command_line(const std::vector<Command>& commands, CommonOptions& common, int argc,
                       char** argv) {
-  // `abbe help run` is `abbe run --help`
+  // `abbe help run` means `abbe run --help`.
   std::string help = "--help";
   std::vector<char*> words(argv, argv + argc);
   const auto is_command = [&](const char* word) {
@@ -266,6 +276,7 @@ Exit run_command_line(const std::vector<Command>& commands, CommonOptions& commo
   if (const Exit* exit = std::get_if<Exit>(&result)) return *exit;
   if (common.scene.string().starts_with(library_prefix)) common.scene = library_file(common.scene);
   std::optional<tbb::global_control> limit;
+  // The limit holds as long as this object lives.
   if (common.threads > 0)
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(common.threads));
   constexpr double gigabyte = 1e9;

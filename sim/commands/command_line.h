@@ -6,18 +6,18 @@
 
 namespace abbe::sim {
 
-/// Reads the command line and runs the command that it names; prints help, the version and faults
-/// of usage, with the nearest command or option. A scene may be named `library:gantry_dome`.
-/// @param common  that the commands were made with
+/// Parses the command line and runs its command; prints help, the version, and usage errors with
+/// the nearest command or option. A scene may be named `library:gantry_dome`.
+/// @param common  the options with which the commands were made
 Exit run_command_line(const std::vector<Command>& commands, CommonOptions& common, int argc,
                       char** argv);
 
-/// Reads the command line as `run_command_line` does and runs nothing.
+/// Parses the command line like `run_command_line`, without running a command.
 Exit parse_command_line(const std::vector<Command>& commands, int argc, char** argv);
 
-/// Every command of abbe, as `--help` lists them.
-/// @param common      what several of them take
-/// @param argc, argv  what mpirun gave the program
+/// Returns all commands of abbe in the order of `--help`.
+/// @param common      options of several commands
+/// @param argc, argv  of the program, as started by mpirun
 std::vector<Command> all_commands(CommonOptions& common, int& argc, char**& argv);
 
 }  // namespace abbe::sim

@@ -19,7 +19,7 @@
 
 namespace abbe::sim {
 
-/// What one has to know to read a figure of abbe.
+/// A topic of `abbe help`: background for reading the figures of abbe.
 struct HelpTopic {
   std::string name, summary, text;
 };
@@ -28,13 +28,14 @@ const std::vector<HelpTopic>& help_topics();
 
 namespace {
 
-/// The part of a prefix behind the path of a table, where another follows it; else empty.
+/// Returns the part of a prefix after the path of a table if another part follows it; else empty.
 std::string next_key_part(const std::string& table, const std::string& prefix) {
   if (!prefix.starts_with(table)) return "";
   const std::size_t end = prefix.find('.', table.size());
   return end == std::string::npos ? "" : prefix.substr(table.size(), end - table.size());
 }
 
+/// Returns true if a key has the name, also among keys that values enable.
 bool has_key(const std::vector<Key>& keys, const std::string& name) {
   return std::ranges::any_of(keys, [&](const Key& key) {
     return key.name == name || std::ranges::any_of(key.words, [&](const Word& word) {
@@ -43,13 +44,13 @@ bool has_key(const std::vector<Key>& keys, const std::string& name) {
   });
 }
 
-/// The index or name of one table of a list that a prefix has, with a dot; else empty.
+/// Returns the index or name of one table of a list in a prefix, with a dot; else empty.
 std::string table_selector(const Key& list, const std::string& path, const std::string& prefix) {
   const std::string part = next_key_part(path, prefix);
   return part.empty() || has_key(list.keys, part) ? "" : part + ".";
 }
 
-/// The name of a key: of those that are many the one that the prefix has.
+/// Returns the name of a key; of a key with a pattern, the name that the prefix contains.
 std::string matching_name(const Key& key, const std::string& table, const std::string& prefix) {
   const std::string part = next_key_part(table, prefix);
   const bool one =
@@ -57,7 +58,8 @@ std::string matching_name(const Key& key, const std::string& table, const std::s
   return one ? part : key.name;
 }
 
-/// Paths of keys and of those below them, in order; those that words bring come after their word.
+/// Returns the paths of keys and of the keys below them, in order; keys that a value enables come
+/// after that value's key.
 std::vector<std::string> key_paths(const std::vector<Key>& keys, const std::string& table,
                                    const std::string& prefix) {
   std::vector<std::string> paths;
@@ -101,6 +103,7 @@ std::vector<std::string> settable_keys(const std::string& prefix) {
   std::set<std::string> seen;
   for (const std::string& path : key_paths(keys, "", prefix))
     if (path.starts_with(prefix) && seen.insert(path).second) found.push_back(path);
+  // A key that several values enable is listed once.
   return found;
 }
 
@@ -196,6 +199,7 @@ std::string row(const std::string& name, const std::string& summary) {
   return fmt::format("  {:<10} {}\n", name, summary);
 }
 
+/// Returns the list of topics and commands.
 std::string topic_list(const std::string& commands) {
   std::string text = "Topics, abbe help TOPIC:\n";
   std::vector<HelpTopic> topics(help_topics().begin(), help_topics().end());
@@ -204,6 +208,7 @@ std::string topic_list(const std::string& commands) {
   return text + "\nCommands, abbe help COMMAND:\n" + commands;
 }
 
+/// Prints a topic; without a valid name the list. Names of commands never arrive here.
 Exit print_help(const std::string& name, const std::string& commands) {
   const auto topic = std::ranges::find(help_topics(), name, &HelpTopic::name);
   print("{}", Lines(topic == help_topics().end() ? topic_list(commands) : topic->text));
@@ -231,12 +236,14 @@ Command help_command(const std::vector<Command>& others) {
 
 namespace {
 
+/// Prints the rows of a key.
 /// @throws BadUsage with the nearest key
 Exit print_explanation(const std::string& question) {
   const std::vector<Key> keys = all_keys();
   const std::vector<KeyRow> rows = explained(keys, question);
   if (rows.empty()) {
     std::set<std::string> known;
+    // A query without dots is compared with bare names, because paths would always be far from it.
     const bool dotted = question.find('.') != std::string::npos;
     for (const KeyRow& row : key_rows(keys))
       known.insert(dotted ? row.path : row.path.substr(row.path.rfind('.') + 1));
@@ -262,6 +269,7 @@ Command explain_command() {
 
 namespace {
 
+/// Prints the schema of a scene, a study or a section.
 Exit print_schema(const std::string& section) {
   const std::vector<Key> keys = section == "scene" ? scene_keys() : keys_of(section);
   print("{}", Lines(json_text(schema(keys, "abbe: " + section))));

@@ -8,24 +8,26 @@
 
 namespace abbe::sim {
 
-/// Every key of a scene, and the keys of a study below `study`.
+/// Returns every key of a scene, and the keys of a study below `study`.
 std::vector<Key> all_keys();
 
-/// Keys of the table at a dotted path: "machine", "study.input".
+/// Returns the keys of the table at a dotted path: "machine", "study.input".
 /// @throws BadUsage if there is none
 std::vector<Key> keys_of(const std::string& section);
 
-/// Paths of keys that begin with a prefix, as `--set` takes them: "part.radius_mm", of every table
-/// of a list "instrument.kind", of one where the prefix has its index or name, "instrument.0.kind".
-/// Keys of a study begin with "study." and are listed for a prefix that does.
+/// Returns the paths of keys that begin with a prefix, as `--set` takes them: "part.radius_mm", for
+/// all tables of a list "instrument.kind", for one of them "instrument.0.kind" if the prefix has
+/// its index or name. Keys of a study begin with "study." and are listed only for such a prefix.
 std::vector<std::string> settable_keys(const std::string& prefix);
 
-/// `abbe help`; the command line answers for commands as `--help` does.
+/// Returns the command `abbe help`; for the name of a command the parser prints its `--help`.
 /// @param others  every other command
 Command help_command(const std::vector<Command>& others);
 
+/// Returns the command `abbe explain`, which describes a key.
 Command explain_command();
 
+/// Returns the command `abbe schema`, which prints the JSON Schema for editors.
 Command schema_command();
 
 }  // namespace abbe::sim

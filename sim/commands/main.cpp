@@ -10,19 +10,20 @@
 #include "sim/files/terminal.h"
 #include "sim/study/farm.h"
 
-extern const char* const abbe_commit;  // commit.cmake writes it
+extern const char* const abbe_commit;  // defined in a file that commit.cmake writes
 
 namespace {
 
-/// The command for the marks of results.
+/// Returns the command line for the manifests of results.
 std::string typed_command(int argc, char** argv) {
   std::string text = "abbe";
   for (int i = 1; i < argc; ++i) text += " " + std::string(argv[i]);
   return text;
 }
 
-/// Maps are arrays of tens of megabytes that come and go: what one leaves is used by the next,
-/// where handing it back to the system costs a twentieth of a run in pages that are cleared again.
+/// Keeps freed memory in the process. Maps are arrays of tens of megabytes that are allocated and
+/// freed repeatedly; returning them to the system costs 5 % of a run, because pages are cleared
+/// again.
 void keep_memory() {
 #ifdef __GLIBC__
   constexpr int large = 1 << 30;
@@ -36,7 +37,9 @@ void keep_memory() {
 int main(int argc, char** argv) {
   using namespace abbe::sim;
   keep_memory();
+  // Before any file is opened, so that none gets the number of a closed standard stream.
   enable_write_errors();
+  // A process started as the host of a plug-in does nothing else.
   if (const auto host = compensation::plug_in_host(argc, argv)) return *host;
   watch_interrupts();
   CommonOptions common;

@@ -29,7 +29,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// What stands on the command line.
+/// Arguments of the command line.
 struct ProgramArguments {
   std::filesystem::path file;
   std::string to, dialect = "auto", unit = "as_stated", interpreter = "abbe";
@@ -44,6 +44,7 @@ struct ProgramArguments {
 
 constexpr double min_progress_bytes = 4e6;  // bytes from which progress is shown
 
+/// Return the format and the dialect of a name; the parser has checked the names.
 std::optional<ProgramFormat> format_of(const std::string& word) {
   if (word == "cl") return ProgramFormat::Cl;
   if (word == "nc") return ProgramFormat::Nc;
@@ -60,6 +61,8 @@ dialects::Dialect dialect_of(const std::string& word) {
   return Dialect::Auto;
 }
 
+/// Returns the rule near a pole. Fanuc's rule needs the values of two parameters of the control,
+/// which have no default.
 dialects::PoleOptions pole_of(const ProgramArguments& words) {
   using dialects::PoleRule;
   const bool fanuc = words.pole == "fanuc";
@@ -74,6 +77,7 @@ dialects::PoleOptions pole_of(const ProgramArguments& words) {
   return {rule, words.pole_near_deg * units::deg, words.pole_change_deg * units::deg};
 }
 
+/// Returns the options for programs of a turning control.
 dialects::TurningOptions turning_of(const ProgramArguments& words) {
   using dialects::ControlKind, dialects::XWordMeaning;
   dialects::TurningOptions turning = words.options.turning;
@@ -86,6 +90,7 @@ dialects::TurningOptions turning_of(const ProgramArguments& words) {
   return turning;
 }
 
+/// Returns the extension with which a converted program is written.
 const char* format_extension(ProgramFormat format) {
   switch (format) {
     case ProgramFormat::Cl:
@@ -100,7 +105,7 @@ const char* format_extension(ProgramFormat format) {
   return ".csv";
 }
 
-/// "out/NAME" unless said.
+/// Returns the folder of --out, by default "out/NAME".
 std::filesystem::path folder_of(const CommonOptions& common, const ProgramArguments& words) {
   return common.out.empty() ? std::filesystem::path("out") / words.file.stem() : common.out;
 }
@@ -109,6 +114,7 @@ struct Written {
   std::optional<std::filesystem::path> picture, program;
 };
 
+/// Writes the picture and the converted program.
 Written write(const ResultFolder& folder, const ProgramArguments& words,
               const ProgramInspection& alone) {
   Written written;
@@ -124,6 +130,7 @@ Written write(const ResultFolder& folder, const ProgramArguments& words,
   return written;
 }
 
+/// Prints the inspection and the files written.
 void print_result(const CommonOptions& common, const ProgramInspection& alone,
                   const Written& written) {
   if (common.json) {
@@ -145,6 +152,8 @@ void print_result(const CommonOptions& common, const ProgramInspection& alone,
   print_warnings(alone.warnings);
 }
 
+/// Inspects a program alone. Its exit code is 3 if an axis leaves its travel, because the machine
+/// could not run it.
 Exit look_at(const CommonOptions& common, ProgramArguments words) {
   words.options.to = format_of(words.to);
   words.options.dialect = dialect_of(words.dialect);
@@ -155,6 +164,7 @@ Exit look_at(const CommonOptions& common, ProgramArguments words) {
   if (words.skip_unknown) words.options.on_unknown = dialects::UnknownWordPolicy::Warn;
   if (words.tool_radius > 0.0) words.options.tool_radius = words.tool_radius;
   if (words.unit != "as_stated") words.options.table_unit = words.unit == "mm" ? 1.0 : units::inch;
+  // The converted program has no tool calls of the table, so one length must hold.
   if (!words.options.tools.empty() && words.options.to)
     throw BadUsage("--to", "expected no --tools: what is written counts with one tool length");
   if (!words.options.offsets.empty() && !words.options.offset.empty())
@@ -261,12 +271,14 @@ namespace {
 using nlohmann::ordered_json;
 using Channel = CaseDescription::Channel;
 
+/// Returns true if a case corrects through a rewritten program; a plug-in has its channel in the
+/// scene.
 bool has_program_channel(const Scene& scene, const CaseDescription& compensator) {
   return (compensator.plug_in.empty() ? compensator.channel : scene.compensation.plug_in.channel) ==
          Channel::Program;
 }
 
-/// The case that is written, by name or the first of the scene.
+/// Returns the case to write, by name or the first suitable one of the scene.
 CaseDescription select_case(const Scene& scene, const std::string& name) {
   const std::string file = scene.file.string();
   if (!name.empty()) {
@@ -287,13 +299,16 @@ CaseDescription select_case(const Scene& scene, const std::string& name) {
       "a case through the channel program among those that the scene compares, or --case", "none");
 }
 
+/// Returns the output file: it has the extension of the original program, which selects the
+/// dialect.
 ResultFile rewritten_file(const Job& job, const ProgramRewriteOptions& options) {
   const std::string name = "rewritten" + std::filesystem::path(job.path.file).extension().string();
   const std::filesystem::path out =
       options.out.empty() ? std::filesystem::path("out") / job.scene.file.stem() : options.out;
-  return result_file(output_file(out, name), writer_of(job.scene, options.permissions));
+  return result_file(output_file(out, name), make_writer(job.scene, options.permissions));
 }
 
+/// Adds a value; `rms` holds the sum of squares until the end.
 void add(Spread& spread, double value) {
   spread.rms += value * value;
   spread.max = std::max(spread.max, value);
@@ -305,6 +320,8 @@ ProgramChange program_change(const Job& job, const Commands& commands) {
   ProgramChange change;
   const std::size_t n = commands.samples.states.size();
   for (std::size_t i = 0; i < n; ++i) {
+    // A sample belongs to a block of the rewritten program; its fraction of the block's time gives
+    // the commanded axes.
     const program::Block& block = commands.path->blocks[std::size_t(commands.samples.block[i])];
     const double duration = block.end_s - block.start_s;
     const double u =
@@ -314,6 +331,7 @@ ProgramChange program_change(const Job& job, const Commands& commands) {
     const kinematics::Pose& wanted = commands.T_wt_nominal[i];
     add(change.tip, (T.translation() - wanted.translation()).norm());
     const Eigen::Vector3d a = T.linear().col(2), b = wanted.linear().col(2);
+    // atan2 is exact for small angles, where acos of the dot product has an error of 1e-8 rad.
     add(change.direction, std::atan2(a.cross(b).norm(), a.dot(b)));
   }
   for (Spread* spread : {&change.tip, &change.direction})
@@ -337,6 +355,7 @@ RewriteOutcome rewrite(const std::filesystem::path& file, const ProgramRewriteOp
   progress.replan(rest(size_of(job)));
   progress.begin(compensator.name);
   const Commands commands = compensate(job, compensator, to(progress));
+  // A corrected program may leave the travel of an axis, which the control would not run.
   check_travel(job, commands);
   progress.begin("write");
   progress.report("words", 0.0);
@@ -405,6 +424,7 @@ std::string to_text(const RewriteOutcome& done) {
                             escaped(done.case_name), done.bytes);
 }
 
+/// Rewrites the program and prints the size of the correction.
 Exit print_rewrite(const CommonOptions& common, const std::string& case_name) {
   ProgramRewriteOptions options;
   options.overrides = overrides(common);
@@ -439,6 +459,8 @@ namespace {
 
 using compensation::ControlFormat;
 
+/// Returns the files of a control. ISG's volumetric compensation takes the errors themselves, all
+/// others tables of corrections.
 compensation::Export exported(const Job& job, const LearnedCorrection& learned_correction,
                               ControlFormat format) {
   const kinematics::Chain& control = job.machine.control;
@@ -450,7 +472,8 @@ compensation::Export exported(const Job& job, const LearnedCorrection& learned_c
       throw std::invalid_argument("expected geometric errors that are identified, seen none");
     return compensation::to_volumetric(*learned_correction.geometric, control,
                                        table_options(make_control_view(job)));
-  } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
+  } catch (const std::logic_error& fault) {  // including out_of_range: a table of the belief is too
+                                             // short
     throw BadInput(job.scene.file.string(), 0, 0, "a correction that tables can hold",
                    fault.what());
   }
@@ -462,7 +485,7 @@ ExportOutcome export_tables(const std::filesystem::path& file, const ExportOptio
   Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const CaseDescription compensator = parse_case(options.case_name);
   trust(scene, compensator);
-  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
   const auto rest = [&](const WorkSize& size) {
     return command_stages(compensator.name, size, scene, compensator) +
            std::vector<Stage>{{"write", "tables", 0.5}};
@@ -500,12 +523,13 @@ nlohmann::ordered_json to_json(const ExportOutcome& done) {
           {"notes", done.notes}};
 }
 
-/// What stands on the command line.
+/// Arguments of the command line.
 struct ExportArguments {
   std::string format;
   ExportOptions options;
 };
 
+/// Exports the tables. Omissions are warnings, because the control would not correct these errors.
 Exit print_export(const CommonOptions& common, ExportArguments words) {
   words.options.overrides = overrides(common);
   words.options.folder = result_folder(common) / (common.out.empty() ? "tables" : "");

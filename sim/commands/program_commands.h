@@ -12,27 +12,29 @@
 
 namespace abbe::sim {
 
-/// `abbe program FILE`
+/// Returns the command `abbe program FILE`.
 Command program_command(CommonOptions& common);
 
+/// Options of `abbe rewrite`.
 struct ProgramRewriteOptions {
   std::vector<Override> overrides;
-  std::string case_name;  ///< belief-strategy-program, or a plug-in's file whose channel is
+  std::string case_name;  ///< belief-strategy-program, or the file of a plug-in with the channel
                           ///< program; empty: the first such case of the scene
   std::filesystem::path
       out;  ///< file; empty: `rewritten` in out/SCENE, its ending as the program's
   Permissions permissions;
 };
 
-/// What the words of a rewritten program change: where it would bring the tip and the tool axis of
-/// a machine without errors, less where they should be.
+/// Size of the correction in a rewritten program: the pose to which it would bring the tool of a
+/// machine without errors, minus the intended pose.
 struct ProgramChange {
   Spread tip;        ///< mm
   Spread direction;  ///< rad
 };
+/// Computes the size of the correction over all samples.
 ProgramChange program_change(const Job& job, const Commands& commands);
 
-/// What was written.
+/// Result of rewriting a program.
 struct RewriteOutcome {
   std::filesystem::path file;
   std::string case_name;
@@ -42,29 +44,30 @@ struct RewriteOutcome {
   struct Words {
     double mm = 0.0, deg = 0.0;
   };
-  std::optional<Words> words;   ///< resolution of the words; none in PVT
-  double point_left = 0.0;      ///< mm, what the corrections leave
+  std::optional<Words> words;   ///< resolution of the NC words; empty for PVT
+  double point_left = 0.0;      ///< mm, largest error that the corrections leave
   double direction_left = 0.0;  ///< rad
   std::vector<std::string> warnings;
 };
 
-/// Writes the compensated program of a scene, of the dialect of the original, and cuts nothing that
-/// the belief does not ask for.
+/// Writes the compensated program of a scene in the dialect of the original. It cuts only what the
+/// belief requires.
 /// @throws BadScene, BadInput (a case through another channel, a scene without one), OutputFailure
 RewriteOutcome rewrite(const std::filesystem::path& scene, const ProgramRewriteOptions& options);
 
-/// `abbe rewrite`.
+/// Returns the command `abbe rewrite`.
 Command rewrite_command(CommonOptions& common);
 
+/// Options of `abbe export`.
 struct ExportOptions {
   std::vector<Override> overrides;
-  std::string case_name = "identified-position-table";  ///< what the tables are made from
-  std::optional<compensation::ControlFormat> format;    ///< none: the scene's, else LinuxCNC
+  std::string case_name = "identified-position-table";  ///< case from which the tables are made
+  std::optional<compensation::ControlFormat> format;  ///< empty: the scene's format, else LinuxCNC
   std::filesystem::path folder;
   Permissions permissions;
 };
 
-/// What was written, and what the format cannot hold.
+/// Files written, and what the format cannot hold.
 struct ExportOutcome {
   std::string scene, case_name;
   compensation::ControlFormat format{};
@@ -72,12 +75,12 @@ struct ExportOutcome {
   std::vector<std::string> left_out, notes;
 };
 
-/// Writes the tables that a compensator of the scene amounts to in the layout of a control. The
-/// channel `table` with the same format runs what these files make a control do.
+/// Writes the tables of a compensator of the scene in the layout of a control. The channel `table`
+/// with the same format simulates a control that runs these files.
 /// @throws BadScene, BadInput, OutputFailure
 ExportOutcome export_tables(const std::filesystem::path& scene, const ExportOptions& options);
 
-/// `abbe export`.
+/// Returns the command `abbe export`.
 Command export_command(CommonOptions& common);
 
 }  // namespace abbe::sim

@@ -42,7 +42,7 @@ struct ReportArguments {
   std::string language = "en";
 };
 
-/// A page that was written.
+/// Prints the result of writing a page.
 Exit print_report_file(const CommonOptions& common, const std::filesystem::path& file,
                        std::size_t bytes, const std::vector<std::string>& warnings) {
   if (common.json)
@@ -54,7 +54,7 @@ Exit print_report_file(const CommonOptions& common, const std::filesystem::path&
   return Exit::Ok;
 }
 
-/// A study is computed, or what is left of it, as `abbe study` does.
+/// Computes a study, or the unfinished part of it, like `abbe study`, and writes its page.
 Exit report_study(const CommonOptions& common, const ReportArguments& words) {
   study::StudyOptions options;
   options.overrides = overrides(common);
@@ -70,7 +70,7 @@ Exit report_study(const CommonOptions& common, const ReportArguments& words) {
   return print_report_file(common, words.file, page.html.size(), page.warnings);
 }
 
-/// The page of what a command left, read from there.
+/// Returns the page of a folder or file that a command wrote.
 HtmlReport result_page(const std::filesystem::path& results, const ReportArguments& words) {
   if (std::filesystem::is_directory(results) && study::has_study(results))
     return study::study_page(results, words.language);
@@ -84,7 +84,7 @@ HtmlReport result_page(const std::filesystem::path& results, const ReportArgumen
   return {page_html(page), page.warnings};
 }
 
-/// What a page is made of, which it must not replace.
+/// Returns the files from which a page is made, which it must not replace.
 std::vector<std::filesystem::path> files_of(const std::filesystem::path& results) {
   if (!std::filesystem::is_directory(results)) return {results};
   std::vector<std::filesystem::path> files = saved_files(results);
@@ -92,8 +92,9 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& results
   return files;
 }
 
-/// Beside the results, unless another place is named.
+/// Writes the page beside the results, unless another path is given.
 Exit report_results(const CommonOptions& common, const ReportArguments& words) {
+  // Saved results are fixed: an override would be ignored.
   if (!common.set.empty() || common.seed)
     throw BadUsage(common.set.empty() ? "--seed" : "--set",
                    "expected a scene or a study, seen results, which nothing changes");
@@ -110,6 +111,7 @@ Exit report_results(const CommonOptions& common, const ReportArguments& words) {
   return print_report_file(common, file, page.html.size(), page.warnings);
 }
 
+/// Throws if a folder holds no results.
 void check_report_source(const std::filesystem::path& folder) {
   if (study::has_study(folder) || has_saved_cases(folder) ||
       std::filesystem::exists(folder / "evaluation.json"))
@@ -121,6 +123,7 @@ void check_report_source(const std::filesystem::path& folder) {
                      " without comparison.json, summary.json, budget.json or evaluation.json");
 }
 
+/// Writes a page of a scene, of a study, or of results: a folder or a .json file is a result.
 Exit report(const CommonOptions& common, const ReportArguments& words) {
   if (std::filesystem::is_directory(common.scene)) check_report_source(common.scene);
   if (std::filesystem::is_directory(common.scene) || common.scene.extension() == ".json")
@@ -132,6 +135,7 @@ Exit report(const CommonOptions& common, const ReportArguments& words) {
       words.file.empty() ? result_folder(common) / "report.html" : words.file;
   const ReportOutcome reported = report(common.scene, options, file);
   print_report_file(common, file, reported.bytes, reported.warnings);
+  // Limits and failures are printed on stderr; a failed plug-in outranks an exceeded limit.
   for (const std::string& limit : reported.exceeded_limits) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : reported.failed) print(stderr, "abbe: {}\n", Lines(failure));
   if (!reported.failed.empty()) return Exit::PlugIn;
@@ -158,7 +162,7 @@ Command report_command(CommonOptions& common) {
                      compensator_option(words->compensators),
                      language_option(words->language)}),
       [words, &common] {
-        // the rest of what a page comes from stays where it is without --out
+        // --out may name the page; the folder of the other files then stays the default.
         CommonOptions own = common;
         ReportArguments page = *words;
         if (own.out.extension() == ".html" && output_file(own.out, "report.html") == own.out)
@@ -169,19 +173,20 @@ Command report_command(CommonOptions& common) {
 
 namespace {
 
-/// Options whose words are still to be read.
+/// Options with values that are still to be parsed.
 struct RenderArguments {
   RenderOptions options;
   std::optional<std::string> view, range, bands, size, Nic, Nis;
   std::optional<std::int64_t> sections;
 };
 
-/// Numbers between separators; none if it is anything else.
+/// Returns numbers between separators; empty if the text is anything else.
 std::optional<std::vector<double>> numbers_of(const std::string& text, char separator) {
   std::vector<double> values;
   const char* at = text.data();
   const char* const end = at + text.size();
   while (true) {
+    // from_chars does not accept a leading plus.
     if (at != end && *at == '+') ++at;
     double value = 0.0;
     const auto [next, fault] = std::from_chars(at, end, value);
@@ -193,7 +198,7 @@ std::optional<std::vector<double>> numbers_of(const std::string& text, char sepa
   }
 }
 
-/// "+x" ... "-z", "iso", or a direction "x,y,z".
+/// Parses "+x" ... "-z", "iso", or a direction "x,y,z".
 Eigen::Vector3d direction_of(const std::string& text) {
   if (text == "iso") return {1.0, -1.0, 1.0};
   const std::string axes = "xyz";
@@ -207,6 +212,7 @@ Eigen::Vector3d direction_of(const std::string& text) {
                  "expected +x, -x, +y, -y, +z, -z, iso or a direction as 1,-1,0.5, seen " + text);
 }
 
+/// Parses a symmetric tolerance or its two limits, um.
 Tolerance parse_bands(const std::string& text) {
   const auto v = numbers_of(text, ',');
   if (v && v->size() == 1 && v->front() > 0.0)
@@ -224,12 +230,14 @@ std::array<int, 2> size_of(const std::string& text) {
   throw BadUsage("--size", "expected pixels as 1600x1200, each from 320 to 16384, seen " + text);
 }
 
+/// Parses a positive number with its unit in the error message.
 double parse_positive(const char* option, const char* unit, const std::string& text) {
   const auto v = numbers_of(text, ',');
   if (v && v->size() == 1 && v->front() > 0.0) return v->front();
   throw BadUsage(option, fmt::format("expected {} above 0, seen {}", unit, text));
 }
 
+/// Returns the parsed options of `render`.
 RenderOptions read(const RenderArguments& words) {
   RenderOptions options = words.options;
   if (words.Nic) options.texture.Nic = parse_positive("--nic", "millimetres", *words.Nic);
@@ -313,21 +321,21 @@ namespace {
 constexpr std::size_t max_frames = 10'000;
 constexpr int min_width = 320, min_height = 240, max_width = 7680, max_height = 4320;  // px
 
-/// Options whose words are still to be read.
+/// Options with values that are still to be parsed.
 struct AnimateArguments {
   std::string case_name = "uncompensated", magnify = "1", size = "1280x720", film = "mp4";
   double seconds = 10.0, fps = 25.0;
   std::optional<std::string> lines;
 };
 
-/// What the words say, before the scene is read.
+/// Parsed options, before the scene is read.
 struct AnimateOptions {
   std::optional<CaseDescription> compensator;
   std::optional<LineRange> lines;
   FilmOptions film;
 };
 
-/// A number that is all of a text.
+/// Returns the number that is the whole text; empty otherwise.
 template <typename Number>
 std::optional<Number> parsed_number(std::string_view text) {
   Number value{};
@@ -336,13 +344,14 @@ std::optional<Number> parsed_number(std::string_view text) {
   return value;
 }
 
+/// Returns the parts of a text before and after a separator; the second is empty without one.
 std::pair<std::string_view, std::string_view> halves_of(std::string_view text, char separator) {
   const std::size_t at = text.find(separator);
   if (at == std::string_view::npos) return {text, {}};
   return {text.substr(0, at), text.substr(at + 1)};
 }
 
-/// "120:480", or a line alone.
+/// Parses "120:480", or a single line.
 LineRange lines_of(const std::string& text) {
   const std::string range = text.find(':') == std::string::npos ? text + ":" + text : text;
   const auto [from, to] = halves_of(range, ':');
@@ -361,6 +370,7 @@ void read_size(const AnimateArguments& words, FilmOptions& film) {
     throw BadUsage("--size",
                    fmt::format("expected pixels as 1280x720, from {}x{} to {}x{}, seen {}",
                                min_width, min_height, max_width, max_height, words.size));
+  // yuv420p stores one colour for two by two pixels.
   if (words.film != "none" && (*width % 2 != 0 || *height % 2 != 0))
     throw BadUsage("--size", "expected even numbers for " + words.film +
                                  ", which has colours for two pixels at a time (--film none takes "
@@ -370,6 +380,7 @@ void read_size(const AnimateArguments& words, FilmOptions& film) {
   film.height = *height;
 }
 
+/// Parses a magnification; empty for "auto".
 std::optional<double> parse_magnification(const std::string& text) {
   constexpr double most = 1e6;
   if (text == "auto") return std::nullopt;
@@ -378,6 +389,7 @@ std::optional<double> parse_magnification(const std::string& text) {
   throw BadUsage("--magnify", "expected a factor from 1 to 1000000, or auto, seen " + text);
 }
 
+/// Checks length and frame rate: at most 10 000 frames, which are kept as files.
 void check_length(const AnimateArguments& words) {
   const auto is_between = [](double x, double least, double most) {
     return x >= least && x <= most;
@@ -405,6 +417,7 @@ AnimateOptions options_of(const AnimateArguments& words) {
   return options;
 }
 
+/// Returns the interval to film; an error if the program has no block there.
 FilmInterval stretch_of(const program::Path& path, const AnimateOptions& options) {
   if (const auto stretch = interval_of_lines(path, options.lines)) return *stretch;
   if (!options.lines)
@@ -420,6 +433,7 @@ struct FilmedProgram {
   std::optional<cutting::Surface> surface;
 };
 
+/// Cuts the program: with [cutting] its process is filmed, otherwise the surface.
 FilmedProgram cut_for_film(const Job& job, const AnimateOptions& options,
                            const Progress& progress) {
   FilmedProgram made;
@@ -446,6 +460,7 @@ void print_film(const FilmOutcome& written, bool json) {
   if (!written.notice.empty()) print(stderr, "abbe: {}\n", Lines(written.notice));
 }
 
+/// Films a case. Everything that can be wrong is checked before the cut.
 Exit animate(const CommonOptions& common, const AnimateArguments& words) {
   const AnimateOptions options = options_of(words);
   Scene scene = read_trusted_scene(common.scene, overrides(common), common.permissions);
@@ -453,7 +468,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& words) {
   if (!can_draw_pictures())
     throw BadInput(common.scene.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                    "one without VTK");
-  const ResultFolder folder(result_folder(common), writer_of(scene, common.permissions));
+  const ResultFolder folder(result_folder(common), make_writer(scene, common.permissions));
   const double frames = words.seconds * words.fps;
   const double pixels = double(options.film.width) * options.film.height;
   const auto rest = [&](const WorkSize& size) {
@@ -464,7 +479,7 @@ Exit animate(const CommonOptions& common, const AnimateArguments& words) {
   ProgressLine line(scene_preparation_stages("prepare", expected) + rest(expected));
   line.begin("prepare");
   const Job job = placed(prepare(scene, to(line)));
-  stretch_of(job.path, options);  // refused before anything is cut
+  stretch_of(job.path, options);  // an input error is reported before anything is cut
   line.replan(rest(size_of(job)));
   line.begin(words.case_name);
   const FilmedProgram made = cut_for_film(job, options, to(line));

@@ -23,7 +23,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// A word as a shell takes it.
+/// Returns a word quoted for a shell.
 std::string quoted(const std::string& word) {
   const bool is_plain = word.find_first_not_of(
                             "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
@@ -34,7 +34,7 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
-/// A warning without its numbers: by what is left two warnings have one cause.
+/// Returns a warning without its numbers: warnings that then agree have one cause.
 std::string cause(const std::string& warning) {
   std::string text;
   for (const char c : warning)
@@ -44,8 +44,8 @@ std::string cause(const std::string& warning) {
 
 std::vector<std::string> distinct_warnings(const Summary& figures) { return figures.warnings; }
 
-/// The warnings of a comparison, each cause once with the figures of the first case that has it;
-/// its files tell them all.
+/// Returns the warnings of a comparison, each cause once with the figures of its first case; the
+/// files hold all of them.
 std::vector<std::string> distinct_warnings(const Comparison& all) {
   struct SharedWarning {
     std::string first, text;
@@ -157,6 +157,7 @@ Exit print_outcome(const CommonOptions& common, const RunOptions& options, const
   if (!font.empty()) print(stderr, "abbe: warning: {}\n", font);
   for (const std::string& limit : outcome.exceeded_limits) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
+  // A failed plug-in outranks an exceeded limit: the result is incomplete.
   if (!outcome.failed.empty()) return Exit::PlugIn;
   return outcome.exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
 }
@@ -171,6 +172,7 @@ struct RunArguments {
   std::string language = "en";
 };
 
+/// Runs one case: a plug-in is a case of its own, so --case and --compensator exclude each other.
 Exit run(const CommonOptions& common, const RunArguments& words) {
   RunOptions options = run_options(common, words.compensators, words.formats);
   options.case_name = words.case_name;
@@ -241,7 +243,7 @@ Command compare_command(CommonOptions& common) {
 
 namespace {
 
-/// What `study` takes besides what is common.
+/// Arguments of `study`, besides the common options.
 struct StudyArguments {
   bool show = false;
   bool merge = false;
@@ -253,6 +255,7 @@ struct StudyArguments {
   study::SlurmOptions job;
 };
 
+/// Parses a shard "i/n"; %n makes sure that nothing follows.
 study::Shard parse_shard(const std::string& text) {
   study::Shard shard;
   int end = 0;
@@ -270,12 +273,13 @@ Exit print_slurm_script(const CommonOptions& common, const StudyArguments& words
   job.out = options.folder;
   job.program = std::filesystem::canonical(program_file());
   job.trust = common.permissions.trust;
-  // a mistake is reported now, not by every shard
+  // A mistake in the study is reported now, not by every shard.
   study::read_trusted_study(common.scene, options.overrides, common.permissions);
   print("{}", Lines(study::slurm_script(job)));
   return Exit::Ok;
 }
 
+/// Runs, shows or merges a study, or prints its Slurm script. Only rank 0 prints.
 Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc, char**& argv) {
   study::StudyOptions options;
   options.overrides = overrides(common);
@@ -300,7 +304,7 @@ Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc
     study::run_study(common.scene, options, ranks);
     return Exit::Ok;
   } catch (const std::exception&) {
-    return Exit::Numerical;  // rank 0 reports it, and ends all with its own code
+    return Exit::Numerical;  // rank 0 reports the error and ends all ranks with its own exit code
   }
 }
 

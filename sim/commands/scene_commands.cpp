@@ -47,15 +47,17 @@ namespace {
 using kinematics::Motion;
 using std::filesystem::path;
 
-constexpr double many_turns = 10000.0;  // degrees
+constexpr double many_turns = 10000.0;  // degrees of travel from which a rotary axis counts as
+                                        // unlimited
 
-/// The first comment of a file, which says what it is.
+/// Returns the first comment of a file, which describes it.
 std::string first_comment(const path& file) {
   const std::string text = read_text(file, max_toml_bytes);
   const std::string line = text.substr(0, text.find('\n'));
   return line.starts_with("# ") ? line.substr(2) : std::string();
 }
 
+/// Reads the summary and the machine of a kind from its scene.
 KindEntry read_kind_entry(const std::string& name, const path& library) {
   const path file = library / "new" / (name + ".toml");
   const Node scene = read_toml_file(file);
@@ -64,6 +66,7 @@ KindEntry read_kind_entry(const std::string& name, const path& library) {
   return {name, first_comment(file), of != nullptr ? path(*of).stem().string() : std::string()};
 }
 
+/// Reads structural code and travel of a machine; linear axes are listed first.
 MachineEntry read_machine_entry(const path& file) {
   InputErrors input_errors;
   const MachineDescription machine = read_machine(read_toml_file(file), input_errors);
@@ -73,10 +76,12 @@ MachineEntry read_machine_entry(const path& file) {
                       to_string(kinematics::chain_topology(machine.joints)),
                       {}};
   for (const kinematics::Joint& joint : machine.joints) {
+    // Spindles have no travel, neither the tool's nor the workpiece's.
     if (joint.motion == Motion::Spindle || joint.name == 'S') continue;
     const bool turns = joint.motion == Motion::Rotary;
     const double unit = turns ? units::deg : 1.0;
     const double min = joint.min / unit, max = joint.max / unit;
+    // Unlimited axes have limits of 1e9.
     listed.axes.push_back(
         {joint.name, turns, turns ? max - min < many_turns : max < 1e8, min, max});
   }
@@ -163,7 +168,7 @@ std::vector<CopiedFile> new_scene(const std::string& kind, const std::filesystem
 
 namespace {
 
-/// Where the new folder is and of what kind.
+/// Arguments of the command line: kind and folder.
 struct NewArguments {
   std::string kind;
   std::filesystem::path folder;
@@ -176,6 +181,7 @@ Exit print_list(const CommonOptions& common) {
   return Exit::Ok;
 }
 
+/// Writes a first scene and prints the commands to try next.
 Exit print_new_scene(const NewArguments& words) {
   if (words.kind.empty() || words.folder.empty())
     throw BadUsage(words.kind.empty() ? "KIND" : "DIR",
@@ -219,7 +225,7 @@ struct CheckArguments {
   std::string case_name;
 };
 
-constexpr int max_lines = 40;  // of a terminal
+constexpr int max_lines = 40;  // lines of a terminal
 
 /// Returns as many lines of a text as a terminal shows, the last of them saying what is left out.
 std::string first_lines(const std::string& text) {
@@ -231,12 +237,13 @@ std::string first_lines(const std::string& text) {
          fmt::format("... and {} lines more: --all prints them\n", count - max_lines + 1);
 }
 
-/// What the axes are commanded in a case.
+/// Returns the commands of the axes in a case.
 Commands commands_of(const Job& job, const std::string& case_name, const Progress& progress) {
   if (case_name == "uncompensated") return uncompensated_commands(job);
   return compensate(job, parse_case(case_name), progress);
 }
 
+/// Searches collisions along the program of a case.
 Collisions find_collisions(const Job& job, const std::string& case_name) {
   const WorkSize size = size_of(job);
   std::vector<Stage> stages = collision_stages(case_name, size);
@@ -248,6 +255,8 @@ Collisions find_collisions(const Job& job, const std::string& case_name) {
   return collisions(job, commands, case_name, to(line));
 }
 
+/// Checks a scene. The bodies are read in any case, so that errors in them are found; the exit code
+/// is 1 if bodies collide.
 Exit check(const CommonOptions& common, const CheckArguments& words) {
   if (!words.case_name.empty() && !words.collisions)
     throw BadUsage("--case", "expected --collisions beside it: check cuts nothing");
@@ -255,6 +264,7 @@ Exit check(const CommonOptions& common, const CheckArguments& words) {
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
   const Placement place = placement(job);
+  // A program that misses the part is an error of the scene, but collisions are still searched.
   if (place.fault && !words.collisions) throw BadInput(*place.fault);
   Description description = describe(job);
   std::vector<std::string>& warnings = description.warnings;
@@ -267,12 +277,12 @@ Exit check(const CommonOptions& common, const CheckArguments& words) {
     found = find_collisions(job, words.case_name.empty() ? "uncompensated" : words.case_name);
     warnings.insert(warnings.end(), found->warnings.begin(), found->warnings.end());
   } else {
-    // their meshes are read, so that one that cannot be is refused here, too
+    // Their meshes are read, so that one that cannot be read is an error here too.
     machine_bodies(scene.machine);
     fixture_bodies(scene);
   }
   if (words.picture) {
-    const ResultFolder folder(result_folder(common), writer_of(scene, common.permissions));
+    const ResultFolder folder(result_folder(common), make_writer(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
     if (found) write_collision_pictures(folder, job, *found);
@@ -319,36 +329,39 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// What `abbe pose` is asked for: one of `at`, `at_file` and `grid`.
+/// Arguments of `abbe pose`: one of `at`, `at_file` and `grid`.
 struct PoseArguments {
   std::string at;                   ///< one pose, "X=100 A=30"
-  std::filesystem::path at_file;    ///< many, CSV
+  std::filesystem::path at_file;    ///< many poses, CSV
   std::optional<std::string> grid;  ///< the work space, "X=0:400:9 Y=::5"; may be empty
   PoseRequest wishes;
-  std::vector<std::string> jacobians;  ///< of the wishes, in words
+  std::vector<std::string> jacobians;  ///< of the request, as texts
   std::filesystem::path out;  ///< of many: a file, else standard output; of the work space: a
                               ///< folder, else out/SCENE/volumetric
   bool json = false;
   Permissions permissions;
 };
 
-constexpr std::size_t min_progress_poses = 20000;  // poses from which progress is shown
+constexpr std::size_t min_progress_poses = 20000;  // about 0.2 s of computing
 
+/// Warnings go to stderr, so that the output can be piped.
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
 }
 
+/// Prints one pose.
 void print_pose(const Scene& scene, const PoseArguments& command) {
   const PoseResult pose = pose_at(scene, command.at, command.wishes);
   print("{}", Lines(command.json ? json_text(to_json(pose)) : to_text(pose)));
   warn(pose.warnings);
 }
 
+/// Prints or writes a table of poses. Its output file is checked before the poses are read.
 void print_pose_table(const IdleMachine& idle, const PoseArguments& command) {
   const PoseTable table(idle, command.wishes);
   const auto asked = command.json ? TableFormat::Json : TableFormat::Csv;
   const TableFormat format = command.out.empty() ? asked : pose_file_format(command.out);
-  Writer writer = writer_of(idle.scene, command.permissions);
+  Writer writer = make_writer(idle.scene, command.permissions);
   writer.inputs.push_back(command.at_file);
   if (!command.out.empty()) check_file(command.out, writer);
   const PoseList poses = read_poses_file(command.at_file, idle.machine.nominal);
@@ -378,6 +391,7 @@ void print_pose_table(const IdleMachine& idle, const PoseArguments& command) {
   }
 }
 
+/// Returns the folder of --grid.
 /// @throws OutputFailure for the name of a file, as --at-file takes it
 std::filesystem::path grid_folder(const Scene& scene, const std::filesystem::path& out) {
   if (out.empty()) return std::filesystem::path("out") / scene.file.stem() / "volumetric";
@@ -392,13 +406,15 @@ std::filesystem::path grid_folder(const Scene& scene, const std::filesystem::pat
   return out;
 }
 
+/// Computes and writes the volumetric map of the work space.
 void print_work_space(const IdleMachine& idle, const PoseArguments& command) {
   const PoseTable table(idle, command.wishes);
   const ResultFolder folder(grid_folder(idle.scene, command.out),
-                            writer_of(idle.scene, command.permissions));
+                            make_writer(idle.scene, command.permissions));
   const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *command.grid));
   const VolumetricSummary s = summary(map);
   std::vector<std::string> warnings = pose_warnings(idle, map.grid.poses);
+  // No deviation at all is probably a mistake: the errors of the scene may act only in motion.
   if (s.all.max_um == 0.0 && s.all.direction_max_urad == 0.0)
     warnings.push_back(
         "nothing deviates anywhere: this machine has no errors while it stands still");
@@ -416,6 +432,7 @@ void print_work_space(const IdleMachine& idle, const PoseArguments& command) {
     print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
 }
 
+/// Prints poses for the option that was given.
 void print_poses(const Scene& scene, const PoseArguments& command) {
   if (!command.at.empty() || (command.at_file.empty() && !command.grid))
     return print_pose(scene, command);
@@ -426,6 +443,7 @@ void print_poses(const Scene& scene, const PoseArguments& command) {
     print_pose_table(idle, command);
 }
 
+/// Parses the remaining arguments and prints the poses.
 Exit execute(const CommonOptions& common, PoseArguments command) {
   const std::map<std::string, PoseJacobian> jacobians{{"axis", PoseJacobian::Axis},
                                                       {"motion", PoseJacobian::Motion},

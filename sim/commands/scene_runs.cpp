@@ -31,7 +31,8 @@ namespace abbe::sim {
 
 namespace {
 
-/// Instants at which the spindle or an axis starts after a rest, s; the first is that of the day.
+/// Returns the times at which the spindle or an axis starts after a rest, s; the first is the start
+/// of the day.
 std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
   std::vector<double> starts;
   double time_s = -history;
@@ -56,6 +57,7 @@ DayReadings measured_day(const std::string& name, const Scene& scene) {
   if (description.instrument.kind != errors::metrology::Kind::Drift)
     refuse("an instrument of kind drift for sensor_choice",
            errors::metrology::to_string(description.instrument.kind));
+  // Sensors are chosen on the history before the program, which is the day of the machine.
   const double history = history_s(*scene.thermal);
   if (history <= 0.0) refuse("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
@@ -66,6 +68,8 @@ DayReadings measured_day(const std::string& name, const Scene& scene) {
   for (const errors::TemperatureSensor& sensor : scene.thermal->sensors)
     if (const auto at = std::ranges::find(day.readings.sensors, sensor.name);
         at != day.readings.sensors.end())
+      // A reading is rounded to the resolution, which adds the variance of a uniform distribution,
+      // resolution^2 / 12.
       day.sensor_noise_K[at - day.readings.sensors.begin()] = std::sqrt(
           sensor.noise_K * sensor.noise_K + sensor.resolution_K * sensor.resolution_K / 12.0);
   return day;
@@ -85,8 +89,9 @@ std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Sc
 
 namespace {
 
-/// The job with its part sampled, once it is known to fit into the memory at all and to lie where
-/// the program cuts. @param whole  as `check_memory`
+/// Returns the job with its part sampled, after checking that it fits into memory at all and lies
+/// where the program cuts.
+/// @param whole  as in `check_memory`
 Job sampled_job(Job job, const CaseRequest& asked, ProgressLine& progress,
                 const std::string& whole = {}) {
   check_memory(job.scene, {size_of(job)}, asked, whole);
@@ -95,7 +100,7 @@ Job sampled_job(Job job, const CaseRequest& asked, ProgressLine& progress,
   return sampled(placed(std::move(job)), to(progress));
 }
 
-/// Says what the cuts will take of the memory where that is much, and refuses what will not fit.
+/// Reports the memory of the cuts if it is large, and throws if it does not fit.
 void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
                       const CaseRequest& asked, ProgressLine& progress,
                       const std::string& whole = {}) {
@@ -103,25 +108,26 @@ void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
   if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
 }
 
-/// A page shows where the tool was.
+/// Returns the data to keep of a cut: a report shows the track of the tool.
 Retention retention_of_run(const RunOptions& options) {
   return options.report_language.empty() ? retention_for(options.formats) : Retention::Track;
 }
 
+/// Adds the memory for pictures and for the track of the tool.
 CaseRequest with_output_options(CaseRequest asked, const RunOptions& options) {
   asked.pictures = can_draw_pictures();
   asked.tracked = retention_of_run(options) == Retention::Track;
   return asked;
 }
 
-/// A case that was to be cut.
+/// Result of a case that was to be cut.
 struct CaseAttempt {
   std::optional<Verdict> verdict;
-  std::string failure;  ///< of a plug-in; then there is no verdict
+  std::string failure;  ///< message of a failed plug-in; there is no verdict then
 };
 
-/// One case on the wrong machine, as it is programmed or with a compensator.
-/// @param error_free  against which it is measured, asked for once it is cut
+/// Cuts one case on the machine with errors, as programmed or with a compensator.
+/// @param error_free  the map it is compared with, needed after the cut
 CaseAttempt attempt_case(const Batch& batch, const std::optional<CaseDescription>& compensator,
                          Retention keep, const std::shared_future<const Verdict*>& error_free,
                          const Progress& progress) {
@@ -131,25 +137,26 @@ CaseAttempt attempt_case(const Batch& batch, const std::optional<CaseDescription
     check_cuts_part(batch.job, one);
   } catch (const compensation::PlugInFailure& failure) {
     return {{}, failure.what()};
-  } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
+  } catch (const BadInput& fault) {  // caused by the output of the plug-in; otherwise by the scene
     if (!compensator || compensator->plug_in.empty()) throw;
     return {{}, fault.what()};
   }
   one.name = case_folder(batch.prefix, one.name);
+  // Progress is reported while waiting, so that Ctrl-C and failures of other tasks end the wait.
   while (error_free.wait_for(std::chrono::milliseconds(100)) == std::future_status::timeout)
     progress("surface", 1.0);
   return {judge(batch.job, std::move(one), error_free.get()), ""};
 }
 
-/// Compensators of the user's own are asked one at a time.
+/// Returns true if cases may run in parallel: the user's own compensators run one at a time.
 bool are_independent(const std::vector<CaseDescription>& cases) {
   return std::ranges::all_of(cases, [](const CaseDescription& one) {
     return one.plug_in.empty() && one.function == nullptr;
   });
 }
 
-/// The cases of a batch, measured against its own error-free map, and reductions against its
-/// uncompensated case.
+/// Cuts the cases of a batch, compares them with its own error-free map, and computes reductions
+/// against its uncompensated case.
 void cut_cases(const Batch& batch, CaseResults& made, Retention keep, ProgressLine& progress) {
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
   const std::vector<CaseDescription>& compensators = batch.job.scene.cases;
@@ -158,7 +165,8 @@ void cut_cases(const Batch& batch, CaseResults& made, Retention keep, ProgressLi
   const std::shared_future<const Verdict*> once_judged = judged.get_future().share();
   std::vector<Task> tasks{{named("error_free"), [&](const Progress& line) {
                              try {
-                               // that of a variant is measured against and not reported
+                               // The error-free map of a variant is used for comparison only and
+                               // not reported.
                                Cut free = cut_error_free(
                                    batch.job, line, batch.prefix.empty() ? keep : Retention::Map);
                                check_cuts_part(batch.job, free);
@@ -192,7 +200,7 @@ void cut_cases(const Batch& batch, CaseResults& made, Retention keep, ProgressLi
   }
 }
 
-/// Cuts of a scene, or of one variant of it.
+/// Returns the stages of the cuts of a scene, or of one of its variants.
 std::vector<Stage> stages_of_cuts(const std::string& prefix, const WorkSize& size,
                                   const Scene& scene) {
   const auto named = [&](const std::string& name) { return case_folder(prefix, name); };
@@ -203,7 +211,7 @@ std::vector<Stage> stages_of_cuts(const std::string& prefix, const WorkSize& siz
   return all;
 }
 
-/// Files of its cases; the error-free map of a variant is not written.
+/// Returns the stages of writing the cases; the error-free map of a variant is not written.
 std::vector<Stage> stages_of_case_files(const std::string& prefix, const WorkSize& size,
                                         const Scene& scene) {
   const auto named = [&](const std::string& name) { return "write " + case_folder(prefix, name); };
@@ -215,7 +223,7 @@ std::vector<Stage> stages_of_case_files(const std::string& prefix, const WorkSiz
   return all;
 }
 
-/// What a comparison will take, its scenes prepared or not.
+/// Returns the stages of a comparison, before or after preparing its scenes.
 /// @param sizes  of the scene and of its variants, in this order
 std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& variants,
                                  const std::vector<WorkSize>& sizes) {
@@ -238,7 +246,8 @@ void collect(std::vector<std::string>& all, const Limits& limits, const Verdict&
   for (std::string& one : exceeded_limits(limits, verdict)) all.push_back(std::move(one));
 }
 
-/// The limits that cases break; where there are compensators, they are what is accepted or not.
+/// Returns the limits that cases exceed. If there are compensators, only their cases are judged,
+/// because the uncompensated machine is expected to fail.
 std::vector<std::string> violated_limits(const std::vector<Compared>& cases) {
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
@@ -250,20 +259,21 @@ std::vector<std::string> violated_limits(const std::vector<Compared>& cases) {
   return all;
 }
 
-/// The compensator of a case that `run` cuts; none where it is cut as programmed.
+/// Returns the compensator of the case that `run` cuts; empty if there is none.
 std::optional<CaseDescription> parse_compensator(const std::string& case_name) {
   if (case_name == "error_free" || case_name == "uncompensated") return std::nullopt;
   return parse_case(case_name);
 }
 
-/// `run` cuts the case that is named, else the uncompensated machine.
+/// Cuts the named case.
 Cut cut_named_case(const Job& job, const std::string& case_name, Retention keep,
                    const Progress& progress) {
   if (case_name == "error_free") return cut_error_free(job, progress, keep);
   return cut(job, parse_compensator(case_name), progress, keep);
 }
 
-/// The scene with compensators of the user's own among its cases, each a folder of its own.
+/// Returns the scene with the user's own compensators among its cases; each needs a folder of its
+/// own.
 Scene with_own(Scene scene, const RunOptions& options) {
   std::vector<CaseDescription> own;
   for (const std::filesystem::path& file : options.plug_ins) own.push_back(plug_in_case(file));
@@ -283,6 +293,8 @@ Scene with_own(Scene scene, const RunOptions& options) {
   return scene;
 }
 
+/// Returns the scenes of all variants: the overrides of the command line come first, so that a
+/// variant keeps its own values.
 std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>& overrides) {
   std::vector<Scene> variants;
   for (const Variant& variant : scene.variants) {
@@ -294,19 +306,20 @@ std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>
   return variants;
 }
 
-/// Refuses, before an hour's work, what will not be written over: forced, an input may stand there.
+/// Checks, before an hour's work, that no result would overwrite an input: with --force one may
+/// have the name of a result.
 void check_names(const ResultFolder& folder) {
   for (const char* name : result_names) check_file(folder / name);
 }
 
-/// Refuses, before an hour's work, a folder of a case that two cases share or that somebody else
-/// made.
+/// Checks, before an hour's work, that no two cases share a folder and that no folder of a case
+/// belongs to another program.
 void check_cases(const ResultFolder& folder, const Scene& scene, const std::vector<Scene>& variants,
                  const Writer& writer) {
   ComparedNames names{scene.cases, {}};
   for (std::size_t i = 0; i < variants.size(); ++i)
     names.variants.push_back({scene.variants[i].name, variants[i].cases});
-  InputErrors input_errors;  // those of the scene alone were found when it was read
+  InputErrors input_errors;  // those of the scene alone were reported when it was read
   check_case_folders(*scene.tree, names, input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   for (const std::string& name : case_folders(names)) {
@@ -315,12 +328,13 @@ void check_cases(const ResultFolder& folder, const Scene& scene, const std::vect
   }
 }
 
-/// The scene with its variants, as they are read.
+/// A scene with its variants as read.
 struct Asked {
   Scene scene;
   std::vector<Scene> variants;
 };
 
+/// Reads the scene with its variants and the user's own compensators in each of them.
 Asked read_requested_scenes(const std::filesystem::path& file, const RunOptions& options) {
   Asked asked{with_own(read_trusted_scene(file, options.overrides, options.permissions), options),
               {}};
@@ -329,7 +343,8 @@ Asked read_requested_scenes(const std::filesystem::path& file, const RunOptions&
   return asked;
 }
 
-/// @param line  is begun here, for what is written afterwards too
+/// Prepares and cuts all cases.
+/// @param line  created here; it is also used for writing afterwards
 CaseResults cut_all_cases(const Asked& all, const RunOptions& options,
                           std::optional<ProgressLine>& line) {
   const Scene& scene = all.scene;
@@ -353,6 +368,7 @@ CaseResults cut_all_cases(const Asked& all, const RunOptions& options,
   CaseRequest asked = with_output_options(compare_case_request(scenes), options);
   CaseResults made;
   std::vector<Batch>& batches = made.batches;
+  // Cases refer to the jobs of their batches, so the vector must not reallocate.
   batches.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     progress.begin(preparing(i));
@@ -360,7 +376,8 @@ CaseResults cut_all_cases(const Asked& all, const RunOptions& options,
                        sampled_job(prepare(scenes[i], to(progress)), asked, progress)});
     sizes[i] = size_of(batches.back().job);
   }
-  // who listens may be able to end the work from the calling thread alone, as Python with Ctrl-C
+  // A caller with its own progress function may be able to interrupt only from the calling thread,
+  // as Python does with Ctrl-C; then cases run one at a time.
   if (!options.progress) asked.at_once = made.at_once = cases_at_once(sizes, asked);
   check_cut_memory(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
@@ -369,7 +386,7 @@ CaseResults cut_all_cases(const Asked& all, const RunOptions& options,
   return made;
 }
 
-/// Holds the machined body of a case against the design. @return what is to be said of it
+/// Compares the machined body of a case with the design. Returns its warnings.
 std::vector<std::string> check_stock(Compared& one) {
   one.verdict.stock = stock_check(*one.job, one.verdict);
   std::vector<std::string> warnings;
@@ -379,7 +396,7 @@ std::vector<std::string> check_stock(Compared& one) {
   return warnings;
 }
 
-/// Writes the files of all cases. @return what is to be said of the machined bodies
+/// Writes the files of all cases. Returns the warnings about the machined bodies.
 std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& made,
                                      const std::vector<std::string>& formats,
                                      ProgressLine& progress) {
@@ -390,7 +407,7 @@ std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& ma
       Compared& one = made.cases[i];
       warnings[i] = check_stock(one);
       write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, formats, line);
-      one.verdict.stock.reset();  // tens of MB, and written
+      one.verdict.stock.reset();  // tens of MB, no longer needed
     };
     tasks.push_back({"write " + made.cases[i].verdict.cut.name, write});
   }
@@ -407,7 +424,7 @@ std::vector<std::string> failure_texts(const std::vector<FailedCase>& failed) {
   return texts;
 }
 
-/// The page of cases that are cut, written.
+/// Writes the page of cases that were cut.
 ReportOutcome write_report(const ResultFile& file, const std::vector<Compared>& cases,
                            const Comparison& compared, const RunOptions& options) {
   const HtmlReport page = html_report(cases, compared, {options.report_language, options.command});
@@ -415,8 +432,8 @@ ReportOutcome write_report(const ResultFile& file, const std::vector<Compared>& 
   return {page.html.size(), page.warnings, {}, {}};
 }
 
-/// The page besides other results, by `write`; where none is asked for, that of an earlier run
-/// goes.
+/// Writes the page in addition to other results, by `write`; if none is requested, that of an
+/// earlier run is removed.
 /// @return its warnings
 template <class Write>
 std::vector<std::string> write_or_remove_report(const ResultFolder& folder,
@@ -434,7 +451,8 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
   if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   if (!options.case_name.empty() || !options.plug_ins.empty()) trust(scene, name);
-  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  // The folder is checked before the work, and created.
+  const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
   check_names(folder);
   const std::string shown = name.empty() ? "uncompensated" : name;
   const auto rest = [&](const WorkSize& size) {
@@ -450,6 +468,8 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   progress.begin("prepare");
   const CaseRequest asked =
       with_output_options(run_case_request(parse_compensator(shown)), options);
+  // A program that is too long for the memory is cut in windows, unless something needs all
+  // samples.
   MemoryBudget holding{{}, find_windows_obstacle(scene, parse_compensator(shown))};
   if (asked.tracked) holding.windows_obstacle = "the track of the tool";
   if (holding.windows_obstacle.empty())
@@ -490,9 +510,9 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   const Asked asked = read_requested_scenes(file, options);
   const Scene& scene = asked.scene;
   const std::vector<Scene>& variants = asked.variants;
-  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
   check_names(folder);
-  check_cases(folder, scene, variants, writer_of(scene, options.permissions));
+  check_cases(folder, scene, variants, make_writer(scene, options.permissions));
   std::optional<ProgressLine> line;
   CaseResults made = cut_all_cases(asked, options, line);
   ProgressLine& progress = *line;
@@ -521,7 +541,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
 ReportOutcome report(const std::filesystem::path& scene, const RunOptions& options,
                      const std::filesystem::path& file) {
   const Asked asked = read_requested_scenes(scene, options);
-  const Writer writer = writer_of(asked.scene, options.permissions);
+  const Writer writer = make_writer(asked.scene, options.permissions);
   check_file(file, writer);
   std::optional<ProgressLine> line;
   const CaseResults made = cut_all_cases(asked, options, line);
@@ -541,7 +561,7 @@ CaseResults cut_scene_cases(const std::filesystem::path& scene, const RunOptions
   CaseResults made = cut_all_cases(asked, options, line);
   for (Compared& one : made.cases) {
     add_warnings(check_stock(one), made.comparison.warnings);
-    one.verdict.stock.reset();  // tens of MB
+    one.verdict.stock.reset();  // tens of MB, no longer needed
   }
   return made;
 }

@@ -35,6 +35,7 @@ Exit print_completion(const std::vector<Command>& commands, const std::string& s
   return Exit::Ok;
 }
 
+/// Lists the cases of a scene, one per line, for completion scripts.
 Exit print_cases(const std::string& name) {
   const Scene scene = read_scene(name.starts_with(library_prefix) ? library_file(name)
                                                                   : std::filesystem::path(name));
@@ -51,6 +52,7 @@ Exit print_keys(const std::string& prefix) {
 }  // namespace
 
 std::vector<GlobalOption> global_options(const std::vector<Command>& commands) {
+  // Manual pages are made during installation, so the option is hidden.
   return {{"--completion",
            "SHELL",
            "print the script by which bash, zsh or fish completes a command line",
@@ -159,6 +161,7 @@ _abbe() {
   fi
 )BASH";
 
+/// Returns the bash function that completes the value of an option.
 std::string bash_action(const Option& option, const Command& command) {
   switch (completion_kind(option)) {
     case CompletionKind::Words:
@@ -183,7 +186,8 @@ std::string option_names(const Command& command) {
   return names;
 }
 
-/// What the places of a command take; several are offered together.
+/// Returns the completions of positional arguments; those of several arguments are offered
+/// together.
 std::string places_of(const Command& command) {
   std::string calls;
   for (const Option& option : positional_options(command)) {
@@ -201,6 +205,7 @@ std::string bash_completion(const std::vector<Command>& commands,
   std::string firsts = "-h --help --version", values, rest;
   for (const Command& command : commands) {
     firsts += " " + command.name;
+    // Values of options come first: the word before the cursor decides.
     for (const Option& option : named_options(command))
       if (!is_flag(option))
         values += fmt::format("    {}/{}) {}; return ;;\n", command.name, option.name,
@@ -266,7 +271,7 @@ _abbe() {
   local abbe=${(Q)words[1]}
 )ZSH";
 
-/// A text as a word of `_arguments` has it, in single quotes.
+/// Returns a text quoted for `_arguments`, in single quotes, with its special characters escaped.
 std::string zsh_quoted(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -276,6 +281,7 @@ std::string zsh_quoted(const std::string& text) {
   return out;
 }
 
+/// Returns the zsh action that completes the value of an option.
 std::string zsh_action(const Option& option, const Command& command) {
   switch (completion_kind(option)) {
     case CompletionKind::Words:
@@ -294,8 +300,11 @@ std::string zsh_action(const Option& option, const Command& command) {
   return " ";
 }
 
+/// Returns an option for `_arguments`: a list may be repeated, marked by `*`.
 std::string zsh_option(const Option& option, const Command& command) {
   const std::string help = "[" + zsh_quoted(option.help) + "]";
+  // Exclusive alternatives keep zsh from offering the second form of an option that is there
+  // already.
   if (option.name == "--help") return "'(-h --help)'{-h,--help}'" + help + "'";
   const std::string name = (is_list(option) ? "*" : "") + option.name;
   if (is_flag(option)) return "'" + name + help + "'";
@@ -337,6 +346,7 @@ std::string zsh_completion(const std::vector<Command>& commands,
                              ? "_abbe_keys \"\""
                              : fmt::format("compadd {}", fmt::join(question.words, " ")));
   }
+  // The file works both when loaded by compinit and when sourced.
   return std::string(zsh_header) +
          "  local -a commands questions\n"
          "  if (( CURRENT == 2 )); then\n    commands=(\n" +
@@ -397,7 +407,7 @@ std::string fish_quoted(const std::string& text) {
   return out + "'";
 }
 
-/// How the values are completed: arguments of `complete`.
+/// Returns the arguments of `complete` for the values of an option.
 std::string fish_values(const Option& option, const Command& command) {
   switch (completion_kind(option)) {
     case CompletionKind::Words:
@@ -417,6 +427,7 @@ std::string fish_values(const Option& option, const Command& command) {
   return "-x";
 }
 
+/// Returns the completion of positional arguments; fish offers files unless -f forbids it.
 std::string fish_positionals(const Command& command, const std::string& when) {
   std::string text;
   bool files = false;
@@ -463,7 +474,7 @@ std::string fish_completion(const std::vector<Command>& commands,
 
 namespace {
 
-/// A text as roff prints it: dashes that can be copied, no line that begins a request.
+/// Returns a text for roff: dashes that can be copied, and no line that begins a request.
 std::string roff(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -479,7 +490,7 @@ std::string roff(const std::string& text) {
   return out;
 }
 
-/// Lines of a text as paragraphs of their own, the spaces that indent them left out.
+/// Returns the lines of a text as paragraphs, without their indentation.
 std::string roff_lines(const std::string& text) {
   std::string lines;
   std::size_t at = 0;
@@ -498,6 +509,7 @@ std::string upper(std::string text) {
   return text;
 }
 
+/// Returns the head of a manual page with its name and summary.
 std::string head(const std::string& page, const std::string& summary) {
   return fmt::format(
       ".\\\" made by abbe --man\n.TH {} 1 \"\" \"abbe {}\" \"User Commands\"\n.SH NAME\n{} \\- "

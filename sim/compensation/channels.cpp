@@ -15,13 +15,15 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// The two solutions of y'' + 2 d w y' + w^2 y = 0 that any other is made of: after a time, y is
-/// (mean + d w odd) y(0) + odd y'(0), y' is (mean - d w odd) y'(0) - w^2 odd y(0).
+/// The two solutions of y'' + 2 d w y' + w^2 y = 0 from which every other follows: after a time, y
+/// is (mean + d w odd) y(0) + odd y'(0), and y' is (mean - d w odd) y'(0) - w^2 odd y(0).
 struct Transition {
   double mean = 1.0;
   double odd = 0.0;  // s
 };
 
+// Below critical damping an oscillation; (1 - d)(1 + d) instead of 1 - d^2 keeps its digits near d
+// = 1.
 Transition transition(double w, double d, double time_s) {
   if (d < 1.0) {
     const double turn = w * std::sqrt((1.0 - d) * (1.0 + d));
@@ -30,7 +32,7 @@ Transition transition(double w, double d, double time_s) {
     return {decay * std::cos(angle), decay * (angle == 0.0 ? time_s : std::sin(angle) / turn)};
   }
   const double spread = w * std::sqrt((d - 1.0) * (d + 1.0));
-  // The slow rate without the difference of two near numbers.
+  // the slow rate as a quotient, since the difference of two near numbers would cancel
   const double slow = w * w / (d * w + spread);
   const double decay = std::exp(-slow * time_s);
   const double fast_over_slow = std::expm1(-2.0 * spread * time_s);
@@ -38,13 +40,13 @@ Transition transition(double w, double d, double time_s) {
           spread == 0.0 ? decay * time_s : -decay * fast_over_slow / (2.0 * spread)};
 }
 
-/// How far each column is from where it would come to rest or follow steadily; decays by itself.
+/// The distance of each column from its rest or steady following; it decays by itself.
 struct Transient {
   VectorXd off;   // mm or rad
   VectorXd rate;  // mm/s or rad/s; unused in first order
 };
 
-/// A checked loop, its constants in SI.
+/// A validated loop with its constants in SI units.
 struct Loop {
   bool second;
   double w;  // rad/s
@@ -61,13 +63,14 @@ struct Loop {
             (t.mean - friction) * start.rate - w * w * t.odd * start.off};
   }
 
-  /// Bound of all that is still to come: the energy of a damped oscillator never grows.
+  /// Returns a bound on the motion still to come: the energy of a damped oscillator never grows.
   double to_go(const Transient& now) const {
     if (!second) return now.off.cwiseAbs().maxCoeff();
     return (now.off.array().square() + (now.rate / w).array().square()).sqrt().maxCoeff();
   }
 
-  /// Time to the next added knot. An overdamped loop creeps once its fast part has gone.
+  /// Returns the time to the next added knot. After its fast part has decayed an overdamped loop
+  /// creeps, so its knots may be farther apart.
   double step(const Transient& now, double time_s) const {
     double constant = 1.0 / w;
     if (second && d > 1.0) {
@@ -76,7 +79,7 @@ struct Loop {
       const VectorXd fast = (now.rate + slow * now.off) / (2.0 * spread);
       if (fast.cwiseAbs().maxCoeff() <= options.tolerance) constant = 1.0 / slow;
     }
-    // Not below what a time of that size can resolve.
+    // at least four units in the last digit of the time, so that the time advances
     return std::max(constant / options.per_constant,
                     4.0 * std::numeric_limits<double>::epsilon() * std::abs(time_s));
   }
@@ -94,8 +97,8 @@ Loop checked(const PositionLoop& loop, const LoopOptions& options) {
   return {second, 2.0 * std::numbers::pi * loop.bandwidth, loop.damping, options};
 }
 
-/// Answer to a line that starts at zero with the loop at rest, as a share of what the line rises
-/// (and that a second), after a time.
+/// Response to a line that starts at zero with the loop at rest, as a fraction of the rise of the
+/// line, and its rate, after a time.
 struct Ramp {
   double place;
   double rate;  // 1/s
@@ -103,11 +106,12 @@ struct Ramp {
 
 Ramp ramp(const Loop& loop, double time_s) {
   const double x = loop.w * time_s, d = loop.d;
+  // Below 1e-3 the closed form cancels; three terms of the series are then exact to 1e-11.
   if (!loop.second) {
     if (x < 1e-3) return {x * (1.0 / 2 - x * (1.0 / 6 - x / 24)), 0.0};
     return {1.0 + std::expm1(-x) / x, 0.0};
   }
-  // Near the start the closed form is the small difference of large numbers.
+  // near the start the closed form is the small difference of large numbers
   if (std::max(1.0, 2.0 * d) * x < 1e-3) {
     const double first = 2.0 * d * x, second = (4.0 * d * d - 1.0) * x * x;
     return {x * x * (1.0 / 6 - first / 24 + second / 120),
@@ -119,7 +123,7 @@ Ramp ramp(const Loop& loop, double time_s) {
           (1.0 - (t.mean - friction) - lag * loop.w * loop.w * t.odd) / time_s};
 }
 
-/// One line of the course; the last is held for ever.
+/// A line of the time series; the last one is held for ever.
 struct CourseLine {
   double start_s, end_s;
   VectorXd from, rise;
@@ -127,7 +131,7 @@ struct CourseLine {
   double length_s() const { return end_s - start_s; }
 };
 
-/// Adds knots between the ends of a line while the loop is not yet following steadily.
+/// Adds knots between the ends of a line until the loop follows steadily.
 void follow(const CourseLine& line, const Loop& loop, const Transient& at_start, Knots& knots) {
   const VectorXd slope = line.rise / line.length_s();
   const VectorXd lag = loop.lag_s() * slope;
@@ -159,13 +163,14 @@ TimeSeries loop_response(const TimeSeries& wanted, const PositionLoop& loop,
   for (Index i = 0; i < n; ++i) {
     const bool last = i + 1 == n;
     CourseLine line{wanted.time_s[i],
-              last ? std::numeric_limits<double>::infinity() : wanted.time_s[i + 1],
-              wanted.value.row(i).transpose(), VectorXd::Zero(columns)};
+                    last ? std::numeric_limits<double>::infinity() : wanted.time_s[i + 1],
+                    wanted.value.row(i).transpose(), VectorXd::Zero(columns)};
     if (!last) line.rise = (wanted.value.row(i + 1) - wanted.value.row(i)).transpose();
     if (line.length_s() == 0.0) continue;  // a jump: the axis has not moved yet
     const Transient start{position - line.from, speed};
     follow(line, checked_loop, start, knots);
     if (last) break;
+    // The loop is linear: its own decay and the response to the line add up, so the end is exact.
     const Transient free = checked_loop.after(start, line.length_s());
     const Ramp share = ramp(checked_loop, line.length_s());
     position = line.from + free.off + share.place * line.rise;
@@ -180,8 +185,9 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+// 2e8 cycles: 55 hours at 1 ms
 constexpr double longest_course = 2e8;
-constexpr double largest_count = 1e15;  // whole numbers and halves are still distinct
+constexpr double largest_count = 1e15;  // below it whole numbers and halves are distinct
 
 void require_channel(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("a channel expects " + what);
@@ -193,17 +199,19 @@ bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
 double rounded(double value, double increment) {
   if (increment == 0.0) return value;
   const double whole = std::round(value / increment);
+  // beyond that the increment is below the rounding of the value
   return std::abs(whole) < largest_count ? whole * increment : value;
 }
 
-/// Number of the first cycle that does not begin before an instant.
+/// Returns the number of the first cycle that does not begin before `end_s`.
 long cycles_until(double end_s, double start_s, double cycle_s) {
   const double cycles = std::ceil((end_s - start_s) / cycle_s);
   require_channel(cycles <= longest_course, "at most 2e8 cycles in a course");
   return long(cycles);
 }
 
-/// Value at the begin of every cycle, changed by `shaped`, held from a delay later on.
+/// Returns the value at the beginning of every cycle, changed by `shaped`, held from `delay_s`
+/// later on.
 template <typename Shaped>
 TimeSeries held(const TimeSeries& wanted, double cycle_s, double delay_s, const Shaped& shaped) {
   validate(wanted, "channel");
@@ -218,6 +226,7 @@ TimeSeries held(const TimeSeries& wanted, double cycle_s, double delay_s, const 
   for (long k = 0; k <= cycles; ++k) {
     const double read_s = start_s + double(k) * cycle_s;
     const VectorXd next = shaped(walk.at(read_s));
+    // an unchanged value needs no knot, so a long series stays short
     if (next == now) continue;
     knots.add(read_s + delay_s, now);
     knots.add(read_s + delay_s, next);
@@ -226,7 +235,7 @@ TimeSeries held(const TimeSeries& wanted, double cycle_s, double delay_s, const 
   return knots.course();
 }
 
-/// On the way to a target at a rate, column by column.
+/// The motion to a target at a rate, for each column.
 struct Approach {
   double start_s;
   double rate;
@@ -238,7 +247,7 @@ struct Approach {
   }
 };
 
-/// Follows steps at a rate, each column by itself.
+/// Returns the response to steps with a limited rate, for each column.
 TimeSeries ramped(const TimeSeries& steps, double rate) {
   const Index n = steps.time_s.size();
   VectorXd now = steps.value.row(0).transpose();
@@ -277,6 +286,7 @@ TimeSeries through(const TimeSeries& wanted, const OriginShift& origin,
   require_channel(not_negative(origin.rate), "a rate that is not negative");
   const TimeSeries steps = held(wanted, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
     for (Index j = 0; j < row.size(); ++j) {
+      // An origin shift moves linear axes only.
       const bool slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
       row[j] = slide ? rounded(row[j], origin.increment) : 0.0;
     }
@@ -294,6 +304,7 @@ TimeSeries through(const TimeSeries& wanted_t, const Piezo& piezo) {
   const TimeSeries along{wanted_t.time_s, wanted_t.value * piezo.direction_t};
   const double most = 0.5 * piezo.range;
   const TimeSeries set_points = held(along, piezo.cycle_s, 0.0, [&](VectorXd row) {
+    // rounded before it is limited: the range is that of the actuator, not of its set-points
     row[0] = std::clamp(rounded(row[0], piezo.resolution), -most, most);
     return row;
   });

@@ -26,13 +26,15 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t chunk = 65536;          // bytes read or held at a time
 constexpr std::size_t max_said = 4096;        // bytes of stderr that are kept
-constexpr std::size_t max_last_words = 1000;  // bytes of it that are shown
+constexpr std::size_t max_last_words = 1000;  // bytes of stderr that are shown
 constexpr int max_last_lines = 6;
-constexpr int max_reads_after_its_end = 64;  // more than a pipe holds
+constexpr int max_reads_after_its_end = 64;  // with 64 KiB each: more than a pipe holds
+// interval between two checks whether the child has ended
 constexpr auto moment = std::chrono::milliseconds(5);
 
 Clock::time_point after(double seconds) {
   return Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                            // the limit keeps the sum in the range of the clock
                             std::chrono::duration<double>(std::clamp(seconds, 0.0, 1e6)));
 }
 
@@ -47,7 +49,7 @@ struct Pipe {
 };
 
 Descriptor move_above_standard_streams(Descriptor file) {
-  if (file.number() > 2) return file;  // below, it would be overwritten while a child is prepared
+  if (file.number() > 2) return file;  // below 3 it would be overwritten while a child is prepared
   return Descriptor(fcntl(file.number(), F_DUPFD_CLOEXEC, 3));
 }
 
@@ -58,7 +60,7 @@ Pipe new_pipe() {
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
   pipe.read = move_above_standard_streams(std::move(pipe.read));
   pipe.write = move_above_standard_streams(std::move(pipe.write));
-  fcntl(pipe.write.number(), F_SETPIPE_SZ, 1 << 20);  // fewer turns; it works without
+  fcntl(pipe.write.number(), F_SETPIPE_SZ, 1 << 20);  // fewer system calls; it works without
   return pipe;
 }
 
@@ -66,7 +68,7 @@ void never_block(const Descriptor& file) {
   fcntl(file.number(), F_SETFL, fcntl(file.number(), F_GETFL) | O_NONBLOCK);
 }
 
-/// Strings as exec wants them.
+/// Returns the pointers that exec expects.
 std::vector<char*> pointers(const std::vector<std::string>& texts) {
   std::vector<char*> all;
   for (const std::string& text : texts) all.push_back(const_cast<char*>(text.c_str()));
@@ -85,7 +87,8 @@ struct Attributes {
   posix_spawnattr_t attributes;
 };
 
-/// A child in a group of its own, with signals as a fresh program has them.
+/// Starts a child in a process group of its own, with the signals of a fresh program. The group
+/// lets its descendants be killed with it.
 pid_t spawned(const std::vector<std::string>& command, const std::vector<std::string>& extra,
               const std::array<int, 3>& streams) {
   Actions files;
@@ -115,7 +118,7 @@ pid_t spawned(const std::vector<std::string>& command, const std::vector<std::st
   return pid;
 }
 
-/// Writes without the signal that a closed pipe brings, whatever the program does with signals.
+/// Writes without raising SIGPIPE when the pipe is closed, whatever the program does with signals.
 ssize_t write_quietly(int file, std::string_view text) {
   sigset_t broken_pipe, before, pending;
   sigemptyset(&broken_pipe);
@@ -124,6 +127,7 @@ ssize_t write_quietly(int file, std::string_view text) {
   pthread_sigmask(SIG_BLOCK, &broken_pipe, &before);
   const ssize_t written = ::write(file, text.data(), text.size());
   const int failure = errno;
+  // take the signal back, unless one was pending before
   if (written < 0 && failure == EPIPE && sigismember(&pending, SIGPIPE) == 0) {
     const timespec at_once{};
     sigtimedwait(&broken_pipe, nullptr, &at_once);
@@ -135,7 +139,7 @@ ssize_t write_quietly(int file, std::string_view text) {
 
 bool would_block(int failure) { return failure == EAGAIN || failure == EINTR; }
 
-/// What can be read at once; closes the file at its end.
+/// Returns the bytes that can be read without waiting; closes the file at its end.
 std::string some_of(Descriptor& file) {
   std::string text(chunk, '\0');
   const ssize_t bytes = ::read(file.number(), text.data(), text.size());
@@ -144,6 +148,7 @@ std::string some_of(Descriptor& file) {
   return text;
 }
 
+// Returns the unfinished line that a child left, for an error message.
 std::string begun(const std::string& heard) {
   if (heard.empty() || heard.find('\n') != std::string::npos) return {};
   return "the beginning of a line, " + in_quotes(heard) + ", then ";
@@ -177,7 +182,9 @@ void Descriptor::close() {
 ChildProcess::ChildProcess(const std::vector<std::string>& command,
                            const std::vector<std::string>& extra, std::function<void()> waiting)
     : waiting_(std::move(waiting)) {
+  // three pipes: a plug-in's stderr must not mix with its answers
   Pipe in = new_pipe(), out = new_pipe(), err = new_pipe();
+  // the child holds its own ends now; ours close when the pipes leave this scope
   pid_ = spawned(command, extra, {in.read.number(), out.write.number(), err.write.number()});
   in_ = std::move(in.write);
   out_ = std::move(out.read);
@@ -205,11 +212,14 @@ std::string ChildProcess::exchange(std::string_view text, const LineLimits& limi
       throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.longest),
                               "more, beginning with " + in_quotes(received_));
     if (!out_.is_open()) {
+      // the end of the output comes shortly before the end of the process, whose exit code explains
+      // it
       const std::string how = wait_for_exit(after(1.0));
       throw ChildProcessError(
           "a line", begun(received_) + (how.empty() ? "its output closed" : "its end, " + how));
     }
     if (Clock::now() >= deadline)
+      // an output that is buffered until the end is the most frequent cause
       throw ChildProcessError(
           fmt::format("a line within {} s", limits.seconds),
           begun(received_) + (unsent_.empty() ? "nothing (is the output flushed after each line?)"
@@ -228,7 +238,7 @@ void ChildProcess::finish(std::string_view text, double seconds) {
     if (unsent_.empty()) in_.close();
     if (received_.size() > chunk) break;
   }
-  while (out_.is_open() && received_.size() <= chunk) {  // what it said before it ended
+  while (out_.is_open() && received_.size() <= chunk) {  // output written before its end
     const std::string more = some_of(out_);
     if (more.empty()) break;
     received_ += more;
@@ -254,6 +264,7 @@ std::string ChildProcess::stderr_tail() const {
   return words;
 }
 
+// With a callback the wait is cut into tenths of a second, so that an interrupt acts soon.
 void ChildProcess::poll_pipes(Instant deadline, std::size_t max_heard) {
   if (waiting_) {
     waiting_();
@@ -274,7 +285,7 @@ void ChildProcess::write_some() {
   if (bytes >= 0) {
     unsent_.remove_prefix(std::size_t(bytes));
   } else if (!would_block(errno)) {
-    unsent_ = {};  // it does not listen any more; what it says before its end is still heard
+    unsent_ = {};  // the child reads no more; its output before its end is still read
     in_.close();
   }
 }
@@ -287,6 +298,7 @@ bool ChildProcess::read_err() {
   return !more.empty();
 }
 
+// WNOWAIT leaves the process to be reaped, so that its group number is not given to another one.
 bool ChildProcess::has_ended() const {
   if (pid_ < 0) return true;
   siginfo_t info{};
@@ -294,7 +306,7 @@ bool ChildProcess::has_ended() const {
   return failed != 0 ? errno == ECHILD : info.si_pid == pid_;
 }
 
-/// How it ended, or nothing if it has not by then.
+/// Returns how the child ended; empty if it has not ended by the deadline.
 std::string ChildProcess::wait_for_exit(Instant deadline) {
   while (!has_ended()) {
     if (Clock::now() >= deadline) return {};
@@ -306,7 +318,7 @@ std::string ChildProcess::wait_for_exit(Instant deadline) {
   return how;
 }
 
-/// Kills what is left of the group before its leader's number is free for others.
+/// Kills what is left of the group before the number of its leader can be reused.
 int ChildProcess::reap() {
   int status = -1;
   ::kill(-pid_, SIGKILL);

@@ -11,21 +11,22 @@
 
 #include <sys/types.h>
 
+/// A child process that answers lines of text, for plug-ins.
 namespace abbe::sim::compensation {
 
-/// A program that did not do what was expected of it: "expected ..., seen ...".
+/// Thrown if a program does not do what is expected: "expected ..., seen ...".
 struct ChildProcessError : std::runtime_error {
   using std::runtime_error::runtime_error;
   ChildProcessError(const std::string& expected, const std::string& seen);
 };
 
-/// How long to wait for a line and how much of it to hold.
+/// Limits on a line: time to wait for it, and its length.
 struct LineLimits {
   double seconds = 10.0;
   std::size_t longest = 65536;  ///< bytes
 };
 
-/// An open file that closes itself.
+/// A file descriptor that closes itself.
 class Descriptor {
  public:
   explicit Descriptor(int number = -1) : number_(number) {}
@@ -40,33 +41,34 @@ class Descriptor {
   int number_;
 };
 
-/// A program at the other end of three pipes, in a process group of its own. It inherits the
-/// environment and the working directory, and no open file. Linux.
+/// A program connected by three pipes, in a process group of its own. It inherits the environment
+/// and the working directory, but no open file. Linux only.
 class ChildProcess {
  public:
-  /// Starts it.
+  /// Starts the program.
   /// @param command  program, found on the PATH unless it has a slash, and its arguments
-  /// @param extra    "NAME=value" of the environment, besides our own
-  /// @throws ChildFault if it cannot be started
-  /// @param waiting  called again and again while we wait; may throw, then the child is killed
+  /// @param extra    "NAME=value" of the environment, in addition to our own
+  /// @param waiting  called repeatedly during a wait; if it throws, the child is killed
+  /// @throws ChildProcessError if the program cannot be started
   explicit ChildProcess(const std::vector<std::string>& command,
                         const std::vector<std::string>& extra = {},
                         std::function<void()> waiting = {});
-  /// Kills what is left of its group.
+  /// Kills what is left of the group.
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  /// Sends a text and waits for one line, given without its end; what it says beside is kept for
-  /// the next. Never holds much more than the limit.
-  /// @throws ChildFault if it ends, or the time, or says too much
+  /// Sends a text and waits for one line, returned without its end; further output is kept for the
+  /// next call. Never holds much more than the limit.
+  /// @throws ChildProcessError if the child ends, the time is up, or the line is too long
   std::string exchange(std::string_view text, const LineLimits& limits);
 
-  /// Sends a last text, closes its input and waits for its end.
-  /// @throws ChildFault if it says anything more, does not end, or ends badly
+  /// Sends a last text, closes the input and waits for the end of the child.
+  /// @throws ChildProcessError if the child writes anything more, does not end, or ends with an
+  ///     error
   void finish(std::string_view text, double seconds);
 
-  /// The last lines that it wrote to stderr, at most 1000 bytes, without control characters.
+  /// Returns the last lines written to stderr, at most 1000 bytes, without control characters.
   std::string stderr_tail() const;
 
  private:
@@ -80,11 +82,11 @@ class ChildProcess {
   int reap();
 
   std::function<void()> waiting_;
-  pid_t pid_ = -1;  // -1 when there is none to reap
+  pid_t pid_ = -1;  // -1: no process to reap
   Descriptor in_, out_, err_;
   std::string_view unsent_;
-  std::string received_;  // not yet handed on
-  std::string said_;      // on stderr, the end of it
+  std::string received_;  // not yet returned
+  std::string said_;      // last part of stderr
 };
 
 }  // namespace abbe::sim::compensation

@@ -15,10 +15,10 @@ using kinematics::Chain;
 
 constexpr int most_lines = 256;
 constexpr int line_decimals = 8;
-constexpr std::size_t max_line = 254;  // bytes that it reads of a line
+constexpr std::size_t max_line = 254;  // bytes that LinuxCNC reads of a line
 constexpr std::string_view letters = "XYZABCUVW";
 
-/// Joints as trivkins numbers them.
+/// Returns the joints as trivkins numbers them.
 std::vector<int> numbered_joints(const Chain& chain) {
   std::vector<int> joints;
   for (const char letter : letters)
@@ -36,7 +36,7 @@ std::string rows(const AxisTable& table, const Chain& chain) {
   return text;
 }
 
-/// What an INI file says of one joint.
+/// The entry of a joint in an INI file.
 struct JointEntry {
   int joint = 0;
   int section_line = 0;
@@ -61,7 +61,7 @@ std::optional<Setting> setting_of(std::string_view line) {
   return Setting{std::string(key[0].text), value[0]};
 }
 
-/// The COMP_FILE lines of an INI file, other sections and keys passed over.
+/// Reads the COMP_FILE lines of an INI file and skips other sections and keys.
 class IniReader {
  public:
   IniReader(const ControlFile& file, const Chain& chain)
@@ -121,13 +121,15 @@ class IniReader {
   bool in_joint_ = false;
 };
 
-/// The motion controller holds trims in single precision.
+/// Returns a trim as the motion controller holds it, in single precision.
 double held(double trim) { return double(float(trim)); }
 
 AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& chain) {
   TableLines lines(file.text, file.name, std::nullopt);
   std::vector<double> numbers;
   int last_line = 0;
+  // LinuxCNC stops reading silently at the first line it does not understand; here that is an
+  // error.
   while (const auto line = lines.next()) {
     if (line->number != last_line + 1)
       lines.refuse(1, "no empty line before this one, where LinuxCNC stops reading", "one");
@@ -147,7 +149,7 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
       lines.refuse(cells[0], "positions that increase from line to line");
   }
   if (numbers.empty()) lines.refuse(0, "lines of nominal forward reverse", "none");
-  // one line is a constant, which takes a second point to be a table
+  // A single line is a constant; a table needs a second point.
   if (numbers.size() == 3) {
     const double shift = type == 0 ? 1.0 : 0.0;
     numbers.insert(numbers.end(), {numbers[0] + 1.0, numbers[1] + shift, numbers[2] + shift});
@@ -158,6 +160,7 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
   for (Eigen::Index k = 0; k < n; ++k) {
     const double* row = numbers.data() + 3 * k;
     table.position[k] = row[0] * unit;
+    // Type 0 states positions, type 1 trims.
     table.upward[k] = held(type == 0 ? row[0] - row[1] : row[1]) * unit;
     table.downward[k] = held(type == 0 ? row[0] - row[2] : row[2]) * unit;
   }
@@ -181,6 +184,7 @@ void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const 
               ParameterTables& tables) {
   std::vector<const ControlFile*> loaded{&ini};
   for (const JointEntry& entry : IniReader(ini, chain).read()) {
+    // without COMP_FILE the control loads no table for the joint
     if (entry.file.empty()) continue;
     if (!entry.type)
       throw BadInput(ini.name, entry.section_line, 1, "a COMP_FILE_TYPE beside COMP_FILE", "none");
@@ -222,6 +226,7 @@ Export to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
   }
   if (out.files.empty()) return out;
   out.files.push_back({"compensation.ini", ini});
+  // the user must copy these lines to the INI file of the machine
   out.notes.push_back(
       "the lines of compensation.ini belong to the INI file of the machine, its "
       "joints as trivkins numbers them; BACKLASH of these joints is then not used");
@@ -235,6 +240,7 @@ ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const C
     read_ini(*ini, files, chain, tables);
     return tables;
   }
+  // without an INI file the names of the files tell the joints
   for (const ControlFile& file : files) {
     const int joint = joint_of_name(file, chain);
     for (const AxisTable& other : tables.tables)
@@ -250,11 +256,12 @@ namespace {
 
 using kinematics::Chain;
 
+// 256 rows; 1e-3 mm or degrees is ten steps of the fourth decimal
 constexpr Capacity capacity{256, 1e-3};
 constexpr int text_decimals = 4;
-constexpr int width = 14;  // of a column as written
+constexpr int width = 14;  // width of a written column
 constexpr std::size_t max_columns = 16;
-constexpr double error_sign = -1.0;  // columns hold errors, which the control takes off
+constexpr double error_sign = -1.0;  // columns hold errors, which the control subtracts
 
 /// A table of the control: text cells under names.
 struct TextTable {
@@ -274,13 +281,13 @@ std::string text_of(const std::string& name, const TextTable& grid) {
   return text + "[END]\n";
 }
 
-/// All tables over one axis at the same positions, within what a .COM holds.
+/// Returns all tables over one axis at the same positions, within the capacity of a .COM.
 std::vector<AxisTable> together(const std::vector<AxisTable>& sums, int of, const Chain& chain,
                                 Export& out) {
   std::vector<AxisTable> all;
   for (const AxisTable& table : sums)
     if (table.of == of) all.push_back(table);
-  // taken as tables of one pair, their sum stands at the positions of all
+  // Taken as tables of one pair of axes, their sum has the positions of all.
   std::vector<AxisTable> as_one = all;
   for (AxisTable& table : as_one) table.moves = of;
   if (all.empty()) return all;
@@ -306,6 +313,7 @@ TextTable com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
         fmt::format("{}", k),
         decimal(tables.front().position[k] / unit_of(chain, of), text_decimals)};
     for (const AxisTable& table : tables) {
+      // only the own axis has a column for the other direction
       const double value =
           table.moves == of ? table.upward[k] : 0.5 * (table.upward[k] + table.downward[k]);
       row.push_back(decimal(error_sign * value / unit_of(chain, table.moves), text_decimals));
@@ -317,7 +325,7 @@ TextTable com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
   return grid;
 }
 
-/// Lines of a table of the control: its columns begin where their names do.
+/// Reads the lines of a table of the control; its columns begin where their names do.
 class GridReader {
  public:
   explicit GridReader(const ControlFile& file) : lines_(file.text, file.name, std::nullopt) {
@@ -338,7 +346,7 @@ class GridReader {
   const std::vector<Cell>& heads() const { return heads_; }
   const TableLines& lines() const { return lines_; }
 
-  /// Cells of the next row, one a head; none after the last.
+  /// Returns the cells of the next row, one for each head; none after the last row.
   std::optional<std::vector<Cell>> next() {
     const Line row = line("a row or [END]");
     if (row.text.find_first_not_of(' ') == row.text.find("[END]")) {
@@ -357,6 +365,7 @@ class GridReader {
       }
       cells.push_back(cell);
     }
+    // the rows are numbered, so a missing one is found
     if (lines_.whole_number_in(cells[0], 0, 9999) != rows_)
       lines_.refuse(cells[0], fmt::format("{}", rows_));
     ++rows_;
@@ -375,7 +384,7 @@ class GridReader {
   int rows_ = 0;
 };
 
-/// Columns of a .COM: what each head means.
+/// The meaning of the columns of a .COM.
 struct ComColumns {
   std::size_t position = 0;
   std::optional<std::size_t> backlash;
@@ -445,7 +454,7 @@ struct Assigned {
   int column = 0;
 };
 
-/// The line of a .CMA that is in force.
+/// Returns the entries of the line of a .CMA that is in force.
 std::vector<Assigned> read_cma(const ControlFile& file, const Chain& chain) {
   GridReader reader(file);
   std::optional<std::size_t> active;

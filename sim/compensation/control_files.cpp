@@ -31,20 +31,20 @@ bool is_slide(const Chain& chain, int joint) {
   return chain.joints()[std::size_t(joint)].motion == Motion::Linear;
 }
 
-/// "0.12 um" or "3.4 urad".
+/// Returns a text such as "0.12 um" or "3.4 urad".
 std::string small(double value, const Chain& chain, int joint) {
   return is_slide(chain, joint) ? fmt::format("{:.4g} um", value / units::um)
                                 : fmt::format("{:.4g} urad", value / units::urad);
 }
 
-/// How far a table misses another at its points.
+/// Returns the largest difference of a table from another at its points.
 double missed(const AxisTable& table, const AxisTable& by) {
   const AxisTable there = at_positions(by, table.position);
   return std::max((there.upward - table.upward).cwiseAbs().maxCoeff(),
                   (there.downward - table.downward).cwiseAbs().maxCoeff());
 }
 
-/// All positions of some tables; those that differ in their last bits only are one.
+/// Returns all positions of some tables; positions that differ only by rounding become one.
 Eigen::VectorXd positions_of(const std::vector<const AxisTable*>& tables) {
   std::vector<double> all;
   for (const AxisTable* table : tables)
@@ -55,6 +55,7 @@ Eigen::VectorXd positions_of(const std::vector<const AxisTable*>& tables) {
   return Eigen::Map<const Eigen::VectorXd>(all.data(), Eigen::Index(all.size()));
 }
 
+// Returns a table sampled at equidistant positions over its range.
 AxisTable at_equidistant(const AxisTable& table, Eigen::Index points) {
   return at_positions(table, Eigen::VectorXd::LinSpaced(points, table.position[0],
                                                         table.position[table.position.size() - 1]));
@@ -62,9 +63,7 @@ AxisTable at_equidistant(const AxisTable& table, Eigen::Index points) {
 
 }  // namespace
 
-char axis_letter(const Chain& chain, int joint) {
-  return chain.joints()[std::size_t(joint)].name;
-}
+char axis_letter(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)].name; }
 
 double unit_of(const Chain& chain, int joint) { return is_slide(chain, joint) ? 1.0 : units::deg; }
 
@@ -94,6 +93,7 @@ std::vector<AxisTable> summed(const std::vector<AxisTable>& tables) {
       is_done[k] = 1;
       alike.push_back(&tables[k]);
     }
+    // a single table keeps its own positions, and with them its bits
     AxisTable sum = alike.size() == 1 ? tables[i] : at_positions(tables[i], positions_of(alike));
     for (std::size_t k = 1; k < alike.size(); ++k) {
       const AxisTable part = at_positions(*alike[k], sum.position);
@@ -122,8 +122,9 @@ FittedTable fit_table(const AxisTable& table, const Chain& chain, const Capacity
   if (n <= capacity.max_points && gaps.minCoeff() >= least) return {table, std::nullopt};
   const double width = table.position[n - 1] - table.position[0];
   const double room = std::min(double(capacity.max_points), std::floor(width / least) + 1.0);
-  // a table narrower than its digits is a constant, which any two points hold
+  // A table narrower than its digits is a constant, which any two points hold.
   AxisTable out = at_equidistant(table, Eigen::Index(std::max(room, 2.0)));
+  // its second point must stand apart by a digit, or the file would read two equal positions
   if (width < least) out.position[1] = out.position[0] + least;
   std::string words = fmt::format("{}: {} points, of which the control holds {}; misses them by {}",
                                   relation(table, chain), n, out.position.size(),
@@ -134,6 +135,7 @@ FittedTable fit_table(const AxisTable& table, const Chain& chain, const Capacity
 FittedTable equidistant(const AxisTable& table, const Chain& chain) {
   AxisTable out = at_equidistant(table, table.position.size());
   const double step = out.position[1] - out.position[0];
+  // equidistant up to rounding: the values stay as they are, without interpolation
   if ((out.position - table.position).cwiseAbs().maxCoeff() <= 1e-9 * step) {
     out.upward = table.upward;
     out.downward = table.downward;
@@ -185,6 +187,7 @@ std::string movable_letters(const Chain& chain) {
 }
 
 std::string base_name(const std::string& name) {
+  // controls and their file systems ignore upper and lower case
   std::string base = name.substr(name.find_last_of("/\\") + 1);
   for (char& c : base)
     if (c >= 'a' && c <= 'z') c = char(c - 'a' + 'A');
@@ -260,13 +263,14 @@ using kinematics::Chain;
 using kinematics::Deviation;
 using kinematics::JointDeviation;
 
+// Axes and directions of the format; the position errors of others cannot be written.
 constexpr std::string_view letters = "XYZABC";
 constexpr std::string_view directions = "XYZABC";
 constexpr std::size_t max_blocks = 64;
 
 bool is_isg_axis(char letter) { return letters.find(letter) != std::string_view::npos; }
 
-/// Every axis somewhere in its own range, so that no table of another is left.
+/// Returns a state with every axis within its own range, so that no table of another axis is left.
 AxisState standing(const Chain& chain, const TableOptions& options) {
   AxisState state;
   state.q.resize(chain.size());
@@ -318,7 +322,7 @@ std::vector<std::string> left_out_of(const GeometricModel& model, const Chain& c
   return words;
 }
 
-/// Head and one row of the location errors that are not zero; empty if none is.
+/// Returns a header and a row with the location errors that are not zero; empty if there are none.
 std::string position_errors(const std::vector<JointDeviation>& deviations, const Chain& chain) {
   std::string head, row;
   for (int i = 0; i < chain.size(); ++i) {
@@ -334,7 +338,8 @@ std::string position_errors(const std::vector<JointDeviation>& deviations, const
   return head.empty() ? "" : "// mm and rad\n" + head + "\n" + row + "\n";
 }
 
-/// Position errors that a control which turns the frame of their own axis would not make.
+/// Returns notes on position errors for which a control may displace the frame of their axis, which
+/// is not what they state.
 std::vector<std::string> position_notes(const std::vector<JointDeviation>& deviations,
                                         const Chain& chain) {
   std::vector<std::string> notes;
@@ -352,8 +357,8 @@ std::vector<std::string> position_notes(const std::vector<JointDeviation>& devia
   return notes;
 }
 
-/// The parts of a file between its breaks, without comments; empty lines before each, so that lines
-/// keep their number.
+/// Returns the blocks of a file between its breaks, without comments. Each is preceded by empty
+/// lines, so that lines keep their numbers.
 std::vector<std::string> blocks_of(const ControlFile& file) {
   std::vector<std::string> blocks(1);
   Lines lines(file.text);
@@ -373,7 +378,7 @@ std::vector<std::string> blocks_of(const ControlFile& file) {
   return blocks;
 }
 
-/// Reader of all blocks of all files, which together say every element once.
+/// Reads all blocks of all files, which together must state every element once.
 class VolumetricReader {
  public:
   explicit VolumetricReader(const Chain& chain) : chain_(chain) {}
@@ -391,6 +396,7 @@ class VolumetricReader {
     if (!head) return;
     const char separator = cell_separator(head->text);
     const std::vector<Cell> cells = cells_of(head->text, separator, 64);
+    // a position error such as C0Y has the digit 0 in its name, a component error has none
     if (cells.front().text.find('0') != std::string_view::npos)
       read_position_errors(lines, cells, separator);
     else
@@ -400,6 +406,7 @@ class VolumetricReader {
   void read_component_errors(const TableLines& lines, const Cell& axis, const ElementTable& table) {
     check_axis(lines, axis, table.axis);
     errors::TableUse use;
+    // held outside the rows, as assumed in parameter_tables.h
     use.outside = errors::Outside::Hold;
     for (Element& element : errors::elements_of(table, use)) add(lines, axis, std::move(element));
   }
@@ -460,6 +467,7 @@ class VolumetricReader {
 Export to_volumetric(const GeometricModel& believed, const Chain& chain,
                      const TableOptions& options) {
   Export out;
+  // a table holds no chance; the random part was listed as left out
   out.left_out = left_out_of(believed, chain);
   const GeometricModel model = errors::without_random(believed);
   const AxisState state = standing(chain, options);

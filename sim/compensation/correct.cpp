@@ -27,18 +27,20 @@ using kinematics::Pose;
 constexpr double point_step = 1e-8;       // mm: 0.01 nm
 constexpr double direction_step = 1e-12;  // rad
 
+// A slide, and its effect on the functional point.
 struct Slide {
   int joint = 0;
   Vector3d direction_w;  ///< of the point, mm per mm
-  Vector3d reply;        ///< mm of this slide per mm that the point should move
+  Vector3d reply;        ///< mm of this slide per mm of wanted motion of the point
 };
 
 struct Turn {
   int joint = 0;
-  Vector3d point_w;    ///< mm that the point moves per rad
-  Vector2d direction;  ///< rad that the tool axis moves per rad, across itself
+  Vector3d point_w;    ///< mm of motion of the point per rad
+  Vector2d direction;  ///< rad of tilt of the tool axis per rad, across the axis
 };
 
+// A list of up to max_joints joints without allocation; a correction is computed for every sample.
 template <typename Joint>
 struct Few {
   std::array<Joint, max_joints> all;
@@ -52,7 +54,7 @@ struct Few {
 using TurnVector =
     Eigen::Matrix<double, max_joints, 1>;  // one number per turn that may be corrected
 
-/// The joints that may be corrected, and how they move the functional point and the tool axis.
+/// The joints that may be corrected, with their effect on the functional point and the tool axis.
 struct Reach {
   Few<Slide> slides;
   Few<Turn> turns;
@@ -61,15 +63,18 @@ struct Reach {
 
 Vector3d axis_of(const Pose& T) { return T.linear().col(2); }
 
-/// The slides with what they answer to a wish, by least squares of the least length.
+/// Returns the slides with their replies to a wanted motion: the least-squares solution of least
+/// length.
 Few<Slide> with_replies(Few<Slide> slides) {
   auto& s = slides.all;
   if (slides.count == 2 || slides.count == 3) {
-    // two are made three by what neither of them can reach
+    // two slides get a third direction that neither of them reaches
     const Vector3d third =
         slides.count == 3 ? s[2].direction_w : s[0].direction_w.cross(s[1].direction_w);
     const Vector3d across_first = s[1].direction_w.cross(third);
     const double volume = s[0].direction_w.dot(across_first);
+    // A volume above 0.01 means slides at least half a degree apart; Cramer's rule is then exact
+    // enough and much faster than the pseudo-inverse.
     if (std::abs(volume) > 0.01) {
       s[0].reply = across_first / volume;
       s[1].reply = third.cross(s[0].direction_w) / volume;
@@ -104,10 +109,10 @@ Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt,
   return reach;
 }
 
-/// Eigenvalues of a symmetric matrix that has none below 0, and the vectors that belong to them.
+/// Eigenvalues of a positive semidefinite symmetric matrix and their vectors.
 struct PrincipalAxes {
-  Vector2d value;   ///< the larger first
-  Matrix2d vector;  ///< columns
+  Vector2d value;   ///< the larger one first
+  Matrix2d vector;  ///< in columns
 };
 
 PrincipalAxes principal_axes(const Matrix2d& G) {
@@ -124,9 +129,9 @@ PrincipalAxes principal_axes(const Matrix2d& G) {
   return p;
 }
 
-/// Corrections of the free turns that lean the tool axis as wanted, of the least length. A way of
-/// leaning in which they hardly move the axis is damped, so that its part fades out towards the
-/// pole; any other is served in full.
+/// Returns the corrections of the free turns that tilt the tool axis as wanted, of least length. A
+/// direction of tilt in which they hardly move the axis is damped, so that its correction fades out
+/// towards the pole; any other is served in full.
 TurnVector lean(const Few<Turn>& turns, std::bitset<max_joints> held, const Vector2d& wanted,
                 double singular_sine) {
   Matrix2d G = Matrix2d::Zero();
@@ -139,6 +144,7 @@ TurnVector lean(const Few<Turn>& turns, std::bitset<max_joints> held, const Vect
   for (int i = 0; i < 2; ++i) {
     const double damping = std::max(singular_sine - std::sqrt(way.value[i]), 0.0);
     const double strength = way.value[i] + damping * damping;
+    // 1e-14: below the rounding of G there is no second direction
     if (!(strength > 1e-14 * way.value[0]) || strength == 0.0) continue;
     const double part = way.vector.col(i).dot(wanted) / strength;
     for (int k = 0; k < turns.count; ++k)
@@ -148,8 +154,8 @@ TurnVector lean(const Few<Turn>& turns, std::bitset<max_joints> held, const Vect
   return c;
 }
 
-/// Next total correction of the turns, by the error that the present one leaves. The turn that
-/// passes the bound by most stays there, and the others serve the rest, and so on.
+/// Returns the next total correction of the turns from the present error. The turn that exceeds the
+/// bound most is held there, and the others take the rest; repeated until none exceeds it.
 TurnVector next_turns(const Few<Turn>& turns, const Vector2d& error, const TurnVector& now,
                       const CorrectOptions& options) {
   if (turns.count == 0) return TurnVector::Zero();
@@ -168,7 +174,7 @@ TurnVector next_turns(const Few<Turn>& turns, const Vector2d& error, const TurnV
   }
 }
 
-/// Where the functional point and the tool axis should be, or are.
+/// Position of the functional point and direction of the tool axis.
 struct Place {
   Vector3d point_w;
   Vector3d axis_w;
@@ -179,11 +185,11 @@ Place place(const Pose& T_wt, double height) {
   return {T_wt.translation() + height * axis, axis};
 }
 
-/// What is done next about the errors that are left.
+/// The next step of a correction.
 struct Step {
   TurnVector turns;       ///< total, rad
-  TurnVector turned;      ///< the part that is new
-  Vector3d wanted_w;      ///< mm that the slides should move the point
+  TurnVector turned;      ///< the new part of it
+  Vector3d wanted_w;      ///< mm, motion of the point wanted from the slides
   bool is_small = false;  ///< below 0.01 nm and 1e-12 rad
 };
 
@@ -195,6 +201,7 @@ Step next_step(const Reach& reach, const Place& error, const TurnVector& now,
   step.wanted_w = -error.point_w;
   for (int k = 0; k < reach.turns.count; ++k)
     step.wanted_w -= step.turned[k] * reach.turns.all[std::size_t(k)].point_w;
+  // only what the slides can still move counts: an error across them may stay large
   Vector3d moved_w = Vector3d::Zero();
   for (const Slide& slide : reach.slides)
     moved_w += slide.reply.dot(error.point_w) * slide.direction_w;
@@ -202,7 +209,7 @@ Step next_step(const Reach& reach, const Place& error, const TurnVector& now,
   return step;
 }
 
-/// The command with all turns so far, and the slides of q one step further.
+/// Returns the command with the total turns, and the slides of q one step further.
 AxisVector taken(const Step& step, const Reach& reach, const AxisVector& command, AxisVector q) {
   for (int k = 0; k < reach.turns.count; ++k) {
     const int joint = reach.turns.all[std::size_t(k)].joint;
@@ -212,7 +219,7 @@ AxisVector taken(const Step& step, const Reach& reach, const AxisVector& command
   return q;
 }
 
-/// A belief that is no number corrects nothing.
+/// Returns the correction of a belief that is not a number: the unchanged command.
 Correction nothing_known(const AxisVector& command) {
   const double all = std::numeric_limits<double>::infinity();
   return {command, all, all, false};
@@ -225,6 +232,7 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
   const bool iterated = options.strategy == Strategy::Iterated;
   const double height = options.strategy == Strategy::Position ? 0.0 : options.functional_height;
   const int max_steps = iterated ? options.max_iterations : 1;
+  // The Jacobian is taken once: it only sets the steps, and the next one removes what it misses.
   const Reach reach = reach_at(control, command.q, T_wt, options, height);
   const Place target = place(T_wt, height);
 

@@ -5,53 +5,58 @@
 
 #include "kinematics/chain.h"
 
-/// A compensator is a belief, a strategy and a channel. This folder never sees the truth: a belief
-/// is whatever somebody handed over, and says where the tool really goes.
+/// Correction of commands with a belief and a strategy. This folder never sees the truth: a belief
+/// is whatever is passed in, and tells the actual pose of the tool.
 namespace abbe::sim::compensation {
 
-/// Where the tool is believed to be in the workpiece, T_wt, when the axes are commanded so.
+/// Returns the believed pose T_wt of the tool in the workpiece at commanded axes.
 using Belief = std::function<kinematics::Pose(const kinematics::AxisState&)>;
 
+/// Strategies of correction.
 enum class Strategy {
-  Position,   ///< slides only, one step, tip on its place
+  Position,   ///< slides only, one step; restores the tip
   Decoupled,  ///< rotary axes restore the direction, then the slides the point, one step (Yang
               ///< 2012)
-  Iterated,   ///< the same until nothing moves
+  Iterated,   ///< the same, repeated until nothing moves
 };
 
+/// Options of a correction.
 struct CorrectOptions {
   Strategy strategy = Strategy::Iterated;
-  double rotary_bound = 1.7453292519943296e-3;  ///< rad, no rotary correction is larger (0.1 deg)
-  double singular_sine = 0.02;     ///< a way of leaning the tool in which the turns move it less
-                                   ///< than this, rad per rad, is damped: it fades out towards the
-                                   ///< pole, and no turn exceeds 1.21 / this times the lean
-  double functional_height = 0.0;  ///< mm above the tip of the point that the slides restore when
-                                   ///< directions are corrected too: a ball's centre, a corner's
+  double rotary_bound = 1.7453292519943296e-3;  ///< rad, limit of a rotary correction (0.1 deg)
+  /// A direction of tilt in which the turns move the tool by less than this, rad per rad, is
+  /// damped: its correction fades out towards the pole, and no turn exceeds 1.21 / this times the
+  /// tilt.
+  double singular_sine = 0.02;
+  /// mm above the tip of the point that the slides restore when directions are corrected too: the
+  /// centre of a ball or of a corner.
+  double functional_height = 0.0;
   std::bitset<kinematics::max_joints> still;  ///< joints that are never corrected: the workpiece
-                                              ///< spindle, what the channel cannot move
+                                              ///< spindle, and those the channel cannot move
   int max_iterations = 30;
 };
 
-/// A corrected command and what it could not reach, by the belief at that very command.
+/// A corrected command and the errors it leaves, by the belief at that command.
 struct Correction {
   kinematics::AxisVector q;     ///< (joints)
-  double point_left = 0.0;      ///< mm between the functional point and where it should be
-  double direction_left = 0.0;  ///< rad between the tool axis and where it should point
-  bool converged = true;  ///< iterated: the axes could correct less than 0.01 nm and 1e-12 rad
+  double point_left = 0.0;      ///< mm, from the functional point to its nominal position
+  double direction_left = 0.0;  ///< rad, between the tool axis and its nominal direction
+  bool converged = true;  ///< if iterated: the axes could correct less than 0.01 nm and 1e-12 rad
 };
 
-/// Command that brings the tool, as believed, to where the nominal machine would have it. The turns
-/// serve the direction, within their bound; the slides serve the point, in the direction that is
-/// really reached. What the joints that may move cannot do is left, by least squares. One step
-/// leaves besides an error of second order in the deviations, iterated it does not. A belief that
-/// is no number corrects nothing: the command as it was, everything left, not converged.
+/// Returns the command that brings the believed tool to its nominal pose. The turns restore the
+/// direction, within their bound; the slides restore the point, with the direction actually
+/// reached. What the movable joints cannot do is left, by least squares. A single step also leaves
+/// an error of second order in the deviations; iteration removes it. A belief that is not a number
+/// corrects nothing: the command is unchanged, all errors are left, and it has not converged.
 /// @param control  chain whose Jacobian the control knows
-/// @param T_wt     where the tool should be
-/// @param command  where the axes would have gone; its time and direction of motion go to the
-///                 belief
-/// Cost: two beliefs a correction, three or four if iterated, and half a microsecond.
-/// Source: decoupling after Yang 2012; damping after Nakamura and Hanafusa 1986, equation 15, of
-/// the weak ways alone.
+/// @param T_wt     nominal pose of the tool
+/// @param command  uncorrected axis positions; their time and direction of motion are passed to the
+///     belief
+/// Cost: two evaluations of the belief a correction, three or four if iterated, and half a
+/// microsecond.
+/// Source: decoupling after Yang 2012; damping after Nakamura and Hanafusa 1986, equation 15,
+/// applied to the weak directions only.
 Correction correct(const kinematics::Chain& control, const Belief& belief,
                    const kinematics::Pose& T_wt, const kinematics::AxisState& command,
                    const CorrectOptions& options = {});

@@ -27,7 +27,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// Mean of every row and those up to `length_s` before it.
+/// Returns for every row the mean over the rows up to `length_s` before it; a control knows no
+/// later ones.
 VectorXd smoothed(const VectorXd& values, const VectorXd& time_s, double length_s) {
   if (!(length_s > 0.0)) return values;
   VectorXd means(values.size());
@@ -41,18 +42,21 @@ VectorXd smoothed(const VectorXd& values, const VectorXd& time_s, double length_
   return means;
 }
 
+// the median ignores single peaks of the current
 double median(std::vector<double> values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-/// The first rows in which the spindle turns as fast as in the cut: the approach, in air.
+/// Returns the currents of the rows before the cut in which the spindle turns as fast as in the
+/// cut, i.e. the approach in air.
 std::vector<double> air_currents(const ControlLog& log, double cut_begins_s) {
   const VectorXd current = column(log, "current_A"), rpm = column(log, "spindle_rpm");
   const double speed = rpm[row_at(log, cut_begins_s)];
   std::vector<double> air;
   for (Index i = 0; i < current.size() && log.time_s[i] < cut_begins_s; ++i)
+    // 0.1 % of the speed: the idle torque depends on it
     if (log.time_s[i] >= 0.0 && std::abs(rpm[i] - speed) <= 1e-3 * std::abs(speed))
       air.push_back(current[i]);
   return air;
@@ -99,6 +103,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
   law.air_A = median(std::move(air));
   const VectorXd current = smoothed(column(log, "current_A"), log.time_s, smoothing_s);
   Eigen::MatrixX2d A(n, 2);
+  // d = c1 x + c2 x^2 has no constant term: without cutting force nothing deflects
   for (Index i = 0; i < n; ++i) {
     const double x = current[row_at(log, part.time_s[i])] - law.air_A;
     A.row(i) << x, x * x;
@@ -109,6 +114,7 @@ CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part, d
     throw std::invalid_argument("expected a training part cut with two depths or more");
   law.c = fit.x;
   law.sigma =
+      // two coefficients are fitted, so n - 2 degrees of freedom are left
       std::sqrt((A * law.c - part.deviation).squaredNorm() / double(std::max<Index>(1, n - 2)));
   return law;
 }
@@ -117,6 +123,7 @@ TimeSeries bending(const CurrentLaw& law, const ControlLog& log) {
   const VectorXd current = smoothed(column(log, "current_A"), log.time_s, law.smoothing_s);
   TimeSeries course{log.time_s, Eigen::MatrixXd(current.size(), 1)};
   for (Index i = 0; i < current.size(); ++i) {
+    // held outside the trained range, where a parabola is not reliable
     const double x = std::clamp(current[i] - law.air_A, 0.0, law.largest_A);
     course.value(i, 0) = law.c[0] * x + law.c[1] * x * x;
   }
@@ -135,19 +142,20 @@ using kinematics::JointDeviation;
 constexpr std::string_view head = "abbe thermal belief 1";
 constexpr std::string_view since_start_word = "since_start ";
 constexpr std::string_view term_word = "term ";
+// limits the memory of a wrong file
 constexpr std::size_t max_terms = 1000;
 
-// ---- text
+// Text
 
 bool can_have_slope(const errors::ElementName& name) { return !name.location && name.axis != 'S'; }
 
-/// A piece of a text and the number of the line before it.
+/// A part of a text, and the number of the line before it.
 struct Piece {
   std::string_view text;
   int before = 0;
 };
 
-/// The lines of a belief file: its head, then a piece a term.
+/// Splits a belief file into its header and the text of each term.
 class Reader {
  public:
   Reader(std::string_view text, std::string file) : rest_(text), file_(std::move(file)) {}
@@ -161,7 +169,7 @@ class Reader {
     ++number_;
     return cut(rest_);
   }
-  /// Everything up to the next term.
+  /// Returns everything up to the next term.
   Piece model() {
     const int before = number_;
     const char* begin = rest_.data();
@@ -177,7 +185,7 @@ class Reader {
   const std::string& file() const { return file_; }
 
  private:
-  /// Takes a line off, without its end.
+  /// Removes the first line and returns it without its line end.
   static std::string_view cut(std::string_view& rest) {
     const std::size_t end = std::min(rest.find('\n'), rest.size());
     std::string_view line = rest.substr(0, end);
@@ -195,6 +203,7 @@ ThermalModel read_model(const Piece& piece, const std::string& file) {
   try {
     return identification::parse_thermal_model(piece.text, file);
   } catch (const BadInput& fault) {
+    // line numbers of the model count within its text
     throw BadInput(file, piece.before + std::max(1, fault.line), fault.column, fault.expected,
                    fault.seen);
   }
@@ -206,7 +215,7 @@ bool holds(const ThermalBelief& belief, const ThermalBelief::Term& term) {
   });
 }
 
-/// "term EXX slope" and the model that follows.
+/// Reads "term EXX slope" and the model that follows.
 ThermalBelief::Term read_term(Reader& reader, const ThermalBelief& before) {
   const std::string expected = "\"term ELEMENT offset\" or \"term ELEMENT slope\"";
   const std::string_view line = reader.next(expected);
@@ -229,9 +238,9 @@ ThermalBelief::Term read_term(Reader& reader, const ThermalBelief& before) {
   return term;
 }
 
-// ---- over a day
+// Evaluation over a log
 
-/// Temperatures that a model asks for, one column an input, held where it was not trained.
+/// The temperatures of a model, a column for each input, limited to its trained range.
 struct Inputs {
   MatrixXd T;              ///< (n x m)
   std::vector<char> held;  ///< (n)
@@ -246,6 +255,7 @@ Inputs inputs_of(const ThermalModel& model, const ControlLog& log, bool since_st
       throw std::invalid_argument("expected finite readings of " + model.names[k]);
     if (since_start) T.array() -= double(T[0]);
     const auto input = Index(k);
+    // The model itself refuses beyond this margin, so the belief ends there too.
     const double room = model.margin * (model.highest[input] - model.lowest[input]);
     const double low = model.lowest[input] - room, high = model.highest[input] + room;
     for (Index i = 0; i < n; ++i)
@@ -263,6 +273,8 @@ ThermalSeries::Term bound(const ThermalBelief::Term& term, const kinematics::Cha
   if (term.slope && !can_have_slope(term.name))
     throw std::invalid_argument(who + ": a location or spindle element has no slope");
   return {joint, term.name.component(), term.name.location, term.slope,
+          // a slope multiplies the travel of the carriage, which has the opposite sign on the
+          // workpiece side
           kinematics::carriage_travel(axis.side, 1.0)};
 }
 
@@ -330,6 +342,7 @@ std::vector<JointDeviation> deviations(const ThermalSeries& course,
   for (std::size_t k = 0; k < course.terms.size(); ++k) {
     const ThermalSeries::Term& term = course.terms[k];
     JointDeviation& joint = result[std::size_t(term.joint)];
+    // readings are held, not interpolated: a control does not know the next one
     const double travel = term.slope ? term.sign * state.q[term.joint] : 1.0;
     (term.location ? joint.location : joint.motion)[term.component] +=
         travel * course.value(row, Index(k));
@@ -344,7 +357,7 @@ using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::size_t neighbours = 9;  // the last one only bounds the weights
+constexpr std::size_t neighbours = 9;  // the last one only limits the weights
 
 struct Neighbour {
   double distance = std::numeric_limits<double>::infinity();
@@ -363,11 +376,11 @@ std::array<Neighbour, neighbours> nearest_of(const MatrixX3d& read_at, const Vec
   return best;
 }
 
-/// Value at a point of the weighted plane through its neighbours.
+/// Returns the value at a point of the weighted plane through its neighbours.
 double plane_at(const MatrixX3d& read_at, const VectorXd& deviation, const Vector3d& point) {
   const auto near = nearest_of(read_at, point);
   if (near[0].distance == 0.0) return deviation[near[0].row];
-  const double beyond = 1.0 / near.back().distance;  // 0 where there are fewer
+  const double beyond = 1.0 / near.back().distance;  // 0 if there are fewer
   Eigen::Matrix<double, Eigen::Dynamic, 4, 0, neighbours, 4> A(Index(neighbours), 4);
   Eigen::Matrix<double, Eigen::Dynamic, 1, 0, neighbours, 1> b(Index{neighbours});
   Index n = 0;
@@ -375,25 +388,29 @@ double plane_at(const MatrixX3d& read_at, const VectorXd& deviation, const Vecto
     if (one.row < 0) break;
     const double weight = 1.0 / one.distance - beyond;
     if (!(weight > 0.0)) continue;
+    // scaled by the nearest distance, so that the threshold below has no unit
     const Vector3d from = (read_at.row(one.row).transpose() - point) / near[0].distance;
     A.row(n) << weight, weight * from.transpose();
     b[n++] = weight * deviation[one.row];
   }
+  // all neighbours are equally far: the nearest one decides
   if (n == 0) return deviation[near[0].row];
-  // of least norm: across the surface nothing is known, and nothing is assumed to change
+  // The solution of least norm: across the surface the readings determine no slope, and none is
+  // assumed.
   Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix<double, Eigen::Dynamic, 4, 0, neighbours, 4>>
       plane;
+  // 1e-3 of the largest singular value: neighbours on a curved surface leave a small one across it
   plane.setThreshold(1e-3);
   plane.compute(A.topRows(n));
   return plane.solve(b.head(n))[0];
 }
 
-/// Rows [first, last) of neighbours in time.
+/// A range [first, last) of rows that are neighbours in time.
 struct Group {
   std::size_t first = 0, last = 0;
 };
 
-/// What a part says, in the order of time.
+/// The deviations of a part in the order of time.
 struct Sorted {
   MatrixX3d normals;
   VectorXd deviation;
@@ -421,6 +438,7 @@ std::vector<Group> stretches_of(const Sorted& part, std::size_t together) {
     if (t[i] > t[i - 1]) gaps.push_back(t[i] - t[i - 1]);
   double longest = std::numeric_limits<double>::infinity();
   if (!gaps.empty()) {
+    // ten usual intervals of a group: longer gaps separate stretches of the cut
     std::nth_element(gaps.begin(), gaps.begin() + std::ptrdiff_t(gaps.size() / 2), gaps.end());
     longest = 10.0 * double(together) * gaps[gaps.size() / 2];
   }
@@ -433,7 +451,7 @@ std::vector<Group> stretches_of(const Sorted& part, std::size_t together) {
   return stretches;
 }
 
-/// A stretch in groups of about the same size; what was shaped at one instant stays together.
+/// Returns a stretch in groups of about equal size; rows with one time stay together.
 std::vector<Group> groups_of(const Group& stretch, const std::vector<double>& time_s,
                              std::size_t together) {
   const std::size_t n = stretch.last - stretch.first;
@@ -465,13 +483,14 @@ Node node_of(const Sorted& part, const Group& group, double damping) {
     node.time_s += part.time_s[k];
   }
   const double count = double(group.last - group.first);
+  // damping per row, so that the result does not depend on the size of a group
   A.diagonal().array() += damping * damping * count;
   node.time_s /= count;
   node.move = A.ldlt().solve(b);
   return node;
 }
 
-/// The line through two nodes at another time.
+/// Returns the point at another time on the line through two nodes.
 Node extrapolate_node(const Node& from, const Node& before, double time_s) {
   const double length = from.time_s - before.time_s;
   const double u = length != 0.0 ? (time_s - from.time_s) / length : 0.0;
@@ -485,6 +504,8 @@ void append_stretch(std::vector<Node>& course, const Sorted& part, const Group& 
        groups_of(stretch, part.time_s, std::size_t(std::max(1, options.together))))
     nodes.push_back(node_of(part, group, options.damping));
   const std::size_t n = nodes.size();
+  // A node stands at the mean time of its group, so both ends of a stretch are extrapolated by half
+  // a group.
   const double begin_s = part.time_s[stretch.first], end_s = part.time_s[stretch.last - 1];
   if (begin_s < nodes.front().time_s)
     course.push_back(
@@ -540,7 +561,7 @@ using kinematics::AxisState;
 using kinematics::JointDeviation;
 using kinematics::Pose;
 
-/// A displacement that the part shows, in the workpiece as the spindle has turned it.
+/// Returns a displacement shown by the part, in the workpiece as turned by the spindle.
 Vector3d turned(const MachineBelief& belief, const AxisState& state, const Vector3d& move) {
   if (!belief.part_spindle) return move;
   kinematics::AxisVector still = state.q;
@@ -567,6 +588,7 @@ Pose tool_in_workpiece(const MachineBelief& belief, const AxisState& state,
   if (belief.force) all = errors::deviations(belief.force->compliance, state, load);
   all.joints = belief.force ? kinematics::sum(std::move(joints), all.joints) : std::move(joints);
   Pose T_wt = errors::tool_in_workpiece(belief.chain, state.q, all);
+  // the tool yields along its own axis, away from the part
   if (belief.bending)
     T_wt.translation() += value_at(*belief.bending, state.time_s)[0] * T_wt.linear().col(2);
   if (belief.part) T_wt.translation() += turned(belief, state, move_at(*belief.part, state.time_s));

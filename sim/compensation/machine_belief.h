@@ -15,137 +15,152 @@
 #include "sim/compensation/correct.h"
 #include "sim/compensation/time_series.h"
 
+/// Beliefs about a machine from readings: heat, force, a measured part, and their sum with the
+/// geometry.
 namespace abbe::sim::compensation {
 
-/// What is believed to act on the tool over time, linear between instants, nothing outside.
+/// The believed load on the tool over time; linear between instants, zero outside.
 struct LoadSeries {
   Eigen::VectorXd time_s;           ///< (n) increasing
   std::vector<errors::Load> loads;  ///< (n)
 };
+/// Returns the load at a time.
 errors::Load load_at(const LoadSeries& course, double time_s);
 
-/// Force on the tool as a dynamometer reads it, at the tip.
-/// @param smoothing_s  the mean of what was read so long, ending now; 0: none
+/// Returns the force on the tool that a dynamometer reads, acting at the tip.
+/// @param smoothing_s  length of the mean, ending at each row; 0: none
 /// @throws std::invalid_argument naming a column that the log lacks
 LoadSeries load_of_dynamometer(const ControlLog& log, double smoothing_s = 0.0);
 
-/// How far a cut bends the machine by the current of the spindle at one speed (Yang 2012): learnt
-/// from a part that was cut and measured, d = c1 x + c2 x^2, x the current above that in air.
+/// The deflection of a machine in a cut from the current of the spindle at one speed (Yang 2012),
+/// learned from a part that was cut and measured: d = c1 x + c2 x^2, x the current above that in
+/// air.
 struct CurrentLaw {
   double air_A = 0.0;
   Eigen::Vector2d c = Eigen::Vector2d::Zero();  ///< mm/A, mm/A^2
   double sigma = 0.0;                           ///< mm, scatter of the part about the law
-  double largest_A = 0.0;  ///< above air, that was trained; the law is held beyond
+  double largest_A = 0.0;  ///< largest current above air in the training; beyond it the law is held
   double smoothing_s = 0.0;
 };
 
-/// What was read of the training part, one row a place.
+/// Readings of the training part, a row for each point.
 struct CurrentTraining {
-  Eigen::VectorXd time_s;     ///< (n) when the place was cut
+  Eigen::VectorXd time_s;     ///< (n) time at which the point was cut
   Eigen::VectorXd deviation;  ///< (n) mm, material left
 };
 
-/// @param log  of the training cut; `current_A`, `spindle_rpm`
-/// @throws std::invalid_argument without those columns, without rows in air at the speed of the
-///         cut, or where the places do not determine two coefficients
+/// Fits the law of the current.
+/// @param log  of the training cut; uses `current_A` and `spindle_rpm`
+/// @throws std::invalid_argument if a column is missing, there are no rows in air at the speed of
+///     the cut, or the points do not determine two coefficients
 CurrentLaw fit_current_law(const ControlLog& log, const CurrentTraining& part,
                            double smoothing_s = 0.0);
 
-/// What the law says of a log. @return one column, mm
+/// Returns the deflection that the law gives for a log.
+/// @return one column, mm
 TimeSeries bending(const CurrentLaw& law, const ControlLog& log);
 
-/// What heat is believed to add to the elements, by the temperatures that a control reads:
-/// delta(p, T) = offset(T) + slope(T) p (Yang 2012, the thermal part of the composite law).
+/// The believed effect of heat on the elements, from the temperatures that a control reads:
+/// delta(p, T) = offset(T) + slope(T) p (Yang 2012, thermal part of the composite law).
 struct ThermalBelief {
   struct Term {
     errors::ElementName name;
-    bool slope = false;  ///< times the carriage's own travel (mm or rad), else a value
-    errors::identification::ThermalModel model;  ///< inputs are names of sensors
+    bool slope = false;  ///< true: multiplied by the travel of the carriage (mm or rad); false: a
+                         ///< value
+    errors::identification::ThermalModel model;  ///< its inputs are names of sensors
   };
   std::vector<Term> terms;
   bool since_start = true;  ///< temperatures count from the first row of the log
 };
 
-/// Text of a belief file and back, the same bits.
+/// Converts a belief to the text of a belief file; reading it back gives the same bits.
 /// @param comments  lines written above, each after "# "; a line end in one of them becomes a blank
 std::string to_text(const ThermalBelief& belief, const std::vector<std::string>& comments = {});
+/// Reads the text of a belief file.
 /// @throws BadInput with file and line: anything that `to_text` would not write, a term twice, a
-///         slope of a location or spindle element, more than 1000 terms
+///     slope of a location or spindle element, more than 1000 terms
 ThermalBelief parse_thermal_belief(std::string_view text, const std::string& file);
 
-/// A thermal belief over the readings of a day: what each term says at each row.
+/// A thermal belief evaluated over a log: the value of each term at each row.
 struct ThermalSeries {
   struct Term {
     int joint = 0;
     int component = 0;  ///< 0..5
     bool location = false;
     bool slope = false;
-    double sign = 1.0;  ///< of the carriage's travel against the command
+    double sign = 1.0;  ///< of the travel of the carriage relative to the command
   };
   std::vector<Term> terms;  ///< (k)
   Eigen::VectorXd time_s;   ///< (n)
   Eigen::MatrixXd value;    ///< (n x k) mm or rad, or per mm or rad
-  int held = 0;             ///< rows at which an input was outside its trained range and was held
-                            ///< at the end of it
+  int held = 0;  ///< number of rows with an input outside its trained range, which was limited to
+                 ///< it
 };
 
-/// A trained range ends where its model refuses: its margin beyond what was seen in training.
+/// Evaluates a thermal belief over a log. A trained range ends where its model refuses: its margin
+/// beyond the training.
 /// @throws std::invalid_argument naming a sensor that the log lacks, an axis that the chain lacks,
-///         an element that means nothing for its axis or a sensor with a reading that is not
-///         finite; for a log without rows
+///     an element that does not exist for its axis, or a sensor with a reading that is not finite;
+///     also if the log has no rows
 ThermalSeries thermal_series(const ThermalBelief& belief, const ControlLog& log,
                              const kinematics::Chain& chain);
 
-/// Thermal part of every joint's deviation at a state, by the readings held since they were taken;
-/// before the first row, by the first. @return (joints)
+/// Returns the thermal part of every joint's deviation at a state, from the last readings at or
+/// before it; before the first row, from the first.
+/// @return (joints)
 std::vector<kinematics::JointDeviation> deviations(const ThermalSeries& course,
                                                    const kinematics::AxisState& state);
 
-// The deviation of a part that was cut and measured, fed back to the program that cut it.
+// Feedback of the deviation of a cut and measured part to its program
 
-/// Deviations between the places where they were read: at every point that of a plane through its
-/// eight nearest readings, weighted by (1/d - 1/d9)^2, so that it does not jump where neighbours
-/// change; a reading's own place has its own value. Exact for what is linear over the part.
-/// @param read_at    (n x 3) mm, n >= 1 @param deviation (n) mm
-/// @param points     (m x 3) mm, farther than `reach` from any reading: none, 0
+/// Interpolates deviations between the points where they were read: at every point the value of a
+/// plane through its eight nearest readings, weighted by (1/d - 1/d9)^2, so that it does not jump
+/// where neighbours change. At a reading it equals that reading. Exact for deviations that are
+/// linear over the part.
+/// @param read_at    (n x 3) mm, n >= 1
+/// @param deviation  (n) mm
+/// @param points     (m x 3) mm; the result is 0 at points farther than `reach` from any reading
 /// @return (m) mm
 Eigen::VectorXd interpolate_readings(const Eigen::MatrixX3d& read_at,
                                      const Eigen::VectorXd& deviation,
                                      const Eigen::MatrixX3d& points, double reach);
 
-/// What is known of a part: deviations at places, and when the nominal program shapes each.
+/// Deviations of a part, with the times at which the nominal program shapes the points.
 struct PartDeviations {
   Eigen::MatrixX3d normals;   ///< (n x 3) unit, outward, in the frame in which the tool is moved
   Eigen::VectorXd deviation;  ///< (n) mm along the normal, plus: material left
   Eigen::VectorXd time_s;     ///< (n)
-  Eigen::VectorXi pass = {};  ///< (n) number of the tool's pass, or empty: one
+  Eigen::VectorXi pass = {};  ///< (n) number of the tool pass; empty: one pass
 };
 
-/// Displacement of the tool that a part shows, over time, linear between instants, held outside.
+/// The displacement of the tool that a part shows over time; linear between instants, held outside.
 struct DisplacementSeries {
   Eigen::VectorXd time_s;  ///< (m) increasing
   Eigen::MatrixX3d move;   ///< (m x 3) mm
 };
 
+/// Options for explaining the deviations of a part.
 struct MirrorOptions {
-  int together = 8;       ///< neighbours in time that are taken together
-  double damping = 0.02;  ///< of the least squares, so that a direction that hardly any normal sees
+  int together = 8;       ///< number of neighbours in time that are taken together
+  double damping = 0.02;  ///< of the least squares; a direction that hardly any normal contains
                           ///< stays unmoved
 };
-/// Displacement that explains the deviations of neighbours in time: n . move = deviation by damped
-/// least squares, one for every few points, at their mean time, and carried on straight to the ends
-/// of their stretch. What is linear in time along a stretch is met to the damping, ends included.
-/// Another pass, or a gap in time of more than ten times what is usual for points taken together,
-/// begins a stretch.
+/// Returns the displacement that explains the deviations of neighbours in time: n . move =
+/// deviation by damped least squares, one displacement for every few points, at their mean time,
+/// extrapolated linearly to the ends of their stretch. A deviation that is linear in time along a
+/// stretch is met up to the damping, including the ends. Another pass, or a gap in time of more
+/// than ten times the usual interval of points taken together, begins a new stretch.
 DisplacementSeries explain_deviation(const PartDeviations& part, const MirrorOptions& options = {});
 
+/// Returns the displacement at a time, mm.
 Eigen::Vector3d move_at(const DisplacementSeries& course, double time_s);
 
-/// All that a compensator believes of a machine, from readings alone: the sources add element by
-/// element (Guo 2016), one correction serves them all. Immutable.
+/// The complete belief of a compensator about a machine, from readings alone. The sources add
+/// element by element (Guo 2016), so one correction serves them all. Immutable.
 struct MachineBelief {
   kinematics::Chain chain;          ///< as the control knows it
-  std::optional<int> part_spindle;  ///< the workpiece spindle, whose turning `part` leaves out
+  std::optional<int> part_spindle;  ///< the workpiece spindle, whose rotation `part` does not
+                                    ///< include
   std::optional<errors::GeometricModel> geometric;
   std::optional<ThermalSeries> thermal;
   struct Force {
@@ -153,16 +168,18 @@ struct MachineBelief {
     LoadSeries load;
   };
   std::optional<Force> force;
-  std::optional<TimeSeries> bending;  ///< one column, mm: the tool gives way along its own axis z_t
+  std::optional<TimeSeries> bending;  ///< one column, mm: deflection of the tool along its own axis
+                                      ///< z_t
   std::optional<DisplacementSeries> part;
 };
 
-/// The same under a load, instead of that which the belief has of the instant.
+/// Returns the believed pose T_wt of the tool under a given load, instead of the believed load of
+/// that time.
 kinematics::Pose tool_in_workpiece(const MachineBelief& belief, const kinematics::AxisState& state,
                                    const errors::Load& load);
 
-/// Where the tool is believed to be, T_wt. @throws std::out_of_range where a table of the belief is
-/// left
+/// Returns the believed pose of the tool, T_wt.
+/// @throws std::out_of_range if the position lies outside a table of the belief
 kinematics::Pose tool_in_workpiece(const MachineBelief& belief, const kinematics::AxisState& state);
 
 }  // namespace abbe::sim::compensation

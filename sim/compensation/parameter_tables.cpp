@@ -16,7 +16,7 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr double endless = 1e9;  // mm or rad, what a chain says where an axis has no limit
+constexpr double endless = 1e9;  // mm or rad; limit of an axis that has none
 
 [[noreturn]] void refuse(const std::string& why) {
   throw std::invalid_argument("parameter tables: " + why);
@@ -27,12 +27,14 @@ struct Range {
   double upper = 0.0;
 };
 
+// Returns true if tables may correct a joint. Without stated ranges an axis without limits has no
+// table.
 bool is_corrected(const Joint& joint, const TableOptions& options) {
   if (joint.motion == Motion::Spindle) return false;
   return options.range || (joint.min > -endless && joint.max < endless);
 }
 
-/// Where a joint is looked up, if it is.
+/// Returns the range of a joint's tables; none if it has no tables.
 std::optional<Range> range_of(const Chain& chain, int joint, const TableOptions& options) {
   const Joint& it = chain.joints()[std::size_t(joint)];
   if (!is_corrected(it, options)) return std::nullopt;
@@ -43,11 +45,12 @@ std::optional<Range> range_of(const Chain& chain, int joint, const TableOptions&
       refuse(fmt::format("expected a range of {} from a lower to an upper end, seen {} to {}",
                          it.name, range.lower, range.upper));
   }
+  // a range without width: the joint is corrected, but no table depends on it
   if (range.lower == range.upper) return std::nullopt;
   return range;
 }
 
-/// The correction along one axis alone, minus that at the reference: a row a position.
+/// The correction along one axis alone, relative to that at the reference; a row for each position.
 struct Sweep {
   Eigen::MatrixXd upward;    // (n x joints)
   Eigen::MatrixXd downward;  // (n x joints)
@@ -69,6 +72,7 @@ Sweep swept(const CorrectionAt& correction, const AxisState& reference, int join
   return sweep;
 }
 
+// Exactly zero: a table of tiny values may still be wanted.
 bool is_zero(const AxisTable& table) {
   return (table.upward.array() == 0.0).all() && (table.downward.array() == 0.0).all();
 }
@@ -78,10 +82,12 @@ bool is_zero(const AxisTable& table) {
 double correction(const AxisTable& table, double position, int direction) {
   const auto& x = table.position;
   const auto at = [direction, &table](Eigen::Index k) {
+    // before the first motion the direction is unknown, so the mean is the best guess
     if (direction == 0) return 0.5 * (table.upward[k] + table.downward[k]);
     return direction > 0 ? table.upward[k] : table.downward[k];
   };
   const Eigen::Index last = x.size() - 1;
+  // negated, so that a position that is not a number reads the first value
   if (!(position > x[0])) return at(0);
   if (position >= x[last]) return at(last);
   const Eigen::Index k = std::upper_bound(x.data(), x.data() + x.size(), position) - x.data();
@@ -126,7 +132,7 @@ Eigen::VectorXd table_positions(const Chain& chain, int joint, const TableOption
   if (!range) return {};
   const bool is_slide = chain.joints()[std::size_t(joint)].motion == Motion::Linear;
   const double spacing = is_slide ? options.spacing : options.spacing_rad;
-  // a range that is a whole number of spacings but for its last bits keeps that number
+  // 1e-12: a range that is a whole number of spacings up to rounding keeps that number.
   const double pieces = std::ceil((range->upper - range->lower) / spacing * (1.0 - 1e-12));
   const double most = double(options.max_points - 1);
   return Eigen::VectorXd::LinSpaced(Eigen::Index(std::clamp(pieces, 1.0, most)) + 1, range->lower,
@@ -147,6 +153,7 @@ ParameterTables tabulate(const CorrectionAt& correction, const Chain& chain,
 
   const AxisVector here = correction(at_reference);
   if (options.constant)
+    // The offset holds the correction at the reference, so that the tables start from zero there.
     for (const int i : corrected) tables.offset[i] = here[i];
   for (const int of : corrected) {
     const Eigen::VectorXd positions = table_positions(chain, of, options);

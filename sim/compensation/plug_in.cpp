@@ -22,7 +22,7 @@
 #include "sim/compensation/child_process.h"
 #include "sim/compensation/plug_in_protocol.h"
 
-/// How the asking side starts a host of a shared library (plug_in_host in plug_in.h).
+/// Start of a host for a shared library by the asking side (plug_in_host in plug_in.h).
 namespace abbe::sim::compensation {
 
 inline constexpr const char* host_word = "plug-in-host";       ///< its first argument
@@ -35,7 +35,7 @@ using Table = std::vector<double>;  // rows one after another
 
 constexpr const char* query_prefix = R"({"kind":"ask")";
 
-/// The library's one object. The library stays loaded until the process ends.
+/// Returns the object of the library. The library stays loaded until the process ends.
 const abbe_compensator_v1& loaded(const char* library) {
   void* handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) throw ChildProcessError("a shared library", dlerror());
@@ -54,8 +54,8 @@ const abbe_compensator_v1& loaded(const char* library) {
   return compensator;
 }
 
-/// The numbers of the list or table under a key of a line that abbe wrote, NaN for null. A reader
-/// of any JSON would take most of the time that a sample costs.
+/// Returns the numbers of the list or table under a key of a line written by abbe; null becomes
+/// NaN. A general JSON reader would take most of the time of a sample.
 Table table_in(std::string_view line, const std::string& key) {
   Table table;
   const std::string mark = "\"" + key + "\":";
@@ -97,7 +97,7 @@ abbe_joint joint_of(const json& message) {
   return joint;
 }
 
-/// The task with the memory that its pointers point to.
+/// The task, with the memory that its pointers refer to.
 struct Task {
   explicit Task(const std::string& line) : Task(line, json::parse(line)) {}
   Task(const std::string& line, const json& message)
@@ -131,13 +131,14 @@ struct Task {
   abbe_task c{};
 };
 
-/// The next line, or nothing at the end.
+/// Returns the next line, or an empty one at the end.
 std::string next_line() {
   std::string line;
   std::getline(std::cin, line);
   return line;
 }
 
+// Throws if a function of the library failed, with its own text if it gave one.
 void check(std::int32_t failed, const char* function, const std::string& error) {
   if (failed != 0)
     throw std::runtime_error(
@@ -158,6 +159,7 @@ std::string response_line(const abbe_compensator_v1& compensator, void* self, co
                          readings.data()};
   const bool correction = compensator.answers == ABBE_CORRECTION;
   const std::size_t width = correction ? task.joints.size() : 6;
+  // NaN marks a number that the library did not write, which the asking side rejects
   Table rows(time_s.size() * width, std::numeric_limits<double>::quiet_NaN());
   std::string error(ABBE_ERROR_BYTES, '\0');
   check(compensator.answer(self, &batch, rows.data(), error.data()), "answer", error);
@@ -205,7 +207,8 @@ void converse(const char* library, std::FILE* to) {
 std::optional<int> plug_in_host(int argc, char** argv) {
   if (argc != 3 || std::string_view(argv[1]) != host_word) return std::nullopt;
   std::ios::sync_with_stdio(false);
-  // what the library prints is for people and must not stand among the answers
+  // Output of the library is for people and must not mix with the answers, so stdout goes to stderr
+  // and the answers to a duplicate.
   std::FILE* to = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
   dup2(STDERR_FILENO, STDOUT_FILENO);
   if (to == nullptr) return 1;
@@ -222,10 +225,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t line_base = 65536;      // bytes that any line may have
-constexpr std::size_t bytes_per_number = 64;  // more than any spelling of a double needs
+constexpr std::size_t line_base = 65536;      // bytes allowed for any line
+constexpr std::size_t bytes_per_number = 64;  // longer than any notation of a double
 
-/// How a plug-in is started.
+/// The command and environment with which a plug-in is started.
 struct Start {
   std::vector<std::string> command;
   std::vector<std::string> environment;
@@ -246,10 +249,12 @@ Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
                             fs::is_directory(status) ? "a folder" : "something else");
   const std::string path = fs::absolute(plug_in).string();
   Start start;
-  // or a Python program that is not run by a terminal would keep its lines to itself
+  // Without it a Python program that writes to a pipe would hold back its lines.
   if (std::getenv("PYTHONUNBUFFERED") == nullptr) start.environment = {"PYTHONUNBUFFERED=1"};
   const bool executable = ::access(path.c_str(), X_OK) == 0;
   if (plug_in.extension() == ".so") {
+    // The mark is set in a host: seeing it here means that the host ran its normal main and would
+    // start itself for ever.
     if (std::getenv(host_mark) != nullptr)
       throw ChildProcessError("a host whose main begins with plug_in_host", "one that does not");
     start.environment.push_back(fmt::format("{}=1", host_mark));
@@ -265,7 +270,7 @@ Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
   return start;
 }
 
-/// The same text with bytes that are not UTF-8 replaced, so that it can go into any report.
+/// Returns the text with bytes that are not UTF-8 replaced, so that it can go into any report.
 std::string as_utf8(const std::string& text) {
   const nlohmann::json value = text;
   return nlohmann::json::parse(value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))
@@ -278,7 +283,8 @@ std::string indented(std::string lines) {
   return "  " + lines;
 }
 
-/// A conversation whose every fault is reported with the plug-in, the step and its last words.
+/// A conversation with a plug-in. Every error is reported with the plug-in, the step and its last
+/// lines on stderr.
 class Conversation {
  private:
   template <typename Do>
@@ -339,7 +345,8 @@ void check(const PlugInQuestion& question, const PlugInOptions& options) {
   if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
 }
 
-/// Rows of all batches of a question; `rows(batch, expected)` answers one.
+/// Returns the rows of all batches of a question.
+/// @param rows  returns the answer to one batch
 template <typename Rows>
 Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& question,
                            const PlugInOptions& options, PlugInOutput answers, const Rows& rows) {
@@ -354,7 +361,7 @@ Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& questio
   return all;
 }
 
-/// @throws ChildFault unless a function answered what is expected
+/// Throws ChildProcessError unless the answer of a function has the expected size and values.
 void check(const Eigen::MatrixXd& rows, const Expected& expected) {
   const Eigen::Index wanted = columns(expected.answers, expected.task);
   if (rows.rows() != expected.samples || rows.cols() != wanted)
@@ -387,6 +394,7 @@ PlugInResponse ask(const std::string& name, const PlugInFunction& function, cons
                    const PlugInQuestion& question, const PlugInOptions& options) {
   check(question, options);
   const auto rows = [&](Samples batch, const Expected& expected) {
+    // a function gets the same chance of an interrupt as a process
     if (options.waiting) options.waiting();
     Eigen::MatrixXd answered = function.rows(task, make_batch(task, question, batch));
     try {

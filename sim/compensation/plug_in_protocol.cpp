@@ -59,6 +59,7 @@ std::string column_name(const Expected& expected, Index column) {
 
 std::optional<std::string> value_violation(double number, const Expected& expected, Index column) {
   if (!std::isfinite(number)) return "a finite number";
+  // beyond it a value has the wrong unit, such as um given as mm
   const bool angle = is_angle(expected, column);
   const double most = angle ? expected.options.max_rad : expected.options.max_mm;
   if (std::abs(number) <= most) return std::nullopt;
@@ -75,6 +76,7 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
+// Returns the key of the numbers in the messages.
 const char* word(PlugInOutput answers) {
   return answers == PlugInOutput::Correction ? "correction" : "deviation";
 }
@@ -94,6 +96,7 @@ void append_numbers(std::string& line, Eigen::Index n, const Value& value) {
   append_list(line, n, [&](Eigen::Index i) { append_number(line, value(i)); });
 }
 
+// Bytes that are not UTF-8 are replaced, since a name of a tool may have any.
 std::string text_line(const ordered_json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
 }
@@ -126,6 +129,7 @@ json message_of(const std::string& line) {
   const auto refuse = [&](const char* why) {
     throw ChildProcessError("a JSON object on one line", in_quotes(line) + why);
   };
+  // checked first, since the parser recurses and a deep nesting would exhaust the stack
   if (json_depth(line) > max_nesting) refuse(" that nests too deeply");
   json message;
   try {
@@ -133,6 +137,7 @@ json message_of(const std::string& line) {
   } catch (const json::out_of_range&) {
     refuse(" with a number that is too large");
   } catch (const json::exception&) {
+    // Python writes NaN and Infinity, which JSON does not have; they get a message of their own.
     const bool not_finite = line.find("NaN") != std::string::npos ||
                             line.find("nan") != std::string::npos ||
                             line.find("Infinity") != std::string::npos;
@@ -146,7 +151,7 @@ json message_of(const std::string& line) {
   return message;
 }
 
-/// A value as a failure shows it.
+/// Returns a value as an error message shows it.
 std::string seen(const json& object, const char* key) {
   const auto value = object.find(key);
   if (value == object.end()) return "none";
@@ -191,7 +196,7 @@ std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
   message["batch"] = batch;
   message["readings"] = readings(task) > 0 ? task.log.names : std::vector<std::string>();
   std::string line = text_line(message);
-  line.resize(line.size() - 2);  // the closing brace comes after the log
+  line.resize(line.size() - 2);  // the closing brace follows after the log
 
   const ControlLog& log = task.log;
   line += ",\"log\":{\"time_s\":";
@@ -209,6 +214,7 @@ std::string ask_line(const PlugInBatch& batch, long id) {
   const Eigen::Index samples = batch.time_s.size();
   const auto size = std::size_t(batch.q.cols() + batch.direction.cols() + batch.readings.cols());
   std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
+  // an upper estimate of the length, which saves copies of a line of megabytes
   line.reserve(std::size_t(samples) * (300 + 10 * size));
   const auto append = [&](const char* key, const auto& value) {
     line += fmt::format(",\"{}\":", key);

@@ -11,89 +11,92 @@
 #include "kinematics/chain.h"
 #include "sim/compensation/time_series.h"
 
-/// What a plug-in is asked and what it answers; plug_in.h asks it.
+/// The data and messages exchanged with a plug-in; plug_in.h uses them.
 namespace abbe::sim::compensation {
 
-/// A plug-in that crashed, hung, answered too little, not with numbers, or for another version.
+/// Thrown if a plug-in crashes, hangs, returns too few or invalid numbers, or has another version.
 struct PlugInFailure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// What a plug-in is given once, before it is asked.
+/// The data given to a plug-in once, before the first batch.
 struct PlugInTask {
   std::string structure;  ///< "w C' b X Y Z A s t"
   std::vector<kinematics::Joint> joints;
-  std::string tool;          ///< its name
+  std::string tool;          ///< name of the tool
   double tool_length = 0.0;  ///< mm
   ControlLog log;            ///< what the control could read; may be empty
 };
 
-/// What it is asked, one row a sample in the order of time.
+/// The samples to be corrected, in the order of time.
 struct PlugInQuestion {
   const std::vector<kinematics::AxisState>& commands;
-  const std::vector<kinematics::Pose>& T_wt;  ///< where the tool should be
+  const std::vector<kinematics::Pose>& T_wt;  ///< nominal poses of the tool
 };
 
-/// Samples first ... first + count - 1 of a question, counted from 0.
+/// A range of samples of a question: first ... first + count - 1, counted from 0.
 struct Samples {
   Eigen::Index first = 0;
   Eigen::Index count = 0;
 };
 
-/// Some samples of a question, as abbe_batch of abbe_compensator.h has them.
+/// A batch of samples, with the layout of abbe_batch in abbe_compensator.h.
 struct PlugInBatch {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Eigen::VectorXd time_s;       ///< (samples)
   Rows q;                       ///< (samples x joints) commands, mm and rad
-  Rows direction;               ///< (samples x joints) +1 up, -1 down, 0 has not moved yet
+  Rows direction;               ///< (samples x joints) +1 up, -1 down, 0 not moved yet
   Eigen::VectorXd spindle_rpm;  ///< (samples)
-  Rows T_wt;      ///< (samples x 12) first three rows of where the tool should be in the workpiece
-  Rows readings;  ///< (samples x readings) last read before the sample; NaN where there was none
+  Rows T_wt;      ///< (samples x 12) first three rows of the nominal pose in the workpiece
+  Rows readings;  ///< (samples x readings) last reading before the sample; NaN if there was none
 };
 
+/// Time limits, batch size and limits on the answers of a plug-in.
 struct PlugInOptions {
   double start_s = 10.0;     ///< deadline of the handshake
-  double response_s = 30.0;  ///< deadline of one batch, and of its end when there is no more to ask
-  int batch = 1000;          ///< samples a batch
-  double max_mm = 10.0;      ///< an answer beyond is a mistake of units and refused
-  double max_rad = 0.5;      ///< the same of angles
-  /// Program that a shared library is loaded by: one whose main begins with plug_in_host.
+  double response_s = 30.0;  ///< deadline of one batch, and of the end after the last one
+  int batch = 1000;          ///< samples in a batch
+  double max_mm = 10.0;      ///< larger answers are taken as a mistake of units and rejected
+  double max_rad = 0.5;      ///< rad, the same for angles
+  /// Program that loads a shared library: its main must begin with plug_in_host.
   std::filesystem::path host = "/proc/self/exe";
-  /// Called again and again while an answer is waited for; what it throws ends the plug-in.
+  /// Called repeatedly while waiting for an answer; if it throws, the plug-in is ended.
   std::function<void()> waiting = {};
 };
 
-/// What the numbers of a plug-in mean.
+/// Meaning of the numbers of a plug-in.
 enum class PlugInOutput {
   Correction,  ///< to be added to the commands
-  Deviation,   ///< error of the tool as the plug-in believes it; who asks corrects it
+  Deviation,   ///< believed error of the tool; abbe computes the correction
 };
 
+/// The answer of a plug-in to a whole program.
 struct PlugInResponse {
   std::string name;  ///< as the plug-in calls itself, or empty
   PlugInOutput answers = PlugInOutput::Correction;
   /// (samples x joints) corrections, mm and rad in the order of the structural code, or (samples x
   /// 6) deviations [EX EY EZ EA EB EC], actual minus nominal in the nominal tool frame, mm and rad;
-  /// finite, within most_mm and most_rad
+  /// finite, within `max_mm` and `max_rad`
   Eigen::MatrixXd rows;
-  std::string said;  ///< the last lines that it wrote to stderr
+  std::string said;  ///< the last lines written to stderr
 };
 
-/// A compensator in the process of who asks it: a function of batches in the order of time.
+/// A compensator in the same process: a function of batches in the order of time.
 struct PlugInFunction {
   PlugInOutput answers = PlugInOutput::Correction;
-  /// @return (samples x joints), or (samples x 6), as the rows of an answer
+  /// @return (samples x joints), or (samples x 6), as `PlugInResponse::rows`
   std::function<Eigen::MatrixXd(const PlugInTask& task, const PlugInBatch& batch)> rows;
 };
 
-// The batches in which plug-ins are asked, and what an answer to one must be.
+// Batches, and the requirements on an answer
 
-/// How many readings of the control a plug-in is given.
+/// Returns the number of readings of the control that a plug-in gets.
 Eigen::Index readings(const PlugInTask& task);
 
+/// Returns the batch of some samples of a question.
 PlugInBatch make_batch(const PlugInTask& task, const PlugInQuestion& question, Samples samples);
 
-/// What an answer must be.
+/// The requirements on an answer.
 struct Expected {
   long id = 0;
   PlugInOutput answers = PlugInOutput::Correction;
@@ -102,42 +105,45 @@ struct Expected {
   const PlugInOptions& options;
 };
 
-/// Numbers a row.
+/// Returns the number of numbers in a row.
 Eigen::Index columns(PlugInOutput answers, const PlugInTask& task);
 
-/// "X" or "EX"
+/// Returns the name of a column, such as "X" or "EX".
 std::string column_name(const Expected& expected, Eigen::Index column);
 
-/// What a number of an answer would have to be instead; nothing where it may stand.
+/// Returns what a number of an answer should be instead; none if it is acceptable.
 std::optional<std::string> value_violation(double number, const Expected& expected,
                                            Eigen::Index column);
 
-/// "batch 3 (samples 2001 to 3000)"
+/// Returns a text such as "batch 3 (samples 2001 to 3000)".
 std::string batch_label(long id, Samples samples);
 
-// The lines that a plug-in and abbe say to each other; README.md is the protocol.
+// The lines of the protocol; README.md describes it
 
+/// Version of the protocol, exchanged in the handshake.
 inline constexpr int protocol_version = 1;
 
-/// Appends a number in the fewest digits that give its bits back; null if it is not finite.
+/// Appends a number with the fewest digits that read back to its bits; null if it is not finite.
 void append_number(std::string& line, double number);
 
-/// What abbe says. Each line ends with its '\n'.
+/// Return the messages of abbe. Each line ends with '\n'.
 std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch);
 std::string end_line();
 
 std::string ask_line(const PlugInBatch& batch, long id);
 
-/// What a plug-in says of itself.
+/// The introduction of a plug-in.
 struct Handshake {
   std::string name;
   PlugInOutput answers = PlugInOutput::Correction;
 };
-/// @throws ChildFault unless the line is that, for this version
+/// Reads the handshake of a plug-in. Throws ChildProcessError unless the line is one of this
+/// version.
 Handshake read_handshake(const std::string& line);
 
-/// @return (samples x columns), finite and within the options' bounds
-/// @throws ChildFault unless the line is such an answer
+/// Reads an answer.
+/// @return (samples x columns), finite and within the bounds of the options
+/// @throws ChildProcessError unless the line is a valid answer
 Eigen::MatrixXd read_response(const std::string& line, const Expected& expected);
 
 }  // namespace abbe::sim::compensation

@@ -15,19 +15,20 @@
 
 namespace abbe::sim::compensation {
 
-inline constexpr double max_counts = 1e15;  ///< a quarter of a count is still resolved
+inline constexpr double max_counts = 1e15;  ///< up to here a quarter of a count is resolved
 
-/// Times at which an inserted pair can begin, `windows` many of equal length, `spacing_s` apart.
+/// Times at which an inserted pair can begin: `windows` windows of equal length, `spacing_s` apart.
 struct PulseWindows {
-  double begin_s = 0.0;  ///< of the first; -inf where the axis rests so before its course
+  double begin_s = 0.0;  ///< of the first; -inf if the axis rests there before its series
   double end_s = 0.0;    ///< of the first: a pair that begins later would not pass; +inf at rest
-                         ///< after its course
+                         ///< after its series
   double spacing_s = 0.0;
   double windows = 1.0;
 };
 
-/// When both trains of an encoder are low and stay so for the length of a pair, in order. At most
-/// three entries for a line of the motion, however many signal periods it passes.
+/// Returns the windows in which both trains of an encoder are low and stay low for the length of a
+/// pair, in order. A line of the motion gives at most three entries, however many signal periods it
+/// passes.
 /// @param motion  valid
 /// @param phase   in counts, as in `quadrature`
 /// @throws std::invalid_argument for positions beyond 1e15 counts
@@ -38,7 +39,7 @@ namespace {
 
 using Eigen::Index;
 
-/// One line of the motion in quarters of a count; boundary j lies between quarters j - 1 and j.
+/// A line of the motion in quarters of a count; boundary j lies between quarters j - 1 and j.
 struct QuarterLine {
   double t0, t1;
   double g0, g1;
@@ -61,6 +62,7 @@ class Stays {
     open_s_.reset();
   }
   void add(PulseWindows stays) {
+    // a pair must begin so early that it has passed when the stay ends
     stays.end_s -= pulse_s_;
     if (stays.windows > 0.0 && stays.end_s >= stays.begin_s) windows_.push_back(stays);
   }
@@ -72,7 +74,8 @@ class Stays {
   std::vector<PulseWindows> windows_;
 };
 
-/// Passes one line that crosses at least one boundary.
+/// Adds the stays of one line that crosses at least one boundary: that which ends, the whole ones
+/// between, and that which begins.
 void pass(const QuarterLine& line, Stays& stays) {
   const double from = std::floor(line.g0), to = std::floor(line.g1);
   const bool up = to > from;
@@ -121,18 +124,19 @@ void require_insertion(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("pulse insertion expects " + what);
 }
 
-/// Finds openings at instants that never decrease.
+/// Finds the next window at times that never decrease.
 class Openings {
  public:
   explicit Openings(std::vector<PulseWindows> windows) : windows_(std::move(windows)) {}
 
-  /// First instant from one on at which a pair can begin; infinity for none.
+  /// Returns the first time from `time_s` on at which a pair can begin; infinity if there is none.
   double from(double time_s) {
     for (; next_ < windows_.size(); ++next_) {
       const PulseWindows& group = windows_[next_];
       if (group.end_s + (group.windows - 1.0) * group.spacing_s < time_s) continue;
       double passed = 0.0;
       if (group.end_s < time_s)
+        // the stays passed are counted, not visited: a fast axis has millions of them
         passed = std::min(std::ceil((time_s - group.end_s) / group.spacing_s), group.windows - 1.0);
       return std::max(time_s, group.begin_s + passed * group.spacing_s);
     }
@@ -144,14 +148,14 @@ class Openings {
   std::size_t next_ = 0;
 };
 
-/// From an instant on, the correction of one joint.
+/// A correction of one joint from a time on.
 struct TimedStep {
   double time_s;
   int joint;
   double value;
 };
 
-/// One fitted joint: the correction by so many whole counts.
+/// A fitted joint, whose correction is a whole number of counts plus its phase.
 struct Counter {
   double count;
   double phase;
@@ -168,7 +172,8 @@ struct Duration {
   double start_s, end_s;
 };
 
-/// Appends the steps of one joint in time. @return the correction that it starts with
+/// Appends the steps of one joint in the order of time.
+/// @return the correction at the start
 double pass(const TimeSeries& wanted, const Pulses& pulses, const TimeSeries& motion, int joint,
             const Duration& duration, std::vector<TimedStep>& steps) {
   const Counter counter{pulses.count[joint], zero_phase(pulses.phase_seed, joint)};
@@ -183,6 +188,7 @@ double pass(const TimeSeries& wanted, const Pulses& pulses, const TimeSeries& mo
     const double left = counter.wanted(walk.at(cycle_s, joint)) - whole;
     if (left == 0.0) continue;
     const double begin_s = openings.from(std::max(cycle_s, busy_s));
+    // no opening in this cycle: the next one asks again
     if (begin_s >= duration.start_s + double(k + 1) * pulses.cycle_s) continue;
     whole += left > 0.0 ? 1.0 : -1.0;
     busy_s = begin_s + pulses.pulse_s;
@@ -204,7 +210,7 @@ void validate(const TimeSeries& wanted, const Pulses& pulses, const TimeSeries& 
   require_insertion(pulses.pulse_s > 0.0 && std::isfinite(pulses.pulse_s), "a pulse above 0");
 }
 
-/// Steps of several joints, sorted by time, as one course.
+/// Returns the steps of several joints, sorted by time, as one series.
 TimeSeries pulse_series(const std::vector<TimedStep>& steps, VectorXd now,
                         const Duration& duration) {
   Knots knots(now.size());
@@ -224,9 +230,10 @@ TimeSeries pulse_series(const std::vector<TimedStep>& steps, VectorXd now,
 
 double zero_phase(std::uint64_t seed, int joint) {
   using namespace split_mix;
-  // two rounds, so that neighbouring seeds and joints have nothing in common
+  // two rounds, so that neighbouring seeds and joints give independent phases
   const std::uint64_t once = mixed(seed + golden * (std::uint64_t(joint) + 2));
   const std::uint64_t bits = mixed(once + golden);
+  // the upper 53 bits fill a double exactly
   return double(bits >> 11) * 0x1p-53 - 0.5;
 }
 
@@ -250,10 +257,10 @@ TimeSeries through(const TimeSeries& wanted, const Pulses& pulses, const TimeSer
 
 namespace {
 
-constexpr double max_periods = 1e15;  // a quarter of a period is still resolved
+constexpr double max_periods = 1e15;  // up to here a quarter of a period is resolved
 constexpr std::size_t max_edges = 100'000'000;
 
-/// Quarter of its signal period, 0..3: low-low, A, both, B.
+/// Returns the quarter of the signal period, 0..3: both low, A, both, B.
 int quarter_of(const QuadratureState& state) {
   return state.a ? (state.b ? 2 : 1) : (state.b ? 3 : 0);
 }
@@ -267,7 +274,7 @@ double quarters(double position, double period, double phase) {
   return 4.0 * (position / period - phase);
 }
 
-/// The one train that differs between neighbouring quarters.
+/// Returns the edge between neighbouring quarters: the one train that differs.
 Edge edge_into(double quarter, double from, double time_s) {
   const QuadratureState before = state_of(from), after = state_of(quarter);
   const bool is_a = before.a != after.a;
@@ -283,7 +290,7 @@ QuadratureState after(QuadratureState state, const Edge& edge) {
   return state;
 }
 
-/// Times between which both trains are low.
+/// A time range in which both trains are low.
 struct Stay {
   double begin_s, end_s;
 };
@@ -335,6 +342,7 @@ Feedback feedback(const TimeSeries& motion, double period, double phase, int col
     const double from = std::floor(g0), to = std::floor(g1), step = to > from ? 1.0 : -1.0;
     if (double(result.edges.size()) + std::abs(to - from) > double(max_edges))
       throw std::invalid_argument("encoder feedback: more than 1e8 edges");
+    // every boundary between the quarters is an edge, at the time of its crossing
     for (double quarter = from; quarter != to; quarter += step) {
       const double boundary = step > 0.0 ? quarter + 1.0 : quarter;
       const double time_s = t0 + (boundary - g0) / (g1 - g0) * (t1 - t0);
@@ -358,6 +366,7 @@ std::vector<Count> counts(const Feedback& feedback, Evaluation evaluation) {
     const long before = count_of(quarter);
     const int from = quarter_of(state);
     state = after(state, edge);
+    // modulo 4, one quarter forwards is up, any other neighbour is down
     quarter += (quarter_of(state) - from + 4) % 4 == 1 ? 1 : -1;
     if (count_of(quarter) != before) result.push_back({edge.time_s, count_of(quarter)});
   }
@@ -376,10 +385,11 @@ std::vector<Insertion> insertions(const Feedback& feedback, const std::vector<Re
   std::vector<Insertion> result;
   if (box.bypass) return result;
   long done = 0;
-  std::size_t next = 0;  // first request after the instant looked at
+  std::size_t next = 0;  // first request after the present time
   for (const Stay& stay : stays_low(feedback)) {
     while (next < requests.size() && requests[next].time_s <= stay.begin_s) ++next;
     double time_s = stay.begin_s;
+    // A request that changes nothing, or is withdrawn, is passed over within the stay.
     while (next < requests.size() && (next == 0 || requests[next - 1].pairs == done) &&
            requests[next].time_s < stay.end_s)
       time_s = requests[next++].time_s;
@@ -396,7 +406,7 @@ Feedback inserted(const Feedback& feedback, const std::vector<Request>& requests
   Feedback result{feedback.start, {}};
   auto edge = feedback.edges.begin();
   for (const Insertion& pair : insertions(feedback, requests, box)) {
-    // An edge at the very begin of a pair is the one that made both trains low.
+    // An edge at the very beginning of a pair is the one that made both trains low.
     while (edge != feedback.edges.end() && edge->time_s <= pair.time_s)
       result.edges.push_back(*edge++);
     const bool leads = pair.direction > 0;

@@ -12,13 +12,12 @@ namespace {
 
 using kinematics::Chain;
 
-constexpr int most_rows = 5000;  // of a table; how many a control has room for is machine data
+constexpr int most_rows = 5000;  // of a table; machine data set how many a control has room for
 constexpr int max_tables = 200;
 constexpr int value_decimals = 8;
-constexpr int step_decimals = 12;  // a step is added up thousands of times
+constexpr int step_decimals = 12;  // the control adds the step up thousands of times
 
-// $AA_ENC_COMP holds what a positive value takes off the axis, $AN_CEC what it adds to the
-// set-point
+// A positive $AA_ENC_COMP is subtracted from the axis position, $AN_CEC is added to the set-point.
 constexpr double encoder_sign = -1.0;
 constexpr double cross_sign = 1.0;
 
@@ -32,7 +31,8 @@ struct EvenGrid {
   double step = 0.0;
 };
 
-/// Range and step in the units of the file, the step such that the points end at the printed end.
+/// Returns range and step in the units of the file. The step is such that the points end at the
+/// printed end.
 EvenGrid grid_of(const AxisTable& table, double unit) {
   const Eigen::Index last = table.position.size() - 1;
   const double digit = std::pow(10.0, value_decimals);
@@ -57,6 +57,7 @@ std::string encoder_table(const AxisTable& table, const Chain& chain) {
   return text;
 }
 
+/// Returns a cross table of one direction.
 /// @param direction  0 both, 1 up, -1 down
 std::string cross_table(const AxisTable& table, const Chain& chain, int index, int direction) {
   const double unit = unit_of(chain, table.moves);
@@ -83,29 +84,29 @@ ControlFile program(const std::string& name, const std::string& body) {
   return {name, "%_N_" + head + "\nCHANDATA(1)\n" + body + "M17\n"};
 }
 
-/// A table as it is read, piece by piece.
+/// A table while it is read.
 struct Draft {
-  int line = 0;  // where it is first named
+  int line = 0;  // line that first names it
   std::vector<std::optional<double>> values;
   std::optional<double> step, min, max;
   std::optional<int> of, moves, direction, product, modulo;
 };
 
-/// What one program says.
+/// The tables of one program.
 struct Program {
   std::string file;
   std::map<int, Draft> encoder;  // by joint
   std::map<int, Draft> cross;    // by index
 };
 
-/// `$NAME[index, index]=value` in cells.
+/// An assignment `$NAME[index, index]=value`, in cells.
 struct Assignment {
   Cell name;
   std::vector<Cell> index;
   Cell value;
 };
 
-/// Reader of one program, statement by statement.
+/// Reads one program, statement by statement.
 class ProgramReader {
  public:
   ProgramReader(const ControlFile& file, const Chain& chain)
@@ -113,6 +114,7 @@ class ProgramReader {
 
   Program read() {
     bool ended = false;
+    // a semicolon begins a comment
     while (const auto line = lines_.next()) {
       const std::string_view text = line->text.substr(0, line->text.find(';'));
       const std::size_t start = text.find_first_not_of(" \t");
@@ -246,7 +248,7 @@ class ProgramReader {
   Program program_;
 };
 
-/// Tables of a program that was read.
+/// Makes tables of the assignments of a program.
 class Finisher {
  public:
   Finisher(const Program& program, const Chain& chain) : program_(program), chain_(chain) {}
@@ -255,7 +257,8 @@ class Finisher {
     std::vector<AxisTable> tables;
     for (const auto& [joint, draft] : program_.encoder)
       tables.push_back(table_of(draft, encoder_sign));
-    std::vector<std::pair<int, AxisTable>> halves;  // direction and what is not yet one of a pair
+    std::vector<std::pair<int, AxisTable>> halves;  // direction, and a table that may still find
+                                                    // its other direction
     for (const auto& [index, draft] : program_.cross) {
       AxisTable table = table_of(draft, cross_sign);
       const int direction = draft.direction.value_or(0);
@@ -265,6 +268,7 @@ class Finisher {
         return half.first * direction < 0 && half.second.of == table.of &&
                half.second.moves == table.moves && half.second.position == table.position;
       });
+      // a pair of opposite directions over the same points is one table with two columns
       if (other == halves.end()) {
         halves.emplace_back(direction, std::move(table));
       } else {
@@ -292,7 +296,9 @@ class Finisher {
       refuse(draft, "STEP above 0 and MAX above MIN",
              fmt::format("{} and {} to {}", *draft.step, *draft.min, *draft.max));
     const double steps = (*draft.max - *draft.min) / *draft.step;
+    // MIN, MAX and STEP state the number of points a second time
     const double last = std::round(steps);
+    // 1e-4 of a step: the printed step is rounded
     if (!(last >= 1.0) || last > most_rows - 1 || std::abs(steps - last) > 1e-4)
       refuse(draft, fmt::format("1 to {} whole steps from MIN to MAX", most_rows - 1),
              fmt::format("{:.6g}", steps));
@@ -310,6 +316,7 @@ class Finisher {
       if (!value) refuse(draft, fmt::format("a value of point {}", k), "none");
       table.position[k] = (*draft.min + double(k) * *draft.step) * of_unit;
       table.upward[k] = sign * *value * unit;
+      // a step below the rounding of the positions
       if (k > 0 && !(table.position[k] > table.position[k - 1]))
         refuse(draft, "a STEP that keeps its points apart", fmt::format("{}", *draft.step));
     }
@@ -321,7 +328,7 @@ class Finisher {
   const Chain& chain_;
 };
 
-/// A table that a second program writes again would take the place of the first.
+/// Throws BadInput if a program writes a table again, which would replace the first.
 void expect_new(const Program& program, const std::vector<Program>& before) {
   for (const Program& other : before) {
     for (const auto& [joint, draft] : program.encoder)
@@ -345,10 +352,12 @@ Export to_siemens(const ParameterTables& tables, const Chain& chain) {
   for (const AxisTable& sum : summed(tables.tables)) {
     const FittedTable fitting = fit_table(sum, chain, {most_rows, 1e-6});
     if (fitting.left_out) out.left_out.push_back(*fitting.left_out);
+    // Siemens tables state only their first position and step.
     const FittedTable even = equidistant(fitting.table, chain);
     if (even.left_out) out.left_out.push_back(*even.left_out);
     const bool both = is_direction_independent(even.table);
     if (both && sum.of == sum.moves) {
+      // an encoder table has one value for both directions
       encoder += encoder_table(even.table, chain);
       continue;
     }

@@ -13,9 +13,10 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+// 0.4 GB
 constexpr std::size_t max_numbers = 50'000'000;
 
-/// Value between the knot before `next` and that one, of which the first lies after the instant.
+/// Returns the value between two knots; `next` is the first knot after the time.
 double value_before(const TimeSeries& course, Index next, double time_s, Index column) {
   const Index n = course.time_s.size();
   if (next == 0) return course.value(0, column);
@@ -31,7 +32,7 @@ VectorXd row_before(const TimeSeries& course, Index next, double time_s) {
   return row;
 }
 
-/// Knots that show: the first and the last of every instant.
+/// Returns the knots that count: the first and the last of every time.
 std::vector<Index> shown_knots(const VectorXd& time_s) {
   std::vector<Index> shown;
   const Index n = time_s.size();
@@ -41,7 +42,7 @@ std::vector<Index> shown_knots(const VectorXd& time_s) {
   return shown;
 }
 
-/// Slopes with which a line from the anchor passes every knot since within the tolerance.
+/// The slopes with which a line from the anchor passes every knot since within the tolerance.
 struct Cone {
   VectorXd low, high;
 
@@ -116,7 +117,7 @@ TimeSeries thinned(const TimeSeries& course, const VectorXd& tolerance) {
   const std::vector<Index> shown = shown_knots(course.time_s);
   std::vector<Index> kept = {shown.front()};
   Cone cone(course.value.cols());
-  // What is left out since the last kept knot can always be spanned up to `previous`.
+  // The knots left out since the last kept one can always be spanned by a line to `previous`.
   Index previous = shown.front();
   for (std::size_t i = 1; i < shown.size(); ++i) {
     const Index k = shown[i];
@@ -129,6 +130,7 @@ TimeSeries thinned(const TimeSeries& course, const VectorXd& tolerance) {
     const auto grid_run = [&](Index knot) {
       return course.time_s[knot] - course.time_s[kept.back()];
     };
+    // The line ends at `previous` if it cannot be continued to this knot.
     if (jumps || !cone.holds(rise_of(k), grid_run(k))) {
       if (kept.back() != previous) kept.push_back(previous);
       if (jumps) kept.push_back(k);
@@ -178,6 +180,7 @@ Eigen::Index row_at(const ControlLog& log, double time_s) {
   return row_at(log.time_s, time_s);
 }
 
+// readings are held until the next one
 Eigen::Index row_at(const Eigen::VectorXd& time_s, double instant_s) {
   const double* first = time_s.data();
   const double* after = std::upper_bound(first, first + time_s.size(), instant_s);

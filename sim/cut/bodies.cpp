@@ -21,6 +21,9 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
+// Returns the allowed sag of facets, mm. 5 um is the default collision resolution, finer facets
+// would not change a result; a ten-thousandth of the radius keeps the facet count of large bodies
+// constant.
 double sag_of(double radius) { return std::max(5e-3, 1e-4 * radius); }
 
 ClosedMesh revolved(const Eigen::MatrixX2d& profile) {
@@ -33,6 +36,7 @@ ClosedMesh frustum(double below, double above, double height) {
   return revolved(profile);
 }
 
+// Visitor that builds the mesh of each kind of shape.
 struct MeshOfShape {
   ClosedMesh operator()(const BoxShape& box) const { return cutting::box_mesh(box.size); }
   ClosedMesh operator()(const CylinderShape& one) const {
@@ -58,14 +62,16 @@ struct MeshOfShape {
   MeshUse use;
 };
 
-/// What messages call a body that the scene describes. It may be larger than the travel.
+/// Returns the names of a body in messages. It sets no travel, since a body of the machine may be
+/// larger than the travel.
 MeshUse body_mesh_use(SolidBody::Kind kind, const std::string& name) {
   const bool fixture = kind == SolidBody::Kind::Fixture;
   return {fmt::format("{} \"{}\"", fixture ? "fixture" : "body", name),
           fixture ? "fixture" : "body"};
 }
 
-/// Number of the moving axes between the workpiece and a carriage, by which neighbours are known.
+/// Returns for every carrier the number of moving axes between it and the workpiece; carriers whose
+/// numbers differ by 1 are neighbours. A spindle does not count, as it moves no carriage away.
 std::vector<int> places_in_chain(const kinematics::Chain& chain) {
   const Carriers carriers{chain.size()};
   std::vector<int> place(std::size_t(carriers.count()), 0);
@@ -82,16 +88,17 @@ std::vector<int> places_in_chain(const kinematics::Chain& chain) {
   return place;
 }
 
+// Returns the mesh moved up along z by `height` mm.
 ClosedMesh raised(const ClosedMesh& mesh, double height) {
   Pose up = Pose::Identity();
   up.translation().z() = height;
   return cutting::moved(mesh, up);
 }
 
-/// Cutter, shank and holder of a tool.
+/// Builds cutter, shank and holder of a tool.
 class ToolBodies {
  public:
-  /// @param skin  mm of cutter and shank that may be in the part
+  /// @param skin  mm of cutter and shank that may enter the part
   ToolBodies(const ToolDescription& tool, int frame, double skin)
       : tool_(tool), frame_(frame), skin_(skin) {
     if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual)) {
@@ -124,11 +131,13 @@ class ToolBodies {
         cutting::cutter_pieces(cutter, sag), std::move(core));
   }
 
-  /// From the end of the flank to the holder or the nose, where there is room.
+  /// Adds the shank, from the end of the flank to the holder or, without one, the spindle nose, if
+  /// there is room.
   void add_shank(const cutting::Cutter& cutter) {
     const double end = tool_.holder ? (*tool_.holder)(0, 1) : tool_.actual_length;
     const double length = end - cutter.flank_length;
     const double radius = tool_.shank_radius.value_or(cutting::shank_radius(cutter));
+    // a quarter of the radius at most: a thin shank keeps a core that can still collide
     const double skin = std::min(skin_, 0.25 * radius);
     if (!(length > skin)) return;
     Pieces core;
@@ -154,6 +163,8 @@ std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics
   const std::vector<Pose> carriages = kinematics::carriage_poses(chain, q, deviations);
   std::vector<Pose> T(std::size_t(carriers.count()), Pose::Identity());
   std::ranges::copy(carriages, T.begin() + 1);
+  // The first joint of the workpiece side carries the workpiece, the last of the tool side the
+  // tool; a side without joints is the bed itself.
   const auto on = [&](Side side, std::size_t joint) {
     const bool has = !carriages.empty() && chain.joints()[joint].side == side;
     return has ? carriages[joint] : Pose(Pose::Identity());
@@ -213,7 +224,8 @@ std::vector<SolidBody> job_bodies(const Job& part) {
 
 namespace {
 
-/// Of what is fixed to each other no pair is searched.
+/// Returns warnings for fixtures inside the part. The search leaves such pairs out, since both
+/// bodies are fixed to the workpiece, so a wrong pose or unit would pass unnoticed.
 std::vector<std::string> fixtures_inside(const std::vector<SolidBody>& bodies) {
   std::vector<std::string> warnings;
   const auto part = std::ranges::find(bodies, SolidBody::Kind::Part, &SolidBody::kind);
@@ -227,6 +239,8 @@ std::vector<std::string> fixtures_inside(const std::vector<SolidBody>& bodies) {
     if (fixture.kind != SolidBody::Kind::Fixture || !box.contains(box_of(fixture))) continue;
     const cutting::Body whole = searched(*part), clamp = searched(fixture);
     const Pose same = Pose::Identity();
+    // the distance comes first: a fixture that cuts through the surface of the part is not inside
+    // it
     if (cutting::gap(whole, same, clamp, same).distance > 0.0 &&
         cutting::is_inside(whole, same, clamp, same))
       warnings.push_back(fmt::format(
@@ -301,6 +315,8 @@ std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
   for (std::size_t a = 0; a < bodies.size(); ++a)
     for (std::size_t b = a + 1; b < bodies.size(); ++b) {
       const SolidBody &one = bodies[a], &other = bodies[b];
+      // Neighbouring bodies of the machine overlap at their guideways by design, so a pair of
+      // machine bodies needs two axes between it; any other pair needs one.
       const int between = std::abs(place[std::size_t(one.frame)] - place[std::size_t(other.frame)]);
       const bool of_machine = one.kind == Kind::Machine && other.kind == Kind::Machine;
       if (between < (of_machine ? 2 : 1) || is_ignored(ignored, one.name, other.name)) continue;
@@ -314,6 +330,7 @@ kinematics::AxisState ActualMotion::state(const cutting::Moment& moment) const {
   if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
     const kinematics::AxisState& next = samples.states[moment.instant + 1];
     const kinematics::AxisState before = state;
+    // directions and spindle speed are those of the move under way, i.e. of its end sample
     state = next;
     state.q = before.q + moment.u * (next.q - before.q);
     state.time_s = before.time_s + moment.u * (next.time_s - before.time_s);

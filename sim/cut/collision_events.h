@@ -14,120 +14,127 @@
 #include "cutting/stock/body.h"
 #include "kinematics/axes.h"
 
-/// What was found to meet while a program runs.
+/// Collisions, near misses and clearances of a program, and their texts.
 namespace abbe::sim {
 
-/// Where in a program something is.
+/// A location in the program: line, file and time.
 struct ProgramLocation {
   int line = 0;
-  std::uint16_t file = 0;  ///< as `Block::file`
+  std::uint16_t file = 0;  ///< number of the file, as in `Block::file`
   double time_s = 0.0;
 };
 
-/// Two bodies that meet, or that come too near to each other.
+/// Two bodies that touch or come nearer than the clearance.
 struct Collision {
   std::string a, b;
-  bool contact = true;      ///< else a near miss
-  bool rapid = false;       ///< it begins on a rapid
+  bool contact = true;      ///< false: a near miss
+  bool rapid = false;       ///< the collision begins on a rapid
   ProgramLocation first;    ///< of contact, or of coming within the clearance
-  ProgramLocation worst;    ///< where it is deepest of what was looked at, or they are nearest
-  ProgramLocation last;     ///< end of the block in which they part again
-  double distance = 0.0;    ///< mm, of a near miss
-  double depth = 0.0;       ///< mm, of contact: the shortest way out where
-                            ///< that is longest of what was looked at
-  std::size_t depths = 0;   ///< instants at which it was looked at; 0: not
-  bool below_mesh = false;  ///< contact that the mesh of the stock does not show: it has no depth
-  Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< mm, then, in the bed frame
-  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, then, in the workpiece frame
-  std::size_t part = 0;                               ///< of the job, with its tool
-  kinematics::AxisState state;  ///< of the axes at first contact, or where they are nearest
+  ProgramLocation worst;    ///< of the greatest depth sampled, or of the smallest distance
+  ProgramLocation last;     ///< end of the block in which the bodies part again
+  double distance = 0.0;    ///< smallest distance of a near miss, mm
+  double depth = 0.0;       ///< penetration depth of a contact, mm: the largest, over the sampled
+                            ///< moments, of the shortest displacement that separates the bodies
+  std::size_t depths = 0;   ///< number of moments at which the depth was sampled; 0: never
+  bool below_mesh = false;  ///< a contact too shallow for the mesh of the stock to show; it has no
+                            ///< depth
+  Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< contact point in the bed frame, mm, at
+                                                      ///< the first contact or nearest moment
+  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< the same in the workpiece frame, mm
+  std::size_t part = 0;         ///< number of the part of the job, which sets the tool
+  kinematics::AxisState state;  ///< axes at the first contact, or at the nearest moment
   std::shared_ptr<const cutting::ClosedMesh>
-      stock;  ///< of the first contact with the stock: as it is then, in the workpiece frame
+      stock;  ///< of a first contact with the stock: its shape at that moment, workpiece frame
 };
 
-/// In which blocks the clearance of a pair counts among the smallest.
+/// Blocks in which the clearance of a pair enters the smallest clearance of the block.
 enum class ClearanceScope {
   Always,
-  WhenNear,       ///< in contacts and near misses: of the stock
-  WhenInContact,  ///< in contacts: of cutter and shank with part or stock, which they may touch
-  Never           ///< it is not looked at
+  WhenNear,       ///< in blocks with a contact or near miss: pairs with the stock
+  WhenInContact,  ///< in blocks with a contact: cutter and shank with part or stock, which they may
+                  ///< touch
+  Never           ///< the pair is not searched
 };
 
-/// How near two bodies come.
+/// The smallest distance between two bodies over the program.
 struct Clearance {
   std::string a, b;
-  bool overlap_at_start = false;  ///< and are not looked at
-  double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite of cutter and shank to the
-                          ///< part or the stock, if they do not collide: they may touch
+  bool overlap_at_start = false;  ///< the bodies overlap at the start of the program and are not
+                                  ///< searched
+  double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite for cutter and shank with the
+                          ///< part or stock unless they collide, since they may touch
   ProgramLocation place;
   ClearanceScope in_blocks = ClearanceScope::Always;
 };
 
-/// The smallest clearance of a block, of the pairs that count there.
+/// The smallest clearance in a block, among the pairs that count there.
 struct BlockClearance {
-  ProgramLocation place;  ///< its beginning
+  ProgramLocation place;  ///< start of the block
   double end_s = 0.0;
-  double at_least = 0.0;  ///< mm, the true one is at most 5 % or 0.01 mm more; 0 for contact
-  int pair = -1;          ///< of `clearances`; -1: none is looked at
+  double at_least = 0.0;  ///< lower bound of the clearance, mm; the true clearance is at most 5 %
+                          ///< or 0.01 mm more; 0 for contact
+  int pair = -1;          ///< index in `clearances`; -1: no pair is searched
 };
 
+/// The result of a collision search over a program.
 struct Collisions {
-  std::string commands;                 ///< case whose commands they are
-  std::vector<std::string> more_files;  ///< of the program, as Path has them
+  std::string commands;                 ///< name of the case whose commands were followed
+  std::vector<std::string> more_files;  ///< further files of the program, as in Path
   struct NamedBody {
     std::string name, carrier;
     Eigen::Index triangles = 0;
   };
   std::vector<NamedBody> bodies;
   std::vector<Collision> list;        ///< in the order of the program
-  std::vector<Clearance> clearances;  ///< of the pairs that were looked at
+  std::vector<Clearance> clearances;  ///< one for each searched pair
   std::vector<BlockClearance> blocks;
   std::vector<std::string> warnings;
-  std::size_t queries = 0;  ///< of distances
+  std::size_t queries = 0;  ///< number of distance queries
   double seconds = 0.0;
-  double resolution = 0.0, clearance = 0.0, gouge = 0.0;  ///< mm, as asked for
-  std::string beyond_travel;  ///< the axis that leaves its travel, and where; empty: none does
+  double resolution = 0.0, clearance = 0.0, gouge = 0.0;  ///< mm, as in the scene
+  std::string beyond_travel;  ///< names the first axis that leaves its travel, and where; empty:
+                              ///< none does
 };
 
-/// What a person must know of them: contacts, ends of travel, how many near misses there are.
+/// Returns the warnings for the user: contacts, axes beyond their travel, number of near misses.
 std::vector<std::string> collision_warnings(const Collisions& collisions);
 
-/// A run that was to stop at a collision.
+/// Thrown when a run that should stop at a collision finds one.
 struct CollisionStop : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// "holder and clamp meet, 3.21 mm deep at line 13, 1.310 s: lines 12 to 14, from 1.234 s, on a
-/// rapid"
-/// @param all  to which it belongs
+/// Returns a text such as "holder and clamp meet, 3.21 mm deep at line 13, 1.310 s: lines 12 to 14,
+/// from 1.234 s, on a rapid".
+/// @param all  the result that the event belongs to
 std::string event_text(const Collision& event, const Collisions& all);
 
-/// How many of them are contact.
+/// Returns the number of contacts, near misses not counted.
 std::size_t contacts(const Collisions& collisions);
 
-/// Whether the program can run: nothing meets, no axis leaves its travel.
+/// Returns true if the program can run: no contact, and no axis leaves its travel.
 bool is_clear(const Collisions& collisions);
 
-// When the depth of a contact is looked at, which takes too long for every moment.
+// Sampling of the penetration depth of a contact; a depth query is too slow for every moment.
 
-/// Of a motion in steps, so many moments of each may be looked at: what is thinner than a step is
-/// deep only between its ends.
+/// Number of moments within a step of the motion at which depth may be sampled: a body thinner than
+/// a step is at its deepest only between the ends of the step.
 inline constexpr std::size_t samples_per_step = 8;
 
-/// Contacts of which the depth is looked at.
+/// Number of contacts whose depth is sampled.
 inline constexpr std::size_t max_measured_contacts = 50;
 
-/// Where a contact is deepest, of the moments at which it was looked at.
+/// The deepest of the sampled moments of a contact.
 struct DeepestSample {
-  double depth = 0.0;  ///< mm
-  std::size_t at = 0;  ///< moment
-  std::size_t looks = 0;
+  double depth = 0.0;     ///< mm
+  std::size_t at = 0;     ///< number of the moment
+  std::size_t looks = 0;  ///< number of moments sampled
 };
 
-/// Looks at moments spread over [first, end), at up to as many ends of blocks, where motion turns
-/// back, and between those beside the deepest.
+/// Samples the depth at up to 24 moments spread over [first, end), at up to 24 ends of blocks,
+/// where the motion reverses, and repeatedly halfway to the neighbours of the deepest sample.
 /// @param block_ends  moments
-/// @param depth_at    mm, of a moment
+/// @param depth_at    returns the depth at a moment, mm
 DeepestSample deepest_sample(std::size_t first, std::size_t end,
                              const std::vector<std::size_t>& block_ends,
                              const std::function<double(std::size_t)>& depth_at);

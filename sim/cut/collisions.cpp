@@ -36,7 +36,8 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
-/// mm from any axis that turns to any point of a body, at most.
+/// Returns an upper bound of the distance from any rotary axis to any point of a body, mm. Slides
+/// may add their largest positions to the distance at zero.
 double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies) {
   const kinematics::Chain& chain = actual_motion.part.truth.actual;
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
@@ -60,8 +61,10 @@ double reach(const ActualMotion& actual_motion, const std::vector<SolidBody>& bo
   return turning + sliding;
 }
 
-/// mm between two samples, by which a body may leave its straight way: an eighth of the second
-/// derivative of a chain of turns and slides.
+/// Returns for each pair of neighbouring samples the distance, mm, by which a body may leave the
+/// straight line between them. The deviation of a chord is at most an eighth of the second
+/// derivative; for turns about axes within `reach` it is turn^2 reach, and a slide carried by a
+/// turn adds twice their product.
 std::vector<double> bulges(const ActualMotion& actual_motion, double reach) {
   const kinematics::Chain& chain = actual_motion.part.truth.actual;
   std::vector<double> bulge(actual_motion.samples.states.size() - 1, 0.0);
@@ -79,6 +82,7 @@ std::vector<double> bulges(const ActualMotion& actual_motion, double reach) {
   return bulge;
 }
 
+// Returns the motion of all carriers, divided at the ends of blocks.
 CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
   CarrierMotion motion;
   motion.carriers = Carriers{actual_motion.part.truth.actual.size()}.count();
@@ -93,7 +97,8 @@ CarrierMotion motion_of(const ActualMotion& actual_motion, double reach) {
   return motion;
 }
 
-/// What is searched: the bodies, and those of the tool that meet the part without their skin.
+/// The bodies of the collision search and, behind them, the cores of cutter and shank, with the
+/// pairs to be searched.
 struct Search {
   std::vector<CarrierBody> bodies;
   std::vector<BodyPair> pairs;
@@ -112,7 +117,7 @@ Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<
   for (BodyPair pair : pairs) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind == SolidBody::Kind::Part || b.kind == SolidBody::Kind::Part) {
-      // the cutter is always near the part
+      // cutter and shank are always near the part, so their clearance to it says nothing
       pair.contact_only = !a.core.empty() || !b.core.empty();
       pair.a = core[std::size_t(pair.a)];
       pair.b = core[std::size_t(pair.b)];
@@ -122,7 +127,7 @@ Search collision_search(const std::vector<SolidBody>& bodies, const std::vector<
   return search;
 }
 
-/// Appends what is found in a part of a job.
+/// Searches a part of a job and appends the result to that of the job.
 class PartSearch {
  public:
   PartSearch(const ActualMotion& actual_motion, std::size_t number, Collisions& all)
@@ -158,6 +163,7 @@ class PartSearch {
 
   void add_bodies() {
     for (const SolidBody& one : bodies_)
+      // machine, fixtures and part are the same for every tool and listed once
       if (number_ == 0 || one.kind == SolidBody::Kind::Cutter ||
           one.kind == SolidBody::Kind::Shank || one.kind == SolidBody::Kind::Holder)
         all_.bodies.push_back({one.name, one.carrier, one.mesh.triangles.rows()});
@@ -181,7 +187,7 @@ class PartSearch {
       const cutting::SegmentClearance& one = found.stretches[s];
       const std::size_t first = motion_.stretches[s], last = end_of(motion_, s) - 1;
       ProgramLocation begin = actual_motion_.place({first, 0.0});
-      // what lies between two blocks belongs to the second
+      // the interval between two blocks belongs to the second
       if (first > 0) begin.time_s = actual_motion_.state({first - 1, 0.0}).time_s;
       all_.blocks.push_back({begin, actual_motion_.state({last, 0.0}).time_s, one.at_least,
                              one.pair < 0 ? -1 : before + one.pair});
@@ -201,12 +207,15 @@ class PartSearch {
       one.part = number_;
       all_.list.push_back(std::move(one));
     }
+    // collisions with the stock are found after the others of the part; both are in the order of
+    // time
     std::stable_sort(
         all_.list.begin() + begin, all_.list.end(),
         [](const Collision& a, const Collision& b) { return a.first.time_s < b.first.time_s; });
   }
 
-  /// @param own  pairs of the stock, which come next
+  /// Lowers the block clearances over the samples of a near miss with the stock.
+  /// @param own  clearances of the stock, which are appended after the present ones
   void add_near(const StockProximity& near, const std::vector<Clearance>& own) {
     const auto pair = std::ranges::find(own, near.body, &Clearance::a) - own.begin();
     const auto block_of = [&](std::size_t sample) {
@@ -218,7 +227,9 @@ class PartSearch {
       lower(s, near.at_least, int(all_.clearances.size()) + int(pair));
   }
 
-  /// @param stretch  of this part @param pair  of all clearances
+  /// Lowers the clearance of a block if the pair comes nearer than those before.
+  /// @param stretch  block of this part
+  /// @param pair     index in all clearances
   void lower(std::size_t stretch, double at_least, int pair) {
     BlockClearance& block = all_.blocks[first_block_ + stretch];
     if (block.pair >= 0 && block.at_least <= at_least) return;
@@ -239,6 +250,8 @@ class PartSearch {
     one.part = number_;
     if (search_.pairs[std::size_t(found.pair)].contact_only)
       for (std::size_t s = found.first_segment; s <= found.last_segment; ++s)
+        // Pairs that are searched for contact only have no clearance of their own in a block; a
+        // contact gives them 0.
         lower(s, 0.0, int(first_clearance_) + found.pair);
     if (found.contact && contacts(all_) < max_measured_contacts)
       measure_depth(found, search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)],
@@ -247,7 +260,8 @@ class PartSearch {
     all_.list.push_back(std::move(one));
   }
 
-  /// The longest way out of a contact that is found.
+  /// Samples the depth of a contact from its first moment to the end of its last block, in eighths
+  /// of a step.
   void measure_depth(const Encounter& found, const CarrierBody& a, const CarrierBody& b,
                      Collision& collision) const {
     constexpr std::size_t n = samples_per_step;
@@ -265,6 +279,7 @@ class PartSearch {
           .depth;
     };
     const DeepestSample deepest =
+        // a contact that begins in the last step of its last block leaves `first` behind `last`
         deepest_sample(first, std::max(first, last) + 1, block_ends, depth_at);
     collision.depth = deepest.depth;
     collision.depths = deepest.looks;
@@ -275,14 +290,14 @@ class PartSearch {
   std::size_t number_;
   Collisions& all_;
   std::size_t first_clearance_ = all_.clearances.size(), first_block_ = all_.blocks.size();
-  std::size_t listed_ = 0;  // of this part
+  std::size_t listed_ = 0;  // number of collisions of this part in the list
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;
   Search search_;
   CarrierMotion motion_;
 };
 
-/// Says which pairs overlap where the program begins.
+/// Adds a warning for each pair that overlaps at the start of the program.
 void add_overlap_warnings(Collisions& all) {
   for (const Clearance& one : all.clearances)
     if (one.overlap_at_start)
@@ -307,6 +322,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
     const ActualMotion actual_motion{parts[i], of_part(commands, i)};
     if (i == 0) all.more_files = actual_motion.path.more_files;
     try {
+      // One error message is enough; the search goes on, so that it also reports the collisions.
       check_travel(parts[i].machine, actual_motion.path, actual_motion.samples);
     } catch (const BadInput& beyond) {
       if (all.beyond_travel.empty()) all.beyond_travel = beyond.what();
@@ -318,25 +334,29 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   return all;
 }
 
-// ---- a quick check where nothing is searched
+// Quick proximity check for runs without a collision search.
 
 namespace {
 
-/// Probed poses of a job: some 1 us each, against 5 us and more that a sample costs a run.
+/// Returns the largest number of probed poses of a job. A probe takes about 1 us, a sample of a run
+/// 5 us or more, so the check stays below a few per cent of the run.
 std::size_t max_probes(std::size_t samples) { return 4000 + samples / 10; }
-/// Of a pair that is near already, until it meets or it is clear that it keeps apart for long.
+/// Number of probes of a pair that is already near; after them it is left undecided whether the
+/// bodies meet.
 constexpr int max_probes_near = 500;
-/// Samples whose ways are summed once, so that a far pair passes over them in one step.
+/// Number of samples whose axis displacements are summed in advance, so that a distant pair skips
+/// them in one step.
 constexpr std::size_t samples_per_chunk = 64;
 
-/// A body with the box around it, which tells distances in a hundredth of the time of its mesh.
+/// A body with its bounding box. A distance between boxes takes a hundredth of the time of one
+/// between meshes.
 struct BoxedBody {
   std::string name;
   int frame = 0;
   cutting::Body body;
-  Vector3d middle = Vector3d::Zero();  ///< of the box, mm, in the frame of the carrier
-  Vector3d half = Vector3d::Zero();
-  double radius = 0.0;  ///< mm, of the ball around the box
+  Vector3d middle = Vector3d::Zero();  ///< centre of the box, mm, in the frame of the carrier
+  Vector3d half = Vector3d::Zero();    // half sides of the box, mm
+  double radius = 0.0;                 ///< of the ball around the box, mm
 };
 
 BoxedBody boxed(const SolidBody& solid) {
@@ -346,8 +366,8 @@ BoxedBody boxed(const SolidBody& solid) {
   return {solid.name, solid.frame, searched(solid), 0.5 * (low + high), half, half.norm()};
 }
 
-/// Returns a lower bound of the distance between the boxes: the widest gap along their own sides
-/// and along the line between their middles.
+/// Returns a lower bound of the distance between two boxes, mm: the widest gap along their sides
+/// and along the line between their centres.
 double box_distance(const BoxedBody& a, const Pose& T_a, const BoxedBody& b, const Pose& T_b) {
   const Vector3d between = T_b * b.middle - T_a * a.middle;
   const Eigen::Matrix3d A = T_a.linear(), B = T_b.linear();
@@ -359,8 +379,8 @@ double box_distance(const BoxedBody& a, const Pose& T_a, const BoxedBody& b, con
   return std::max({along_a, along_b, along_line});
 }
 
-/// Where a carrier stands in the row of joints from the workpiece to the tool: those between two
-/// carriers move them against each other.
+/// Returns the position of a carrier in the row of joints from the workpiece to the tool. Half
+/// numbers lie between joints; the joints between two carriers move them relative to each other.
 double place_in_row(const kinematics::Chain& chain, int frame) {
   const Carriers carriers{chain.size()};
   double bed = -0.5;
@@ -373,7 +393,7 @@ double place_in_row(const kinematics::Chain& chain, int frame) {
   return joint + (of_workpiece ? -0.5 : 0.5);
 }
 
-/// The axes of a stretch of a program, spindles at rest.
+/// The axis positions of a segment of a program, with spindles at rest.
 class AxisMotion {
  public:
   AxisMotion(const Machine& machine, const program::Samples& samples) : samples_(samples) {
@@ -390,7 +410,8 @@ class AxisMotion {
   }
 
   std::size_t steps() const { return samples_.states.size() - 1; }
-  /// Positions with spindles at zero. @param sample  and the fraction of the way to the next
+  /// Returns the positions between a sample and the next, spindles at zero.
+  /// @param fraction  of the distance to the next sample
   AxisVector position(std::size_t sample, double fraction = 0.0) const {
     AxisVector q = samples_.states[sample].q;
     if (fraction > 0.0) q += fraction * (samples_.states[sample + 1].q - q);
@@ -406,8 +427,8 @@ class AxisMotion {
     std::size_t sample = 0;
     double fraction = 0.0;
   };
-  /// Returns the place up to which a body whose way is at most `weights` times those of the axes
-  /// has moved by `room` mm; the end of the motion where it does not.
+  /// Returns the point of the motion up to which a body has moved by `room` mm, if it moves by at
+  /// most `weights` times the displacements of the axes; the end of the motion if it moves less.
   At after(At at, double room, const AxisVector& weights) const {
     while (at.sample < steps()) {
       const bool begins = at.fraction <= 0.0 && at.sample % samples_per_chunk == 0;
@@ -437,12 +458,12 @@ class AxisMotion {
   }
 
   const program::Samples& samples_;
-  std::vector<double> is_moved_;  // 0 for spindles
+  std::vector<double> is_moved_;  // 0 for spindles, else 1
   AxisVector farthest_;
   std::vector<AxisVector> chunks_;
 };
 
-/// Searches a motion for the first place where the bodies of a pair are near.
+/// Finds the first point of a motion at which the two bodies of a pair are near.
 class NearSearch {
  public:
   NearSearch(const Scene& scene, const Machine& machine, const AxisMotion& motion)
@@ -468,9 +489,12 @@ class NearSearch {
       if (near) --probes_near;
       if (distance <= near_ && (!near || distance < near->distance)) {
         near = {a.name, b.name, motion_.line(at.sample, at.fraction), distance};
-        wanted = contact_;  // whether they meet is worth a little more
+        wanted = contact_;  // the bodies are near: from now on the search only decides whether they
+                            // meet
         if (distance <= contact_) break;
       }
+      // The bodies cannot meet before they have moved by their distance. Half of the limit is the
+      // least step, so that a pair at the limit does not stop the search.
       at = motion_.after(at, std::max(distance - wanted, 0.5 * wanted), weights);
     }
     return near;
@@ -482,13 +506,15 @@ class NearSearch {
     const Pose &T_a = T[std::size_t(a.frame)], &T_b = T[std::size_t(b.frame)];
     const double bound = box_distance(a, T_a, b, T_b);
     if (bound > 2.0 * near_) return bound;
+    // Bodies have only surfaces: one inside the other shows only by a test, needed once, since a
+    // body cannot get inside later without contact.
     if (at.sample == 0 && at.fraction <= 0.0 && cutting::is_inside(a.body, T_a, b.body, T_b))
       return 0.0;
     return cutting::gap(a.body, T_a, b.body, T_b).distance;
   }
 
-  /// (axes) mm by which a point of one body may move against the other for a mm or rad of each
-  /// axis.
+  /// Returns (axes) upper bounds of the displacement of a point of one body relative to the other,
+  /// mm for each mm or rad of an axis.
   AxisVector joint_weights(const BoxedBody& a, const BoxedBody& b) const {
     const double from = place_in_row(chain_, a.frame), to = place_in_row(chain_, b.frame);
     AxisVector weights = AxisVector::Zero(chain_.size());
@@ -496,15 +522,15 @@ class NearSearch {
       if (!(k > std::min(from, to) && k < std::max(from, to))) continue;
       const Motion motion = chain_.joints()[std::size_t(k)].motion;
       if (motion == Motion::Linear) weights[k] = 1.0;
-      // a turn moves the farthest point of either body, seen from the other; the nearer one bounds
-      // it
+      // The distance is the same in the frame of either body, so the body with the shorter arm
+      // gives the bound of a turn.
       if (motion == Motion::Rotary) weights[k] = std::min(arm(k, a, from), arm(k, b, to));
     }
     return weights;
   }
 
-  /// mm from the axis of a joint to the farthest point of a body, whatever the axes between them
-  /// do.
+  /// Returns an upper bound of the distance from the axis of a joint to the farthest point of a
+  /// body, mm, for all positions of the axes between them.
   double arm(int joint, const BoxedBody& body, double place) const {
     const int step = place > joint ? 1 : -1;
     Vector3d at = chain_.joints()[std::size_t(joint)].point_b;
@@ -530,10 +556,11 @@ std::string pair_text(const BodyProximity& pair) { return pair.a + " and " + pai
 
 constexpr std::string_view not_searched = "collisions are not searched here";
 
-/// The pairs of one part of a job, each where it first comes near.
+/// Returns the pairs of one part of a job that come near, each with its first location.
 Proximity near_bodies_in(const Job& part) {
   Proximity found;
   if (part.samples.states.empty()) return found;
+  // Without machine bodies and fixtures only the tool is left, which cannot meet itself.
   std::vector<SolidBody> solids = machine_bodies(part.scene.machine);
   std::ranges::move(fixture_bodies(part.scene), std::back_inserter(solids));
   if (solids.empty()) return found;
@@ -556,6 +583,7 @@ Proximity find_near_bodies(const Job& job) {
   Proximity all;
   all.is_complete = !job.windows;
   if (job.windows) return all;
+  // A pair is listed once, with the first tool that brings it near.
   for (const Job& part : parts_of(job)) {
     Proximity found = near_bodies_in(part);
     all.is_complete = all.is_complete && found.is_complete;
@@ -569,7 +597,7 @@ Proximity find_near_bodies(const Job& job) {
 }
 
 std::string not_searched_text(const Job& job) {
-  if (job.scene.collision.on) return {};  // then a run searches
+  if (job.scene.collision.on) return {};  // a run with collisions on searches them itself
   const Proximity found = find_near_bodies(job);
   const std::vector<BodyProximity>& near = found.near;
   if (near.empty() && found.is_complete) return {};

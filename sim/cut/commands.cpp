@@ -19,9 +19,10 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-/// Actual minus wanted tip when the control goes to a point.
+/// Returns actual minus nominal position of the tip, mm, when the control moves to a point.
 using TipDeviation = std::function<Vector3d(const Vector3d& point_w)>;
 
+// Returns the axis state at which the tip of a chain is at a point, rotary axes at zero.
 AxisState at_rest(const kinematics::Chain& chain, const Vector3d& point_w, double time_s) {
   const AxisVector zero = AxisVector::Zero(chain.size());
   AxisState state;
@@ -30,11 +31,12 @@ AxisState at_rest(const kinematics::Chain& chain, const Vector3d& point_w, doubl
   return state;
 }
 
-/// Command of the control to a point, rotary axes at zero, with the corrections of a compensator.
+/// The command of a control to a point, rotary axes at zero, before and after a compensator.
 struct Approach {
   AxisState command;
   AxisState corrected;
-  Vector3d wanted_w;  ///< what the slides cannot reach nominally is no deviation
+  Vector3d wanted_w;  ///< where the nominal machine puts the tip: a component that its slides
+                      ///< cannot reach is no deviation
 };
 
 Approach approach(const Vector3d& point_w, double time_s, const Machine& machine,
@@ -52,8 +54,8 @@ Vector3d touched_offset(const DatumDescription& datum, const TipDeviation& devia
   if (datum.kind == Kind::None) return Vector3d::Zero();
   if (datum.kind == Kind::Ideal) {
     Vector3d offset = Vector3d::Zero();
-    // the deviation itself depends on where the tip is sent, so the last step only corrects
-    // nanometres
+    // The deviation depends on where the tip is sent; the errors vary little over an offset, so the
+    // last of three repetitions only corrects nanometres.
     for (int i = 0; i < 3; ++i) offset = -deviation(datum.point_w + offset);
     return offset;
   }
@@ -65,6 +67,7 @@ Vector3d touched_offset(const DatumDescription& datum, const TipDeviation& devia
     directions.row(i) = touch.direction_w.transpose();
     learnt[i] = -touch.direction_w.dot(deviation(touch.point_w));
   }
+  // The shortest solution leaves zero in directions that no touch has measured.
   return shortest_least_squares(directions, learnt);
 }
 
@@ -72,6 +75,7 @@ Vector3d touched_offset(const DatumDescription& datum, const TipDeviation& devia
 
 AxisVector slide_offset(const kinematics::Chain& chain, const Vector3d& offset_w) {
   AxisVector q = AxisVector::Zero(chain.size());
+  // Linear axes alone move the tip the same anywhere, so the Jacobian at zero is exact.
   const Eigen::MatrixXd J = kinematics::axis_jacobian(chain, q);
   Eigen::MatrixXd by_slide = Eigen::MatrixXd::Zero(3, chain.size());
   for (int i = 0; i < chain.size(); ++i)
@@ -115,10 +119,13 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
                                  const kinematics::Chain& sampled_by,
                                  const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
+  // an unchanged chain and no shift give the same bits without another inverse
   if (same(control, sampled_by) && offset_w.isZero(0.0)) return states;
   const AxisVector slides = slide_offset(control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
     if (!is_tip(path, samples.block[i])) {
+      // A block in axis coordinates is only shifted; a block that programs the tip is solved with
+      // the kinematics of the control.
       states[i].q += slides;
       return;
     }

@@ -15,91 +15,95 @@
 #include "sim/program/sample.h"
 #include "sim/scene/machine.h"
 
+/// Commands of the axes: the datum shift of the control, and the positions it commands with or
+/// without corrections.
 namespace abbe::sim {
 
-/// Commands with a correction in them, and what its maker knew that it could not reach.
+/// Corrected commands, and the errors that the corrector knows it could not remove.
 struct CorrectedCommands {
   std::vector<kinematics::AxisState> states;
-  double point_left = 0.0;      ///< mm
-  double direction_left = 0.0;  ///< rad
-  std::size_t not_converged = 0;
+  double point_left = 0.0;        ///< largest position error left, mm
+  double direction_left = 0.0;    ///< largest direction error left, rad
+  std::size_t not_converged = 0;  ///< number of corrections that did not converge
 };
 
-/// Corrects commands that should bring the tool to T_wt_nominal, both (samples) in the order of
+/// Corrects commands so that the tool reaches T_wt_nominal; both are (samples), in the order of
 /// time.
 using Corrector =
     std::function<CorrectedCommands(const std::vector<kinematics::AxisState>& commanded,
                                     const std::vector<kinematics::Pose>& T_wt_nominal)>;
 
-/// Where the tool is in the part, T_wt, on whatever machine it is asked of.
+/// Returns the pose of the tool in the workpiece, T_wt, at an axis state on a given machine.
 using ToolAt = std::function<kinematics::Pose(const kinematics::AxisState&)>;
 
-/// Shift of the work zero that the control makes after it found the datum on the wrong machine: the
-/// tip is commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings the tip to its
-/// point exactly; `touch_off` sees one component a touch and leaves the directions that it never
-/// touched.
-/// @param tool_at    of that machine
-/// @param corrector  acts while the datum is found; without one nothing does
+/// Returns the shift of the work zero after the control has measured the datum on the machine with
+/// errors: the tip is then commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings
+/// the tip to its point exactly; `touch_off` measures one component per touch and leaves the
+/// directions that were never touched.
+/// @param tool_at    of the machine with errors
+/// @param corrector  active while the datum is measured; none by default
 /// @return mm, workpiece frame
 Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine,
                              const ToolAt& tool_at, const Corrector& corrector = {});
 
-/// The shift that a compensator expects to be found by a control without it: what its corrections
-/// take away at the datum, to the second order in them.
+/// Returns the shift that a compensator expects an uncompensated control to measure: the effect of
+/// its own corrections at the datum, correct to second order in them.
 /// @return mm, workpiece frame
 Eigen::Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
                                 const Corrector& corrector);
 
-/// Slide positions of a shift of the tip in the workpiece, rotary axes at zero; directions without
-/// a slide are left. @return (joints)
+/// Returns the slide positions that shift the tip by `offset_w` in the workpiece, rotary axes at
+/// zero. Directions without a slide are ignored.
+/// @return (joints)
 kinematics::AxisVector slide_offset(const kinematics::Chain& chain,
                                     const Eigen::Vector3d& offset_w);
 
-/// What a piezo does to the tool beside the axes.
+/// Motion that a piezo adds to the tool, independent of the axes.
 struct PiezoMotion {
   compensation::Piezo piezo;
-  Eigen::VectorXd stroke;  ///< (samples) mm along its direction
+  Eigen::VectorXd stroke;  ///< (samples) mm along the direction of the piezo
 };
 
-/// What the axes are commanded, compensated or not.
+/// Commanded axis positions of a job, with or without compensation.
 struct Commands {
   program::Samples samples;
-  std::optional<program::Path>
-      path;  ///< from which the samples come, where it is not the job's own
-  std::vector<kinematics::Pose>
-      T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  std::optional<program::Path> path;  ///< program of the samples, if it is not the job's own
+  std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) empty if the times are the job's own
   std::vector<kinematics::AxisVector>
-      correction;  ///< (samples) that a channel of the axes adds; else empty
+      correction;  ///< (samples) added by a channel of the axes; empty without one
   std::optional<PiezoMotion> piezo;
-  double point_left = 0.0;      ///< mm, most that a compensator knew it could not restore
-  double direction_left = 0.0;  ///< rad, the same of the direction
+  double point_left = 0.0;      ///< largest position error that the compensator knew it could not
+                                ///< remove, mm
+  double direction_left = 0.0;  ///< the same for the direction, rad
   std::size_t not_converged = 0;
   std::string rewritten_program;
   std::vector<std::string> warnings;
-  std::vector<Commands> stretches = {};  ///< of a job with stretches: one for each; of the whole
-                                         ///< then hold the states alone of the samples, what is
-                                         ///< left, and warnings
+  /// One for each segment of a job with several tools; the outer object then holds only the states
+  /// of the samples, the errors left, and the warnings.
+  std::vector<Commands> stretches = {};
 };
 
-/// The commands of a job from those of its parts, one for each.
+/// Joins the commands of the parts of a job, one entry for each part, into those of the job.
 Commands joined(std::vector<Commands> parts);
 
-/// The commands of a part of a job. @param part  its number among `parts_of`
+/// Returns the commands of a part of a job.
+/// @param part  its number in `parts_of`
 const Commands& of_part(const Commands& commands, std::size_t part);
 
-/// Commands of a control for a program that was sampled with `sampled_by`: a tip that is programmed
-/// is reached by the control's own kinematics, and the datum that it found shifts all.
-/// @param offset_w  mm, that shift
-/// @throws BadInput naming the line of a tip that the control's slides do not reach
+/// Returns the commands of a control for a program sampled with the chain `sampled_by`. The control
+/// reaches a programmed tip by its own kinematics, and the datum that it measured shifts every
+/// position.
+/// @param offset_w  shift of the datum, mm
+/// @throws BadInput with the program line if the slides of the control do not reach a tip
 std::vector<kinematics::AxisState> commanded(const kinematics::Chain& control,
                                              const program::Path& path,
                                              const program::Samples& samples,
                                              const kinematics::Chain& sampled_by,
                                              const Eigen::Vector3d& offset_w);
 
-/// The commands of a program that was sampled on the nominal machine, without a compensator.
-/// @param offset_w  mm, shift of the datum that the control found
-/// @throws as `commanded`
+/// Returns the commands of a program sampled on the nominal machine, without a compensator.
+/// @param offset_w  shift of the datum that the control measured, mm
+/// @throws BadInput as `commanded`
 Commands uncompensated_commands(const Machine& machine, const program::Path& path,
                                 const program::Samples& samples, const Eigen::Vector3d& offset_w);
 

@@ -28,12 +28,13 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
+// Errors of a pose over the samples of a program: tip in mm, direction in rad.
 struct PoseErrors {
   Spread tip;
   Spread direction;
 };
 
-/// By how much more than it is commanded to a tool may reach, mm.
+/// Returns by how much the actual tool may reach beyond the nominal one, mm.
 double oversize(const ToolDescription& tool) {
   if (const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal)) {
     const auto& actual = std::get<cutting::Cutter>(tool.actual);
@@ -50,12 +51,13 @@ double oversize(const ToolDescription& tool) {
   return size;
 }
 
-/// mm, of an edge from its centre.
+/// Returns the distance of the edge from its centre, mm.
 double outermost(const cutting::Nose& nose) {
   return nose.profile ? nose.profile->outer_radius : nose.radius;
 }
 
-/// What the errors explain of a gouge, mm: the tool off its place, leaning, larger.
+/// Returns an upper bound, mm, of the gouge that the errors explain: displaced tip, tilt over the
+/// length of the tool, larger tool.
 double explained(const Job& job, const PoseErrors& off) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
   const double arm = cutter != nullptr ? cutter->flank_length + cutter->radius
@@ -71,23 +73,25 @@ std::string gouge_text(const ProgramGouge& gouge, int with_flank) {
       cutting::rubbing, gouge.vertices, with_flank, gouge.deepest, gouge.line);
 }
 
-/// A map, how well it is resolved, and what is to be said of it.
+/// A map, how well it resolves the surface, and its warnings.
 struct CutMap {
   cutting::Surface surface;
   std::optional<cutting::InterpolationError> interpolation;
   std::vector<std::string> warnings;
 };
 
-/// What a map is asked for: the wish of the scene; without one what the vertices were chosen for,
-/// or the usual share of its own range where that is more.
+/// Returns the resolution a map must have: that of the scene; without one the resolution the
+/// vertices were chosen for, or the default fraction of the range of this map if that is more,
+/// since errors may enlarge the range.
 double target_resolution(const Job& job, const cutting::Surface& surface) {
   const double sampled = job.sampled->resolution;
   if (job.scene.part.sampling.resolution) return sampled;
   return std::max(sampled, cutting::default_resolution(trimmed_range(surface, job.design_w)));
 }
 
-/// What to do about a map that is too coarse for the texture: its form can be read where enough of
-/// the places within triangles carry it. @param cutoff  mm, of waves that pass by half
+/// Returns advice for a map too coarse for the texture: its form is still usable if enough of the
+/// values within triangles carry it.
+/// @param cutoff  wavelength that the filter passes by half, mm
 std::string advice_on_form(const cutting::Design& design, double cutoff) {
   if (cutting::resolves_form(design, cutoff)) return "judge by form_um, or";
   const double values =
@@ -122,11 +126,11 @@ std::string unresolved_text(const cutting::InterpolationError& error, double res
       remedy(job.scene.part));
 }
 
-/// Shows the sweeps of a program one after the other.
+/// Calls `use` for each sweep of a program in order.
 using SweepVisitor = std::function<void(const std::function<void(const ToolSweep&)>& use)>;
 
-/// How many of the vertices of a gouge the flanks of the sweeps have made, the first in whose time
-/// each was cut.
+/// Returns the number of gouge vertices cut by flanks. Each vertex counts for the first sweep in
+/// whose time it was cut, since neighbouring sweeps may meet in a sample.
 int total_flank_gouges(ProgramGouge gouge, const cutting::Surface& surface,
                        const cutting::Design& design_w, const SweepVisitor& visit_sweeps) {
   int count = 0;
@@ -148,14 +152,14 @@ int total_flank_gouges(ProgramGouge gouge, const cutting::Surface& surface,
   return count;
 }
 
-/// What sweeps the part: the program that is followed, and what the errors explain of a gouge, mm,
-/// asked for once the surface is cut.
+/// Inputs of a map: the sweep, the program, and the gouge in mm that the errors explain. That is a
+/// function since windows know it only after the surface is cut.
 struct CutInputs {
   Sweep sweep;
   SweepVisitor visit_sweeps;
   const program::Path& path;
   std::function<double()> explained;
-  std::shared_ptr<const cutting::Surface> known = {};  ///< where it was cut before
+  std::shared_ptr<const cutting::Surface> known = {};  ///< the surface, if it was already cut
 };
 
 SweepVisitor sweep_visitor(const std::vector<ToolSweep>& sweeps) {
@@ -169,6 +173,8 @@ std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
 CutMap cut_map(const Job& job, const CutInputs& with) {
   const Sweep& sweep = with.sweep;
   CutMap made;
+  // The error-free surface was cut when the vertices were chosen; cutting it again gives the same
+  // bits.
   made.surface = with.known ? *with.known : sweep.surface(job.design_w);
   const ProgramGouge gouge = program_gouge(made.surface, with.explained());
   if (gouge.vertices > 0)
@@ -193,7 +199,8 @@ CutMap cut_map(const Job& job, const CutInputs& with) {
   return made;
 }
 
-/// @param first  sample that counts
+/// Returns RMS and maximum of the errors of a pose.
+/// @param first  first sample to be counted
 PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T_wt_nominal,
                        std::size_t first) {
   PoseErrors errors;
@@ -212,10 +219,10 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
   return errors;
 }
 
-/// The cut of a case.
+/// Simulates stock and forces of a case with its actual poses.
 Process simulated_process(const ActualRun& run, const Progress& progress) {
   const Job& job = run.job;
-  if (!job.scene.cutting) return {};  // nor a copy of the design for it
+  if (!job.scene.cutting) return {};  // without [cutting] the design is not copied
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(run, sample, load);
   };
@@ -227,7 +234,8 @@ Process simulated_process(const ActualRun& run, const Progress& progress) {
                           });
 }
 
-/// The element that is largest at a state, angles at a metre of lever.
+/// Returns the name of the geometric element with the largest value at a state. Angles count at a
+/// lever of 1 m.
 std::string largest_element(const Job& job, const AxisState& state) {
   constexpr double lever = 1000.0;  // mm
   std::string name = "none of [errors], but heat, force, clamping or tool";
@@ -255,7 +263,8 @@ std::string largest_element(const Job& job, const AxisState& state) {
   return name;
 }
 
-/// No machine is wrong by a metre: that is a wrong unit, refused with what makes it.
+/// Throws BadInput if the tip is off by more than 1 m: no machine is that wrong, so a unit or
+/// errors.scale is. The message names the largest element.
 void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   constexpr double max_mm = 1000.0;
   const program::Samples& samples = run.commands.samples;
@@ -271,19 +280,20 @@ void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   }
 }
 
-/// @return (samples), empty without a piezo
+/// Returns the stroke of the piezo, mm (samples); empty without one.
 std::span<const double> piezo_stroke(const Commands& commands) {
   if (!commands.piezo) return {};
   return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
-/// The first sample of a part that is no other's last.
+/// Returns the first sample of a part that is not also the last of the part before.
 std::size_t first_new_sample(const Job& part) { return part.sampling.goes_on ? 1 : 0; }
 
-/// One part of a job on the wrong machine, its poses found.
+/// The motion of one part of a job on the machine with errors.
 struct SegmentMotion {
   std::vector<Pose> T_wt;
-  std::deque<WornSegment> worn;  ///< of a tool whose radius wears: what sweeps instead
+  std::deque<WornSegment> worn;  ///< of a tool whose radius wears: the segments that are swept
+                                 ///< instead of T_wt
   Process process;
   Signals signals;
   PoseErrors off;
@@ -291,7 +301,8 @@ struct SegmentMotion {
   std::vector<std::string> warnings;
 };
 
-/// @param looks  between so many pairs of samples at most
+/// Computes the actual poses of a part, with its process, signals and warnings.
+/// @param looks  largest number of intervals sampled for the chord error
 SegmentMotion segment_motion(const Job& job, const Commands& commands, const Progress& progress,
                              std::map<std::string, double>& timing_s, std::size_t looks) {
   Stopwatch watch;
@@ -310,6 +321,7 @@ SegmentMotion segment_motion(const Job& job, const Commands& commands, const Pro
   check_table_range(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
   made.between = check_table_range(job, [&] { return chord_error(job, commands, looks); });
+  // The first sample of a window that continues another was counted there.
   made.off = pose_errors(made.T_wt, run.T_wt_wanted, first_new_sample(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
     made.worn = worn_segments(job.scene.tool, run.wear, commands.samples, made.T_wt);
@@ -317,7 +329,8 @@ SegmentMotion segment_motion(const Job& job, const Commands& commands, const Pro
   return made;
 }
 
-/// The sweep of a part, or those of its pieces where its radius wears; they refer to all of them.
+/// Adds the sweep of a part, or one for each segment of a tool whose radius wears. The sweeps refer
+/// to the arguments.
 void add_sweeps(const Job& part, const program::Samples& samples,
                 const SegmentMotion& segment_motion, std::vector<ToolSweep>& sweeps) {
   const auto& chain = part.truth.actual;
@@ -328,14 +341,16 @@ void add_sweeps(const Job& part, const program::Samples& samples,
     sweeps.push_back({part.scene.tool.actual, samples, segment_motion.T_wt, chain, spindle});
 }
 
-/// The larger maximum, the root mean square of both. @param n  samples of each
+/// Joins two spreads.
+/// @param n_a, n_b  number of samples of each
 Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
   if (!(n_a > 0.0)) return b;
   const double n = n_a + n_b;
   return {std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / n), std::max(a.max, b.max)};
 }
 
-/// Puts what is reported of a part behind what was before it; stock and force are of one tool.
+/// Adds the figures of a part to the result. Stock and forces exist only for jobs with one tool, so
+/// the process is moved, not joined.
 void add(SegmentMotion& part, double n, double samples_before, Cut& result) {
   result.tip_error = joined(result.tip_error, samples_before, part.off.tip, n);
   result.direction_error = joined(result.direction_error, samples_before, part.off.direction, n);
@@ -351,7 +366,7 @@ Cut cut_error_free(const Job& job, const Progress& progress, Retention keep) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  if (progress) progress("surface", 0.0);  // the moves are sorted first
+  if (progress) progress("surface", 0.0);  // sorting of the moves comes first and reports nothing
   const SweepVisitor visit_sweeps = [&](const std::function<void(const ToolSweep&)>& use) {
     each_part(job, [&](const Job& part) { use(segment_error_free_sweep(part)); });
   };
@@ -389,7 +404,8 @@ std::string not_converged_text(std::size_t corrections, std::size_t of) {
   return fmt::format("{} of {} corrections did not converge", corrections, of);
 }
 
-/// Says all there is, as no file does.
+/// Throws CollisionStop if the program cannot run. The message holds all collisions, since no
+/// result file is written.
 void stop_at_collision(const Collisions& found) {
   if (is_clear(found)) return;
   std::string text = "stopped, nothing was cut (collision.stop)";
@@ -409,6 +425,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
   if (commands.not_converged > 0)
     result.warnings.push_back(
         not_converged_text(commands.not_converged, commands.samples.states.size()));
+  // Travel is checked before the collisions, poses and surface, which take most of the time.
   check_travel(job, commands);
   if (job.scene.collision.on) {
     result.collisions = collisions(job, commands, result.name, progress);
@@ -437,7 +454,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
     result.track = join_tracks(tracked);
   }
   Stopwatch watch;
-  if (progress) progress("surface", 0.0);  // the moves are sorted first
+  if (progress) progress("surface", 0.0);  // sorting of the moves comes first and reports nothing
   std::vector<ToolSweep> sweeps;
   for (std::size_t i = 0; i < parts.size(); ++i)
     add_sweeps(parts[i], of_part(commands, i).samples, all[i], sweeps);
@@ -453,8 +470,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Rete
 
 namespace {
 
-/// The windows of a job on the wrong machine. What is reported of each is added to a cut when it is
-/// first run.
+/// Runs the windows of a job on the machine with errors. The figures of each window are added to
+/// the cut when it is first run.
 class WindowedCut {
  public:
   WindowedCut(const Job& job, CommandSource command_source, Cut& result)
@@ -473,12 +490,13 @@ class WindowedCut {
   const Job& job_;
   CommandSource command_source_;
   Cut& result_;
-  std::size_t reported_ = 0;  // windows
+  std::size_t reported_ = 0;  // number of windows
   std::size_t not_converged_ = 0;
   double samples_ = 0.0;
 };
 
-/// Of those of a whole program.
+/// Returns the number of intervals sampled in each window for the chord error; at least 10, since
+/// the quotient is zero beyond 1000 windows.
 std::size_t intervals_per_window(std::size_t windows) {
   constexpr std::size_t least = 10;
   return std::max(least, default_interval_count / windows);
@@ -489,6 +507,8 @@ SweptWindow WindowedCut::at(std::size_t number) {
   Commands commands = command_source_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;
+  // Windows are first swept in order; a repeated one is not reported again, and its chord error is
+  // not needed.
   const bool is_first = number == reported_;
   const std::size_t looks = is_first ? intervals_per_window(job_.windows->all.size()) : 0;
   SegmentMotion made = segment_motion(part, commands, {}, timing_s, looks);
@@ -505,6 +525,7 @@ void WindowedCut::visit_sweeps(const std::function<void(const ToolSweep&)>& use)
 
 void WindowedCut::report(const Job& part, const Commands& commands, SegmentMotion& made) {
   ++reported_;
+  // The first sample of a window is the last of the one before and counts once.
   const double n = double(made.T_wt.size()) - double(first_new_sample(part));
   add(made, n, samples_, result_);
   samples_ += n;

@@ -12,69 +12,73 @@
 #include "sim/cut/signals.h"
 #include "sim/cut/tool_poses.h"
 
+/// The cut of one case: the program on the machine, error-free or with errors, and the surface it
+/// leaves.
 namespace abbe::sim {
 
-/// Largest and root mean square over the samples of a program.
+/// Root mean square and maximum over the samples of a program.
 struct Spread {
   double rms = 0.0;
   double max = 0.0;
 };
 
-/// One case cut.
+/// The result of cutting one case.
 struct Cut {
-  std::string name;       ///< as it is reported: of a variant, with its name in front
+  std::string name;       ///< name in reports; for a variant with the name of the variant in front
   std::string case_name;  ///< what `run --case` takes
   cutting::Surface surface;
-  std::optional<cutting::InterpolationError> interpolation;  ///< of a job that was `sampled`
-  Spread tip_error;               ///< mm, tip where it is against where it should be
+  std::optional<cutting::InterpolationError> interpolation;  ///< of a job prepared by `sampled`
+  Spread tip_error;               ///< mm, actual against nominal position of the tip
   Spread direction_error;         ///< rad
-  ChordError chord_error;         ///< nothing looked at without errors
-  double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore
-  double direction_left = 0.0;    ///< rad, the same of the direction
-  Process process;                ///< the cut as it went; empty without [cutting]
+  ChordError chord_error;         ///< no intervals sampled in the error-free case
+  double point_left = 0.0;        ///< largest position error that the compensator knew it could not
+                                  ///< remove, mm
+  double direction_left = 0.0;    ///< the same for the direction, rad
+  Process process;                ///< forces and stock as simulated; empty without [cutting]
   Signals signals;                ///< empty without heat, force or channels
-  std::vector<WornTool> wear;     ///< of the tools that wear, at the end
+  std::vector<WornTool> wear;     ///< of the tools that wear, at the end of the program
   std::string rewritten_program;  ///< text of the program channel, else empty
-  std::optional<Collisions> collisions;  ///< where the scene asks for them
-  std::optional<ToolTrack> track;        ///< where it was to be kept
+  std::optional<Collisions> collisions;  ///< if the scene asks for them
+  std::optional<ToolTrack> track;        ///< if requested by `Retention::Track`
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
 };
 
-/// What of a cut is kept beside its map: about 180 bytes a sample for the track of the tool.
+/// Data kept beside the map of a cut. The track of the tool takes about 180 bytes a sample.
 enum class Retention { Map, Track };
 
-/// The same program on the machine without any error, and with a perfect tool, setup and control.
+/// Cuts the program on the machine without any error, with perfect tool, setup and control.
 Cut cut_error_free(const Job& job, const Progress& progress = {}, Retention keep = Retention::Map);
 
-/// The program on the wrong machine without a compensator.
-/// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of
-///         the errors
+/// Cuts the program on the machine with errors, without a compensator.
+/// @throws BadInput if a commanded axis leaves its travel (with program line, axis and value) or
+///     the range of an error table
 Cut cut(const Job& job, const Progress& progress = {}, Retention keep = Retention::Map);
 
-/// Commands, compensated or not, on the wrong machine.
-/// @throws BadInput as without; CollisionStop where the scene asks for collisions, to stop there
+/// Cuts given commands, compensated or not, on the machine with errors.
+/// @throws BadInput as the overload without commands; CollisionStop if the scene asks to stop at a
+///     collision and there is one
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Retention keep = Retention::Map);
 
-/// What a window of a job is commanded.
+/// Returns the commands of a window of a job.
 using CommandSource = std::function<Commands(const Job& window)>;
 
-/// A job in windows on the wrong machine, each made, commanded and swept as often as the surface
-/// asks for it; what is reported of it comes from the first time. Memory is that of one window.
-/// @param commands_of  does not depend on what is before or behind a sample
-/// @throws as `cut`
+/// Cuts a job in windows on the machine with errors. Each window is sampled, commanded and swept as
+/// often as the surface needs it; reported figures come from the first time. Memory is that of one
+/// window.
+/// @param command_source  its result must not depend on samples outside the window
+/// @throws BadInput, CollisionStop  as `cut`
 Cut cut_in_windows(const Job& job, const CommandSource& command_source,
                    const Progress& progress = {});
 
-/// Refuses the line of the program on which an axis first leaves its travel.
-/// @throws BadInput
+/// Throws BadInput with the first program line on which a commanded axis leaves its travel.
 void check_travel(const Job& job, const Commands& commands);
 
-/// The cut alone, without the surface.
+/// Simulates the cutting process (stock and forces) without the surface.
 Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {});
 
-/// Warnings of the scene itself and of the cut, in that order.
+/// Returns the warnings of the scene, then those of the cut.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);
 
 }  // namespace abbe::sim

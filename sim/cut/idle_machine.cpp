@@ -29,7 +29,7 @@ using kinematics::Motion;
 IdleMachine idle_machine(const Scene& described) {
   Scene scene = with_run_out(described);
   Machine machine = compile(scene);
-  Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+  Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
   return {std::move(scene), std::move(machine), std::move(truth)};
 }
 
@@ -69,7 +69,7 @@ using kinematics::JointDeviation;
 using kinematics::Pose;
 using Effect = Eigen::Matrix<double, 6, 1>;  // [tip mm | axis rad]
 
-/// Tool as it is on the workpiece as it should be clamped.
+/// Returns the chain with the actual tool on the nominal clamping.
 Chain with_real_tool(const IdleMachine& idle) {
   const Chain& nominal = idle.machine.nominal;
   return {nominal.joints(), nominal.T_bw_home(), idle.truth.actual.T_bt_home()};
@@ -79,6 +79,7 @@ void add_geometric(const IdleMachine& idle, std::vector<ErrorSource>& all) {
   for (const errors::Element& element : idle.scene.geometric.elements) {
     errors::GeometricErrors alone = idle.scene.geometric;
     alone.elements = {element};
+    // without the covariance of an identified belief: one element alone has no correlation
     alone.covariance = {};
     all.push_back({to_string(element.name),
                    scaled(errors::bind(alone, idle.truth.actual), idle.scene.error_scale)});
@@ -109,7 +110,7 @@ void add_heat(const IdleMachine& idle, std::vector<ErrorSource>& all) {
     all.push_back({"part_expansion", ErrorSource::PartExpansion{}});
 }
 
-/// The chain at a pose, ready to carry deviations to the tip to first order.
+/// The chain at a pose, with the Jacobians that carry small deviations of its joints to the tip.
 struct Base {
   const IdleMachine& idle;
   const kinematics::AxisState& state;
@@ -135,6 +136,7 @@ struct Base {
   }
 };
 
+// Changes of the tip and the axis from one pose to another, exact.
 Effect difference(const Pose& after, const Pose& before) {
   Effect result;
   result << after.translation() - before.translation(),
@@ -172,6 +174,7 @@ Effect effect_of(const Base& base, ErrorSource::Compliance) {
   const Eigen::Matrix3d R = base.T_wt.linear();
   moved_w.head<3>() += R * all.tool_t.head<3>();
   moved_w.tail<3>() += R * all.tool_t.tail<3>();
+  // A displacement of the workpiece moves the tip relative to it the opposite way.
   const Vector3d turn_w = all.workpiece_w.tail<3>();
   moved_w.head<3>() -= all.workpiece_w.head<3>() + turn_w.cross(base.T_wt.translation());
   moved_w.tail<3>() -= turn_w;
@@ -253,6 +256,7 @@ struct TimeUnit {
 };
 constexpr TimeUnit time_units[] = {{"time_s", 1.0}, {"time_min", 60.0}, {"time_h", 3600.0}};
 
+// Converts a pose list from text, and collects the errors of its rows.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file, const Chain& chain)
@@ -270,6 +274,7 @@ class Reader {
       try {
         more = read_row();
       } catch (const BadInput& fault) {
+        // One error a row, 20 in all: a mistake such as a wrong unit repeats in every row.
         input_errors_.push_back(fault);
         if (input_errors_.size() == max_faults) break;
       }
@@ -320,7 +325,7 @@ class Reader {
       lines_.refuse(cells.front(), "a column of at least one axis");
   }
 
-  /// @return whether there was one
+  /// Reads a row. @return false at the end of the text
   bool read_row() {
     const auto line = lines_.next();
     if (!line) return false;
@@ -334,7 +339,9 @@ class Reader {
       lines_.refuse(0, fmt::format("at most {} poses", max_poses), "more");
     row_.clear();
     for (std::size_t i = 0; i < width; ++i) row_.push_back(number(cells[i], list_.columns[i]));
-    if (!input_errors_.empty()) return true;  // nothing of it will be used
+    if (!input_errors_.empty())
+      return true;  // the list is not used after an error; rows are still
+                    // checked
     list_.numbers.insert(list_.numbers.end(), row_.begin(), row_.end());
     list_.line.push_back(line->number);
     return true;
@@ -393,25 +400,27 @@ namespace {
 
 using kinematics::AxisVector;
 
-/// Half of what a curve differs by between its two ways of approach, mm or rad.
+/// Returns half of the difference of a curve between its two directions of approach, mm or rad.
 double half_reversal(const errors::Curve& curve) {
   double half = 0.0;
   if (const auto* backlash = std::get_if<errors::Backlash>(&curve.shape))
     half = std::abs(backlash->half);
   if (const auto* both = std::get_if<errors::DirectionalTables>(&curve.shape))
     for (const double q : both->up.q)
+      // only where both tables have values: beyond one of them the difference is extrapolation
       if (q >= both->down.q[0] && q <= both->down.q[both->down.q.size() - 1])
         half = std::max(half, 0.5 * std::abs(errors::value({both->up}, {q, q}) -
                                              errors::value({both->down}, {q, q})));
   return half * std::abs(curve.scale);
 }
 
+// Returns the standard deviation of the random part of a curve, mm or rad.
 double chance(const errors::Curve& curve) {
   const auto* random = std::get_if<errors::Repeatability>(&curve.shape);
   return random != nullptr ? random->sigma * std::abs(curve.scale) : 0.0;
 }
 
-/// "EXX 1.5 um, EAX 2 urad" of the elements of which `size` is not zero.
+/// Returns a text such as "EXX 1.5 um, EAX 2 urad" of the elements with a non-zero `size`.
 template <typename Size>
 std::string figures_of(const errors::GeometricModel& model, const Size& size) {
   std::string text;
@@ -426,7 +435,7 @@ std::string figures_of(const errors::GeometricModel& model, const Size& size) {
   return text;
 }
 
-/// What a column of time cannot say of this machine.
+/// Returns the warnings about the time column of a pose list.
 std::vector<std::string> time_warnings(const IdleMachine& idle, const PoseList& poses) {
   std::vector<std::string> found;
   if (!poses.is_timed()) return found;
@@ -463,10 +472,10 @@ std::vector<std::string> pose_warnings(const IdleMachine& idle, const AxisVector
   found = value_warnings(idle.scene);
   std::ranges::move(heat_warnings({}, idle.truth), std::back_inserter(found));
   std::ranges::move(errors::element_warnings(model, least, most), std::back_inserter(found));
-  if (!idle.scene.more_tools.empty())
+  if (!idle.scene.additional_tools.empty())
     found.push_back(fmt::format("poses are of T{}, the first of {} tools",
                                 idle.scene.tool.number.value_or(0),
-                                1 + idle.scene.more_tools.size()));
+                                1 + idle.scene.additional_tools.size()));
   if (const std::string halves = figures_of(model, half_reversal); !halves.empty())
     found.push_back("poses are half way between their two approaches; reversal adds or takes: " +
                     halves);

@@ -29,6 +29,7 @@ namespace {
 using kinematics::AxisState;
 using kinematics::Pose;
 
+// Returns the height above the tip up to which the tool shapes the part, mm.
 double shaping_height(const Scene& scene) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return 0.0;
@@ -37,9 +38,11 @@ double shaping_height(const Scene& scene) {
   return flank ? cutter->flank_length : cutter->radius;
 }
 
-/// Largest second derivative of the tip by the spindle angle that harmonics in that angle make,
-/// mm/rad^2: of spindle error motion where the spindle turns the workpiece, of vibration on any.
+/// Returns the largest second derivative of the tip by the spindle angle, mm/rad^2, from harmonics
+/// in that angle: error motion of a spindle that turns the workpiece, and vibration on any spindle.
 double spindle_bend(const Scene& scene, const Machine& machine) {
+  // Tilts count at a lever of 100 mm; an estimate is enough, as it only sets the density of
+  // samples.
   constexpr double lever = 100.0;  // mm, for tilts
   const auto size = [](const errors::ElementName& name) { return name.is_angle() ? lever : 1.0; };
   double bend = 0.0;
@@ -50,6 +53,7 @@ double spindle_bend(const Scene& scene, const Machine& machine) {
   }
   for (const errors::Vibration& vibration : scene.vibrations) {
     double speed = vibration.reference_speed;
+    // the largest amplitude is at the resonance, if the spindle can reach that speed
     if (vibration.resonance) speed = std::max(speed, *vibration.resonance / vibration.order);
     bend += size(vibration.name) * vibration.order * vibration.order *
             std::abs(errors::amplitude(vibration, speed));
@@ -57,7 +61,8 @@ double spindle_bend(const Scene& scene, const Machine& machine) {
   return bend;
 }
 
-/// Refuses a finite-element field that does not lie on the part: another mesh, unit or place.
+/// Throws BadInput if a finite-element field does not lie on the part, which means another mesh,
+/// unit or pose.
 void check_field(const Scene& scene, const cutting::Design& design_w) {
   if (!scene.compliance || !scene.compliance->workpiece) return;
   const auto* field = std::get_if<errors::WorkpieceField>(&*scene.compliance->workpiece);
@@ -68,19 +73,23 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
   const auto refuse = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(scene.file.string(), 0, 0, "a compliance field on this part: " + expected, seen);
   };
-  // on a square grid the farthest place is 0.71 spacings from a node
+  // The farthest point of a square grid is 0.71 spacings from a node; 1.5 leaves room for irregular
+  // meshes.
   const double allowed = 1.5 * errors::node_spacing(*field);
   const double far = errors::coverage(*field, design_w.vertices);
   if (far > allowed)
     refuse(fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", allowed),
            fmt::format("a vertex {:.4g} mm from the nearest node", far));
+  // A field four times as large as the part is of another part or in another unit, even if each
+  // vertex has a node nearby.
   if (size(field->points_w) > 4 * size(design_w.vertices))
     refuse(fmt::format("nodes over at most {:.4g} mm, four times the part",
                        4 * size(design_w.vertices)),
            fmt::format("nodes over {:.4g} mm", size(field->points_w)));
 }
 
-/// Warnings about elements of the errors and of the belief, where the program takes the axes.
+/// Returns warnings about error elements, true and believed, over the range in which the program
+/// moves the axes.
 std::vector<std::string> size_warnings(const Job& job) {
   kinematics::AxisVector least, most;
   if (job.windows) {
@@ -105,8 +114,8 @@ std::vector<std::string> size_warnings(const Job& job) {
   return warnings;
 }
 
-/// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
-/// is all that errors ask of them.
+/// Returns true if samples made with `had` are as dense as those with `wanted` along turns of
+/// spindles. Errors change the sampling in no other respect.
 bool is_as_dense(const program::SampleOptions& had, const program::SampleOptions& wanted) {
   if (had.max_spindle_turn > wanted.max_spindle_turn) return false;
   return !wanted.max_nose_turn ||
@@ -124,7 +133,7 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
   options.reach = shaping_height(scene);
   const double bend = spindle_bend(scene, machine);
   if (bend > 0.0) {
-    // a chord over an angle leaves bend angle^2 / 8
+    // the sagitta of a chord over an angle is bend angle^2 / 8
     const double turn = std::sqrt(8 * scene.chord_tolerance / bend);
     options.max_spindle_turn = std::min(options.max_spindle_turn, turn);
     if (!scene.vibrations.empty()) options.max_nose_turn = turn;
@@ -134,7 +143,7 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
 
 namespace {
 
-/// Too many samples, refused at what makes them so many.
+/// Returns the input error for too many samples, at the key that causes them.
 BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
                     const std::string& expected, const std::string& windows_obstacle = {}) {
   return scene_limit_error(scene,
@@ -163,6 +172,8 @@ std::vector<program::Window> windows_of(const Scene& scene, const program::Path&
                                         const program::SampleOptions& options,
                                         const Progress& progress) {
   try {
+    // A window ends with the block that passes half of the limit, so that one block may be as long
+    // as the other half.
     return program::windows(path, machine.nominal, options, options.max_samples / 2,
                             [&](double part) {
                               if (progress) progress("sample", part);
@@ -174,7 +185,7 @@ std::vector<program::Window> windows_of(const Scene& scene, const program::Path&
   }
 }
 
-/// A program, or a stretch of it, as the error-free machine runs it with one tool.
+/// A program, or a segment of it, as the error-free machine runs it with one tool.
 struct JobSegment {
   Scene scene;
   Machine machine;
@@ -200,7 +211,8 @@ JobSegment make_job_segment(Scene scene, Machine machine, program::Path path,
           sampling,         std::move(samples), std::move(T_wt)};
 }
 
-/// @param before  the ways of the axes when it begins
+/// Samples the program and makes the segment.
+/// @param before  axis state in which it begins, for directions of approach
 JobSegment make_job_segment(Scene scene, program::Path path, const AxisState& before,
                             const std::string& windows_obstacle = {}) {
   Machine machine = compile(scene);
@@ -211,15 +223,16 @@ JobSegment make_job_segment(Scene scene, program::Path path, const AxisState& be
                           std::move(samples));
 }
 
-/// One piece for each stretch of several tools.
+/// Returns one job segment for each tool segment of a program with several tools.
 std::vector<JobSegment> stretch_pieces(const Scene& described, const program::Path& path,
                                        const ToolUse& use) {
-  const std::vector<ToolDescription> tools = tools_of(described);
+  const std::vector<ToolDescription> tools = all_tools(described);
   std::vector<JobSegment> pieces;
   AxisState before;
   for (const ToolSegment& stretch : use.stretches) {
     Scene scene = with_run_out(with_tool(described, *tools[stretch.tool].number));
-    if (!pieces.empty()) scene.signals.history_interval = 0.0;  // it stands before the first
+    // The history runs before the first segment only.
+    if (!pieces.empty()) scene.signals.history_interval = 0.0;
     pieces.push_back(make_job_segment(
         std::move(scene), program::stretch_of(path, stretch.first, stretch.last), before));
     if (!pieces.back().samples.states.empty()) before = pieces.back().samples.states.back();
@@ -227,7 +240,7 @@ std::vector<JobSegment> stretch_pieces(const Scene& described, const program::Pa
   return pieces;
 }
 
-/// The pieces of several tools as one program, which the first tool of the scene stands for.
+/// Joins the segments of several tools into one program, under the first tool of the scene.
 JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobSegment>& pieces,
                   const ToolUse& use) {
   JobSegment whole{scene, compile(scene), std::move(path), pieces.front().sampling, {}, {}};
@@ -242,7 +255,7 @@ JobSegment joined(const Scene& scene, program::Path path, const std::vector<JobS
   return whole;
 }
 
-/// The job of a piece, without what is said of it.
+/// Returns the job of a segment, without its warnings.
 Job job_of(JobSegment piece, Truth truth, cutting::Design design_w,
            std::shared_ptr<const cutting::Design> body_m, Process process) {
   std::vector<kinematics::AxisVector> acceleration;
@@ -271,22 +284,24 @@ Job job_of(JobSegment piece, Truth truth, cutting::Design design_w,
           {}};
 }
 
-/// A program with its tools on the error-free machine, and what is to be said of them.
+/// The segments of a program on the error-free machine, and their warnings.
 struct JobSegments {
-  JobSegment whole;  // the first window of a program in windows, with all its blocks
+  JobSegment whole;                   // the first window of a program in windows, with all blocks
   std::vector<JobSegment> stretches;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
   std::vector<std::string> shank_warnings = {};  // of a program in windows
 };
 
-/// The same of a program of one tool in windows, each of which is looked at once.
+/// Prepares a program of one tool in windows. Each is sampled once here for its size, extents and
+/// shank contacts.
+/// @param held  samples that may be in memory
 JobSegments in_windows(const Scene& scene, const program::Path& path,
                        const cutting::Design& design_w, std::size_t held,
                        const Progress& progress) {
   const Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  // the first stays while another is cut
+  // half: the first window stays in memory while another is cut
   sampling.max_samples = held / 2;
   Windows windows{windows_of(scene, path, machine, sampling, progress), 0, 0, {}, {}};
   std::optional<JobSegment> first;
@@ -301,6 +316,7 @@ JobSegments in_windows(const Scene& scene, const program::Path& path,
       windows.least = windows.least.cwiseMin(state.q);
       windows.most = windows.most.cwiseMax(state.q);
     }
+    // the first sample of a later window is the last of the one before
     windows.samples += samples.states.size() - (first ? 1 : 0);
     windows.max_at_once = std::max(windows.max_at_once, samples.states.size());
     JobSegment piece =
@@ -317,7 +333,7 @@ JobSegments in_windows(const Scene& scene, const program::Path& path,
           shank_warnings(scene, shank)};
 }
 
-/// The program as one piece with its samples, in windows where those are more than are held.
+/// Prepares the program of one tool, in windows if its samples exceed the budget.
 JobSegments one_piece(const Scene& scene, const program::Path& path,
                       const cutting::Design& design_w, const MemoryBudget& holding,
                       const Progress& progress) {
@@ -349,7 +365,7 @@ JobSegments pieces_of(const Scene& described, const Program& program,
                       const cutting::Design& design_w, const MemoryBudget& holding,
                       const Progress& progress) {
   const Scene scene = with_run_out(described);
-  const std::vector<ToolDescription> tools = tools_of(scene);
+  const std::vector<ToolDescription> tools = all_tools(scene);
   ToolUse use = tool_use(program.path, tools);
   JobSegments made = tools.size() > 1 ? segments_by_tool(described, scene, program.path, use)
                                       : one_piece(scene, program.path, design_w, holding, progress);
@@ -388,7 +404,8 @@ Job window_of(const Job& job, std::size_t number) {
   stop_if_interrupted();
   const program::Window& window = job.windows->all[number];
   JobSegment piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
-  if (number > 0) piece.scene.signals.history_interval = 0.0;  // it stands before the first
+  // The history runs before the first window only.
+  if (number > 0) piece.scene.signals.history_interval = 0.0;
   piece.sampling.goes_on = window.goes_on;
   piece.samples = sample(piece.path, piece.machine.nominal, piece.sampling);
   piece.T_wt = nominal_poses(piece.machine, piece.samples);
@@ -409,7 +426,7 @@ ToolRun tool_run(const Job& part) {
 
 std::vector<ToolRun> tool_runs(const Job& job) {
   std::vector<ToolRun> parts;
-  if (job.windows) return parts;  // no tool wears
+  if (job.windows) return parts;  // a tool that wears is not run in windows
   for (const Job& part : parts_of(job)) parts.push_back(tool_run(part));
   return parts;
 }
@@ -422,6 +439,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   begins("part");
   const Scene scene = with_run_out(described);
   Part part = load_part(scene);
+  // The work is limited before the program is read or generated, the first step that may take long.
   const double part_s = watch.lap();
   const Work all = estimate_work(scene, part);
   const bool in_windows = holding.samples && holding.samples(0, std::size_t(all.vertices)) > 0;
@@ -437,6 +455,7 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   std::vector<std::string>& warnings = made.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
+  // The nominal process runs on a rigid machine: its poses do not depend on the load.
   const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
   Process process = simulate_process(
       scene, whole.machine, part.body_m,
@@ -448,10 +467,11 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
   add_warnings(process.warnings, warnings);
   begins("heat");
   const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
+  // Heat needs the whole program, as every tool warms the same machine.
   const std::vector<errors::Activity> active =
       activity(scene, whole.machine, whole.samples, process);
   const auto job_from = [&](JobSegment piece, Process of_piece) {
-    Truth truth = truth_of(piece.scene, piece.machine, active);
+    Truth truth = make_truth(piece.scene, piece.machine, active);
     return job_of(std::move(piece), std::move(truth), part.design_w, body_m, std::move(of_piece));
   };
   Job job = job_from(std::move(whole), std::move(process));
@@ -486,8 +506,8 @@ Job prepare(const Scene& described, const Progress& progress, const MemoryBudget
 
 namespace {
 
-/// The job of one tool under other errors.
-/// @param active  of the whole program
+/// Returns the job of one tool with other errors.
+/// @param active  heat sources of the whole program
 Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
   Machine machine = compile(scene);
   const auto refuse = [&](bool differs, const char* what) {
@@ -497,7 +517,7 @@ Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
   };
   refuse(!same(machine.nominal, job.machine.nominal), "nominal machine");
   refuse(!is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
-  Truth truth = truth_of(scene, machine, active);
+  Truth truth = make_truth(scene, machine, active);
   job.scene = std::move(scene);
   job.machine = std::move(machine);
   job.truth = std::move(truth);
@@ -523,7 +543,7 @@ Eigen::Vector3d control_datum_offset(const Job& job, const Corrector& corrector)
   };
   try {
     return datum_offset(job.scene.datum, job.machine, really_at, corrector);
-  } catch (const std::out_of_range& left) {  // a table of the errors that says "refuse"
+  } catch (const std::out_of_range& left) {  // a table of the errors without extrapolation
     const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
     const Place place = datum ? datum->place : Place{};
     throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,

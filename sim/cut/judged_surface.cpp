@@ -37,7 +37,8 @@ std::string share(int part, int all) {
   return fmt::format("{} of {} judged vertices ({:.3g} %)", part, all, 100.0 * part / all);
 }
 
-/// Whether a gouge counts as one at less than the band, as the part is thinner than two bands.
+/// Returns true if a gouge counts as one at less than the band because the part is thinner than two
+/// bands.
 bool thin_gouge(const Surface& surface, double band) {
   return std::any_of(surface.gouges.begin(), surface.gouges.end(),
                      [&](const cutting::Gouge& gouge) { return gouge.depth < band; });
@@ -67,7 +68,7 @@ std::set<int> rapid_lines(const program::Path& path) {
   return lines;
 }
 
-/// Where the tool is at an instant, between two samples.
+/// Tip and axis of a tool between two samples.
 struct Position {
   Vector3d tip, axis;
 };
@@ -115,6 +116,7 @@ ProgramGouge program_gouge(const Surface& surface, double explained) {
   ProgramGouge gouge;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const double s = surface.residual[Index(i)];
+    // gouges beyond the band have their own status; up to `rubbing` is tolerated for any tool
     if (surface.status[i] != VertexStatus::Cut || !(s < -cutting::rubbing - explained)) continue;
     gouge.at.push_back(Index(i));
     ++gouge.vertices;
@@ -128,7 +130,8 @@ ProgramGouge program_gouge(const Surface& surface, double explained) {
 int flank_gouge_count(const ProgramGouge& gouge, const Surface& surface,
                       const cutting::Design& design_w, const cutting::Cutter& cutter,
                       const cutting::CutterMotion& motion) {
-  constexpr double above_corner = 1e-3;  // mm, of the height at which the flank begins
+  constexpr double above_corner = 1e-3;  // mm; contact at the tangent point of the corner does not
+                                         // count as flank
   return int(std::count_if(gouge.at.begin(), gouge.at.end(), [&](Index i) {
     const Position tool = position(motion, surface.cut_time_s[i]);
     const Vector3d contact =
@@ -142,8 +145,8 @@ namespace {
 using cutting::Surface;
 using cutting::VertexStatus;
 
-/// mm, of the smallest round corner that the job cuts with: what it does not fit, none does. A
-/// turning tool meets the part along its edge alone, so none counts.
+/// Returns the smallest corner radius, mm, of the tools of a job: where that does not fit, none
+/// does. A turning tool counts as 0, since it touches the part along its edge only.
 double smallest_corner(const Job& job) {
   double least = std::numeric_limits<double>::infinity();
   for (const Job& part : job.windows ? std::span(&job, 1) : parts_of(job)) {
@@ -153,6 +156,8 @@ double smallest_corner(const Job& job) {
   return least;
 }
 
+// Returns the reason of each vertex. Later reasons override earlier ones: a corner may be uncut as
+// well.
 std::vector<ExclusionReason> reasons(const Job& job, const Surface& nominal) {
   const double radius = smallest_corner(job);
   const auto corner = cutting::corner_leftover(job.design_w, nominal, *job.body_w, radius);
@@ -166,11 +171,13 @@ std::vector<ExclusionReason> reasons(const Job& job, const Surface& nominal) {
   return why;
 }
 
-/// Not judged any more. @return mm, the material that was left there
+/// Excludes a vertex from the judged ones.
+/// @return material left there, mm
 double leave_out(Job& job, Surface& nominal, std::size_t i) {
   const auto v = Eigen::Index(i);
   const double left = nominal.status[i] == VertexStatus::Cut ? nominal.residual[v] : 0.0;
   constexpr double none = std::numeric_limits<double>::quiet_NaN();
+  // The residual is read first: it is valid only while the status is Cut.
   job.design_w.judged[i] = 0;
   nominal.status[i] = VertexStatus::Outside;
   nominal.residual[v] = nominal.cut_time_s[v] = none;
@@ -184,7 +191,7 @@ std::vector<ExclusionReason> exclude_unintended(Job& job, Surface& nominal,
                                                 std::vector<ExclusionReason> before) {
   const std::size_t n = nominal.status.size();
   before.resize(n, ExclusionReason::NotExcluded);
-  if (job.scene.part.judged != PartDescription::JudgedSurface::Cut) return before;
+  if (job.scene.part.judged != PartDescription::JudgedArea::Cut) return before;
   const std::vector<ExclusionReason> why = reasons(job, nominal);
   const auto is_left = [&](std::size_t i) {
     return why[i] == ExclusionReason::NotExcluded && nominal.status[i] != VertexStatus::Outside;
@@ -251,8 +258,9 @@ namespace {
 using cutting::Design;
 using cutting::VertexStatus;
 
-/// Vertices that were put on crests do not stand for what is around them, and those of a map that
-/// they do not resolve make waves of their own.
+/// Returns where further samples within triangles are needed. Adaptive vertices lie on crests and
+/// do not represent their surroundings, so the middle of each triangle is added; a map that its
+/// vertices do not resolve would alias regular samples, so they are random.
 cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
                                       const cutting::Surface& nominal) {
   const cutting::InterpolationError error =
@@ -264,7 +272,7 @@ cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
              : cutting::Surface::Within::None;
 }
 
-/// The gouges of a surface of which the statuses are known.
+/// Returns the gouges of a surface whose statuses are known. Only gouged vertices are cut again.
 std::vector<cutting::Gouge> gouges_of(Design design, const cutting::Surface& surface,
                                       const Sweep& sweep) {
   bool any = false;
@@ -282,6 +290,8 @@ cutting::RefinementResult refined_for(const Job& job, const Sweep& sweep, Sample
   options.resolution = sampled.resolution;
   options.floor = wanted.finest;
   options.points = wanted.points;
+  // Edges may be flipped only if the vertices lie on a known surface; a mesh of which 99.9 % of the
+  // area is recognised counts as one.
   constexpr double nearly_all = 0.999;
   options.can_flip_edges = std::holds_alternative<cutting::Primitive>(job.scene.part.shape) ||
                            job.recognised_fraction > nearly_all;
@@ -313,7 +323,8 @@ std::string spacing_text(const Design& design, const PartSampling& wanted) {
       wanted.points, wanted.spacing, longest);
 }
 
-/// A mesh that shows less of its surface than the map of it would resolve.
+/// Returns a warning if the facets of a mesh deviate from its surface by more than the map
+/// resolves.
 std::string coarse_facets_text(const Job& job) {
   const double resolution = job.sampled->resolution;
   Eigen::Index worst = 0;
@@ -335,7 +346,7 @@ std::string coarse_facets_text(const Job& job) {
 }  // namespace
 
 double trimmed_range(const cutting::Surface& surface, const Design& design) {
-  constexpr double outer = 0.01;
+  constexpr double outer = 0.01;                  // fraction of the area at either end
   std::vector<std::pair<double, double>> values;  // residual, area
   double all = 0.0;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
@@ -381,7 +392,7 @@ Job sampled(Job job, const Progress& progress) {
       job.warnings.push_back(std::move(text));
     nominal = sweep.surface(job.design_w);
   }
-  if (wanted.kind != PartSampling::Kind::Vertices)  // also of what was added between
+  if (wanted.kind != PartSampling::Kind::Vertices)  // vertices added by refinement are checked too
     why = exclude_unintended(job, nominal, std::move(why));
   const JudgedAreas areas = judged_areas(job, nominal, why);
   job.sampled->judged_area = areas.judged;

@@ -48,6 +48,7 @@ Eigen::Vector3d extents(const cutting::Points& vertices) {
   return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).transpose();
 }
 
+// 1e-9: far above rounding, far below the ratio of any two units.
 std::string unit_label(double unit_mm) {
   static const std::array<std::pair<double, const char*>, 5> words = {
       {{1.0, "mm"}, {units::inch, "inch"}, {10.0, "cm"}, {1000.0, "m"}, {units::um, "um"}}};
@@ -58,6 +59,7 @@ std::string unit_label(double unit_mm) {
 
 std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
                               const Eigen::Vector3d& size) {
+  // a mesh in metres that is read as mm is usually below 1 mm
   constexpr double small = 1.0;  // mm
   if (mesh.any_size) return {};
   const bool large = use.travel && size.maxCoeff() > *use.travel;
@@ -93,7 +95,7 @@ namespace {
 
 using cutting::Design;
 
-/// Leaves vertices out of the verdict by their distance from the part's axis.
+/// Excludes vertices from the judged ones by their distance from the z axis of the part.
 void judge_by_radius(Design& design, const PartDescription& part) {
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
     const double r = design.vertices.row(i).head<2>().norm();
@@ -103,9 +105,9 @@ void judge_by_radius(Design& design, const PartDescription& part) {
   }
 }
 
-/// Leaves vertices out of the verdict by the region in which they lie.
+/// Excludes vertices from the judged ones by their region.
 void judge_by_region(Design& design, const PartDescription& part, const FaceGroups& groups) {
-  const bool only_regions = part.judged == PartDescription::JudgedSurface::Regions;
+  const bool only_regions = part.judged == PartDescription::JudgedArea::Regions;
   if (part.regions.empty() && !only_regions) return;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
@@ -114,7 +116,7 @@ void judge_by_region(Design& design, const PartDescription& part, const FaceGrou
   }
 }
 
-/// Refuses a part of which nothing is judged.
+/// Throws BadInput if no vertex of the part is judged.
 void check_judged(const Scene& scene, const Design& design) {
   const auto& judged = design.judged;
   if (judged.empty() || std::any_of(judged.begin(), judged.end(), [](auto one) { return one; }))
@@ -133,6 +135,7 @@ void check_judged(const Scene& scene, const Design& design) {
                              radius.maxCoeff(), odd.empty() ? "" : "; ", odd));
 }
 
+// Returns by how much a raster continues beyond the part, mm.
 double overrun(const Scene& scene) {
   const auto* raster = std::get_if<program::Raster>(&scene.program.source);
   return raster != nullptr ? raster->overrun : 0.0;
@@ -142,6 +145,7 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   Part part;
   try {
     part.design_m = part.body_m = cutting::tessellate(primitive, {scene.part.vertices});
+    // A raster continues beyond the rim, so its contacts lie on an enlarged surface.
     const auto beyond =
         std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
     part.contact = [beyond](double x, double y) {
@@ -153,13 +157,14 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   return part;
 }
 
-/// From sharp edges: where a rounding that nobody drew would be judged.
+/// Returns the distance from sharp edges, mm, within which nothing is judged: the tool rounds an
+/// edge there which the design does not show.
 double edge_margin(const Scene& scene) {
-  constexpr double share = 0.05;  // of the radius
+  constexpr double share = 0.05;  // fraction of the radius of the smallest tool
   if (scene.part.edge_margin) return *scene.part.edge_margin;
   if (scene.part.sampling.kind == PartSampling::Kind::Vertices) return 0.0;
   double least = std::numeric_limits<double>::infinity();
-  for (const ToolDescription& tool : tools_of(scene)) {
+  for (const ToolDescription& tool : all_tools(scene)) {
     const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
     least = std::min(
         least, cutter != nullptr ? cutter->radius : std::get<cutting::Nose>(tool.nominal).radius);
@@ -167,7 +172,8 @@ double edge_margin(const Scene& scene) {
   return share * least;
 }
 
-/// What of a mesh is left out for lying at its sharp edges.
+/// Returns a warning about faces of a mesh excluded entirely because they lie at sharp edges; empty
+/// if there are none.
 std::string excluded_text(const Design& before, const Design& after, double margin) {
   double all = 0.0, left = 0.0;
   const std::vector<int> face = cutting::patches(after);
@@ -175,6 +181,7 @@ std::string excluded_text(const Design& before, const Design& after, double marg
   std::vector<char> seen(std::size_t(faces), 0);
   for (Eigen::Index i = 0; i < after.area.size(); ++i) {
     const auto v = std::size_t(i);
+    // vertices that are excluded for another reason do not count
     if (!before.judged.empty() && !before.judged[v]) continue;
     all += after.area[i];
     if (after.judged.empty() || after.judged[v])
@@ -190,16 +197,16 @@ std::string excluded_text(const Design& before, const Design& after, double marg
       unseen, faces, margin, left, all);
 }
 
-/// The options of `judge_top`; none where the scene leaves nothing out by them.
+/// Returns the options of `judge_top`; none if the scene excludes nothing by them.
 std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part) {
   if (!part.judged_normal_z && !part.judged_margin) return std::nullopt;
   return cutting::JudgeTopOptions{part.judged_normal_z.value_or(-1.0),
                                   part.judged_margin.value_or(0.0)};
 }
 
-/// Faces with vertices on curved borders between two that were recognised.
+/// Returns the faces with additional vertices on the curved borders between recognised surfaces.
 Design rounded(const PartDescription& described, const Part& part, const Design& faces) {
-  constexpr double share = 0.1;  // of the tolerance of recognition
+  constexpr double share = 0.1;  // fraction of the recognition tolerance
   if (part.recognised.empty()) return faces;
   return cutting::refine_round_borders(faces, part.recognised, share * described.recognise);
 }
@@ -209,7 +216,8 @@ program::ContactField contact_on(cutting::MeshContact mesh) {
   return [surface](double x, double y) { return cutting::surface_point_above(*surface, x, y); };
 }
 
-/// Of a mesh that is nearly a plane, sphere, cylinder, cone or torus in many places.
+/// Returns the warning for a mesh that is close to a plane, sphere, cylinder, cone or torus at so
+/// many places that the search was stopped.
 std::string untried_text(const PartDescription& described, const cutting::Recognised& found) {
   return fmt::format(
       "looking for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
@@ -219,7 +227,8 @@ std::string untried_text(const PartDescription& described, const cutting::Recogn
       described.recognise / units::um, found.unexamined_triangles, found.design.triangles.rows());
 }
 
-/// Faces on the surfaces that they are recognised as; a program that is generated follows these.
+/// Returns the faces on their recognised surfaces; a generated program then follows those surfaces,
+/// not the facets.
 Design recognised_faces(const PartDescription& described, Part& part, const Design& faces) {
   if (described.flat_facets || !(described.recognise > 0.0)) return faces;
   cutting::Recognised found = cutting::recognised(faces, described.recognise);
@@ -232,7 +241,8 @@ Design recognised_faces(const PartDescription& described, Part& part, const Desi
   return std::move(found.design);
 }
 
-/// Of edges that another program, or another position of the part, may part otherwise.
+/// Returns a warning about edges whose angle is within 0.05 degrees of the limit between smooth and
+/// sharp: rounding decides there, and another program or pose of the part may decide differently.
 std::string edge_angle_text(const PartDescription& described, const Design& body) {
   constexpr double within = 0.05 * units::deg, off = 5.0 * units::deg;
   const int edges = cutting::count_edges_near_angle(body, described.edge_angle, within);
@@ -248,13 +258,14 @@ std::string edge_angle_text(const PartDescription& described, const Design& body
       (described.edge_angle + off) / units::deg);
 }
 
-/// A mesh as faces of their own, on the surfaces that they are recognised as, parted where groups
-/// of triangles meet, its large triangles divided, so that something of each face lies off its
-/// edges. What is left out is found where the faces of the file meet: where recognition or groups
-/// part them is no edge.
+/// Returns a mesh as separate faces on their recognised surfaces, split where groups of triangles
+/// meet, with large triangles divided so that every face has vertices away from its edges. Sharp
+/// edges are found before recognition and groups split the faces, since those borders are no edges.
 /// @param group  of the triangles; empty: none
 Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
                 double margin) {
+  // Some 5000 vertices before the sampling refines them. Faces with many small triangles may need
+  // up to four times as many again.
   constexpr double min_vertices = 5000.0;
   const double none_given = 4.0 * min_vertices;
   if (std::string text = edge_angle_text(described, part.body_m); !text.empty())
@@ -264,7 +275,7 @@ Design faces_of(const PartDescription& described, Part& part, const std::vector<
   std::optional<cutting::JudgeTopOptions> top = top_options(described);
   if (top) top->rim = cutting::top_rim(faces, top->min_normal_z);
   faces = recognised_faces(described, part, faces);
-  // smooth patches were recognised before
+  // groups are split after recognition, which needs whole smooth patches
   if (!group.empty()) faces = cutting::split_at_groups(faces, group);
   if (!described.flat_facets) part.facet_uncertainty = cutting::facet_uncertainty(faces);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
@@ -293,11 +304,13 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   GroupedFaces grouped;
   if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
   part.face_groups = std::move(grouped.groups);
+  // The contacts follow the facets unless surfaces are recognised.
   part.contact = contact_on(cutting::MeshContact(part.body_m));
   part.design_m = faces_of(scene.part, part, grouped.of_triangle, edge_margin(scene));
   return part;
 }
 
+// Returns true if a program is a table of positions over time; the ending of the file decides.
 bool is_pvt(const ProgramDescription::File& given) {
   const std::string ending = given.file.extension().string();
   return given.dialect != dialects::Dialect::Cl && (ending == ".csv" || ending == ".pvt");
@@ -338,7 +351,7 @@ Program read_file(const ProgramDescription::File& given, const program::NcOption
   return program;
 }
 
-/// What is to be said of the control's tables.
+/// Returns warnings about the tables of the control.
 std::vector<std::string> control_table_warnings(const Scene& scene, const program::Path& path) {
   std::vector<std::string> warnings = tool_table_warnings(scene);
   std::set<int> called;
@@ -349,7 +362,8 @@ std::vector<std::string> control_table_warnings(const Scene& scene, const progra
   return warnings;
 }
 
-/// "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400 mm"
+/// Returns a text such as "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400
+/// mm".
 std::string travels_text(const Scene& scene) {
   const Eigen::Vector3d at = scene.part.T_wm.translation();
   std::string travels;
@@ -372,6 +386,7 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
+  // A generator needs the kind of tool and part it was written for.
   const auto wants = [&](bool has, const char* what) {
     if (!has) throw BadInput(scene.file.string(), 0, 0, what, "another");
   };
@@ -416,6 +431,7 @@ cutting::SurfaceInterpolator surface_between_vertices(
                             : cutting::patch_interpolator(recognised, T);
 }
 
+// Beyond 100 km a limit means none; the sum of diagonal slides bounds the box along each axis.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   constexpr double unlimited = 1e8;  // mm
   Eigen::Vector3d box = Eigen::Vector3d::Zero();
@@ -447,6 +463,7 @@ Part load_part(const Scene& scene) {
        region_warnings(region_coverage(scene.part, part.face_groups, part.design_m)))
     part.warnings.push_back(std::move(text));
   check_judged(scene, part.design_m);
+  // The raster covers the part and its overrun on every side.
   const Eigen::Vector2d margin = Eigen::Vector2d::Constant(overrun(scene));
   part.lower = part.design_m.vertices.leftCols<2>().colwise().minCoeff().transpose() - margin;
   part.upper = part.design_m.vertices.leftCols<2>().colwise().maxCoeff().transpose() + margin;
@@ -456,12 +473,14 @@ Part load_part(const Scene& scene) {
 
 namespace {
 
-/// Tools as the control's table has them, and its chain to the tip of each that the scene has.
+/// Enters the tools of the control's table, and its chain to the tip of each tool that the scene
+/// has.
 void take_tool_table(program::NcOptions& options, const Scene& scene) {
   const auto& table = scene.program.tools->table.tools;
   options.tool_table = true;
   if (scene.tool.number && table.contains(*scene.tool.number))
     options.control_tool = *scene.tool.number;
+  // The table replaces what the scene believes: a tool that it lacks is unknown to the control.
   options.tool_length.clear();
   options.tool_radius.clear();
   for (const auto& [number, tool] : table) {
@@ -472,13 +491,14 @@ void take_tool_table(program::NcOptions& options, const Scene& scene) {
     if (!tool.name.empty()) options.tool_number.emplace(tool.name, number);
   }
   options.control_of_h.clear();
-  for (const ToolDescription& tool : tools_of(scene))
+  for (const ToolDescription& tool : all_tools(scene))
     if (tool.number && options.tool_length.contains(*tool.number))
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
 }
 
 void take_offset_table(program::NcOptions& options, const dialects::ControlTable& table) {
   for (const auto& [number, offset] : table.offsets) {
+    // G54 to G59 are offsets 1 to 6; further ones go by number.
     kinematics::AxisVector shift = kinematics::AxisVector::Zero(Eigen::Index(options.axes.size()));
     for (std::size_t j = 0; j < options.axes.size(); ++j)
       if (const auto found = offset.axes.find(options.axes[j].name); found != offset.axes.end())
@@ -506,7 +526,8 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   options.tool_length = scene.program.tool_length;
   options.control = machine.control;
   const double length = scene.control.tool_length.value_or(scene.tool.length);
-  if (scene.more_tools.empty()) options.tool_length.emplace(1, length);
+  // With a single tool, number 1 means it as well, whatever number the scene gives it.
+  if (scene.additional_tools.empty()) options.tool_length.emplace(1, length);
   if (scene.tool.number) options.tool_length.emplace(*scene.tool.number, length);
   const auto believe_radius = [&](int number, const ToolDescription& tool) {
     if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal))
@@ -514,22 +535,22 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
     else if (const auto* nose = std::get_if<cutting::Nose>(&tool.nominal))
       options.tool_radius.emplace(number, nose->radius);
   };
-  if (scene.more_tools.empty()) believe_radius(1, scene.tool);
+  if (scene.additional_tools.empty()) believe_radius(1, scene.tool);
   if (scene.tool.number) believe_radius(*scene.tool.number, scene.tool);
-  for (const ToolDescription& tool : scene.more_tools) believe_radius(*tool.number, tool);
-  for (const ToolDescription& tool : scene.more_tools)
+  for (const ToolDescription& tool : scene.additional_tools) believe_radius(*tool.number, tool);
+  for (const ToolDescription& tool : scene.additional_tools)
     options.tool_length.emplace(*tool.number, tool.length);
-  for (const ToolDescription& tool : tools_of(scene))
+  for (const ToolDescription& tool : all_tools(scene))
     if (!tool.name.empty()) options.tool_number.emplace(tool.name, tool.number.value_or(1));
-  if (!scene.more_tools.empty())
-    for (const ToolDescription& tool : tools_of(scene))
+  if (!scene.additional_tools.empty())
+    for (const ToolDescription& tool : all_tools(scene))
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
   if (scene.program.tools) take_tool_table(options, scene);
   options.work_offset = scene.program.work_offset;
   if (scene.program.offsets) take_offset_table(options, scene.program.offsets->table);
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;
-  // the key's unit makes it rad/s in the description
+  // The description has rad/s, the control rpm.
   if (scene.machine.max_spindle_speed)
     options.max_spindle_rpm = *scene.machine.max_spindle_speed / units::rpm;
   return options;
@@ -548,7 +569,7 @@ Program load_program(const Scene& scene, const Machine& machine, const Part& par
   program::Path path = generated.ending == ".ngc"
                            ? program::read_nc(generated.text, name, options)
                            : program::read_pvt(generated.text, name, options);
-  path.assumptions.clear();  // its own generator wrote it
+  path.assumptions.clear();  // a generated program is read without assumptions on its dialect
   return {std::move(path), std::move(generated.text), generated.unreached};
 }
 

@@ -15,82 +15,86 @@
 #include "sim/scene/bodies.h"
 #include "sim/scene/scene.h"
 
+/// The design of a scene and its program, loaded from files or generated.
 namespace abbe::sim {
 
-/// What a scene says of a mesh: part, blank, fixture or body of the machine.
+/// The names and limits of a mesh in the scene: part, blank, fixture or body of the machine.
 struct MeshUse {
-  std::string what;                   ///< "the part", "fixture \"clamp\""
-  std::string table;                  ///< of its keys: "part"
-  bool may_open = false;              ///< its `open = true` is taken
-  std::optional<double> travel = {};  ///< mm, in which it should find room; none: it may be larger
+  std::string what;                   ///< name in messages: "the part", "fixture \"clamp\""
+  std::string table;                  ///< table of its keys: "part"
+  bool may_open = false;              ///< the key `open = true` is accepted
+  std::optional<double> travel = {};  ///< extent in which the mesh should fit, mm; none: it may be
+                                      ///< larger
 };
 
-/// The mesh that a scene names, in its unit and open if it says so.
-/// @param options  what else is asked of it
-/// @throws BadInput as `read_marked_mesh`; for a rim that is not meant with the place in the scene
+/// Reads the mesh that a scene names, scaled by its unit, and open if the scene allows it.
+/// @param options  further options of the reader
+/// @throws BadInput as `read_marked_mesh`; for an unexpected open rim with the location in the
+///     scene
 cutting::MarkedMesh read_named_mesh(const MeshFile& mesh, const MeshUse& use,
                                     cutting::ReadMeshOptions options = {},
                                     const cutting::MarkSelection& wanted = {});
 
-/// mm, along the axes.
+/// Returns the extents along the axes, mm.
 Eigen::Vector3d extents(const cutting::Points& vertices);
 
-/// What is to be said of the extents of a mesh: below 1 mm, beyond the travel. Empty of others, and
-/// of a mesh of `any_size`.
-/// @param size  mm, along the axes of its own frame
+/// Returns a warning about the extents of a mesh: below 1 mm, or beyond the travel. Empty
+/// otherwise, and for a mesh with `any_size`.
+/// @param size  extents along the axes of its own frame, mm
 std::string mesh_size_warning(const MeshFile& mesh, const MeshUse& use,
                               const Eigen::Vector3d& size);
 
-/// What part.unit calls a unit of so many mm; empty if it has no name.
+/// Returns the name that part.unit has for a unit of `unit_mm` mm; empty if it has none.
 std::string unit_label(double unit_mm);
 
-/// "12 of 40 passes are left out ..."; empty if all are reached.
+/// Returns a text such as "12 of 40 passes are left out ..."; empty if all are reached.
 std::string unreached_text(const program::Unreached& unreached);
 
-/// The design of a scene, loaded.
+/// The loaded design of a scene.
 struct Part {
   cutting::Design body_m;    ///< as the file or the declared surface gives it, part frame
-  cutting::Design design_m;  ///< the same, its sharp edges parted
+  cutting::Design design_m;  ///< the same with vertices split at sharp edges
   cutting::Design design_w;  ///< in the workpiece frame, where it is cut
-  std::vector<cutting::AnalyticPatch> recognised;  ///< of a mesh, part frame
-  double recognised_fraction = 0.0;                ///< of its area
-  Eigen::VectorXd facet_uncertainty;               ///< (vertices given) mm, of a mesh
+  std::vector<cutting::AnalyticPatch> recognised;  ///< surfaces recognised in a mesh, part frame
+  double recognised_fraction = 0.0;                ///< fraction of the mesh area
+  Eigen::VectorXd facet_uncertainty;               ///< (vertices as loaded) mm, of a mesh
   FaceGroups face_groups;                          ///< of a mesh, for its regions
   std::vector<std::string> warnings;
-  program::ContactField contact;  ///< part frame, continued beyond the rim where a raster asks
-  Eigen::Vector2d lower, upper;   ///< mm, x y of the part frame that a raster covers
+  program::ContactField contact;  ///< part frame, continued beyond the rim if a raster needs it
+  Eigen::Vector2d lower, upper;   ///< mm, range of x and y of the part frame that a raster covers
 };
 
-/// mm, extents of the travel of the slides, along the bed's axes; none where one has no limits.
+/// Returns the extents of the travel of the slides along the axes of the bed, mm; none if a slide
+/// has no limits.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine);
 
-/// What the scene says of the part's mesh; room for it is in the travel.
+/// Returns the use of the part's mesh, which should fit into the travel.
 MeshUse part_mesh_use(const Scene& scene);
 
-/// The surface of a part between its vertices, the part standing at T: the declared one, what a
-/// mesh was recognised as, or what its facets show.
+/// Returns the surface of a part between its vertices, with the part at T: the declared surface,
+/// the surfaces recognised in a mesh, or the surface that its facets stand for.
 cutting::SurfaceInterpolator surface_between_vertices(
     const PartDescription& part, const std::vector<cutting::AnalyticPatch>& recognised,
     const kinematics::Pose& T);
 
-/// @throws BadInput, also if a mesh is too large to lie on the machine, or no vertex is left to be
-///         judged
+/// Throws BadInput, also if a mesh is too large to lie on the machine or no vertex is left to be
+/// judged.
 Part load_part(const Scene& scene);
 
-/// A program read, and its text if a generator wrote it.
+/// A program as read, with its text if it was generated.
 struct Program {
   program::Path path;
   std::string text;
-  program::Unreached unreached;            ///< what a generator had to leave out
-  std::vector<std::string> warnings = {};  ///< of its reader
+  program::Unreached unreached;            ///< passes that a generator had to leave out
+  std::vector<std::string> warnings = {};  ///< of the reader
 };
 
 /// Reads the program of a scene; a generated one is read back from its own text, under the name
 /// that its file will have.
-/// @throws BadInput
+/// @throws BadInput if the program cannot be read or generated
 Program load_program(const Scene& scene, const Machine& machine, const Part& part);
 
-/// What the control of the scene knows before it reads a program.
+/// Returns what the control of the scene knows before it reads a program.
 program::NcOptions nc_options(const Scene& scene, const Machine& machine);
 
 }  // namespace abbe::sim

@@ -21,9 +21,10 @@ namespace {
 using cutting::FaceMark;
 using cutting::FaceMarks;
 
+// Names listed in a message.
 constexpr std::size_t max_listed = 20;
 
-/// "a", "b" and so on, at most so many.
+/// Returns up to `max_listed` names in quotes.
 std::string listed_names(const std::set<std::string>& words) {
   std::vector<std::string> shown;
   for (const std::string& word : words) {
@@ -42,6 +43,8 @@ std::string listed_names(const std::set<std::string>& words) {
 }
 
 [[noreturn]] void throw_group_error(const PartRegion& region, const FaceMarks& marks) {
+  // The nearest name is found by comparing letters; limits on number and length keep the message
+  // immediate.
   constexpr std::size_t max_compared = 10'000, longest_compared = 200;
   std::set<std::string> names, compared;
   for (const auto& set : marks.names) names.insert(set.begin(), set.end());
@@ -66,7 +69,7 @@ int farthest_channel(const cutting::Rgb& a, const cutting::Rgb& b) {
 }
 
 [[noreturn]] void throw_colour_error(const PartRegion& region, const FaceMarks& marks) {
-  constexpr int near = 48;  // of 255: as far off a colour may still be meant
+  constexpr int near = 48;  // of 255: a colour this near may be the one intended
   std::set<std::string> colours;
   std::optional<cutting::Rgb> nearest;
   for (const FaceMark& mark : marks.marks) {
@@ -89,7 +92,7 @@ int farthest_channel(const cutting::Rgb& a, const cutting::Rgb& b) {
                      seen);
 }
 
-/// (marks) where a face of the mark is of the group of a region.
+/// Returns (marks) true if faces with the mark are in the group of a region.
 std::vector<bool> marks_in_group(const PartRegion& region, const FaceMarks& marks) {
   std::vector<bool> has_name;  // (sets of names)
   for (const auto& set : marks.names)
@@ -101,6 +104,8 @@ std::vector<bool> marks_in_group(const PartRegion& region, const FaceMarks& mark
   return is;
 }
 
+// Returns (marks) true if faces with the mark may have the colour of a region; formats round
+// colours differently.
 std::vector<bool> marks_with_colour(const PartRegion& region, const FaceMarks& marks) {
   std::vector<bool> is;
   for (const FaceMark& mark : marks.marks)
@@ -112,7 +117,7 @@ bool any_set(const std::vector<bool>& flags) {
   return std::ranges::any_of(flags, [](bool one) { return one; });
 }
 
-/// (marks) where a face of the mark may lie in a region.
+/// Returns (marks) true if faces with the mark may lie in a region.
 std::vector<bool> marks_of(const PartRegion& region, const FaceMarks& marks) {
   std::vector<bool> may(marks.marks.size(), true);
   const auto narrow = [&](const std::vector<bool>& is) {
@@ -151,6 +156,8 @@ GroupedFaces grouped_faces(const PartDescription& part, const FaceMarks& marks) 
   for (std::size_t mark = 0; mark < marks.marks.size(); ++mark) {
     std::vector<bool> regions;
     for (const auto& of_region : may) regions.push_back(of_region[mark]);
+    // Marks that allow the same regions share a group, so there are at most as many groups as
+    // combinations of regions.
     const auto [place, is_new] = numbers.emplace(regions, int(grouped.groups.can_contain.size()));
     if (is_new) grouped.groups.can_contain.push_back(std::move(regions));
     group_of_mark.push_back(place->second);
@@ -167,7 +174,7 @@ RegionPoint region_point(const cutting::Design& design_m, Eigen::Index vertex) {
 
 bool holds(const PartDescription& part, std::size_t region, const FaceGroups& groups,
            const RegionPoint& place) {
-  constexpr double rounding = 1e-6;  // mm, of a place that was moved with the part and back
+  constexpr double rounding = 1e-6;  // mm, of a point that was moved with the part and back
   const PartRegion& one = part.regions[region];
   if (!one.group.empty() || one.colour) {
     if (place.group < 0 || !groups.can_contain[std::size_t(place.group)][region]) return false;
@@ -184,6 +191,7 @@ bool holds(const PartDescription& part, std::size_t region, const FaceGroups& gr
 
 const PartRegion* region_at(const PartDescription& part, const FaceGroups& groups,
                             const RegionPoint& place) {
+  // later regions override earlier ones
   const PartRegion* found = nullptr;
   for (std::size_t r = 0; r < part.regions.size(); ++r)
     if (holds(part, r, groups, place)) found = &part.regions[r];
@@ -198,6 +206,7 @@ std::vector<RegionCoverage> region_coverage(const PartDescription& part, const F
   for (Eigen::Index i = 0; i < design_m.vertices.rows(); ++i) {
     const RegionPoint place = region_point(design_m, i);
     bool is_decided = false;
+    // The last region that contains a vertex decides, so the loop runs backwards.
     for (std::size_t r = shares.size(); r-- > 0;) {
       if (!holds(part, r, groups, place)) continue;
       shares[r].area += design_m.area[i];
@@ -236,6 +245,7 @@ cutting::ToleranceBands tolerance_bands(const PartDescription& part, const FaceG
   cutting::ToleranceBands bands(design_w.vertices.rows(), 2);
   for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) {
     RegionPoint place = region_point(design_w, i);
+    // regions are described in the part frame
     place.p_m = T_mw * place.p_m;
     bands.row(i) << usual.lower, usual.upper;
     for (std::size_t r = 0; r < part.regions.size(); ++r)

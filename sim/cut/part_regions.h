@@ -7,61 +7,65 @@
 #include "cutting/part/mesh.h"
 #include "sim/scene/part.h"
 
+/// Regions of a part: which vertices they contain, and the tolerances they set.
 namespace abbe::sim {
 
-/// In which regions the faces of a mesh may lie, by what its file says of them. Faces of which the
-/// regions of a part say the same are one group.
+/// The regions in which the faces of a mesh may lie, by the marks in its file. Faces with the same
+/// regions form one group.
 struct FaceGroups {
-  std::vector<std::vector<bool>> can_contain;  ///< (groups)(regions) false: `group` and `colour` of
-                                               ///< the region say no. Empty: no region has either
+  /// (groups)(regions) false: the `group` or `colour` of the region excludes it. Empty: no region
+  /// has either.
+  std::vector<std::vector<bool>> can_contain;
 };
 
-/// What the regions of a part ask its mesh file for.
+/// Returns the marks that the regions of a part need from its mesh file.
 cutting::MarkSelection wanted_marks(const PartDescription& part);
 
-/// The groups of the triangles of a mesh.
+/// The triangles of a mesh in groups.
 struct GroupedFaces {
   FaceGroups groups;
-  std::vector<int> of_triangle;
+  std::vector<int> of_triangle;  ///< (triangles) number of the group
 };
 
-/// @param marks  those that were wanted
-/// @throws BadInput, at the region, if it asks for a group or a colour that no face has
+/// Groups the faces of a mesh by the regions of the part.
+/// @param marks  those of `wanted_marks`
+/// @throws BadInput at the region if it names a group or a colour that no face has
 GroupedFaces grouped_faces(const PartDescription& part, const cutting::FaceMarks& marks);
 
-/// A place of the part frame, and the group of the face on which it lies.
+/// A point in the part frame, and the group of the face it lies on.
 struct RegionPoint {
   Eigen::Vector3d p_m;
-  int group = -1;  ///< none
+  int group = -1;  ///< -1: none
 };
-/// A vertex of a design in the part frame.
+/// Returns a vertex of a design in the part frame as a region point.
 RegionPoint region_point(const cutting::Design& design_m, Eigen::Index vertex);
 
-/// Whether a region of a part, counted from 0, holds a place.
+/// Returns true if a region of a part, counted from 0, contains a point.
 bool holds(const PartDescription& part, std::size_t region, const FaceGroups& groups,
            const RegionPoint& place);
 
-/// The last of the regions that hold a place; null where none does.
+/// Returns the last region that contains a point; null if none does.
 const PartRegion* region_at(const PartDescription& part, const FaceGroups& groups,
                             const RegionPoint& place);
 
-/// What a region holds of a part.
+/// The area of a part that a region contains.
 struct RegionCoverage {
   std::string name;
-  double area = 0.0;     ///< mm^2, of the vertices in it
-  double share = 0.0;    ///< of the part's area
-  double decides = 0.0;  ///< the same without what a later region holds as well
+  double area = 0.0;     ///< area of the vertices in it, mm^2
+  double share = 0.0;    ///< fraction of the area of the part
+  double decides = 0.0;  ///< the same without the area that a later region contains too
 };
 
-/// One a region, of vertices by their area.
+/// Returns the coverage of each region, with vertices weighted by their area.
 std::vector<RegionCoverage> region_coverage(const PartDescription& part, const FaceGroups& groups,
                                             const cutting::Design& design_m);
 
-/// Of regions that hold nothing, or nothing that a later one does not hold.
+/// Returns warnings about regions that contain nothing, or nothing that a later region does not
+/// contain.
 std::vector<std::string> region_warnings(const std::vector<RegionCoverage>& shares);
 
-/// Limits of the residual at each of the vertices (n) of a design, those of the regions above that
-/// of the part; no rows where the part has no tolerance at all.
+/// Returns the limits of the residual at each vertex (n) of a design; those of a region override
+/// those of the part. No rows if the part has no tolerance at all.
 cutting::ToleranceBands tolerance_bands(const PartDescription& part, const FaceGroups& groups,
                                         const cutting::Design& design_w);
 

@@ -19,25 +19,27 @@
 
 namespace abbe::sim {
 
-/// "2 % of the judged area is cut within 2 mm of the design; with the part 25.4 times as large it
-/// would be 97 %: part.unit = "inch" may be meant". For a program from a file that comes to less
-/// than half of the part, and cuts four times as much of it, and a tenth, if the part is so many
-/// times as large or small as units are; empty else, and for a mesh of part.any_size.
+/// Returns a text such as "2 % of the judged area is cut within 2 mm of the design; with the part
+/// 25.4 times as large it would be 97 %: part.unit = "inch" may be meant". It is given for a
+/// program from a file that reaches less than half of the part, if the part scaled by a ratio of
+/// units is cut over four times the area and over a tenth at least. Empty otherwise, and for a mesh
+/// of part.any_size.
 /// @param reach  of the thinned design as it stands
 std::string unit_warning(const Job& job, const ReachableArea& reach);
 
 namespace {
 
-constexpr double max_suspect_fraction = 0.5;  // of the judged area, below which a unit is doubted
-constexpr double min_fit_fraction = 0.1;  // of the judged area, which the part has to be cut over
-constexpr double min_cut_gain = 4.0;      // times what is cut as it stands
+constexpr double max_suspect_fraction = 0.5;  // of the judged area; a program that reaches more is
+                                              // not doubted
+constexpr double min_fit_fraction = 0.1;      // of the judged area, cut with the scaled part
+constexpr double min_cut_gain = 4.0;          // ratio to the area cut without scaling
 
-// from one unit of length to another
+// Ratios of two units of length.
 constexpr std::array factors{units::inch, 10.0, 100.0, 1000.0, 1.0 / units::inch, 0.1, 0.01, 0.001};
 
 const MeshFile* mesh_of(const Scene& scene) { return std::get_if<MeshFile>(&scene.part.shape); }
 
-/// The design made larger about the zero of its own frame.
+/// Returns the design scaled about the zero of its own frame.
 cutting::Design scaled(cutting::Design design_w, const kinematics::Pose& T_wm, double factor) {
   const Eigen::RowVector3d zero = T_wm.translation().transpose();
   design_w.vertices = (factor * (design_w.vertices.rowwise() - zero)).rowwise() + zero;
@@ -52,7 +54,8 @@ double largest_size(const Spans& spans) {
   return largest;
 }
 
-/// Who may be wrong about a unit if the part fits so many times as large.
+/// Returns the keys or NC codes that may have the wrong unit if the part fits when scaled by
+/// `factor`.
 std::string advice(const Job& job, double factor) {
   std::vector<std::string> all;
   if (const MeshFile* mesh = mesh_of(job.scene))
@@ -74,13 +77,15 @@ std::string unit_warning(const Job& job, const ReachableArea& reach) {
   const MeshFile* mesh = mesh_of(job.scene);
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
   if ((mesh && mesh->any_size) || reach.share >= max_suspect_fraction) return {};
-  const auto& vertices = job.design_w.vertices;  // judged or not
+  const auto& vertices = job.design_w.vertices;  // including vertices that are not judged
   const double part = (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).maxCoeff();
   const double path = largest_size(swept_spans(job).tip);
   const cutting::Design few_w = thinned(job.design_w);
   double best_factor = 1.0;
   ReachableArea best;
   for (const double factor : factors) {
+    // The sizes of path and part must agree within a factor of 2, less than between any two units:
+    // this saves a sweep for most ratios.
     if (!(path > 0.5 * factor * part && path < 2.0 * factor * part)) continue;  // another size
     const ReachableArea with = reachable_area(scaled(few_w, job.scene.part.T_wm, factor), job);
     if (!(with.cut > best.cut)) continue;
@@ -101,14 +106,15 @@ using cutting::TriangleTree;
 using Eigen::Vector3d;
 using Touch = DatumDescription::Touch;
 
-/// Something that a probe can touch, in the workpiece frame.
+/// A surface that a probe can touch, in the workpiece frame.
 struct TouchSurface {
   std::string name;
   TriangleTree surface;
-  double beyond = 0.0;  ///< mm, further than its triangles: the allowance of a raised design
+  double beyond = 0.0;  ///< mm outside its triangles: the allowance of a blank raised from the
+                        ///< design
 };
 
-/// What is nearest to a touch.
+/// The contact nearest to a touch.
 struct Contact {
   std::string name;
   bool within_band = false;
@@ -127,7 +133,7 @@ TouchSurface touch_surface(std::string name, const cutting::ClosedMesh& mesh,
   return {std::move(name), TriangleTree(std::move(mesh_w.vertices), std::move(mesh_w.triangles))};
 }
 
-/// The blank, as far as it is more than the design.
+/// Adds the blank if its shape is not that of the design.
 void add_blank(const Job& job, std::vector<TouchSurface>& surfaces) {
   if (!job.scene.cutting) return;
   const kinematics::Pose& T_wm = job.scene.part.T_wm;
@@ -153,7 +159,7 @@ void add_blank(const Job& job, std::vector<TouchSurface>& surfaces) {
   }
 }
 
-/// What stands still against the part while it is touched.
+/// Returns the surfaces that do not move relative to the part while it is touched.
 std::vector<TouchSurface> touch_surfaces(const Job& job) {
   std::vector<TouchSurface> surfaces;
   surfaces.push_back(
@@ -161,6 +167,7 @@ std::vector<TouchSurface> touch_surfaces(const Job& job) {
   add_blank(job, surfaces);
   for (const SolidBody& fixture : fixture_bodies(job.scene))
     surfaces.push_back(touch_surface(fixture.name, fixture.mesh, kinematics::Pose::Identity()));
+  // The table is the first carriage on the workpiece side, or the bed.
   const auto& joints = job.scene.machine.joints;
   const bool on_carriage = !joints.empty() && joints.front().side == kinematics::Side::Workpiece;
   const int holder = on_carriage ? Carriers{int(joints.size())}.carriage(0) : Carriers::bed;
@@ -177,13 +184,15 @@ Vector3d normal_of(const TriangleTree& surface, int triangle) {
   return (corner(1) - corner(0)).cross(corner(2) - corner(0)).normalized();
 }
 
-/// The contact of a touch with a surface that leans least, of those within the band; without one
-/// the nearest place.
+/// Returns the contact with the smallest lean among those within the band; if there is none, the
+/// nearest point. Near an edge several faces are within the band, and the probe may mean any of
+/// them.
 Contact contact_with(const TouchSurface& touch_surface, const Touch& touch, double band) {
   Contact best{touch_surface.name};
   const TriangleTree& surface = touch_surface.surface;
   for (const auto& near : surface.within(touch.point_w, band + touch_surface.beyond)) {
     const double against = -touch.direction_w.dot(normal_of(surface, near.triangle));
+    // clamped: rounding may put the cosine beyond 1
     const double lean = std::acos(std::clamp(against, -1.0, 1.0));
     const Contact contact{touch_surface.name, true, lean, std::sqrt(near.squared)};
     if (contact.is_better_than(best)) best = contact;
@@ -199,6 +208,7 @@ std::string seen_text(const Contact& best) {
     return fmt::format("a touch in the air: {} is nearest, {:.4g} mm away", best.name,
                        best.distance);
   const double degrees = best.lean / units::deg;
+  // the same limit about the opposite direction: the sign of the touch is wrong
   if (best.lean > pi - max_touch_lean)
     return fmt::format(
         "a touch from within {}: its direction is that in which the probe moves, turn it round",
@@ -209,7 +219,7 @@ std::string seen_text(const Contact& best) {
       best.name, degrees);
 }
 
-/// Place of a touch in the scene.
+/// Returns the location of a touch in the scene.
 Place location_of_touch(const Scene& scene, std::size_t number) {
   const Node* node = scene.tree ? scene.tree->find("datum") : nullptr;
   const Node* touches = node ? node->find("touch") : nullptr;
@@ -248,14 +258,16 @@ namespace {
 
 using cutting::VertexStatus;
 
-/// "; with G54 Z = -80 it touches", unless a unit explains it better.
+/// Returns advice such as "; with G54 Z = -80 it touches". A wrong unit comes first, as an offset
+/// would hide it.
 std::string next_step(const Job& job) {
   if (const std::string doubt = unit_warning(job, {}); !doubt.empty()) return "; " + doubt;
   const auto out = placement_suggestion(job);
   return out ? "; " + out->words : "";
 }
 
-/// "; the mesh of the part, read in mm, is 0.04 x 0.04 x 0.02 mm"
+/// Returns a text such as "; the mesh of the part, read in mm, is 0.04 x 0.04 x 0.02 mm"; empty if
+/// the size is usual.
 std::string size_warning_advice(const Job& job) {
   const auto* mesh = std::get_if<MeshFile>(&job.scene.part.shape);
   if (mesh == nullptr) return {};
@@ -270,20 +282,22 @@ BadInput refusal(const Job& job, int line, const std::string& words) {
           words + next_step(job) + size_warning_advice(job)};
 }
 
-/// The fault of a program whose tool keeps clear of the box around the part.
+/// Returns the input error if the tool keeps clear of the box around the part by more than the
+/// band. This needs no sweep.
 std::optional<BadInput> missed_box(const Job& job) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
+  // Rapids count for the test, so that no contact is missed, but the message is about the feed.
   if (!(closest_gap(job, part, swept.all).gap > job.scene.band)) return std::nullopt;
   const ClosestGap by = closest_gap(job, part, swept.feed);
   return refusal(job, by.line, by.words);
 }
 
-/// Where the nearest cut is along the normals of the part, further away than the band.
+/// The nearest cut along the normals of the part, beyond the band.
 struct Nearest {
   double s = infinity;  // mm
   int line = 0;
-  int tried = 0;
+  int tried = 0;  // number of vertices
 };
 
 Nearest nearest_cut(const Job& job, double within) {
@@ -308,7 +322,8 @@ std::string words_of(const Nearest& nearest, double within) {
                      nearest.s > 0.0 ? "above" : "below");
 }
 
-/// The fault of a part that is judged at places only between which the program may cut.
+/// Returns the input error if the part is judged at vertices so far apart that the program may cut
+/// between them.
 std::optional<BadInput> is_sparsely_judged(const Job& job, const Nearest& nearest) {
   const JudgedVertices places = judged_vertices(job.design_w);
   if (std::isfinite(nearest.s) || !is_sparse(places, job.scene.tool)) return std::nullopt;
@@ -321,7 +336,7 @@ std::optional<BadInput> is_sparsely_judged(const Job& job, const Nearest& neares
   std::string seen = fmt::format(
       "{} judged {}, up to {:.4g} mm apart, none of which the program cuts: whether it cuts "
       "between them is not known",
-      places.vertices, places.vertices == 1 ? "vertex" : "vertices", places.length_mismatch_text);
+      places.vertices, places.vertices == 1 ? "vertex" : "vertices", places.apart);
   if (mesh != nullptr && job.scene.part.sampling.kind == PartSampling::Kind::Vertices)
     seen += "; part.sampling = \"adaptive\" adds vertices to those of the mesh";
   return BadInput(mesh != nullptr ? mesh->file.string() : job.scene.file.string(), 0, 0, expected,
@@ -329,13 +344,13 @@ std::optional<BadInput> is_sparsely_judged(const Job& job, const Nearest& neares
 }
 
 std::string span_text(const char* name, const Span& tip, const Span& part) {
-  // what a placement leaves of a zero is none
+  // a pose leaves rounding instead of a zero, which would print as 1e-14
   const auto shown = [](double mm) { return std::abs(mm) < 1e-9 ? 0.0 : mm; };
   return fmt::format("{} {:.4g} to {:.4g} mm of {:.4g} to {:.4g}", name, shown(tip.low),
                      shown(tip.high), shown(part.low), shown(part.high));
 }
 
-/// What is said of a part that the program cuts in places only.
+/// Returns the warning for a part that the program cuts in some regions only.
 std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
   if (std::string doubt = unit_warning(job, reach); !doubt.empty()) return doubt;
   const Spans tip = swept_spans(job).tip, part = part_spans(job);
@@ -350,9 +365,9 @@ std::string partial_reach_text(const Job& job, const ReachableArea& reach) {
       job.scene.band, 100.0 * reach.share, reach.tried, where, out ? "; " + out->words : "");
 }
 
-/// What is said of a part of which the program leaves next to nothing; none else.
+/// Returns the warning if most of what the program reaches is gouged; none otherwise.
 std::optional<std::string> too_deep(const Job& job, const ReachableArea& reach) {
-  constexpr double max_gouged = 0.5;  // of what the program comes to
+  constexpr double max_gouged = 0.5;  // fraction of the area that the program reaches
   const double gouged = reach.share - reach.cut;
   if (!(gouged > max_gouged * reach.share)) return std::nullopt;
   return fmt::format(
@@ -361,10 +376,11 @@ std::optional<std::string> too_deep(const Job& job, const ReachableArea& reach) 
       100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.tried, next_step(job));
 }
 
-/// Returns what is said of a part that is much smaller than what the program feeds over: a program
-/// of another part may cut all of a small one.
+/// Returns a warning if the part is much smaller than the range of the feed: a program of a larger
+/// part may cut all of a small one.
 std::vector<std::string> much_smaller_part(const Job& job) {
-  constexpr double max_times = 4.0;  // run-outs and the passes beside a narrow part stay below
+  constexpr double max_times = 4.0;  // lead-outs and the passes beside a narrow part stay below
+                                     // this ratio
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
   const auto largest = [](const Spans& spans) {
     double size = 0.0;
@@ -373,7 +389,8 @@ std::vector<std::string> much_smaller_part(const Job& job) {
     return size;
   };
   const double feed = largest(swept_spans(job).tip);
-  const double part = extents(job.design_w.vertices).maxCoeff();  // judged or not
+  // Including vertices that are not judged.
+  const double part = extents(job.design_w.vertices).maxCoeff();
   if (!(feed > max_times * part)) return {};
   return {fmt::format(
       "the program feeds over {:.4g} mm, {:.3g} times the part of {:.4g} mm: it looks like "
@@ -389,6 +406,8 @@ Placement placement(const Job& job) {
             {}};
   if (auto fault = missed_box(job)) return {std::move(fault), {}};
   if (auto fault = touch_error(job)) return {std::move(fault), {}};
+  // The checks go from cheap to expensive: boxes, touches, a sweep over thinned vertices, one over
+  // all.
   const ReachableArea reach = reachable_area(thinned(job.design_w), job);
   if (auto text = too_deep(job, reach)) return {std::nullopt, {std::move(*text)}};
   if (reach.share >= min_within_reach) return {std::nullopt, much_smaller_part(job)};

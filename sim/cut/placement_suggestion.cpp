@@ -28,8 +28,8 @@ bool is_feed_sample(const Job& job, std::size_t sample) {
   return program::is_feed(job.path.blocks[std::size_t(job.samples.block[sample])]);
 }
 
-/// The feed of a milling cutter alone. Between two stretches of it the cutter leaves upwards and
-/// goes over far above the part, where nothing is near, its axis turned upwards on the way.
+/// Returns the motion of a milling cutter in feed only. Between two feeds the cutter leaves upwards
+/// and travels 10 m above the part, where it meets nothing; its axis turns upwards meanwhile.
 cutting::CutterMotion feed_motion(const Job& job) {
   constexpr double far = 1e4;  // mm
   const cutting::CutterMotion all = cutter_motion(job.T_wt_nominal, job.samples);
@@ -44,6 +44,8 @@ cutting::CutterMotion feed_motion(const Job& job) {
   const auto add_far_above = [&](Index i) {
     add(i);
     tip.back() += far * R_wm.col(2);
+    // An axis that points downwards would turn through the undefined opposite direction, so it
+    // turns sideways.
     axis.back() = (axis.back() + R_wm.col(2)).norm() > 0.1 ? R_wm.col(2) : R_wm.col(0);
   };
   for (Index i = 1; i < all.tip.rows(); ++i) {
@@ -69,8 +71,9 @@ cutting::CutterMotion feed_motion(const Job& job) {
   return feed;
 }
 
-/// mm by which the feed lies above the part, moved by `by_w`, along the part's z: the least over
-/// the judged vertices, negative where it lies below. None where no vertex has it over or under it.
+/// Returns the height of the feed above the part, moved by `by_w`, along the z axis of the part,
+/// mm: the minimum over the judged vertices, negative if it lies below. None if no vertex has the
+/// feed above or below it.
 std::optional<double> height_above(const Job& job, const cutting::Design& few_w,
                                    const Vector3d& by_w, double most) {
   const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
@@ -93,14 +96,16 @@ std::optional<double> height_above(const Job& job, const cutting::Design& few_w,
   return least;
 }
 
-/// By which the program of a milled part has to be moved, mm, workpiece frame.
+/// Returns the shift of the program of a milled part to its first contact, mm, workpiece frame.
 Vector3d milled_shift(const Job& job, const cutting::Design& few_w) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
   Vector3d by_m = Vector3d::Zero();
+  // Only coordinates without overlap are shifted: a program beside the part in x needs no other y.
   for (std::size_t k = 0; k < 2; ++k)
     if (!overlap(part[k], swept.feed[k])) by_m[Index(k)] = part[k].middle() - swept.tip[k].middle();
   const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  // The search along z must span from the highest sweep to the lowest point of the part, and back.
   const double most = std::max(std::abs(swept.all[2].high - part[2].low),
                                std::abs(part[2].high - swept.all[2].low)) +
                       job.scene.band;
@@ -112,14 +117,14 @@ Vector3d milled_shift(const Job& job, const cutting::Design& few_w) {
   return R_wm * by_m;
 }
 
-/// The first sample in feed; the first of all where nothing feeds.
+/// Returns the first sample in feed, or 0 if there is none.
 std::size_t first_feed(const Job& job) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i)
     if (is_feed_sample(job, i)) return i;
   return 0;
 }
 
-/// The same of a turned part: mm along the spindle as above, and outwards to the nearest radius.
+/// Returns the shift of a turned part: mm along the spindle, and radially to the nearest radius.
 Vector3d turned_shift(const Job& job) {
   const SweptSpans swept = swept_spans(job);
   const Spans part = part_spans(job);
@@ -131,9 +136,9 @@ Vector3d turned_shift(const Job& job) {
   return shift;
 }
 
-/// How a change of offsets moves a program against its part, by three numbers in mm: a milled one
-/// along x y z of the workpiece; that of a turned part, which spins, along the spindle and outwards
-/// in the bed, the third being zero.
+/// The displacement of a program by a change of offsets, in three numbers, mm: for a milled part
+/// along x y z of the workpiece; for a turned part, which spins, along the spindle and radially in
+/// the bed frame, with the third zero.
 class Displacement {
  public:
   explicit Displacement(const Job& job)
@@ -143,22 +148,23 @@ class Displacement {
     const std::size_t first = first_feed(job);
     const Vector3d arm = job.T_wt_nominal[first].translation() - line_.point_w;
     const Vector3d out = arm - arm.dot(line_.direction_w) * line_.direction_w;
-    // a tool that begins on the spindle line points nowhere: it moves along the spindle alone
+    // A tool that begins on the spindle axis has no radial direction and moves along the spindle
+    // only; 1 nm is above the rounding of a pose.
     if (out.norm() > 1e-6) out_b_ = bed_in_workpiece(job, first).transpose() * out.normalized();
   }
 
   bool turned() const { return turned_; }
-  /// Directions of the three numbers among which a search may step, in columns.
+  /// Directions, in columns, in which a search may step.
   Eigen::Matrix3d steps(const Job& job) const {
     if (!turned_) return job.scene.part.T_wm.linear();
     return Vector3d(1.0, out_b_.norm(), 0.0).asDiagonal();
   }
-  /// mm, workpiece frame, of the tool at a sample of a part of the job.
+  /// Returns the displacement of the tool at a sample of a part of the job, mm, workpiece frame.
   Vector3d at(const Job& part, std::size_t sample, const Vector3d& d) const {
     if (!turned_) return d;
     return d[0] * line_.direction_w + d[1] * (bed_in_workpiece(part, sample) * out_b_);
   }
-  /// By which a residual changes with each of the three numbers.
+  /// Returns the derivative of a residual by each of the three numbers.
   Vector3d gradient(const Vector3d& p_w, const Vector3d& n_w) const {
     if (!turned_) return n_w;
     const Vector3d arm = p_w - line_.point_w;
@@ -178,10 +184,11 @@ class Displacement {
   Vector3d out_b_ = Vector3d::Zero();
 };
 
+// Rounds to 1 um; adding zero removes the sign of -0.
 double rounded(double mm) { return std::round(mm * 1e3) / 1e3 + 0.0; }
 
-/// Positions of axes by which the words of a block have to change for a shift of the tip; none
-/// where the slides cannot make it.
+/// Returns the change of the programmed axis positions for a shift of the tip; none if the slides
+/// cannot make it.
 std::optional<AxisVector> change_of_words(const Job& job, std::size_t sample,
                                           const Vector3d& shift_w) {
   const kinematics::Chain& chain = job.machine.nominal;
@@ -196,26 +203,28 @@ std::optional<AxisVector> change_of_words(const Job& job, std::size_t sample,
       if (chain.joints()[std::size_t(j)].motion == kinematics::Motion::Linear)
         by_slide.col(j) = J.col(j).head<3>();
     change = shortest_least_squares(by_slide, shift_w);
+    // 1e-6 of the shift: a machine without one of the three slides leaves far more
     if ((by_slide * change - shift_w).norm() > 1e-6 * shift_w.norm()) return std::nullopt;
   }
   for (int j = 0; j < change.size(); ++j) change[j] = rounded(change[j]);
   return change;
 }
 
-/// The scene with its work offsets changed, and the change in words; none where the program has
-/// none that help.
+/// A scene with changed work offsets, and a text of the change.
 struct Shifted {
   Scene scene;
   std::string words;
 };
 
+// Returns the scene with changed work offsets; none if the program has none that help.
 std::optional<Shifted> with_offsets(const Job& job, const Displacement& displacement,
                                     const Vector3d& shift) {
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source))
     return std::nullopt;
   Shifted shifted{job.scene, ""};
   const program::NcOptions control = nc_options(job.scene, job.machine);
-  // an offset that is stated counts from elsewhere than none
+  // A stated offset counts from another point than no offset, so the difference is subtracted
+  // below.
   const auto zero = program::program_zero(control) ? std::nullopt : program::known_zero(control);
   std::set<int> done;
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
@@ -224,7 +233,7 @@ std::optional<Shifted> with_offsets(const Job& job, const Displacement& displace
     if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
     if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size() ||
         job.scene.program.offsets)
-      return std::nullopt;  // `work_offset` of the scene does not decide it
+      return std::nullopt;  // another key than `work_offset` of the scene sets the offset
     const auto change = change_of_words(job, i, displacement.at(job, i, shift));
     if (!change) return std::nullopt;
     AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
@@ -246,8 +255,8 @@ std::optional<Shifted> with_offsets(const Job& job, const Displacement& displace
   return shifted;
 }
 
-/// The job of a changed scene on the error-free machine, read again; none where the axes cannot run
-/// it.
+/// Returns the job of a changed scene on the error-free machine, with the program read again; none
+/// if the axes cannot run it.
 std::optional<Job> error_free_job(Scene scene) {
   scene.geometric = {};
   scene.thermal.reset();
@@ -285,6 +294,7 @@ ReachableArea reachable_area(const cutting::Design& design_w, const Job& job) {
 }
 
 cutting::Design thinned(cutting::Design design) {
+  // With 2000 vertices each stands for 0.05 % of the area.
   constexpr std::ptrdiff_t most = 2000;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   const auto every = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / most;
@@ -295,7 +305,7 @@ cutting::Design thinned(cutting::Design design) {
 
 namespace {
 
-/// Positions of the axes that turn.
+/// Returns the positions of the rotary axes.
 std::vector<double> turned_to(const Job& job, std::size_t sample) {
   std::vector<double> angles;
   for (int j = 0; j < job.machine.nominal.size(); ++j)
@@ -304,7 +314,8 @@ std::vector<double> turned_to(const Job& job, std::size_t sample) {
   return angles;
 }
 
-/// Up to so many directions in which a program feeds, in its order.
+/// Returns up to `most` different sets of rotary positions in which a program feeds, in the order
+/// of the program.
 std::vector<std::vector<double>> feed_directions(const Job& job, std::size_t most) {
   std::vector<std::vector<double>> found;
   for (std::size_t i = 0; i < job.samples.block.size() && found.size() < most; ++i) {
@@ -315,7 +326,7 @@ std::vector<std::vector<double>> feed_directions(const Job& job, std::size_t mos
   return found;
 }
 
-/// A job of which only the blocks feed that run with the axes turned so.
+/// Returns the job with only those blocks in feed that run at the given rotary positions.
 Job feeding_only(Job job, const std::vector<double>& angles) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i)
     if (turned_to(job, i) != angles)
@@ -325,16 +336,17 @@ Job feeding_only(Job job, const std::vector<double>& angles) {
   return job;
 }
 
-/// How a program fits a design.
+/// Measure of how well a program fits a design.
 struct Fit {
   double median =
-      infinity;        // mm, of the magnitudes of the error-free residuals of the places tried
-  double uncut = 1.0;  // of them
-  // what a shift is judged by: half a per cent uncut weighs as much as 0.01 mm
+      infinity;        // mm, of the magnitudes of the error-free residuals at the vertices tried
+  double uncut = 1.0;  // fraction of the vertices tried
+  // Cost by which shifts are compared. With a search of 20 mm, the default, 0.05 % uncut weighs as
+  // much as 0.01 mm.
   double cost(double band) const { return median + band * uncut; }
 };
 
-/// The program of a part, moved by a displacement, against the design.
+/// Tries displacements of the program of a part against its design.
 class ShiftTrial {
  public:
   ShiftTrial(const Job& job, const cutting::Design& few_w)
@@ -344,10 +356,10 @@ class ShiftTrial {
         search_(cutting::gouge_bands * job.scene.band),
         sweep_(error_free_sweep(job, {.band = search_, .progress = {}})) {}
 
-  /// Residuals at the places tried, and how they change with the displacement.
+  /// Residuals at the vertices tried, and their derivatives by the displacement.
   struct Residuals {
-    std::vector<double> r;    // mm, of what is cut or gouged
-    std::vector<Vector3d> g;  // their gradients
+    std::vector<double> r;    // mm, of vertices cut or gouged
+    std::vector<Vector3d> g;  // gradients of `r`
     std::size_t uncut = 0;
     Fit fit(double search) const;
   };
@@ -365,7 +377,8 @@ class ShiftTrial {
   Sweep sweep_;
 };
 
-/// Of a milled part the design is moved the other way, which leaves the sweep as it is.
+/// Returns the surface after a shift. For a milled part the design is moved the opposite way, so
+/// that the sweep is built once; a turned part spins, so its poses are moved.
 cutting::Surface ShiftTrial::surface(const Vector3d& shift) const {
   if (!displacement_.turned()) {
     cutting::Design moved = few_w_;
@@ -407,6 +420,7 @@ ShiftTrial::Residuals ShiftTrial::at(const Vector3d& shift) const {
 }
 
 Fit ShiftTrial::Residuals::fit(double search) const {
+  // an uncut vertex counts as a residual of the whole search
   std::vector<double> size(uncut, search);
   for (const double one : r) size.push_back(std::abs(one));
   if (size.empty()) return {};
@@ -415,12 +429,15 @@ Fit ShiftTrial::Residuals::fit(double search) const {
   return {*middle, double(uncut) / double(size.size())};
 }
 
-/// The shift that makes the sum of the magnitudes r + g d least, by least squares weighted anew
-/// until it stands; directions to which the gradients are square stay zero.
+/// Returns the shift d that minimises the sum of the magnitudes of r + g d, by iteratively
+/// reweighted least squares. Magnitudes instead of squares: vertices that another pass cuts do not
+/// pull the result. Directions perpendicular to all gradients stay zero.
 Vector3d min_magnitudes(const ShiftTrial::Residuals& all) {
   constexpr int turns = 30;
-  constexpr double nearest = 1e-4;     // mm: nearer than this counts the same
-  constexpr double determined = 1e-3;  // of the largest eigenvalue
+  constexpr double nearest = 1e-4;  // mm: smaller residuals have the same weight, so that no weight
+                                    // is infinite
+  constexpr double determined = 1e-3;  // fraction of the largest eigenvalue below which a direction
+                                       // is undetermined
   Vector3d d = Vector3d::Zero();
   for (int turn = 0; turn < turns; ++turn) {
     Eigen::Matrix3d N = Eigen::Matrix3d::Zero();
@@ -438,14 +455,15 @@ Vector3d min_magnitudes(const ShiftTrial::Residuals& all) {
             axes.eigenvectors().col(k) * axes.eigenvectors().col(k).dot(g) / axes.eigenvalues()[k];
     const double change = (next - d).norm();
     d = next;
+    // 0.1 nm, well below the micrometre of an offset
     if (change < 1e-7) break;
   }
   return d;
 }
 
-/// From a shift to the one near it at which the median of the magnitudes is least: the machined
-/// surface goes with the program, so each residual changes by its gradient times the shift. As
-/// other passes then make the surface, that is done again until nothing is gained.
+/// Returns the shift near a given one at which the median of the magnitudes is smallest. The
+/// machined surface moves with the program, so each residual changes by its gradient times the
+/// shift. Other passes then form the surface, so the step is repeated until nothing is gained.
 Vector3d ShiftTrial::refined(Vector3d shift) const {
   constexpr int max_turns = 12;
   Vector3d best = shift;
@@ -459,21 +477,24 @@ Vector3d ShiftTrial::refined(Vector3d shift) const {
     }
     if (residuals.r.empty()) break;
     const Vector3d step = min_magnitudes(residuals);
+    // 0.1 um: offsets are rounded to 1 um
     if (step.norm() < 1e-4) break;
+    // a step beyond the search leaves the vertices whose residuals it was derived from
     shift += std::min(1.0, search_ / step.norm()) * step;
   }
   return best;
 }
 
-/// The shift at which a program fits its part best: from where it stands, and from where it first
-/// touches, each as it is and with the middle of the feed over that of the part.
+/// Returns the shift at which a program fits its part best. Four starts: the present position and
+/// the first contact, each as it is and with the middle of the feed over that of the part.
 Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vector3d& touching) {
   const ShiftTrial trial(job, few_w);
   const Displacement displacement(job);
   const Eigen::Matrix3d steps = displacement.steps(job);
   const Spans feed = swept_spans(job).tip, part = part_spans(job);
   const auto centred = [&](const Vector3d& shift) -> Vector3d {
-    const std::size_t directions = displacement.turned() ? 1 : 2;  // along the spindle; x y
+    // 1: along the spindle; 2: x and y.
+    const std::size_t directions = displacement.turned() ? 1 : 2;
     Vector3d by = steps.transpose() * shift;
     for (std::size_t k = 0; k < directions; ++k) by[Index(k)] = part[k].middle() - feed[k].middle();
     return steps * by;
@@ -484,7 +505,7 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
   const auto consider = [&](const Vector3d& start) {
     const Vector3d shift = trial.refined(start);
     const double cost = trial.fit(shift).cost(search);
-    if (cost >= least - 1e-5) return;  // of two as good the first
+    if (cost >= least - 1e-5) return;  // the first of two equal ones
     least = cost;
     best = shift;
   };
@@ -492,7 +513,8 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
   consider(touching);
   consider(centred(best));
   consider(centred(touching));
-  // residuals do not tell how far a flank reaches along itself: what is uncut does
+  // Residuals do not show how far a flank reaches along itself, the uncut vertices do; so the best
+  // shift is moved in steps of 1 mm and 0.25 mm, which no gradient gives.
   for (const double step : {1.0, 0.25}) {
     bool better = true;
     for (int turn = 0; better && turn < 8; ++turn) {
@@ -509,11 +531,12 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
         }
     }
   }
-  // a program that leaves more than this is none of the part, or of a few of its points
+  // A program with a larger median is not of this part, or reaches only a few of its points.
   constexpr double fits = 0.1;  // mm
   const Fit found = trial.fit(best);
   if (!(found.median < fits)) return touching;
-  // cusps lift the median by their height: of offsets as good the one that a person would have set
+  // Cusps raise the median by their height, so many offsets are equally good; the roundest is most
+  // probably the one intended.
   const double as_good = std::max(0.01, found.median);  // mm
   for (const double step : {1.0, 0.1, 0.01}) {
     const Vector3d round = step * (best / step).array().round().matrix();
@@ -522,15 +545,19 @@ Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vecto
   return best;
 }
 
-/// "touches", or "fits best: half of the judged vertices tried are within 0.31 um of the design".
+/// Returns "touches" or "fits best: half of the judged vertices tried are within 0.31 um of the
+/// design".
 std::string fit_text(const Fit& fit, double band) {
   if (!(fit.median < band)) return "touches";
+  // Below 1 nm the figure is rounding.
   return fmt::format(
       "fits best: half of the judged vertices tried are within {:.2g} um of the design",
       std::max(fit.median, units::nm) / units::um);
 }
 
-/// @param feeding  the job, or some of its feed, which is brought to the part
+/// Returns the suggestion for a shift, with work offsets if the program has some that help, else
+/// with part.at_mm.
+/// @param feeding  the job, or the part of its feed that is moved to the part
 std::optional<PlacementSuggestion> moved_by(const Job& job, const Job& feeding,
                                             const cutting::Design& few_w, const Vector3d& shift) {
   if (!(shift.norm() > 0.0)) return std::nullopt;
@@ -545,7 +572,7 @@ std::optional<PlacementSuggestion> moved_by(const Job& job, const Job& feeding,
         return PlacementSuggestion{
             fmt::format("with {} it {}", shifted->words, words(*moved, few_w)), reach};
   if (displacement.turned() && shift[1] != 0.0)
-    return std::nullopt;  // the part stays on the spindle
+    return std::nullopt;  // the part must stay on the spindle
   const Vector3d shift_w = displacement.at(feeding, 0, shift);
   cutting::Design part = few_w;
   part.vertices.rowwise() -= shift_w.transpose();
@@ -563,20 +590,21 @@ std::optional<PlacementSuggestion> make_placement_suggestion(const Job& job, con
   const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
   const Vector3d touching = milled ? milled_shift(feeding, few_w) : turned_shift(feeding);
   if (auto out = moved_by(job, feeding, few_w, fitting_shift(feeding, few_w, touching))) return out;
-  // where no better fit is found, as where one of several tools alone comes near, it may still
-  // touch
+  // A shift to the first contact may help where no better fit exists, for instance if only one of
+  // several tools comes near the part.
   return moved_by(job, feeding, few_w, touching);
 }
 
 }  // namespace
 
 std::optional<PlacementSuggestion> placement_suggestion(const Job& job) {
+  // three directions at most: each takes a full search
   constexpr std::size_t max_tried = 3;
   if (job.windows) return std::nullopt;
   const cutting::Design few_w = thinned(job.design_w);
   if (auto out = make_placement_suggestion(job, job, few_w)) return out;
   if (Displacement(job).turned()) return std::nullopt;
-  // where the axes turn in between, one offset moves each direction elsewhere in the workpiece
+  // If the axes turn between feeds, one offset moves each direction differently in the workpiece.
   const auto directions = feed_directions(job, max_tried);
   if (directions.size() < 2) return std::nullopt;
   for (const std::vector<double>& angles : directions)

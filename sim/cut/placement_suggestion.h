@@ -5,36 +5,39 @@
 
 #include "sim/cut/sweep.h"
 
+/// Suggestion of a work offset or part position with which a program fits its part.
 namespace abbe::sim {
 
-/// How much of the judged area the error-free machine comes to.
+/// The judged area that the tool of the error-free machine reaches.
 struct ReachableArea {
-  double share = 0.0;  ///< 0 .. 1, that it cuts or gouges
-  double cut = 0.0;    ///< the same, that it cuts within the band
-  int tried = 0;       ///< judged vertices
+  double share = 0.0;  ///< fraction, 0 .. 1, cut or gouged
+  double cut = 0.0;    ///< fraction, 0 .. 1, cut within the band
+  int tried = 0;       ///< number of judged vertices
 };
+/// Returns the area of a design that the program of a job reaches on the error-free machine.
 ReachableArea reachable_area(const cutting::Design& design_w, const Job& job);
 
-/// The design with at most some 2000 of its vertices judged, for a look at where it is cut.
+/// Returns the design with at most some 2000 of its vertices judged, for a quick test of where it
+/// is cut.
 cutting::Design thinned(cutting::Design design);
 
-/// A change of the scene with which its program cuts its part, tried out.
+/// A change of the scene, tried out, with which its program cuts its part.
 struct PlacementSuggestion {
   std::string words;    ///< "with G54 Z = -80 it fits best: ...", or "... it touches"
-  ReachableArea reach;  ///< of the thinned design, with that change
+  ReachableArea reach;  ///< of the thinned design after the change
 };
 
-/// Where a program that does not fit the part would have to stand: where the median of the
-/// magnitudes of the error-free residuals of the thinned design is least. It is sought from where
-/// the program stands and from where it first touches; in directions that the residuals do not
-/// determine the middle of the feed comes over the middle of the part if more is cut then. The
-/// program of a turned part is moved along the spindle and outwards. A part of which half stays
-/// further away than the band is brought to where the sweep of the feed first touches a judged
-/// vertex. Said as
-/// work offsets that the program uses, to 1 um, where the program read with them cuts the part
-/// within the travel of the axes; else as part.at_mm. Where neither does and the axes turn between
-/// feeds, the same for the feed in each of its first directions alone; none where that does not
-/// either, nor for a job in windows.
+/// Returns where a program that does not fit the part should stand: where the median of the
+/// magnitudes of the error-free residuals of the thinned design is smallest. The search starts at
+/// the present position and at the first contact. In directions that the residuals do not
+/// determine, the middle of the feed is moved over the middle of the part if that cuts more. The
+/// program of a turned part is moved along the spindle and radially. A part of which half stays
+/// farther away than the band is brought to where the sweep of the feed first touches a judged
+/// vertex.
+/// The result is given as work offsets that the program uses, to 1 um, if the program read with
+/// them cuts the part within the travel of the axes; otherwise as part.at_mm. If neither helps and
+/// the axes turn between feeds, the same is tried for the feed in each of its first three
+/// directions alone. Returns none if that fails too, and for a job in windows.
 std::optional<PlacementSuggestion> placement_suggestion(const Job& job);
 
 }  // namespace abbe::sim

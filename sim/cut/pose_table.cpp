@@ -23,6 +23,8 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::Joint;
 
+// Blocks are what a thread computes in one go; 64 of them (4096 poses) bound the text held in
+// memory.
 constexpr std::size_t poses_per_block = 64, blocks_at_once = 64;
 constexpr const char* rows_of_jacobian[] = {"dx", "dy", "dz", "da", "db", "dc"};
 constexpr const char* coordinates = "xyz";
@@ -31,7 +33,7 @@ void add_heads(std::vector<std::string>& heads, const std::string& what, const c
   for (int i = 0; i < 3; ++i) heads.push_back(fmt::format("{}_{}_{}", what, coordinates[i], unit));
 }
 
-/// Columns of a Jacobian whose element means something on this chain.
+/// Returns the columns of a Jacobian whose error element exists on this chain by ISO 230-1.
 std::vector<int> meaningful(const kinematics::Chain& chain, bool location,
                             std::vector<std::string>& names) {
   std::vector<int> columns;
@@ -39,6 +41,7 @@ std::vector<int> meaningful(const kinematics::Chain& chain, bool location,
     const Joint& joint = chain.joints()[std::size_t(i / 6)];
     const char axis = joint.motion == kinematics::Motion::Spindle ? 'S' : joint.name;
     const errors::ElementName name{"XYZABC"[i % 6], axis, location};
+    // `bind` has the rules of ISO 230-1 for elements, so it decides instead of a second list here.
     try {
       errors::bind({{{name, {{errors::Constant{0.0}}}}}, {}}, chain);
     } catch (const std::invalid_argument&) {
@@ -50,6 +53,8 @@ std::vector<int> meaningful(const kinematics::Chain& chain, bool location,
   return columns;
 }
 
+// Appends the three components in a unit. Adding 0.0 turns -0 into 0, so that equal poses print
+// equally.
 void append(std::vector<double>& numbers, const Vector3d& v, double unit) {
   for (const double x : v) numbers.push_back(x / unit + 0.0);  // no -0
 }
@@ -68,7 +73,7 @@ std::vector<int> positioned(const kinematics::Chain& chain) {
   return joints;
 }
 
-// ---- lines
+// Lines of the table
 
 void append_csv(std::string& text, const PoseList& poses, std::size_t i,
                 const std::vector<double>& numbers) {
@@ -97,7 +102,7 @@ std::string csv_head(const PoseTable& table, const PoseList& poses) {
   return text + "\n";
 }
 
-/// The lines of some poses, or the first of them that cannot be.
+/// The text of a block of poses, or the first pose that cannot be computed.
 struct Block {
   std::string text;
   std::size_t fault_at = 0;
@@ -198,6 +203,7 @@ PoseTable::Row PoseTable::row(const kinematics::AxisState& state) const {
     if (one == PoseJacobian::Location)
       append_columns(numbers, kinematics::location_jacobian(nominal, state.q), locations_);
   }
+  // Deviations overflow only with errors in an absurd unit; JSON has no text for infinity.
   if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
     throw std::out_of_range("its deviation is not finite");
   return row;
@@ -217,6 +223,7 @@ PoseStatistics pose_statistics(const Eigen::VectorXd& deviation_um,
   for (const double d : deviation_um) squares += d * d;
   s.rms_um = std::sqrt(squares / double(s.poses));
   std::vector<double> sorted(deviation_um.begin(), deviation_um.end());
+  // 95th percentile by nearest rank, so that it is the deviation of a pose
   const auto rank = std::ptrdiff_t(std::ceil(0.95 * double(s.poses))) - 1;
   std::nth_element(sorted.begin(), sorted.begin() + rank, sorted.end());
   s.p95_um = sorted[std::size_t(rank)];
@@ -242,6 +249,7 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
       blocks[b] = block(table, poses, format, from, std::min(n, from + poses_per_block),
                         deviation_um, direction_urad);
     });
+    // in order, so that the first invalid pose is reported for any number of threads
     for (const Block& one : blocks) {
       if (!one.fault.empty()) refuse(poses, one);
       sink(one.text);
@@ -304,17 +312,18 @@ using Eigen::Vector3d;
 using kinematics::Chain;
 using kinematics::Joint;
 
+// Counts when none is given, for one, two and three runs: 101, 441 and 1331 poses.
 constexpr int usual_counts[] = {101, 21, 11};  // of one, two, three runs
 
 [[noreturn]] void refuse(std::size_t column, const std::string& expected, const std::string& seen) {
   throw BadInput("--grid", 1, int(column) + 1, expected, seen);
 }
 
-/// What is said of one axis, in mm or degrees.
+/// Positions given for one axis, in mm or degrees.
 struct Said {
   bool runs = true;
-  std::optional<double> from, to;  ///< where it stands: from
-  int count = 0;                   ///< 0: the usual one
+  std::optional<double> from, to;  ///< a fixed position is in `from`
+  int count = 0;                   ///< 0: the usual count
   std::size_t column = 0;
 };
 
@@ -333,7 +342,8 @@ int count_at(const Cell& cell) {
   return int(*number);
 }
 
-/// "0:400:9" or "10", which begins at `column` of the whole.
+/// Reads "0:400:9" or "10".
+/// @param column  of `text` in the whole option
 Said said_of(std::string_view text, std::size_t column) {
   Said said;
   said.column = column;
@@ -351,7 +361,7 @@ Said said_of(std::string_view text, std::size_t column) {
   return said;
 }
 
-/// One a joint; empty where nothing is said.
+/// Returns the positions given for each joint; none for a joint that is not named.
 std::vector<std::optional<Said>> parsed(const Chain& chain, const std::string& text) {
   std::vector<std::optional<Said>> all(std::size_t(chain.size()));
   std::size_t i = 0;
@@ -375,7 +385,7 @@ std::vector<std::optional<Said>> parsed(const Chain& chain, const std::string& t
 }
 
 bool is_limited(const Joint& joint) {
-  const double unlimited = 1e9;  // what a joint has that says nothing
+  const double unlimited = 1e9;  // limit of a joint that states none
   return joint.min > -unlimited && joint.max < unlimited;
 }
 
@@ -398,7 +408,8 @@ PoseGrid::Run grid_run(const Joint& joint, int j, const Said& said, int usual) {
   return run;
 }
 
-/// Exact at both ends, and at round numbers between them.
+/// Returns position i of a run; exact at both ends, and at round numbers between them, which from +
+/// i * step is not.
 double place_of(const PoseGrid::Run& run, int i) {
   const int last = run.count - 1;
   return (run.from * (last - i) + run.to * i) / last;
@@ -441,6 +452,8 @@ PoseGrid pose_grid(const IdleMachine& idle, const std::string& text) {
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
     auto& one = said[std::size_t(j)];
+    // a slide that is not named runs over its travel; a message about it points to the end of the
+    // text
     if (!one && joint.motion == kinematics::Motion::Linear)
       one = Said{true, {}, {}, 0, text.size()};
     if (one && one->runs) ++running;
@@ -484,6 +497,7 @@ VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid) {
       map.deviation.row(i) = pose.deviation();
       map.direction.row(i) = pose.direction();
       map.rotation.row(i) =
+          // rotation of the actual tool relative to the nominal one, in workpiece axes
           kinematics::rotation_vector(pose.actual.linear() * pose.nominal.linear().transpose());
       if (!map.deviation.row(i).allFinite()) fault[std::size_t(i)] = "its deviation is not finite";
     } catch (const std::out_of_range& left) {
@@ -499,7 +513,8 @@ VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid) {
 }
 
 FarthestPair farthest_pair(const cutting::Points& points) {
-  // from the outside in: no pair of two inner points is farther apart than their radii allow
+  // Points are visited from the outside inwards: two points can be no farther apart than the sum of
+  // their radii, so both loops end early.
   const Eigen::RowVector3d lower = points.colwise().minCoeff(), upper = points.colwise().maxCoeff();
   const Eigen::RowVector3d middle = 0.5 * (lower + upper);
   const Eigen::VectorXd radius = (points.rowwise() - middle).rowwise().norm();

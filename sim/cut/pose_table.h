@@ -14,48 +14,52 @@
 #include "sim/files/progress.h"
 #include "sim/scene/scene.h"
 
+/// Tables of tool poses with their errors, sources and Jacobians, and maps of the errors over the
+/// work space.
 namespace abbe::sim {
 
-/// Derivatives of the nominal pose, as kinematics/jacobian.h states them.
+/// Derivatives of the nominal pose, defined in kinematics/jacobian.h.
 enum class PoseJacobian {
-  Axis,      ///< by the positions of the axes: dx_dX ... dc_dX, [tip mm | rotation rad] per mm, rad
-  Motion,    ///< by the error motions: dx_dEXX ... dc_dECA
-  Location,  ///< by the location errors: dx_dEC0Y ...
+  Axis,      ///< by axis positions: dx_dX ... dc_dX, [tip mm | rotation rad] per mm or rad
+  Motion,    ///< by error motions: dx_dEXX ... dc_dECA
+  Location,  ///< by location errors: dx_dEC0Y ...
 };
 
-/// What is computed of every pose beside the place of the tip and its deviation.
+/// Quantities computed for every pose besides the tip and its deviation.
 struct PoseRequest {
   std::vector<PoseJacobian> jacobians;
-  std::vector<std::string> elements;  ///< names of sources, or "all"; see idle_machine.h
+  std::vector<std::string> elements;  ///< names of error sources, or "all"; see idle_machine.h
 };
 
-/// Columns of numbers and how a pose fills them. Immutable.
+/// The columns of a table of poses, and the computation of a row. Immutable.
 class PoseTable {
  public:
-  /// @throws BadInput for an element that the machine lacks
+  /// Throws BadInput if the machine lacks a requested element.
   PoseTable(const IdleMachine& idle, const PoseRequest& wishes);
 
   const IdleMachine& idle() const { return idle_; }
 
-  /// tip_x_mm ..., deviation_x_um ..., deviation_um, direction_x_urad ..., direction_urad; of a
-  /// source EXX_x_um ..., EXX_x_urad ..., and what the chosen ones leave of the whole, rest_x_um
-  /// ...; then the Jacobians.
+  /// Returns the column names: tip_x_mm ..., deviation_x_um ..., deviation_um, direction_x_urad
+  /// ..., direction_urad; for a source EXX_x_um ..., EXX_x_urad ...; the remainder that the
+  /// requested sources leave, rest_x_um ...; then the Jacobians.
   const std::vector<std::string>& heads() const { return heads_; }
-  static constexpr std::size_t always = 11;  ///< heads before those that are wished
+  static constexpr std::size_t always = 11;  ///< number of columns before the requested ones
 
-  /// What is wished, each with six of the heads.
+  /// A requested quantity; each has six columns.
   struct Six {
-    std::string name;         ///< of the source, of what is left, or of what is varied
-    bool derivative = false;  ///< by what is varied; else um and urad
+    std::string name;         ///< of the source, of the remainder, or of the variable
+    bool derivative = false;  ///< true: derivative by the variable; false: um and urad
   };
+  /// Returns the requested quantities, in the order of their columns.
   const std::vector<Six>& requested_columns() const { return requested_columns_; }
 
+  /// A row of the table: the deviation, and the numbers of all columns.
   struct Row {
     Eigen::Vector3d deviation;    ///< mm, workpiece frame
     Eigen::Vector3d direction;    ///< rad
-    std::vector<double> numbers;  ///< one a head
+    std::vector<double> numbers;  ///< one for each column
   };
-  /// @throws std::out_of_range where a table of an element is left
+  /// Throws std::out_of_range if a position lies outside an error table that does not extrapolate.
   Row row(const kinematics::AxisState& state) const;
 
  private:
@@ -66,59 +70,63 @@ class PoseTable {
   std::vector<ErrorSource> sources_;
   bool has_contributions_;
   std::vector<PoseJacobian> jacobians_;
-  std::vector<int> motions_, locations_;  ///< columns of the Jacobians that mean something
+  std::vector<int> motions_, locations_;  ///< columns of the Jacobians whose element exists on this
+                                          ///< chain
   std::vector<std::string> heads_;
   std::vector<Six> requested_columns_;
 };
 
-/// How large deviations are over many poses.
+/// Statistics of the deviations over many poses.
 struct PoseStatistics {
   std::size_t poses = 0;
-  double max_um = 0.0, p95_um = 0.0, rms_um = 0.0;  ///< of the distance of the tip
-  std::size_t worst = 0;                            ///< pose of the largest, from 0, the first
+  double max_um = 0.0, p95_um = 0.0, rms_um = 0.0;  ///< of the length of the deviation of the tip
+  std::size_t worst = 0;  ///< number of the pose with the largest deviation, from 0; the first of
+                          ///< equal ones
   double direction_max_urad = 0.0;
   std::size_t direction_worst = 0;
 };
-/// @param deviation_um, direction_urad  (poses) lengths
+/// @param deviation_um, direction_urad  (poses) lengths of the deviations
 PoseStatistics pose_statistics(const Eigen::VectorXd& deviation_um,
                                const Eigen::VectorXd& direction_urad);
 
+/// Formats of a table of poses.
 enum class TableFormat { Csv, Json };
 
-/// Computes all poses and hands their lines to `sink` in order, a bounded number at a time: of CSV
-/// with its head, of JSON the objects of a list, parted by commas. The same bytes for any number of
-/// threads; every number with the digits that read back the same bits.
-/// @throws BadInput at the first pose where the table of an element is left
-/// @throws Interrupted
+/// Computes all poses and passes their lines to `sink` in order, a bounded number at a time: CSV
+/// with its header, or the objects of a JSON list, separated by commas. The bytes are the same for
+/// any number of threads; every number has the digits that read back to the same bits.
+/// @throws BadInput at the first pose outside an error table that does not extrapolate
+/// @throws Interrupted if the user stops the program
 PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableFormat format,
                            const std::function<void(std::string_view)>& sink,
                            ProgressLine* progress = nullptr);
 
-/// Where the tool is and should be at one pose.
+/// Nominal and actual pose of the tool at one position.
 struct PoseResult {
   TipPose pose;
-  std::vector<PoseTable::Six> requested_columns;  ///< what is computed beside it
-  std::vector<std::string> heads;                 ///< (6 x wished) as in a table of poses
+  std::vector<PoseTable::Six> requested_columns;  ///< quantities besides the pose
+  std::vector<std::string> heads;                 ///< (6 x requested) as in a table of poses
   std::vector<double> numbers;                    ///< (heads)
   std::vector<std::string> warnings;
 };
 
+/// Limits on the positions that are accepted.
 enum class Within { Travel, Anything };
 
-/// Numbers for axes as words have them, "X=100 A=30" (mm, degrees); zero for axes not named.
-/// @param option  that refusals name
-/// @throws BadInput for an axis that the machine lacks, a number that is none, an axis twice, and
-///         one beyond the travel where that is asked for
+/// Reads axis positions such as "X=100 A=30" (mm, degrees); axes not named stand at zero.
+/// @param option  name in messages
+/// @throws BadInput if the machine lacks an axis, a number is not valid, an axis occurs twice, or a
+///     position is beyond the travel where `within` forbids that
 kinematics::AxisVector positions_in(const std::string& words, const kinematics::Chain& chain,
                                     const std::string& option, Within within);
 
-/// The pose with the axes at "X=100 A=30" (mm, degrees; axes not named stand at zero, moving
-/// nowhere).
-/// @throws BadInput for an axis that the machine lacks, a number that is none or beyond the travel,
-///         an axis twice, an element that the machine lacks
+/// Returns the pose at positions such as "X=100 A=30" (mm, degrees); axes not named stand at zero,
+/// all at rest.
+/// @throws BadInput if the machine lacks an axis or an element, a number is not valid or beyond the
+///     travel, or an axis occurs twice
 PoseResult pose_at(const Scene& scene, const std::string& at, const PoseRequest& wishes = {});
 
-/// One to three axes that run through the work space while the others stand.
+/// A grid of poses: one to three axes run through the work space while the others stand still.
 struct PoseGrid {
   struct Run {
     int joint = 0;
@@ -126,21 +134,22 @@ struct PoseGrid {
     int count = 2;
   };
   std::vector<Run> runs;             ///< in the order of the structural code
-  std::array<int, 3> size{1, 1, 1};  ///< points along each; the first runs fastest
-  PoseList poses;                    ///< every axis that can be positioned has a column
+  std::array<int, 3> size{1, 1, 1};  ///< number of points along each run; the first varies fastest
+  PoseList poses;                    ///< with a column for every positioned axis
 };
 
+/// Limit on the poses of a grid.
 inline constexpr std::size_t max_grid_poses = 200'000;
 
-/// Reads "X=0:400:9 Y=::5 Z=10 A=30" (mm, degrees): from, to and count, each of which may be left
-/// out, or a place. Slides that are not named run over their travel, turns stand at home; a count
-/// left out is 11 of three runs, 21 of two, 101 of one.
-/// @throws BadInput with the column: an axis that the machine lacks or that comes twice, a number
-///         that is none or beyond the travel, an end left out of an axis without limits, from not
-///         below to, a count below 2, no run or more than three, more than most_grid_poses
+/// Reads a grid such as "X=0:400:9 Y=::5 Z=10 A=30" (mm, degrees): from, to and count, each of
+/// which may be omitted, or a fixed position. Slides that are not named run over their travel,
+/// rotary axes stand at home. A count left out is 11 for three runs, 21 for two, 101 for one.
+/// @throws BadInput with the column: an axis that the machine lacks or that occurs twice, a number
+///     that is not valid or beyond the travel, a missing end of an axis without limits, from not
+///     below to, a count below 2, no run or more than three, or more than `max_grid_poses`
 PoseGrid pose_grid(const IdleMachine& idle, const std::string& text);
 
-/// What is wrong with a machine all over its work space, workpiece frame.
+/// Errors of a machine over its work space, in the workpiece frame.
 struct VolumetricMap {
   PoseGrid grid;
   cutting::Points nominal;    ///< (n x 3) mm, tip
@@ -148,24 +157,26 @@ struct VolumetricMap {
   cutting::Points direction;  ///< (n x 3) rad, of the tool axis
   cutting::Points rotation;   ///< (n x 3) rad, rotation vector of the tool
 };
-/// The same bits for any number of threads.
-/// @throws BadInput naming the first pose where the table of an element is left
+/// Computes the map; the bits are the same for any number of threads.
+/// @throws BadInput naming the first pose outside an error table that does not extrapolate
 VolumetricMap volumetric_map(const IdleMachine& idle, PoseGrid grid);
 
+/// Figures of a volumetric map.
 struct VolumetricSummary {
   PoseStatistics all;
   Eigen::Vector3d mean_um = Eigen::Vector3d::Zero();
-  /// Volumetric error of ISO 230-1: how far the deviations in X, Y, Z range, and the rotations
-  /// about them. A constant deviation, which an offset of the work zero takes away, is not in it.
+  /// Volumetric error of ISO 230-1: range of the deviations in X, Y and Z, and of the rotations
+  /// about them. A constant deviation does not count, since an offset of the work zero removes it.
   Eigen::Vector3d range_um = Eigen::Vector3d::Zero();
   Eigen::Vector3d range_urad = Eigen::Vector3d::Zero();
-  /// The two poses whose deviations differ most, and by how much.
+  /// The two poses whose deviations differ most, and the difference.
   std::array<std::size_t, 2> worst_pair{};
   double worst_pair_um = 0.0;
 };
+/// Returns the figures of a map.
 VolumetricSummary summary(const VolumetricMap& map);
 
-/// The two rows that lie farthest apart, the first such pair. (n x 3), n >= 1
+/// The two rows that lie farthest apart; the first such pair. (n x 3), n >= 1
 struct FarthestPair {
   std::size_t a = 0, b = 0;
   double distance = 0.0;

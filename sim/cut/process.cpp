@@ -45,8 +45,9 @@ Load load_at(const Process& process, double time_s) {
   const ProcessStep& before = *(after - 1);
   const double part = (time_s - before.time_s) / (after->time_s - before.time_s);
   Load load;
+  // linear between two steps
   load.on_tool_t = (1 - part) * before.load.on_tool_t + part * after->load.on_tool_t;
-  // an unloaded end has no place of its own
+  // an unloaded step has no contact point
   const bool from = !before.load.on_tool_t.isZero(0.0), to = !after->load.on_tool_t.isZero(0.0);
   if (from && to)
     load.contact_t = (1 - part) * before.load.contact_t + part * after->load.contact_t;
@@ -57,36 +58,40 @@ Load load_at(const Process& process, double time_s) {
 
 namespace {
 
-constexpr std::size_t window = 10;             // changes
-constexpr double min_change = 0.01;            // of the force
-constexpr double min_swing_gain = 0.99;        // gain; a swing at its full size has 1
-constexpr double min_swing_contraction = 0.5;  // contraction, below which every change dies out
+constexpr std::size_t window = 10;             // changes of force from one revolution to the next
+constexpr double min_change = 0.01;            // fraction of the force
+constexpr double min_swing_gain = 0.99;        // a swing at its full size has a gain of 1
+constexpr double min_swing_contraction = 0.5;  // with a smaller contraction every change decays,
+                                               // see `revolution_swing`
 constexpr std::size_t leap_window = 40;        // revolutions
 constexpr int min_leaps = 3;
 
-/// How large the changes from `first` on become in a revolution, if they alternate for a window.
+/// Returns by what factor the changes of force from `first` on grow in a revolution; none if they
+/// do not alternate for a whole window.
 std::optional<double> gain_from(const std::vector<double>& force, std::size_t first) {
   if (first + window >= force.size()) return std::nullopt;
   double before = 0.0, after = 0.0;
   for (std::size_t i = 0; i < window; ++i) {
     const std::size_t k = first + i;
     const double change = force[k + 1] - force[k];
+    // a change of up to 1 % of the force ends the window
     if (!(std::abs(change) > min_change * std::max(force[k], force[k + 1]))) return std::nullopt;
     if (i > 0 && change * (force[k] - force[k - 1]) > 0.0) return std::nullopt;
     (i < window / 2 ? before : after) += std::abs(change);
   }
+  // The means of both halves are half a window apart, so the ratio of a revolution is that root.
   return std::pow(after / before, 2.0 / double(window));
 }
 
-/// Whether the loop of force and deflection is strong enough to swing somewhere in the window.
-/// Forces that alternate by chance, as under error motions of a spindle, are no swing.
+/// Returns true if the loop of force and deflection is strong enough to swing somewhere in the
+/// window. Forces may also alternate without it, as under error motions of a spindle.
 bool is_drawn_in(const Process& process, std::size_t first) {
   for (std::size_t k = first; k <= first + window; ++k)
     if (process.steps[k].contraction >= min_swing_contraction) return true;
   return false;
 }
 
-/// The swing of forces that alternate.
+/// Returns the swing of alternating forces with the largest difference; none if there is none.
 std::optional<RevolutionSwing> alternating(const Process& process,
                                            const std::vector<double>& force) {
   std::optional<RevolutionSwing> widest;
@@ -111,7 +116,8 @@ std::optional<RevolutionSwing> alternating(const Process& process,
   return widest;
 }
 
-/// The leaps of a tool from one step on, within one line.
+/// Counts how often the tool leaps out of the work and back from one step on, within one program
+/// line.
 RevolutionSwing count_leaps(const Process& process, const std::vector<double>& force,
                             std::size_t first) {
   RevolutionSwing found;
@@ -127,6 +133,7 @@ RevolutionSwing count_leaps(const Process& process, const std::vector<double>& f
   return found;
 }
 
+// Returns the first segment where the tool leaps out of the work and back; none if there is none.
 std::optional<RevolutionSwing> find_leaping_swing(const Process& process,
                                                   const std::vector<double>& force) {
   for (std::size_t first = 0; first < force.size(); ++first) {
@@ -144,6 +151,8 @@ std::optional<RevolutionSwing> revolution_swing(const Process& process) {
   for (const ProcessStep& step : process.steps)
     force.push_back(step.load.on_tool_t.head<3>().norm());
   if (const auto swing = alternating(process, force)) return swing;
+  // Alternation comes first: beyond it the tool leaves the work, and the forces no longer
+  // alternate.
   return find_leaping_swing(process, force);
 }
 
@@ -171,8 +180,8 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
   std::vector<std::string> warnings;
   if (process.steps.empty()) return warnings;
   const ProcessTotals all = totals(process);
-  // Where the force jumps, a step in thousands swings between its sides by some nm at any length of
-  // step: nothing that a user could change.
+  // One step in thousands, at a jump of the force, oscillates by some nanometres between both sides
+  // of the jump, at any step length. No setting avoids that, so it is not reported.
   const double tolerance = scene.cutting->tolerance;
   const bool is_stray = all.disagreement_max < std::min(10.0 * tolerance, 10.0 * units::nm) &&
                         1000 * all.open < process.steps.size();
@@ -226,7 +235,8 @@ namespace {
 
 using errors::Activity;
 
-/// Room at an instant: linear between the rows of its profile, held outside.
+/// Returns the room temperature at an instant: linear between the rows of its profile, constant
+/// outside.
 double room_T_C(const ThermalDescription& thermal, double time_s) {
   const Eigen::VectorXd &t = thermal.room_time_s, &T = thermal.room_T_C;
   const Eigen::Index n = t.size();
@@ -237,7 +247,7 @@ double room_T_C(const ThermalDescription& thermal, double time_s) {
   return T[i - 1] + part * (T[i] - T[i - 1]);
 }
 
-/// A stretch as knots: at its ends and wherever the room's profile bends between them.
+/// Appends an activity as knots: at its ends and at every row of the room profile between them.
 void append(std::vector<Activity>& knots, const ThermalDescription& thermal, Activity activity,
             double from_s, double to_s) {
   std::vector<double> times{from_s};
@@ -251,19 +261,20 @@ void append(std::vector<Activity>& knots, const ThermalDescription& thermal, Act
   }
 }
 
-/// Sum over the steps of a process of power times time, up to an instant.
+/// Integrates the cutting power over the steps of a process.
 class CuttingEnergy {
  public:
   explicit CuttingEnergy(const Process& process) : steps_(process.steps) {}
 
-  /// J between the end of the last stretch asked for and `to_s`; a step's power holds since the
-  /// step before.
+  /// Returns the energy in J from the last `to_s` to this one. The power of a step holds from the
+  /// step before it.
   double until(double to_s) {
     double energy_J = 0.0;
     while (next_ < steps_.size() && steps_[next_].time_s <= to_s) {
       energy_J += steps_[next_].power_W * (steps_[next_].time_s - at_s_);
       at_s_ = steps_[next_++].time_s;
     }
+    // the rest of an interval is left to the next call
     if (next_ < steps_.size() && next_ > 0 && to_s > at_s_) {
       energy_J += steps_[next_].power_W * (to_s - at_s_);
       at_s_ = to_s;
@@ -302,6 +313,7 @@ void append_program(std::vector<Activity>& knots, const ThermalDescription& ther
       ++k;
     }
     const double duration = states[k].time_s - from_s;
+    // heat follows slowly, so mean speeds over the interval suffice
     i = k;
     if (duration <= 0.0) continue;
     travel /= duration;
@@ -313,7 +325,7 @@ void append_program(std::vector<Activity>& knots, const ThermalDescription& ther
     append(knots, thermal, stretch, from_s, states[k].time_s);
   }
   if (states.empty()) return;
-  // the last knot says how it goes on: a program that has ended leaves the machine at rest
+  // The last knot sets how the run continues: after the program the machine is at rest.
   const kinematics::AxisVector rest = kinematics::AxisVector::Zero(states.back().q.size());
   const double end_s = states.back().time_s;
   append(knots, thermal, phase_activity({0.0, 0.0, rest, thermal.powered, false}, thermal), end_s,
@@ -329,12 +341,13 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
   const ThermalDescription& thermal = *scene.thermal;
   double time_s = -history_s(thermal);
   for (const ThermalPhase& phase : thermal.history) {
-    // the sum of the durations is not exact: the last phase ends at the start of the program
+    // The sum of the durations is rounded; the last phase ends exactly at the start of the program.
     const double end = &phase == &thermal.history.back() ? 0.0 : time_s + phase.duration;
     append(knots, thermal, phase_activity(phase, thermal), time_s, end);
     time_s = end;
   }
   append_program(knots, thermal, samples, CuttingEnergy(process), machine);
+  // A machine that never runs still has a state: at rest in the room.
   if (knots.empty()) {
     ThermalPhase rest;
     rest.powered = thermal.powered;
@@ -345,9 +358,10 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
 
 namespace {
 
-// bearings are run below 120 deg C, windings up to 155: their insulation ends there
+// Bearings run below 120 deg C, windings below 155 deg C, where their insulation (class F) ends.
 constexpr double coldest_T_C = -40.0, hottest_T_C = 150.0;
-// Beyond what a law of power was stated for nobody knows it; 60 and 9.55 are 1/s and rad/s for rpm.
+// The power law of a source holds near the speed for which it is stated. The limits lie between
+// usual ratios and those of a wrong unit: 60 for 1/s and 9.55 for rad/s instead of rpm.
 constexpr double max_speed_ratio = 5.0, min_speed_ratio = 1.0 / 30;
 
 std::string temperature_text(const errors::ThermalRun& run) {
@@ -365,8 +379,8 @@ std::string temperature_text(const errors::ThermalRun& run) {
       run.knots[std::size_t(knot)].time_s / 3600.0, coldest_T_C, hottest_T_C);
 }
 
-/// Returns the speed that is odd beside that at which the heat of a source is stated; 0 if none is.
-/// Slow turns are odd in the history alone, where nobody taps or reams.
+/// Returns the speed that is unusual for a source stated at a reference speed; 0 if there is none.
+/// Slow speeds are unusual only in the history, since a program may tap or ream.
 double unusual_speed(const errors::ThermalRun& run, double stated) {
   double odd = 0.0;
   for (const errors::Activity& knot : run.knots) {
@@ -395,7 +409,7 @@ std::string speed_text(const errors::ThermalRun& run) {
 }
 
 std::string datum_text(const DatumDescription& datum, const errors::ThermalRun& run) {
-  constexpr double rounding_s = 1.0;  // durations in hours add up to no whole second
+  constexpr double rounding_s = 1.0;  // durations in hours do not add up to whole seconds
   if (datum.kind == DatumDescription::Kind::None) return {};
   const double begin_s = run.knots.front().time_s, end_s = run.knots.back().time_s;
   if (datum.time_s < begin_s - rounding_s)

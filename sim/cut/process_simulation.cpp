@@ -18,7 +18,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// A blank is cut where the part is.
+/// Returns the use of a blank that is a mesh. It must fit into the travel as the part does.
 MeshUse blank_mesh_use(const Scene& scene) {
   return {"the blank", "cutting", false, part_mesh_use(scene).travel};
 }
@@ -59,8 +59,10 @@ cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank) {
 
 std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
                            const cutting::Design& design_m) {
+  // 2000 vertices give a fraction of 5 % to about half a per cent (one standard deviation)
   constexpr Eigen::Index max_tried = 2000;
-  constexpr double tolerated = 0.05;  // of the vertices: edges that a rough blank rounds off
+  constexpr double tolerated = 0.05;  // fraction of the vertices: edges that a rough blank rounds
+                                      // off
   const Eigen::Index n = design_m.vertices.rows();
   const Eigen::Index step = std::max<Eigen::Index>(1, n / max_tried);
   int tried = 0, outside = 0;
@@ -83,7 +85,7 @@ bool is_rapid(const program::Samples& samples, const program::Path& path, std::s
 std::vector<std::size_t> milling_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, double step,
                                        double reach) {
-  constexpr double sharp = 0.1;  // rad
+  constexpr double sharp = 0.1;  // rad: a corner of the path, which a longer step would cut off
   const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].translation(); };
   const auto axis = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].linear().col(2); };
   const auto rapid = [&](std::size_t i) { return is_rapid(samples, path, i); };
@@ -92,6 +94,7 @@ std::vector<std::size_t> milling_steps(const program::Samples& samples, const pr
   const std::size_t n = samples.states.size();
   for (std::size_t i = 1; i < n; ++i) {
     travel +=
+        // a turn of the axis moves the top of the flank, so both count as travel
         (tip(i) - tip(i - 1)).norm() + reach * kinematics::angle_between(axis(i), axis(i - 1));
     const bool last = i + 1 == n;
     if (travel < step && !last && rapid(i) == rapid(i + 1)) {
@@ -108,7 +111,7 @@ namespace {
 
 using kinematics::Pose;
 
-/// A blank's profile over the part's z as one over the spindle line, in rising order.
+/// Returns the profile of a blank over z of the part as one over the spindle axis, in rising order.
 Eigen::Matrix<double, Eigen::Dynamic, 2> profile_along(
     const SpindleLine& line, const Pose& T_wm,
     const Eigen::Matrix<double, Eigen::Dynamic, 2>& profile_m) {
@@ -133,7 +136,7 @@ cutting::TurnedStock turned_blank(const Scene& scene, const SpindleLine& line) {
 std::vector<std::size_t> turning_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<Pose>& T_wt, int spindle,
                                        const SpindleLine& line) {
-  constexpr double step = 0.1;  // mm
+  constexpr double step = 0.1;  // mm, for rapids and a standing spindle, which have no revolutions
   const auto& states = samples.states;
   const auto place = [&](std::size_t i) -> Eigen::Vector3d {
     return slow_pose(line, states[i].q[spindle], T_wt[i]).translation();
@@ -146,6 +149,7 @@ std::vector<std::size_t> turning_steps(const program::Samples& samples, const pr
     travel += (place(i) - place(i - 1)).norm();
     const bool last = i + 1 == states.size();
     const bool by_travel = rapid(i) || !(states[i].spindle_speed > 0.0);
+    // 1e-9: a revolution of samples adds up to 2 pi only within rounding
     const bool due = by_travel ? travel >= step : turned >= 2 * pi * (1 - 1e-9);
     if (!due && !last && rapid(i) == rapid(i + 1)) continue;
     at.push_back(i);
@@ -159,7 +163,7 @@ namespace {
 using errors::Load;
 using kinematics::Pose;
 
-/// Force and deflection of one step, brought to agree.
+/// Solves for the force of one step and the deflection that it causes.
 class Loop {
  public:
   Loop(const CuttingDescription& description, const PoseUnderLoad& pose, std::size_t sample,
@@ -179,15 +183,17 @@ class Loop {
   const std::function<ProcessSample(const Pose&)>& force_;
   ProcessStep step_;
   ProcessSample look_;     // at the last load
-  Pose T_wt_, T_wt_next_;  // under the last load, and under what it makes of itself
+  Pose T_wt_, T_wt_next_;  // under the last load, and under the load that the cut then has
 };
 
-/// Looks at the cut under a load. @return true if that load is what the cut gives, to the tolerance
+/// Evaluates the cut under a load.
+/// @return true if the load agrees with that of the cut, to the tolerance
 bool Loop::look_at(const Load& load) {
   ++step_.iterations;
   T_wt_ = pose_(sample_, load);
   look_ = force_(T_wt_);
   T_wt_next_ = pose_(sample_, look_.load);
+  // an unloaded tool has no contact point; that of the assumed load serves
   const Eigen::Vector3d contact_t =
       look_.load.on_tool_t.isZero(0.0) ? load.contact_t : look_.load.contact_t;
   step_.disagreement = (T_wt_next_ * contact_t - T_wt_ * contact_t).norm();
@@ -195,7 +201,8 @@ bool Loop::look_at(const Load& load) {
   return step_.disagreement <= description_.tolerance;
 }
 
-/// Repetition, and the secant of the last two (Aitken) where it is slow or swings.
+/// Iterates load and deflection: plain repetition, and the secant of the last two iterates (Aitken)
+/// if that converges slowly or oscillates.
 bool Loop::repeat(Load load) {
   double relaxation = 1.0, last_change = 0.0;
   kinematics::Wrench last_difference = kinematics::Wrench::Zero();
@@ -203,11 +210,14 @@ bool Loop::repeat(Load load) {
     if (look_at(load)) return true;
     const double change = step_.disagreement;
     const kinematics::Wrench difference = look_.load.on_tool_t - load.on_tool_t;
-    // below a hundred tolerances the ends of arcs on the grid of the stock show, not the loop
+    // Below a hundred tolerances the ratio shows the grid of the stock at the ends of arcs, not the
+    // loop.
     if (last_change > 100 * description_.tolerance && relaxation == 1.0)
       step_.contraction = std::max(step_.contraction, change / last_change);
     const kinematics::Wrench bend = difference - last_difference;
+    // 0.3: plain repetition then gains half a digit in an iteration
     const bool slow = last_change > 0.0 && change > 0.3 * last_change;
+    // limits on the extrapolation: the secant of two nearly equal iterates is arbitrary
     if (slow && bend.head<3>().squaredNorm() > 0.0)
       relaxation = std::clamp(-relaxation * last_difference.head<3>().dot(bend.head<3>()) /
                                   bend.head<3>().squaredNorm(),
@@ -220,12 +230,15 @@ bool Loop::repeat(Load load) {
   return false;
 }
 
-/// Force falls as the tool gives way, so the load lies between none and that of the rigid tool: its
-/// share of that is bisected, then its direction and place are taken from what was found there.
+/// Finds the load by bisection. Force falls as the tool yields, so the load lies between zero and
+/// that of the rigid tool; its fraction of the latter is bisected, then direction and contact point
+/// are taken from the cut found there.
 bool Loop::bracket() {
+  // 60 halvings exhaust the digits of a double
   constexpr int max_directions = 8, max_halvings = 60;
   look_at({});
   Load rigid = look_.load;
+  // a rigid tool that meets nothing needs no load
   if (rigid.on_tool_t.isZero(0.0)) return true;
   for (int turn = 0; turn < max_directions; ++turn) {
     double low = 0.0, high = 1.0;  // the cut gives more than `low`, less than `high`
@@ -244,10 +257,11 @@ bool Loop::bracket() {
         end.on_tool_t *= gives_more ? high : low;
         return end;
       }());
+      // both ends of the bracket deflect the tool alike: the force jumps between them
       if ((other * rigid.contact_t - T_wt_ * rigid.contact_t).norm() <= description_.tolerance)
         break;
     }
-    // along the direction tried the deflection is known; the cut may push another way there
+    // The deflection is now known along the direction tried; the cut there may push in another one.
     const double amount = load.on_tool_t.head<3>().norm();
     const kinematics::Wrench along = firm.on_tool_t * (amount / firm.on_tool_t.head<3>().norm());
     Load next = firm;
@@ -257,7 +271,7 @@ bool Loop::bracket() {
     step_.load = load;
     step_.disagreement = moved;
     if (moved <= description_.tolerance) return true;
-    // the rigid amount in the new direction, for the next bracket
+    // the magnitude of the rigid load in the new direction, for the next bisection
     const double whole = rigid.on_tool_t.head<3>().norm();
     rigid = next;
     rigid.on_tool_t = along * (whole / amount);
@@ -266,6 +280,7 @@ bool Loop::bracket() {
 }
 
 ProcessStep Loop::close(const Load& guess) {
+  // Repetition is faster and serves nearly every step; the bracket serves soft machines.
   step_.converged = repeat(guess) || bracket();
   step_.torque = look_.cut.torque;
   step_.engaged = look_.engaged;
@@ -293,6 +308,7 @@ using errors::Load;
 using kinematics::AxisState;
 using kinematics::Pose;
 
+// Returns the load of a cut as a sample without engagement.
 ProcessSample process_sample(const cutting::CuttingLoad& cut) {
   ProcessSample look;
   look.cut = cut;
@@ -301,13 +317,14 @@ ProcessSample process_sample(const cutting::CuttingLoad& cut) {
   return look;
 }
 
-/// Height above the tip whose motion is the feed.
+/// Returns the height above the tip, mm, of the point whose motion is the feed: the centre of the
+/// corner, or half the flank of a flat end mill.
 double feed_height(const cutting::Cutter& cutter) {
   const double corner = cutting::corner_height(cutter);
   return corner > 0.0 ? corner : 0.5 * cutter.flank_length;
 }
 
-/// Edge in material and largest chip of an engagement.
+/// Adds the edge length in material and the largest chip of an engagement.
 void note_engagement(const cutting::Engagement& met, int flutes, double feed_per_tooth,
                      ProcessSample& look) {
   const double feed_across = met.feed_t.head<2>().norm(), feed_along = -met.feed_t.z();
@@ -315,7 +332,7 @@ void note_engagement(const cutting::Engagement& met, int flutes, double feed_per
   for (const cutting::EngagedArc& arc : met.arcs) {
     const cutting::EdgeSlice& slice = met.slices[std::size_t(arc.slice)];
     look.engaged += slice.length * (arc.to - arc.from) / (2 * pi) * flutes;
-    // nearest that the arc comes to the feed's direction
+    // smallest angle between the arc and the feed direction, where the chip is thickest
     const double middle = 0.5 * (arc.from + arc.to), half = 0.5 * (arc.to - arc.from);
     const double off = std::max(0.0, std::abs(std::remainder(middle - towards, 2 * pi)) - half);
     const double facing =
@@ -324,12 +341,13 @@ void note_engagement(const cutting::Engagement& met, int flutes, double feed_per
   }
 }
 
+// Notes a program line once; a program that crashes on more than 1000 lines needs no longer list.
 void note_crash(std::vector<int>& lines, int line) {
   if (std::find(lines.begin(), lines.end(), line) == lines.end() && lines.size() < 1000)
     lines.push_back(line);
 }
 
-/// How the spindle of a cut turns: refuses one that does not, or turns against the flutes.
+/// Throws BadInput if the spindle of a cut is at rest or turns against the cutting edges.
 void check_spindle(const FollowedProgram& program, std::size_t sample, bool turns_as_it_should,
                    const char* expected) {
   const double speed = program.samples.states[sample].spindle_speed;
@@ -339,7 +357,7 @@ void check_spindle(const FollowedProgram& program, std::size_t sample, bool turn
                              : "a cut with the spindle at rest");
 }
 
-/// What milling has at hand at one look.
+/// The inputs of milling at one step.
 struct MillingSample {
   const CuttingDescription& description;
   const FollowedProgram& program;
@@ -355,7 +373,7 @@ struct MillingSample {
   double duration() const {
     return program.samples.states[sample].time_s - program.samples.states[before].time_s;
   }
-  /// M3 counts up; seen from the spindle it turns clockwise.
+  /// M3 increases the spindle angle; seen from the spindle it turns clockwise.
   bool is_clockwise() const {
     return program.samples.states[sample].q[spindle] > program.samples.states[before].q[spindle];
   }
@@ -372,6 +390,7 @@ ProcessSample MillingSample::at(const Pose& T_wt) const {
   const double per_tooth =
       feed_w().norm() / duration() * 2 * pi /
       (program.samples.states[sample].spindle_speed * description.flutes.count);
+  // A feed per tooth beyond the radius is a wrong unit or speed; the force model takes small chips.
   if (per_tooth > cutter.radius)
     throw BadInput(program.path.file, program.samples.line[sample], 0,
                    "a feed per tooth within the cutter's radius",
@@ -382,10 +401,11 @@ ProcessSample MillingSample::at(const Pose& T_wt) const {
   return look;
 }
 
-/// The step at a sample: closed under a force that the cut makes, unloaded where there is none.
+/// Returns the step at a sample: converged with the force of the cut, or unloaded if there is none.
 ProcessStep step_at(const CuttingDescription& description, const FollowedProgram& program,
                     std::size_t sample, const std::function<ProcessSample(const Pose&)>& force,
                     const Process& before) {
+  // the load of the step before is close, which saves iterations
   const Load guess = before.steps.empty() ? Load{} : before.steps.back().load;
   ProcessStep step;
   if (force) step = converged_step(description, program.pose, sample, force, guess);
@@ -408,7 +428,7 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
   process.stock = blank_stock(scene, blank);
   if (std::string uncovered = uncovered_text(scene, *process.stock, design_m); !uncovered.empty())
     process.warnings.push_back(std::move(uncovered));
-  const auto spindle = spindle_of(machine);
+  const auto spindle = find_spindle(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
   Pose before = program.pose(0, {});
@@ -419,6 +439,7 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
                              spindle.value_or(0)};
     const bool rapid = is_rapid(program.samples, program.path, at[k]);
     std::function<ProcessSample(const Pose&)> force;
+    // no force without feed: a dwell and a plunge of zero length remove nothing
     if (!rapid && description.material && look.duration() > 0.0 && look.feed_w().norm() > 0.0)
       force = [&](const Pose& T_wt) { return look.at(T_wt); };
     ProcessStep step = step_at(description, program, at[k], force, process);
@@ -434,7 +455,7 @@ Process simulate_milling(const Scene& scene, const Machine& machine,
   return process;
 }
 
-/// Radius of the work where the edge is in it, the mean over the chip.
+/// Returns the radius of the work at the engaged edge, mm, weighted with the chip area.
 double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::Nose& nose,
                    const std::vector<cutting::EngagedEdge>& edges) {
   double weighted = 0.0, area = 0.0;
@@ -451,13 +472,14 @@ double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::N
   return area > 0.0 ? weighted / area : 0.0;
 }
 
-/// Whether the work comes down on the rake face, along -y of frame t, as the spindle angle grows.
+/// Returns true if the work moves down on the rake face, along -y of frame t, as the spindle angle
+/// grows.
 bool is_tool_descending(const SpindleLine& line, const Pose& T_slow) {
   const Eigen::Vector3d arm = T_slow.translation() - line.point_w;
   return line.direction_w.cross(arm).dot(T_slow.linear().col(1)) > 0.0;
 }
 
-/// What turning has at hand at one look.
+/// The inputs of turning at one step.
 struct TurningSample {
   const CuttingDescription& description;
   const FollowedProgram& program;
@@ -473,7 +495,8 @@ struct TurningSample {
   ProcessSample at(const Pose& T_wt) const;
 };
 
-/// Away from the part along the radius, in the tool's x and z; zero at the spindle line.
+/// Returns the radial direction away from the part, in x and z of the tool; zero on the spindle
+/// axis.
 Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_slow) {
   const Eigen::Vector3d arm = T_slow.translation() - line.point_w;
   const Eigen::Vector3d out = arm - arm.dot(line.direction_w) * line.direction_w;
@@ -482,7 +505,8 @@ Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_slow) {
   return away.norm() > 1e-9 ? Eigen::Vector2d(away.normalized()) : Eigen::Vector2d::Zero();
 }
 
-/// The nose as it cuts a stock that knows no overhang.
+/// Returns the nose as it cuts a stock of one radius per position: edges that overhang count as
+/// edges along the radius.
 cutting::Nose nose_over_stock(const cutting::Nose& nose, const Eigen::Vector2d& away) {
   if (!nose.profile || away.isZero(0.0)) return nose;
   cutting::Nose drawn = nose;
@@ -491,7 +515,7 @@ cutting::Nose nose_over_stock(const cutting::Nose& nose, const Eigen::Vector2d& 
   return drawn;
 }
 
-/// mm, how much higher than its edges an insert is in the work.
+/// Returns by how much the work reaches higher than the edges of an insert, mm.
 double beyond_edges(const cutting::Nose& nose, const cutting::Nose& drawn,
                     const Eigen::Vector2d& away, const std::vector<cutting::EngagedEdge>& edges) {
   if (!nose.profile || away.isZero(0.0)) return 0.0;
@@ -508,6 +532,7 @@ double beyond_edges(const cutting::Nose& nose, const cutting::Nose& drawn,
   return beyond;
 }
 
+// The slow pose has the rotation of the work taken out; the feed is left.
 ProcessSample TurningSample::at(const Pose& T_wt) const {
   const Pose T_slow = slow(T_wt);
   const Eigen::Vector2d away = away_from_part(line, T_slow);
@@ -531,7 +556,7 @@ ProcessSample TurningSample::at(const Pose& T_wt) const {
 Process simulate_turning(const Scene& scene, const Machine& machine, const FollowedProgram& program,
                          const std::function<void(double)>& progress) {
   const CuttingDescription& description = *scene.cutting;
-  constexpr double scratch = 1e-3;  // mm^3, less is no crash
+  constexpr double scratch = 1e-3;  // mm^3; smaller removals are touches, no crash
   const auto& nose = std::get<cutting::Nose>(program.tool);
   const auto& states = program.samples.states;
   const int spindle = *machine.workpiece_spindle;
@@ -550,6 +575,7 @@ Process simulate_turning(const Scene& scene, const Machine& machine, const Follo
     ProcessStep step = step_at(description, program, at[k], force, process);
     const Pose after = look.slow(program.pose(at[k], step.load));
     step.removed =
+        // a negative line marks material that a rapid took
         cutting::remove(*process.turned, nose, before, after, rapid ? -step.line : step.line);
     if (rapid && step.removed > scratch) note_crash(process.crash_lines, step.line);
     process.steps.push_back(step);

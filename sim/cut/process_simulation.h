@@ -17,99 +17,101 @@
 #include "sim/scene/cutting.h"
 #include "sim/scene/scene.h"
 
-/// How a program is followed through a blank: the blank, and the places at which it is looked at.
+/// Simulation of the cutting process: the blank, the steps at which it is cut, and the loop of
+/// force and deflection.
 namespace abbe::sim {
 
-/// The blank of a scene with [cutting], for milling.
+/// Returns the blank of a scene with [cutting], for milling.
 /// @param design_m  the part in its own frame, for a blank that is its offset
-/// @throws std::invalid_argument for a blank that cannot be, BadInput for a mesh file that cannot
-///         be read or is not closed
+/// @throws std::invalid_argument if the blank is not valid
+/// @throws BadInput if a mesh file cannot be read or is not closed
 cutting::Blank blank_of(const Scene& scene, const cutting::Design& design_m);
 
-/// What is to be said of the size of a blank that is a mesh; empty: nothing.
+/// Returns the warning about the size of a blank that is a mesh; empty if there is none.
 std::string blank_size_warning(const Scene& scene, const cutting::Blank& blank);
 
-/// A blank of the scene as dexels.
-/// @throws std::invalid_argument for a blank that cannot be, std::length_error for one that does
-///         not fit in its memory
+/// Returns a blank of the scene as dexels.
+/// @throws std::invalid_argument if the blank is not valid, std::length_error if it exceeds its
+///     memory
 cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
 
-/// Returns the warning of a blank that does not hold the design: it may be in another unit or
-/// frame. Empty if at most a twentieth of the design's vertices lie more than a spacing outside it.
+/// Returns the warning for a blank that does not contain the design, which suggests another unit or
+/// frame. Empty if at most a twentieth of the vertices of the design lie more than a spacing
+/// outside it.
 std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
                            const cutting::Design& design_m);
 
-/// Whether the block that runs at a sample is a rapid.
+/// Returns true if the block of a sample is a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);
 
-/// Samples between which material is taken away: after every `step` (mm) of travel of the tip and
-/// of the turning of what is `reach` (mm) above it, wherever the motion turns by more than 0.1 rad,
-/// and where rapid and feed meet. The first is 0, the last the last.
+/// Returns the samples between which milling removes material: after every `step` (mm) of travel of
+/// the tip plus the rotation of a point `reach` (mm) above it, wherever the motion turns by more
+/// than 0.1 rad, and where rapid and feed meet. The first is 0, the last the last sample.
 /// @param T_wt  (samples)
 std::vector<std::size_t> milling_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, double step,
                                        double reach);
 
-// How a program is followed through a blank that turns: the blank, and the places at which it is
-// looked at.
-
-/// The turned blank of a scene with [cutting] about a spindle line.
-/// @throws std::invalid_argument for another blank or one that cannot be, std::length_error for one
-///         of too many nodes
+/// Returns the turned blank of a scene with [cutting] about a spindle axis.
+/// @throws std::invalid_argument if the blank is of another kind or not valid, std::length_error if
+///     it has too many nodes
 cutting::TurnedStock turned_blank(const Scene& scene, const SpindleLine& line);
 
-/// Samples between which material is taken away: once a revolution, where rapid and feed meet, and
-/// after every 0.1 mm of travel of a rapid or with the spindle at rest. The first is 0.
+/// Returns the samples between which turning removes material: once a revolution, where rapid and
+/// feed meet, and after every 0.1 mm of travel of a rapid or with the spindle at rest. The first is
+/// 0.
 /// @param T_wt     (samples)
-/// @param spindle  joint that turns the workpiece, about the line
+/// @param spindle  joint that turns the workpiece, about `line`
 std::vector<std::size_t> turning_steps(const program::Samples& samples, const program::Path& path,
                                        const std::vector<kinematics::Pose>& T_wt, int spindle,
                                        const SpindleLine& line);
 
-/// Where the tool is at a sample when the cut loads it so.
+/// Returns the pose of the tool at a sample under a cutting load.
 using PoseUnderLoad = std::function<kinematics::Pose(std::size_t sample, const errors::Load&)>;
 
-/// What one look at the cut gives.
+/// The cut evaluated at one tool pose.
 struct ProcessSample {
   cutting::CuttingLoad cut;
   errors::Load load;
-  double engaged = 0.0;      ///< mm of edge
+  double engaged = 0.0;      ///< mm of edge in material
   double chip = 0.0;         ///< mm
-  double beyond_edge = 0.0;  ///< mm, by which it goes beyond the edges of an insert
+  double beyond_edge = 0.0;  ///< mm by which the cut exceeds the edges of an insert
 };
 
-/// The load of one step, brought to agree with the deflection that it makes to the tolerance of the
-/// description (with a contraction c of repetition the rest is c / (1 - c) of the last change).
-/// Plain repetition first, the secant of the last two where that is slow; where both fail, the load
-/// between none and that of the rigid tool is bracketed, so a soft machine closes too.
-/// @param force  what the cut does to a tool that stands at a pose
+/// Returns the step whose load and deflection agree to the tolerance of the description. (If
+/// repetition contracts by c, the remaining error is c / (1 - c) of the last change.) Plain
+/// repetition comes first, then the secant of the last two iterates if that is slow; if both fail,
+/// the load is bracketed between zero and that of the rigid tool, so that a soft machine converges
+/// too.
+/// @param force  returns the cut of a tool at a pose
+/// @param guess  first load
 /// @return without time, line, power and removed volume
 ProcessStep converged_step(const CuttingDescription& description, const PoseUnderLoad& pose,
                            std::size_t sample,
                            const std::function<ProcessSample(const kinematics::Pose&)>& force,
                            const errors::Load& guess);
 
-/// What is followed: a program as it runs on some machine.
+/// A program as it runs on some machine.
 struct FollowedProgram {
   const program::Samples& samples;
-  const program::Path& path;                  ///< from which the samples come
-  const std::vector<kinematics::Pose>& T_wt;  ///< (samples) where the tool should be: the feed
-  PoseUnderLoad pose;                         ///< where it is
-  const kinematics::Chain& chain;             ///< whose spindle line a turned part has
+  const program::Path& path;                  ///< program of the samples
+  const std::vector<kinematics::Pose>& T_wt;  ///< (samples) nominal poses, for the feed
+  PoseUnderLoad pose;                         ///< actual pose
+  const kinematics::Chain& chain;             ///< its spindle axis turns the part
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
 };
 
-/// Follows the cut: engagement gives the force, the force moves the tool, the moved tool has
-/// another engagement, until force and deflection agree. The first guess is the load of the step
-/// before. Milling looks after every `step` of travel of the tip and of the flank's turning,
-/// wherever the motion turns by more than 0.1 rad, and where rapid and feed meet; it takes the mean
-/// force of a revolution, the feed as that of the corner's centre (of a flat end mill: of half its
-/// flank). Turning looks once a revolution.
-/// A rapid, or the shank, that takes material is a crash. Empty for a scene without [cutting].
+/// Simulates the cut. Engagement gives the force, the force moves the tool, and the moved tool has
+/// another engagement, until force and deflection agree; the first guess is the load of the step
+/// before. Milling is evaluated after every `step` of travel of the tip and of the rotation of the
+/// flank, wherever the motion turns by more than 0.1 rad, and where rapid and feed meet; it uses
+/// the mean force of a revolution and the feed of the centre of the corner (of a flat end mill: of
+/// half its flank). Turning is evaluated once a revolution. A rapid, or the shank, that removes
+/// material is a crash. Empty for a scene without [cutting].
 /// @param design_m  the part in its own frame, for a blank that is its offset
-/// @throws BadInput naming the scene or the program line: a blank that cannot be, too many dexels,
-///         a cut with a spindle that stands still or turns the other way, a feed per tooth beyond
-///         the cutter's radius
+/// @throws BadInput naming the scene or the program line: a blank that is not valid, too many
+///     dexels, a cut with a spindle that stands still or turns the other way, or a feed per tooth
+///     larger than the radius of the cutter
 Process simulate_process(const Scene& scene, const Machine& machine,
                          const cutting::Design& design_m, const FollowedProgram& program,
                          const std::function<void(double)>& progress = {});

@@ -33,13 +33,15 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr int max_tools = 999;                // H and D numbers that are known
-constexpr std::size_t max_trace = 2'000'000;  // places of a picture, 14 bytes each
+constexpr int max_tools = 999;  // largest H and D number; a control that is inspected without a
+                                // table knows all of them
+constexpr std::size_t max_trace = 2'000'000;  // points of a picture, 14 bytes each
 
-/// A file, or a machine of the library with or without `library:` before its name.
+/// Returns the file of a machine: a path, or a name of the library with or without `library:`.
 std::filesystem::path machine_file_of(const std::string& name) {
   const bool plain = name.find_first_of("/.:") == std::string::npos;
   std::error_code none;
+  // A file of that name in the folder wins over the library.
   const bool is_file = std::filesystem::is_regular_file(name, none);
   const std::string full = plain && !is_file ? std::string(library_prefix) + name : name;
   InputErrors input_errors;
@@ -49,7 +51,7 @@ std::filesystem::path machine_file_of(const std::string& name) {
   return file;
 }
 
-/// A scene with nothing but a machine and a tool of that length.
+/// Returns a scene of a machine and a tool of the given length only.
 Scene scene_of(const std::filesystem::path& file, const ProgramInspectionOptions& options) {
   Scene scene;
   scene.file = file;
@@ -80,6 +82,7 @@ program::NcOptions control_of(const Scene& scene, const Machine& machine,
     control.work_offset.fill(
         positions_in(options.offset, machine.control, "--offset", Within::Anything));
   if (scene.program.tools) {
+    // Every tool of the table needs the control's chain to its tip, for G43.4 with its H.
     for (const auto& [number, length] : control.tool_length) {
       Scene with_tool = scene;
       with_tool.tool.number = number;
@@ -93,6 +96,7 @@ program::NcOptions control_of(const Scene& scene, const Machine& machine,
   return control;
 }
 
+// The first line decides unless the ending does.
 bool is_pvt(const std::filesystem::path& file, std::string_view text,
             const ProgramInspectionOptions& options) {
   if (options.dialect != dialects::Dialect::Auto) return false;
@@ -103,12 +107,14 @@ bool is_pvt(const std::filesystem::path& file, std::string_view text,
   return false;
 }
 
-/// Keeps every place until there are too many, then every second of them, and so on.
+/// Keeps every point until there are too many, then every second one, and so on. The memory is
+/// bounded without knowing the length of the program.
 class Tracer {
  public:
   explicit Tracer(TipTrace& trace) : trace_(trace) {}
 
   void add(const Eigen::Vector3d& tip_w, bool rapid) {
+    // a point left out passes its rapid on to the next point kept
     rapid_since_ = rapid_since_ || rapid;
     if (count_++ % every_ != 0) return;
     trace_.places.push_back(tip_w.cast<float>());
@@ -131,7 +137,7 @@ class Tracer {
   bool rapid_since_ = false;
 };
 
-/// Tools by their calls: those of M6, or of T where there is no M6.
+/// Returns the tools called by M6, or by T if the program has no M6.
 std::vector<ProgramTool> tools_of(const std::vector<program::ToolCall>& calls, std::size_t blocks) {
   const bool with_m6 = std::any_of(calls.begin(), calls.end(),
                                    [](const program::ToolCall& call) { return call.changes; });
@@ -156,9 +162,9 @@ std::vector<ProgramTool> tools_of(const std::vector<program::ToolCall>& calls, s
   return tools;
 }
 
-/// Axes beyond their travel, poles that are passed, and moves that the limits of axes slow down.
+/// Adds the warnings about axes beyond their travel, poles, and moves slowed down by axis limits.
 void judge(const ProgramInspectionOptions& options, ProgramInspection& alone) {
-  constexpr double slack = 1e-6;  // mm or rad: words are rounded, limits are not exact
+  constexpr double slack = 1e-6;  // mm or rad: programmed numbers are rounded, limits are not exact
   for (int j = 0; j < alone.machine.control.size(); ++j) {
     const kinematics::Joint& joint = alone.machine.control.joints()[std::size_t(j)];
     const program::AxisFigures& axis = alone.figures.axes[std::size_t(j)];
@@ -183,7 +189,7 @@ void judge(const ProgramInspectionOptions& options, ProgramInspection& alone) {
         alone.figures.slowed, alone.figures.max_slowed.value, alone.figures.max_slowed.line));
 }
 
-/// What a path is written as.
+/// Converts a path to the requested format.
 void convert(const program::Path& path, const program::NcOptions& control,
              const ProgramInspectionOptions& options, ProgramInspection& alone) {
   if (options.to == ProgramFormat::Pvt) {
@@ -204,7 +210,7 @@ void convert(const program::Path& path, const program::NcOptions& control,
   for (std::size_t i = 0; i < points.size(); ++i) {
     const program::Block& block = path.blocks[i];
     if (block.interpolation != program::Interpolation::Arc || path.arcs[block.shape].turned < 0)
-      continue;  // no plane word is wanting
+      continue;  // its plane has an NC code
     const std::size_t n = program::chords_of(path, block, alone.machine.control, options.within);
     for (std::size_t k = 1; k <= n; ++k) {
       const double u = double(k) / double(n);
@@ -212,10 +218,13 @@ void convert(const program::Path& path, const program::NcOptions& control,
     }
     chords += n;
   }
+  // offsets are written into the positions, so the control must add none
   program::NcOptions without_offsets = control;
   without_offsets.work_offset = {};
   without_offsets.more_offset.clear();
   alone.converted = program::rewritten(path, points, without_offsets,
+                                       // 1e-6 mm and 1e-6 deg: finer than any control reads, so the
+                                       // text adds no error
                                        {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
                         .text;
   if (chords > 0)
@@ -238,7 +247,7 @@ std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& progra
 
 namespace {
 
-/// Looks at the blocks of a program as they come.
+/// Measures, traces and writes the segments of a program while it is read.
 class Looking {
  public:
   Looking(ProgramInspection& alone, const program::NcOptions& control,
@@ -264,8 +273,8 @@ class Looking {
     if (writer_) writer_->add(piece);
   }
 
-  /// The same while the next piece is read. A fault of it comes with the next piece or at the end,
-  /// unless the program has faults that end the reading.
+  /// Does the same while the next segment is read. An exception is thrown with the next segment or
+  /// at the end, unless the reading ends earlier with errors of its own.
   void add_beside(program::Path piece) {
     wait();
     beside_ = std::async(std::launch::async, [this, piece = std::move(piece)] { add(piece); });
@@ -290,10 +299,11 @@ class Looking {
   program::PathMeter meter_;
   Tracer tracer_;
   std::optional<program::LocationWriter> writer_;
-  std::future<void> beside_;  // last: it is waited for before what it uses goes
+  std::future<void> beside_;  // last member: its thread must end before the members it uses
 };
 
-/// @param whole  kept: what conversions need
+/// Reads a program and fills the inspection; the whole path is kept only for conversions that need
+/// it.
 void read_alone(const std::string& text, const program::NcOptions& control,
                 const ProgramInspectionOptions& options, const Progress& progress,
                 ProgramInspection& alone) {
@@ -304,6 +314,7 @@ void read_alone(const std::string& text, const program::NcOptions& control,
     if (options.interpreter == dialects::Interpreter::LinuxCnc)
       throw BadInput(alone.file.string(), 0, 0,
                      "a program of LinuxCNC beside --interpreter linuxcnc", "a table of times");
+    // A table of times has no NC words to count.
     path = program::read_pvt(text, alone.file.string(), control);
     alone.dialect = "pvt";
     alone.executed = path.blocks.size();
@@ -320,6 +331,7 @@ void read_alone(const std::string& text, const program::NcOptions& control,
     read.limits.blocks = read.control.max_moves = std::size_t(options.max_moves);
     read.control.max_move_bytes = max_move_bytes();
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
+    // Without a conversion only one segment is in memory at a time.
     if (!whole)
       read.on_path_segment = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
     if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
@@ -366,11 +378,12 @@ ProgramInspection inspect_program(const std::filesystem::path& program,
                           .offset = options.offset,
                           .description = scene.machine,
                           .machine = machine};
+  // the last line may lack its line end
   alone.lines = std::size_t(std::count(text.begin(), text.end(), '\n'));
   if (!text.empty() && text.back() != '\n') ++alone.lines;
   alone.bytes = text.size();
   const bool points = options.to == ProgramFormat::Cl || options.to == ProgramFormat::Csv;
-  if (const int s = program::spindle_of(control.axes);
+  if (const int s = program::find_spindle(control.axes);
       points && s >= 0 && control.axes[std::size_t(s)].motion == kinematics::Motion::Rotary)
     throw BadInput(machine_file.string(), 0, 0,
                    "a machine whose workpiece does not spin, for cutter locations", "one with S");

@@ -22,8 +22,8 @@ double memory_bytes() {
 }
 
 void limit_memory(double bytes) {
-  // of what is resident; Linux keeps it for the asking and does not enforce it, so that an estimate
-  // a little too low ends no run
+  // Sets the limit of the resident memory. Linux stores this limit but does not enforce it, so an
+  // estimate that is a little too low does not end a run.
   ::rlimit limit{};
   if (::getrlimit(RLIMIT_RSS, &limit) != 0) return;
   limit.rlim_cur = std::min(::rlim_t(bytes), limit.rlim_max);

@@ -3,9 +3,10 @@
 #include <chrono>
 #include <cstddef>
 
+/// Memory limits of the process, and a stopwatch.
 namespace abbe::sim {
 
-/// Seconds since it was made, or since the last lap.
+/// Measures the seconds since its construction or since the last lap.
 class Stopwatch {
  public:
   double lap() {
@@ -19,16 +20,16 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-/// Returns the bytes that a computation may take: of the computer, or of a limit that is set for
+/// Returns the memory that a computation may use, bytes: that of the computer, or a limit set for
 /// the process.
 double memory_bytes();
 
-/// Returns the bytes that the moves of a program may take: a third of the memory, the rest is for
-/// samples.
+/// Returns the memory that the moves of a program may use, bytes: a third of the total; the rest is
+/// for samples.
 std::size_t max_move_bytes();
 
-/// Plans for so many bytes from now on, whatever the computer has; what would take more is an input
-/// error before it begins.
+/// Sets the memory to plan for, whatever the computer has. A computation that would need more is
+/// then an input error before it begins.
 void limit_memory(double bytes);
 
 }  // namespace abbe::sim

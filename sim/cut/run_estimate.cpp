@@ -19,8 +19,8 @@ using Belief = CaseDescription::Belief;
 using Channel = CaseDescription::Channel;
 using compensation::Strategy;
 
-// Seconds on two cores, measured on the scenes of the library. Only how they compare matters much:
-// the rest is learned.
+// Seconds on two cores, measured on the scenes of the library. Their ratios matter; the speed of
+// the computer is learned while it runs.
 constexpr double seconds_per_vertex_made = 1e-6, seconds_per_block_read = 5e-6,
                  seconds_per_block_written = 6e-6;
 constexpr double seconds_per_collision_sample = 1e-5;
@@ -35,7 +35,7 @@ constexpr double seconds_per_pixel_filmed = 1e-7, seconds_per_pixel_encoded = 1.
                  seconds_per_stock_filmed = 0.1;
 constexpr double seconds_per_file = 0.1, seconds_per_picture = 0.8;
 
-/// Blocks of a file, by its bytes.
+/// Returns the approximate number of blocks of a file, from its size.
 double blocks_in(const std::filesystem::path& file) {
   constexpr double bytes_of_block = 35.0;
   std::error_code failure;
@@ -51,6 +51,7 @@ double vertices_in(const std::filesystem::path& mesh) {
 }
 
 double correction_seconds(const WorkSize& size, const CaseDescription& compensator) {
+  // average number of correction steps of a sample
   const double steps = compensator.strategy == Strategy::Iterated ? 3.0 : 1.6;
   double seconds = steps * seconds_per_correction * size.samples;
   if (compensator.channel == Channel::Program)
@@ -63,7 +64,7 @@ double surface_seconds(const WorkSize& size) {
   return seconds_per_vertex_cut * size.vertices + seconds_per_sample_sorted * size.samples;
 }
 
-/// What a compensator cuts before it knows what it corrects by.
+/// Returns the time of the cuts that a compensator learns from before it corrects.
 double learning_seconds(const WorkSize& size, const Scene& scene,
                         const CaseDescription& compensator) {
   const double stock = size.stock ? seconds_per_stock_sample * size.samples : 0.0;
@@ -84,6 +85,7 @@ WorkSize expected_size(const Scene& scene) {
   size.vertices = mesh ? vertices_in(mesh->file) : double(scene.part.vertices);
   const auto* file = std::get_if<ProgramDescription::File>(&scene.program.source);
   size.generated = file == nullptr;
+  // Typical figures of the library: 30 000 blocks for a generated program, 8 samples a block.
   size.blocks = file ? blocks_in(file->file) : 3e4;
   size.samples = 8.0 * size.blocks;
   size.stock = scene.cutting.has_value();
@@ -114,6 +116,7 @@ std::vector<Stage> scene_preparation_stages(const std::string& part, const WorkS
 
 WorkSize size_after_sampling(WorkSize size, const Scene& scene) {
   const PartSampling& sampling = scene.part.sampling;
+  // typical growth of the vertices by adaptive sampling
   constexpr double usual_growth = 20.0;
   if (sampling.kind == PartSampling::Kind::Vertices) return size;
   const auto most = std::max(double(sampling.points), size.vertices);
@@ -197,8 +200,9 @@ namespace {
 
 using Channel = CaseDescription::Channel;
 
-// Bytes, measured on scenes of the library, from 2000 vertices and 105 000 samples to a million and
-// 17 million: what is resident at most once a program is sampled, its surface sampled, cut, drawn.
+// Bytes, measured on scenes of the library from 2000 vertices and 105 000 samples to a million and
+// 17 million: the largest resident memory after a program is sampled, its surface sampled, cut,
+// drawn.
 constexpr double bytes_of_program = 52e6, bytes_of_block = 420, bytes_of_sample = 410;
 constexpr double bytes_of_vertex_sampled = 1250;
 constexpr double bytes_of_sample_cut = 295, bytes_of_vertex_cut = 420,
@@ -209,12 +213,12 @@ constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
                  bytes_of_vertex_compared = 255;
 constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of_comparison = 230e6;
 
-/// Samples.
+/// Returns the samples in memory. In windows there are two: the first stays while another is cut.
 double samples_held(const WorkSize& job) {
   return job.in_windows > 0.0 ? 2.0 * job.in_windows : job.samples;
 }
 
-/// A job while nothing is done with it, its vertices left out.
+/// Returns the bytes of a job at rest, without its vertices.
 double held(const WorkSize& job) {
   return bytes_of_block * job.blocks + bytes_of_sample * samples_held(job);
 }
@@ -247,6 +251,7 @@ double bytes_while_drawing(const WorkSize& job, const CaseRequest& asked) {
   return bytes + of_vertices * job.vertices + kept_tracks(job, asked);
 }
 
+// 1 GB = 1e9 bytes, as for --memory-gb
 std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
 
 WorkSize sum_of(const std::vector<WorkSize>& jobs) {
@@ -265,7 +270,7 @@ std::string figures(const std::vector<WorkSize>& jobs, const CaseRequest& asked)
                      asked.kept == 1.0 ? "case" : "cases");
 }
 
-/// Keys that set what takes most of it.
+/// Returns the keys that set what takes most of the memory.
 std::vector<std::string> dominant_keys(const Scene& scene, const std::vector<WorkSize>& jobs) {
   const WorkSize all = sum_of(jobs);
   if (bytes_of_vertex_drawn * all.vertices > (bytes_of_sample + bytes_of_sample_cut) * all.samples)
@@ -302,6 +307,7 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& asked) 
   };
   double all_held = 0.0, most = 0.0;
   for (const WorkSize& job : jobs) all_held += held_with_vertices(job);
+  // Only one job is at its peak at a time; the others are at rest.
   for (const WorkSize& job : jobs) {
     const double others = all_held - held_with_vertices(job);
     most = std::max({most, others + bytes_while_sampling(job),
@@ -312,7 +318,7 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CaseRequest& asked) 
 }
 
 int cases_at_once(const std::vector<WorkSize>& jobs, CaseRequest asked) {
-  constexpr double free_at_least = 0.33;  // of the memory, for which peaks are only estimated
+  constexpr double free_at_least = 0.33;  // fraction of the memory, since peaks are only estimated
   const double most = (1.0 - free_at_least) * memory_bytes();
   const auto threads =
       tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
@@ -326,8 +332,10 @@ std::size_t max_samples_in_memory(WorkSize job, const CaseRequest& asked) {
     job.samples = samples;
     return peak_memory({job}, asked) <= memory_bytes();
   };
+  // below 1e5 samples a window costs more than it saves; 50e6 is the limit of a program
   double low = 1e5, high = 50e6;
   if (!fit(low)) return 0;
+  // the peak grows with the samples, so bisection finds the largest number that fits
   while (high - low > 1.0) (fit(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
   return std::size_t(low);
 }
@@ -343,7 +351,7 @@ void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const C
 }
 
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CaseRequest& asked) {
-  constexpr double of_interest = 2e9;
+  constexpr double of_interest = 2e9;  // bytes; a smaller peak needs no attention
   if (peak_memory(jobs, asked) < of_interest) return "";
   return "memory: " + figures(jobs, asked);
 }

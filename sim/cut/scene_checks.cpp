@@ -19,9 +19,10 @@ namespace abbe::sim {
 namespace {
 
 constexpr double max_points = 5e6;
-// measured: a dome of 60 531 points, 707 657 samples and few vertices takes 0.54 GB; a million
-// vertices under 5.6 million samples 7.3 GB in all
+// Measured: a dome of 60 531 points, 707 657 samples and few vertices takes 0.54 GB; a million
+// vertices with 5.6 million samples take 7.3 GB in all.
 constexpr double bytes_per_point = 1500.0, bytes_per_sample = 750.0, bytes_per_vertex = 1500.0;
+// below these no remark: the work takes a moment
 constexpr double max_unreported_points = 3e5, max_unreported_vertices = 1e6;
 
 const Node* at_path(const Node& tree, const std::string& dotted) {
@@ -46,13 +47,14 @@ std::string listed(const std::vector<std::string>& keys) {
   return text;
 }
 
-/// Three figures that a person can read: 12.3 million.
+/// Returns a count with three digits, such as "12.3 million".
 std::string about(double count) {
   if (count < 1e6) return fmt::format("{:.0f}", count);
   return count < 1e12 ? fmt::format("{:.3g} million", count / 1e6) : fmt::format("{:.1e}", count);
 }
 
-/// Keys that set what takes most of the memory: the vertices of the part, else the program.
+/// Returns the keys that set what takes most of the memory: the vertices of the part, or else the
+/// program.
 std::vector<std::string> dominant_byte_keys(const Scene& scene, const Work& work) {
   const double of_vertices = bytes_per_vertex * work.vertices;
   if (!work.by.empty() && of_vertices < 0.5 * work.bytes) return work.by;
@@ -69,12 +71,14 @@ BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& k
     const Node* node = scene.tree ? at_path(*scene.tree, key) : nullptr;
     if (!node) continue;
     const double value = number_in(*node);
+    // typed keys first: the user expects the error at what he has just changed
     const bool rather = !place || (node->place.typed && !place->typed) ||
                         (node->place.typed == place->typed && value < least);
     if (!rather) continue;
     place = &node->place;
     least = value;
   }
+  // without any of the keys in the file, the section is the best location
   if (!place && scene.tree && !keys.empty())
     if (const Node* section = at_path(*scene.tree, keys.front().substr(0, keys.front().find('.'))))
       place = &section->place;
@@ -89,6 +93,7 @@ std::string windows_obstacle_text(const std::string& windows_obstacle) {
 }
 
 std::size_t max_program_samples() {
+  // a fifth of the memory stays free for what is not a sample
   return std::size_t(std::min(50e6, 0.8 * memory_bytes() / bytes_per_sample));
 }
 
@@ -99,10 +104,12 @@ Work estimate_work(const Scene& scene, const Part& part) {
   if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
     work.passes = range.y() / raster->step_over + 1;
     work.points = work.passes * (range.x() / raster->step + 1);
+    // The sampling adds points where the steps of the generator are long.
     work.samples = std::max(work.points, work.passes * range.x() / scene.max_step);
     work.by = {"program.step_over_mm", "program.step_mm", "sampling.max_step_mm"};
   } else if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
     work.passes = 1;
+    // the circumference of the largest circle of the part, an upper bound of the path
     const double around = std::numbers::pi * range.maxCoeff();
     work.points = around / flank->step + 1;
     work.samples = std::max(work.points, around / scene.max_step);
@@ -160,19 +167,21 @@ using kinematics::Motion;
 using program::Block;
 using program::Interpolation;
 
-// F of an axis in m/min is a thousandth of its number in mm/min: the slowest that mills finish with
-// is about 20 mm/min.
+// An F in m/min read as mm/min is a thousandth of the intended feed. The slowest finishing feed of
+// a milling cutter is about 20 mm/min.
 constexpr double slowest_mm_per_min = 5.0;
-// below it a tooth rubs; diamonds are fed by 1 um a turn and more
+// Below this feed a tooth rubs instead of cutting; diamond tools are fed by 1 um a revolution or
+// more.
 constexpr double min_per_turn = 0.5 * units::um;
-// of the cutter's width, and never doubted below 1 mm: face mills of many teeth are fed by that
+// Fraction of the width of the cutter; below 1 mm a feed is never doubted, since face mills with
+// many teeth reach it.
 constexpr double max_per_turn = 0.5, max_unquestioned_feed_per_turn = 1.0;
 
-/// Blocks of one kind.
+/// Number of blocks of a kind, with the first of them.
 struct Count {
   int blocks = 0;
   int first_line = 0;
-  double value = 0.0;  ///< of the first
+  double value = 0.0;  ///< of the first block
 
   void add(const Block& block, double of_block = 0.0) {
     if (blocks++ > 0) return;
@@ -187,7 +196,7 @@ struct FeedCounts {
   Count standing, reversed, slow, rubbing, coarse;
 };
 
-/// mm, of the tip or the slides; 0 of a block that an axis turns in.
+/// Returns the length of a block, mm, of the tip or the slides; 0 if a rotary axis moves.
 double length_of(const program::Path& path, const Block& block, const kinematics::Chain& chain) {
   double squared = 0.0;
   for (int j = 0; j < chain.size(); ++j) {
@@ -208,6 +217,7 @@ double cutter_width(const Scene& scene) {
 
 void count_feed(const Block& block, double length, double rate, double width, FeedCounts& counts) {
   const double seconds = block.end_s - block.start_s;
+  // 1 nm: a shorter block has no meaningful feed
   if (!(length > 1e-6) || !(seconds > 0.0) || block.inverse_time) return;
   const double mm_per_min = length / seconds * 60.0;
   if (mm_per_min < slowest_mm_per_min) return counts.slow.add(block, mm_per_min);
@@ -221,7 +231,7 @@ void count_feed(const Block& block, double length, double rate, double width, Fe
 FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program::Path& path,
                        int spindle) {
   FeedCounts counts;
-  // without [cutting] nothing says that a cutter is left-handed
+  // without [cutting] a right-handed cutter is assumed
   const bool clockwise = !scene.cutting || scene.cutting->flutes.clockwise;
   for (const Block& block : path.blocks) {
     const bool straight_or_arc =
@@ -232,6 +242,8 @@ FeedCounts feed_counts(const Scene& scene, const Machine& machine, const program
     const double rate = (block.end[spindle] - block.start[spindle]) / seconds;
     counts.fastest = std::max(counts.fastest, std::abs(rate));
     if (rate == 0.0) counts.standing.add(block);
+    // Teeth and feed a revolution are checked for milling only; the simulated cut checks the
+    // spindle of a turning tool.
     if (!machine.workpiece_spindle) {
       if (rate != 0.0 && (rate > 0.0) != clockwise) counts.reversed.add(block);
       count_feed(block, length_of(path, block, machine.nominal), rate, cutter_width(scene), counts);
@@ -262,10 +274,10 @@ std::string reversed_text(const Scene& scene, const FeedCounts& counts) {
       reversed.first_line, clockwise ? 3 : 4, clockwise ? "counter_clockwise" : "clockwise");
 }
 
-/// Returns what is said of a vibration whose amplitude is stated at a speed far from any that cuts.
+/// Returns the warning about a vibration stated at a speed far from any at which the program cuts.
 std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
   constexpr double max_times = 5.0,
-                   min_times = 1.0 / 30;  // 60 and 9.55 are 1/s and rad/s for rpm
+                   min_times = 1.0 / 30;  // a wrong unit gives 60 (1/s) or 9.55 (rad/s)
   for (const errors::Vibration& vibration : scene.vibrations) {
     const double times = counts.fastest / vibration.reference_speed;
     if (vibration.exponent == 0.0 || times == 0.0 || (times >= min_times && times <= max_times))
@@ -283,7 +295,7 @@ std::string vibration_text(const Scene& scene, const FeedCounts& counts) {
 
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path) {
-  const auto spindle = spindle_of(machine);
+  const auto spindle = find_spindle(machine);
   if (!spindle) return {};
   const FeedCounts counts = feed_counts(scene, machine, path, *spindle);
   std::vector<std::string> warnings;
@@ -322,6 +334,7 @@ std::string pole_text(const program::NearPole& pole, const kinematics::Chain& ch
       "{:.4g} deg in all, at up to {:.4g} deg/min as programmed",
       letter(pole.axis), letter(pole.axis), pole.angle / units::deg,
       program::line_text(more_files, pole.line, pole.file), letter(pole.other),
+      // adding 0.0 removes the sign of -0
       pole.at / units::deg + 0.0, within / units::deg, letter(pole.axis), pole.turned / units::deg,
       pole.fastest / units::deg * 60.0);
 }
@@ -329,6 +342,7 @@ std::string pole_text(const program::NearPole& pole, const kinematics::Chain& ch
 std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path) {
   const auto* given = std::get_if<ProgramFile>(&scene.program.source);
+  // A program in axis positions has fixed the motion of its axes at a pole already.
   const bool tip = std::ranges::any_of(path.blocks, [](const program::Block& block) {
     return block.coordinates == program::Coordinates::Tip;
   });
@@ -349,7 +363,8 @@ std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machin
 
 namespace {
 
-/// A mesh whose facets sag by more than the tolerance, or that has hardly a smooth place.
+/// Returns the warning about a mesh whose facets sag by more than the tolerance, or where most
+/// vertices lie on sharp edges.
 std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
   if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
   const cutting::Coarseness coarse = cutting::coarseness(design_w);
@@ -359,6 +374,7 @@ std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
         "30 "
         "degrees, where a normal is a mean of faces",
         coarse.sharp, coarse.judged);
+  // A tolerance of +-h is missed by the mesh itself if its facets sag by more than h.
   const std::optional<double> half = narrowest_half_width(scene.part);
   if (half && coarse.facet_error > *half)
     return fmt::format(
@@ -372,7 +388,7 @@ bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
   return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
 }
 
-/// A design on which a gouge can lie between the places where it is judged.
+/// Returns the warning about a design on which a gouge may lie between its judged vertices.
 std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
   const JudgedVertices places = judged_vertices(design_w);
   if (!is_sparse(places, scene.tool)) return {};
@@ -382,9 +398,10 @@ std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
   return fmt::format(
       "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
       "a gouge between them is in no figure",
-      places.length_mismatch_text, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
+      places.apart, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
+// Returns the warning about a program that only moves in rapid.
 std::string no_feed_text(const program::Path& path) {
   const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
   if (feeds || path.motion_blocks == 0) return {};
@@ -392,7 +409,7 @@ std::string no_feed_text(const program::Path& path) {
                      path.motion_blocks);
 }
 
-/// A program that counts in two units, or says two.
+/// Returns the warning about a program that uses or states two units.
 std::string unit_change_text(const program::Path& path) {
   if (path.unit_words.size() < 2) return {};
   int inches = 0, moves = 0;
@@ -402,6 +419,7 @@ std::string unit_change_text(const program::Path& path) {
     inches += block.inch;
   }
   std::string words;
+  // four of them show the mistake; a program may repeat its unit in every block
   for (std::size_t i = 0; i < std::min<std::size_t>(path.unit_words.size(), 4); ++i) {
     const program::UnitWord& word = path.unit_words[i];
     words +=
@@ -413,7 +431,8 @@ std::string unit_change_text(const program::Path& path) {
       words, inches, moves);
 }
 
-/// A holder that stands where the cutter or the spindle is, or that leaves a piece of the tool out.
+/// Adds warnings about a holder that overlaps the cutter or the spindle, or that ends short of the
+/// spindle.
 void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& texts) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
   if (cutter == nullptr || !tool.holder) return;
@@ -435,7 +454,7 @@ void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& tex
         over > 0.0 ? "" : ": what is between them is met by nothing"));
 }
 
-/// Arcs that bulge inwards are cut as chords.
+/// Adds the warning that concave arcs of a tool are cut as chords.
 void add_chord_text(const ToolDescription& tool, std::vector<std::string>& texts) {
   const double sag = std::max(chord_sag(tool.nominal_form), chord_sag(tool.actual_form));
   if (sag > 0.0)
@@ -470,26 +489,25 @@ JudgedVertices judged_vertices(const cutting::Design& design) {
     for (int k = 0; k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(design, a) && is_judged(design, b))
-        places.length_mismatch_text = std::max(
-            places.length_mismatch_text, (design.vertices.row(a) - design.vertices.row(b)).norm());
+        places.apart =
+            std::max(places.apart, (design.vertices.row(a) - design.vertices.row(b)).norm());
     }
   return places;
 }
 
 bool is_sparse(const JudgedVertices& places, const ToolDescription& tool) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-  return places.vertices < min_judged ||
-         (cutter != nullptr && places.length_mismatch_text > 2.0 * cutter->radius);
+  return places.vertices < min_judged || (cutter != nullptr && places.apart > 2.0 * cutter->radius);
 }
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
                                           const program::Unreached& unreached) {
-  std::vector<std::string> warnings = tool_comment_warnings(path, tools_of(scene));
+  std::vector<std::string> warnings = tool_comment_warnings(path, all_tools(scene));
   for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
                            coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
-  for (const ToolDescription& tool : tools_of(scene)) {
+  for (const ToolDescription& tool : all_tools(scene)) {
     add_holder_texts(tool, warnings);
     add_chord_text(tool, warnings);
   }
@@ -516,6 +534,8 @@ ShankContacts joined(const ShankContacts& a, const ShankContacts& b) {
                        const std::optional<cutting::ShankContact>& second) {
     if (!first || !second) return first ? first : second;
     cutting::ShankContact contact = second->deepest > first->deepest ? *second : *first;
+    // A vertex may be met in both windows, so the sum would count it twice: the larger number is a
+    // lower bound.
     contact.vertices = std::max(first->vertices, second->vertices);
     contact.first_line = first->first_line;
     return std::optional(contact);

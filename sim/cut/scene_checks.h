@@ -15,64 +15,68 @@
 #include "sim/program/sample.h"
 #include "sim/scene/scene.h"
 
-/// How much a scene asks of the computer, said and refused before it is done.
+/// Checks of a scene before anything is cut: its size, feeds, poles, judged vertices, shank and
+/// holder.
 namespace abbe::sim {
 
-/// A refusal of what keys of the scene ask together: the less each is, the more. It stands at the
-/// place of the least of those that the user typed, else of those that are written, else of the
-/// section.
+/// Returns the input error for several keys that set a size together. It points to the smallest
+/// value that the user typed, else to the smallest that is written in the file, else to the
+/// section, since smaller values mean more work.
 /// @param keys  dotted paths, such as "program.step_mm"
 BadInput scene_limit_error(const Scene& scene, const std::vector<std::string>& keys,
                            const std::string& expected, const std::string& seen);
 
-/// "; with [thermal] it cannot be run in windows", for such a refusal.
-/// @param needs_whole  what of the case does; empty for nothing, of which nothing is said
+/// Returns a text such as "; with [thermal] it cannot be run in windows" for that error.
+/// @param windows_obstacle  what prevents windows; empty: none, and the text is empty
 std::string windows_obstacle_text(const std::string& windows_obstacle);
 
-/// Most samples that a program may have: 50 million, and no more than the memory holds.
+/// Returns the largest number of samples of a program: 50 million, or what the memory holds if that
+/// is less.
 std::size_t max_program_samples();
 
-/// What is generated and judged, estimated.
+/// Estimated size of what is generated and judged.
 struct Work {
   double passes = 0.0;
-  double points = 0.0;   ///< of the passes; 0 for a program from a file
-  double samples = 0.0;  ///< of the passes, at least
+  double points = 0.0;   ///< on the passes; 0 for a program from a file
+  double samples = 0.0;  ///< on the passes, lower bound
   double vertices = 0.0;
-  Eigen::Vector2d range = Eigen::Vector2d::Zero();  ///< mm of the part that is covered
-  double bytes = 0.0;                               ///< for all of them, at least
+  Eigen::Vector2d range = Eigen::Vector2d::Zero();  ///< mm of the part covered
+  double bytes = 0.0;                               ///< for all of them, lower bound
   std::vector<std::string> by;                      ///< keys that set passes, points and samples
 };
+/// Estimates the size of a scene's program and part; points are 0 for a program from a file.
 Work estimate_work(const Scene& scene, const Part& part);
 
-/// The same of a program that is run in windows, whose samples are not held.
+/// Returns the work of a program that is run in windows, whose samples are not all in memory.
 Work windowed_work(Work work);
 
-/// @throws BadInput naming the keys and the figures if the points are more than 5 million, or the
-///         memory does not hold all
+/// Throws BadInput naming the keys and the figures if the points are more than 5 million or the
+/// memory does not hold everything.
 void check_work(const Scene& scene, const Work& work);
 
-/// One line for a person, empty where it takes a moment only.
+/// Returns one line on the work for the user; empty if it takes only a moment.
 std::string remark(const Work& work);
 
-/// Returns what no operator would let a program do: feed while the spindle stands or turns against
-/// the teeth, at less than 5 mm/min or 0.5 um a turn, by more than half the cutter a turn, or at
-/// more than five times the speed at which a vibration is stated. One sentence each, with the first
-/// line. Programs of pvt tables, which bear no spindle, and blocks under G93 or with turning axes,
-/// whose feed is not that of the tip, are left out.
+/// Returns warnings about feeds that no operator would allow, one sentence each with the first
+/// line: feed while the spindle stands or turns against the teeth, at less than 5 mm/min or 0.5 um
+/// a revolution, by more than half the cutter a revolution, or at more than five times the speed at
+/// which a vibration is stated. Programs from pvt tables, which state no spindle, and blocks under
+/// G93 or with rotary axes, whose feed is not that of the tip, are left out.
 std::vector<std::string> feed_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
-/// rad, of the axis that is free at a pole: less than that is nothing to be said.
+/// Turn of the free axis at a pole below which there is no warning, rad.
 inline constexpr double min_reported_pole_turn = 10.0 * units::deg;
 
-/// What is to be said of a program that passes a pole of the machine: how close, where, and how far
-/// and how fast the axis that is free there turns. Empty where it turns by less than
-/// `min_reported_pole_turn`.
-/// @param within  rad, what was near  @param more_files  as Path has them
+/// Returns the warning of a program that passes a pole of the machine: how close, where, and how
+/// far and how fast the free axis turns. Empty if it turns by less than `min_reported_pole_turn`.
+/// @param within      rad, distance that counts as near
+/// @param more_files  as in Path
 std::string pole_text(const program::NearPole& pole, const kinematics::Chain& chain, double within,
                       const std::vector<std::string>& more_files);
 
-/// The same of a scene whose program is a file. @param machine  compiled from it
+/// Returns the same warnings for a scene whose program is a file.
+/// @param machine  compiled from the scene
 std::vector<std::string> pole_warnings(const Scene& scene, const Machine& machine,
                                        const program::Path& path);
 
@@ -82,39 +86,43 @@ struct NominalRun {
   const std::vector<kinematics::Pose>& T_wt;  ///< (samples)
 };
 
-/// Where a design is judged, as far as it is between these places that something is missed.
+/// The vertices at which a design is judged, and the largest distance between them.
 struct JudgedVertices {
   int vertices = 0;
-  double length_mismatch_text = 0.0;  ///< mm, the longest edge between two of them
+  double apart = 0.0;  ///< mm, the longest edge between two of them
 };
+/// Returns the judged vertices of a design and their largest distance.
 JudgedVertices judged_vertices(const cutting::Design& design);
 
-/// Below this number, or where they are farther apart than the cutter is wide, what is cut between
-/// them is in no figure.
+/// Number of judged vertices below which a part counts as too sparsely judged, as it does if they
+/// are farther apart than the cutter is wide: a cut between them appears in no figure.
 inline constexpr int min_judged = 10;
+/// Returns true if a part is too sparsely judged for a tool.
 bool is_sparse(const JudgedVertices& places, const ToolDescription& tool);
 
-/// Returns half the width of the narrowest tolerance of a part, mm; empty without one.
+/// Returns half the width of the narrowest tolerance of a part, mm; none without a tolerance.
 std::optional<double> narrowest_half_width(const PartDescription& part);
 
-/// What is to be said of a scene's part and program before anything is cut: poses that the machine
-/// does not reach, tools in comments that are not the scene's, no feed, two units, a coarse
-/// mesh, a holder that overlaps cutter or spindle or ends short of it.
+/// Returns the warnings about part and program of a scene before anything is cut: poses that the
+/// machine does not reach, tools in comments that differ from the scene's, no feed, two units, a
+/// coarse mesh, a holder that overlaps cutter or spindle or ends short of it.
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
                                           const program::Unreached& unreached);
 
-/// Where what does not cut of the scene's tool goes into the design.
+/// Contacts of shank and holder of the scene's tool with the design.
 struct ShankContacts {
   std::optional<cutting::ShankContact> shank, holder;
-  bool in_windows = false;  ///< the vertices are the most of any window
+  bool in_windows = false;  ///< counts are the largest of any window
 };
+/// Finds the contacts of shank and holder with a design along a run.
 ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w,
                              const NominalRun& run);
 
-/// Of two windows, one after the other.
+/// Joins the contacts of two windows, one after the other.
 ShankContacts joined(const ShankContacts& a, const ShankContacts& b);
 
+/// Returns the warnings about contacts of shank and holder.
 std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts& contacts);
 
 }  // namespace abbe::sim

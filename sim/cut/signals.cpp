@@ -20,10 +20,11 @@ using kinematics::Joint;
 using kinematics::Motion;
 using kinematics::Pose;
 
+// Limit on the rows of the program, and on those of the history.
 constexpr std::size_t most_rows = 20000;
 constexpr std::array component_names{"EX", "EY", "EZ", "EA", "EB", "EC"};
 
-/// Columns of a time line as they come.
+/// Collects the columns of the signals in the order they are added.
 class Table {
  public:
   explicit Table(Eigen::Index rows) : rows_(rows) {}
@@ -49,7 +50,7 @@ class Table {
   std::vector<VectorXd> values_;
 };
 
-/// One row's instant and what happened at it.
+/// A row of the signals: its instant and the state of the machine.
 struct Row {
   AxisState state;
   int line = 0;
@@ -58,7 +59,7 @@ struct Row {
   std::size_t sample = 0;
 };
 
-/// Speed of the spindle in the phase of the history in which an instant lies.
+/// Returns the spindle speed in the phase of the history that contains an instant.
 double history_speed(const Truth& truth, double time_s) {
   const auto& knots = truth.heat->run.knots;
   const auto after = std::upper_bound(
@@ -72,6 +73,7 @@ void add_history(std::vector<Row>& rows, const Scene& scene, const Truth& truth,
   if (!truth.heat || !(scene.signals.history_interval > 0.0)) return;
   const double start = truth.heat->run.knots.front().time_s;
   const double interval = std::max(scene.signals.history_interval, -start / double(most_rows - 1));
+  // Rows at whole multiples of the interval before the program, the earliest first.
   for (double k = std::floor(-start / interval); k >= 1.0; --k) {
     Row row{recorded.samples.states.front(), 0, {}, recorded.T_wt_wanted.front(), 0};
     row.state.time_s = -k * interval;
@@ -80,7 +82,7 @@ void add_history(std::vector<Row>& rows, const Scene& scene, const Truth& truth,
   }
 }
 
-/// The samples nearest to every whole multiple of the interval.
+/// Adds the samples nearest to the whole multiples of the interval.
 void add_program(std::vector<Row>& rows, const Scene& scene, const SignalInputs& recorded) {
   const auto& states = recorded.samples.states;
   const double start = states.front().time_s, length = states.back().time_s - start;
@@ -92,6 +94,7 @@ void add_program(std::vector<Row>& rows, const Scene& scene, const SignalInputs&
     while (i + 1 < states.size() &&
            std::abs(states[i + 1].time_s - time) <= std::abs(states[i].time_s - time))
       ++i;
+    // a sample nearest to two multiples makes one row
     if (last == i) continue;
     last = i;
     rows.push_back({states[i], recorded.samples.line[i],
@@ -100,7 +103,7 @@ void add_program(std::vector<Row>& rows, const Scene& scene, const SignalInputs&
   }
 }
 
-/// Reading of an instrument with noise that is rounded to its resolution.
+/// Returns the readings of an instrument: with noise, rounded to its resolution.
 VectorXd read(const VectorXd& truth, double noise, double resolution, std::uint64_t seed) {
   VectorXd reading = truth;
   for (Eigen::Index i = 0; i < reading.size(); ++i) {
@@ -110,14 +113,17 @@ VectorXd read(const VectorXd& truth, double noise, double resolution, std::uint6
   return reading;
 }
 
-/// First-order response of a bandwidth in Hz, exact for signals that are linear between the rows.
+/// Returns the first-order response to a signal, with a bandwidth in Hz; exact for a signal that is
+/// linear between the rows, whatever their spacing.
 VectorXd filtered(const VectorXd& input, const VectorXd& time_s, double bandwidth) {
   if (!(bandwidth > 0.0) || input.size() == 0) return input;
   VectorXd output(input.size());
   output[0] = input[0];
   for (Eigen::Index i = 1; i < input.size(); ++i) {
-    const double x = (time_s[i] - time_s[i - 1]) * 2 * pi * bandwidth;  // in time constants
+    const double x = (time_s[i] - time_s[i - 1]) * 2 * pi * bandwidth;  // step in time constants
     const double decay = std::exp(-x);
+    // below 1e-8 the quotient loses its digits; the series 1 - (1 - e^-x) / x = x / 2 is exact
+    // there
     const double slope_gain = x > 1e-8 ? 1.0 - (1.0 - decay) / x : 0.5 * x;
     output[i] = decay * output[i - 1] + (1.0 - decay) * input[i - 1] +
                 slope_gain * (input[i] - input[i - 1]);
@@ -125,7 +131,9 @@ VectorXd filtered(const VectorXd& input, const VectorXd& time_s, double bandwidt
   return output;
 }
 
-/// Every sensor has its own stream of noise, by its place.
+/// Returns the seed of the noise of a sensor, by its number, so that adding a sensor does not
+/// change the readings of the others. The first factor is 2^64 divided by the golden ratio, which
+/// spreads neighbouring seeds.
 std::uint64_t stream(std::uint64_t seed, std::uint64_t sensor) {
   return seed * 0x9e3779b97f4a7c15u + 0x5151u * (sensor + 1);
 }
@@ -149,6 +157,7 @@ void add_axes(Table& table, const Scene& scene, const Machine& machine,
                                   stream(scene.seed, std::uint64_t(j)));
     encoders.emplace_back(joint.name + std::string("_encoder") + suffix, reading / unit);
   }
+  // the columns of the encoders come after those of all commands
   for (auto& [name, reading] : encoders) table.add(name, std::move(reading));
 }
 
@@ -199,7 +208,7 @@ ProcessRows process_rows(const Process& process, const VectorXd& time_s) {
     rows.force.row(i) = load_at(process, time_s[i]).on_tool_t.head<3>().transpose();
     for (; step < process.steps.size() && process.steps[step].time_s <= time_s[i]; ++step)
       rows.removed[i] += process.steps[step].removed;
-    // what turns the spindle holds over the stretch that ends at a step
+    // Torque and power of a step hold over the interval that ends at the step.
     const std::size_t at = std::min(step, process.steps.size() - 1);
     const bool here = step > 0 && process.steps[step - 1].time_s == time_s[i];
     const ProcessStep& now = process.steps[here ? step - 1 : at];
@@ -228,6 +237,7 @@ void add_process(Table& table, const Scene& scene, const Process& process, const
     const auto& motor = *wanted.current;
     VectorXd torque = rows.torque + motor.viscous_torque * spindle_speed;
     for (Eigen::Index i = 0; i < torque.size(); ++i)
+      // a spindle at rest needs no idle torque
       if (spindle_speed[i] > 0.0) torque[i] += motor.idle_torque;
     const VectorXd current = filtered(torque / motor.torque_per_current, time_s, motor.bandwidth);
     table.add("current_A", read(current, motor.noise_A, 0.0, stream(scene.seed, 100)));
@@ -240,10 +250,11 @@ void add_process(Table& table, const Scene& scene, const Process& process, const
                      stream(scene.seed, 101 + std::uint64_t(k))));
 }
 
-/// One row of all deviations: motion and location of every joint, tool, part, tip.
+/// All deviations of a row: motion and location of every joint, tool, part, tip.
 using DeviationRow = Eigen::Matrix<double, 1, Eigen::Dynamic>;
 
-/// A tool as the bed sees it where the workpiece turns under it.
+/// Returns the tool as seen from the bed if the workpiece turns under it; otherwise the deviations
+/// would turn with the spindle.
 Pose seen(const Machine& machine, const AxisState& state, const Pose& T_wt) {
   if (!machine.workpiece_spindle) return T_wt;
   const int spindle = *machine.workpiece_spindle;
@@ -287,7 +298,7 @@ void add_deviations(Table& table, const Machine& machine, const Eigen::MatrixXd&
   const Eigen::Index rest = 12 * Eigen::Index(joints.size());
   add(rest, [](int k) { return "tool_" + element_name(k, ""); });
   add(rest + 6, [](int k) { return "part_" + element_name(k, ""); });
-  for (int k = 0; k < 6; ++k)  // what a tip does is always reported
+  for (int k = 0; k < 6; ++k)  // the tip is always reported
     table.add("tip_" + element_name(k, ""),
               rows.col(rest + 12 + k) / (k < 3 ? units::um : units::urad));
 }
@@ -328,7 +339,7 @@ Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
 Signals joined(Signals first, const Signals& second) {
   if (first.columns.empty()) return second;
   if (second.columns.empty()) return first;
-  std::vector<Eigen::Index> of_second;  // where each of its columns goes
+  std::vector<Eigen::Index> of_second;  // column of the joined table for each column of `second`
   for (const std::string& name : second.columns) {
     auto there = std::ranges::find(first.columns, name);
     if (there == first.columns.end()) there = first.columns.insert(there, name);

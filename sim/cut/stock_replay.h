@@ -10,84 +10,83 @@
 #include "sim/cut/job.h"
 #include "sim/cut/process_simulation.h"
 
-/// The steps in which a program mills.
+/// The stock during a program: its milling steps, a replay of the cut, and collisions with the
+/// stock.
 namespace abbe::sim {
 
-/// A program as it is milled on the wrong machine, step by step.
+/// The milling steps of a program on the machine with errors.
 struct Milling {
-  std::vector<std::size_t> at;         ///< (n) samples, rising from 0
-  std::vector<kinematics::Pose> T_wt;  ///< (n) where the tool is
-  std::vector<int> line;               ///< (n) program line that brings it there
-  std::vector<bool> rapid;             ///< (n) whether that is a rapid
+  std::vector<std::size_t> at;         ///< (n) samples, ascending from 0
+  std::vector<kinematics::Pose> T_wt;  ///< (n) actual poses of the tool
+  std::vector<int> line;               ///< (n) program line of the move to the step
+  std::vector<bool> rapid;             ///< (n) true if that move is a rapid
 
   std::size_t moves() const { return at.empty() ? 0 : at.size() - 1; }
-  cutting::StockMove move(std::size_t k) const;  ///< from k to k + 1
+  cutting::StockMove move(std::size_t k) const;  ///< the move from step k to k + 1
 };
 
+/// Returns the milling steps of a part of a job.
 /// @param part     with [cutting] and a milling cutter
-/// @param process  that cut, for its forces; empty: nothing bends
-/// @throws BadInput where a table of the errors is left
+/// @param process  gives the forces; empty: nothing deflects
+/// @throws BadInput if the motion leaves a table of the errors
 Milling milling_of(const Job& part, const Commands& commands, const Process& process = {});
 
-// The stock of a cut at any moment of it.
-
-/// A cut done once more, move by move, with the poses and forces that it had: its stock is that of
-/// the process after as many moves.
+/// Repeats a cut move by move, with its poses and forces. The stock equals that of the process
+/// after as many moves.
 class StockReplay {
  public:
   /// @param part      with [cutting]
   /// @param commands  of that part
-  /// @param process   that cut, for its forces; empty: nothing bends
-  /// @throws BadInput where a table of the errors is left, std::invalid_argument and
-  ///         std::length_error as of the blank
+  /// @param process   gives the forces; empty: nothing deflects
+  /// @throws BadInput if the motion leaves a table of the errors, std::invalid_argument and
+  ///     std::length_error as for the blank
   StockReplay(const Job& part, const Commands& commands, const Process& process = {});
 
-  /// Takes away what is cut by moves that have ended until then.
-  /// @return whether that changed the stock
+  /// Removes what is cut by the moves that end up to a time.
+  /// @return true if that changed the stock
   bool advance_to(double time_s);
-  /// Share of all moves that are done, 0 .. 1.
+  /// Returns the fraction of the moves that are done, 0 .. 1.
   double done() const;
+  /// Returns the surface of the present stock.
   cutting::StockMesh mesh() const;
   double volume() const;  ///< mm^3
 
  private:
   std::variant<cutting::Stock, cutting::TurnedStock> stock_;
   std::variant<cutting::Cutter, cutting::Nose> tool_;
-  Milling milling_;             ///< of a turned part the slow poses
-  std::vector<double> time_s_;  ///< (moves) at which each has ended
+  Milling milling_;             ///< of a turned part with slow poses
+  std::vector<double> time_s_;  ///< (moves) time at which each ends
   std::size_t next_ = 0;
 };
 
-// What meets the stock as it stands at that moment.
-
-/// Whether a part has a stock that is followed: [cutting] and a milling cutter.
+/// Returns true if the stock of a part is followed: it has [cutting] and a milling cutter.
 bool has_tracked_stock(const Job& part);
 
-/// How near a body is to the stock in the blocks of some samples.
+/// Lower bound of the distance between a body and the stock in the blocks of some samples.
 struct StockProximity {
-  std::size_t first = 0, last = 0;  ///< samples
+  std::size_t first = 0, last = 0;  ///< range of samples
   std::string body;
-  double at_least = 0.0;  ///< mm, 0 for contact
+  double at_least = 0.0;  ///< mm; 0 for contact
 };
 
+/// The collisions with the stock of a part.
 struct StockCollisions {
-  std::vector<Collision> list;  ///< in the order of the program; "stock" is one of the two
+  std::vector<Collision> list;  ///< in the order of the program; one of the two bodies is "stock"
   std::vector<Clearance> clearances;
-  std::vector<StockProximity> near;  ///< of contacts and near misses
-  std::size_t queries = 0;           ///< of distances
+  std::vector<StockProximity> near;  ///< for contacts and near misses
+  std::size_t queries = 0;           ///< number of distance queries
   std::vector<std::string> warnings;
 };
 
-/// Follows the dexels of [cutting] step by step, where nothing bends, and what may not touch them:
-/// the holder and every body of the machine that may meet the part, a shank that has not the
-/// cutter's radius, at any time; cutter and shank as `cutting::remove` judges them, the cutter on
-/// rapids. That takes a shank of the cutter's radius: where one of another is not seen to meet what
-/// it says, a warning counts the places. Where the
-/// stock is to a spacing of its dexels, `[cutting] spacing_mm`, so are places and depths. Between
-/// two steps a body is on a screw. A stretch in which two are near is closed at the end of the
-/// block in which they part.
-/// @param pairs  of the bodies; those with the part are taken with the stock
-/// @throws BadInput for a blank that cannot be
+/// Follows the dexels of [cutting] step by step, without deflection, and searches the bodies that
+/// must not touch them: at any time the holder, every machine body that may meet the part, and a
+/// shank of another radius than the cutter; cutter and shank as judged by `cutting::remove`, the
+/// cutter in rapids. `cutting::remove` assumes a shank of the cutter's radius; where a shank of
+/// another radius shows no contact, a warning counts the places. Positions and depths have the
+/// accuracy of the stock, a spacing of its dexels (`[cutting] spacing_mm`). Between two steps a
+/// body moves on a screw. An event ends at the end of the block in which the bodies part.
+/// @param pairs  of the bodies; those with the part are searched with the stock
+/// @throws BadInput if the blank is not valid
 StockCollisions stock_collisions(const ActualMotion& actual_motion,
                                  const std::vector<SolidBody>& bodies,
                                  const std::vector<cutting::BodyPair>& pairs,

@@ -46,7 +46,7 @@ Sweep single_tool_sweep(const ToolSweep& sweep, const SurfaceOptions& options) {
           }};
 }
 
-/// The surface with only those cuts that fall into the time of a sweep.
+/// Returns the surface with only those cuts that fall into the time of a sweep.
 Surface cut_during(Surface surface, const program::Samples& samples) {
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     const double time_s = surface.cut_time_s[Eigen::Index(i)];
@@ -57,14 +57,16 @@ Surface cut_during(Surface surface, const program::Samples& samples) {
   return surface;
 }
 
+// NaN marks a vertex without contact.
 PassGradients no_contacts(const Design& design_w) {
   const Eigen::Index n = design_w.vertices.rows();
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   return {cutting::Points::Constant(n, 3, nan), Eigen::VectorXd::Constant(n, nan)};
 }
 
-/// Adds those of what follows. @param before  mm, way of the tools until then @return mm, the
-/// farthest
+/// Adds the contacts of a later sweep at vertices that have none yet.
+/// @param before  mm, path length of the tools before it
+/// @return the largest path length, mm
 double add_contacts(PassGradients& all, const PassGradients& more, double before) {
   double most = before;
   for (Eigen::Index v = 0; v < all.travel.size(); ++v) {
@@ -76,11 +78,13 @@ double add_contacts(PassGradients& all, const PassGradients& more, double before
   return most;
 }
 
-/// Each contact by the tool that cut there; the ways of the tools follow one another.
+/// Returns the contact at each vertex with the tool that cut there; the path lengths of the tools
+/// follow one another.
 PassGradients joined_contacts(const Design& design_w, const Surface& surface,
                               const std::vector<ToolSweep>& sweeps,
                               const std::vector<Sweep>& ones) {
-  constexpr double between_tools = 1e6;  // mm: no two tools cut in one pass
+  constexpr double between_tools = 1e6;  // mm: separates the path lengths, so that no two tools
+                                         // seem to cut in one pass
   PassGradients all = no_contacts(design_w);
   double before = 0.0;
   for (std::size_t k = 0; k < ones.size(); ++k) {
@@ -93,6 +97,7 @@ PassGradients joined_contacts(const Design& design_w, const Surface& surface,
 }  // namespace
 
 Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
+  // One sweep needs no combination.
   if (sweeps.size() == 1) return single_tool_sweep(sweeps.front(), options);
   std::vector<Sweep> ones;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
@@ -105,6 +110,7 @@ Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
   }
   std::vector<cutting::SurfaceFunction> surfaces;
   for (std::size_t i = 0; i < sweeps.size(); ++i)
+    // Only the usual band is prepared; a search for gouges with a wider band is rare and made anew.
     surfaces.push_back([prepared = ones[i].surface, sweep = sweeps[i], usual = options.band](
                            const Design& design_w, double band) {
       if (band == usual) return prepared(design_w);
@@ -145,6 +151,7 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
       const cutting::CutterMotion motion = cutter_motion(one.T_wt, one.samples);
       const Surface during = cut_during(surface, one.samples);
       add_contacts(all, cutting::milled_gradients(design_w, during, cutter, motion, before), 0.0);
+      // path lengths continue from window to window, as in the sweep of the whole
       before = cutting::way_of(motion, before).tail(1).value();
     }
     return all;
@@ -188,7 +195,7 @@ namespace {
 using Eigen::Vector3d;
 using kinematics::Pose;
 
-/// A coordinate with its two ways to miss.
+/// A coordinate with the texts for a gap on either side.
 struct Coordinate {
   const char* below;
   const char* above;
@@ -212,14 +219,15 @@ bool is_milled(const Job& job) {
   return std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
 }
 
-/// How far the cutter reaches along a direction. @param T  tool in the frame of the direction
+/// Returns how far the cutter reaches along a direction, mm.
+/// @param T  tool in the frame of the direction
 double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d& direction) {
   const Vector3d axis = T.linear().col(2);
   return direction.dot(T.translation()) +
          cutting::support(cutter, direction.dot(axis), direction.cross(axis).norm());
 }
 
-/// Low and high end of what one pose of the tool takes in a coordinate, and the tip's place in it.
+/// Range of one pose of the tool in a coordinate, and the position of its tip.
 struct Taken {
   double low, high, tip;
 };
@@ -253,20 +261,22 @@ std::array<double, 2> spindle_coordinates(const Job& job, const Vector3d& p_w) {
 
 namespace {
 
-/// How far an edge reaches from its centre along a direction. @param R  turn of frame t
+/// Returns how far an edge reaches from its centre along a direction, mm.
+/// @param R  rotation of frame t
 double reach_along(const cutting::Nose& nose, const Eigen::Matrix3d& R, const Vector3d& direction) {
   if (!nose.profile) return nose.radius;
   const Eigen::Vector2d way(R.col(0).dot(direction), R.col(2).dot(direction));
   return way.dot(cutting::extreme_point(*nose.profile, way));
 }
 
-/// Along the spindle, and from it.
+/// Returns the ranges of one pose along the spindle and radially.
 std::array<Taken, 2> taken_by(const cutting::Nose& nose, const SpindleLine& line,
                               const Pose& T_wt) {
   const Vector3d arm = T_wt.translation() - line.point_w;
   const double along = line.direction_w.dot(arm);
   const Vector3d out = arm - along * line.direction_w;
   const std::array<double, 2> at{along, out.norm()};
+  // `stableNormalized` leaves zero at zero, for a tool on the spindle axis
   const std::array<Vector3d, 2> ways{line.direction_w, out.stableNormalized()};
   std::array<Taken, 2> taken;
   for (std::size_t k = 0; k < 2; ++k)
@@ -335,6 +345,7 @@ ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool) {
     const double above = tool[k].low - part[k].high, below = part[k].low - tool[k].high;
     const bool is_above = above > below;
     const double gap = std::max(above, below);
+    // an empty range (no feed, a third coordinate of turning) is infinite
     if (!(gap > worst.gap) || !std::isfinite(gap)) continue;
     worst = {gap, is_above ? tool[k].low_line : tool[k].high_line,
              fmt::format(fmt::runtime(is_above ? names[k].above : names[k].below), gap)};

@@ -13,19 +13,20 @@
 #include "kinematics/units.h"
 #include "sim/cut/job.h"
 
+/// The sweep of a program's tools through the workpiece, and the extents of tool and part.
 namespace abbe::sim {
 
-/// A tool, where a program takes it, and the chain whose part turns under a turning tool.
+/// The motion of one tool, and the chain whose part turns under a turning tool.
 struct ToolSweep {
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
   const program::Samples& samples;
   const std::vector<kinematics::Pose>& T_wt;  ///< (samples)
   const kinematics::Chain& chain;
-  std::optional<int> workpiece_spindle;  ///< joint; of a turning tool
+  std::optional<int> workpiece_spindle;  ///< joint, for a turning tool
 };
 
-/// The sweeps of one or several tools through the workpiece, made once and asked for the surface
-/// that they leave of any design: the least of all, as `cutting::combined_surface`.
+/// The sweeps of one or several tools through the workpiece. They are prepared once and give the
+/// surface they leave on any design: the minimum over all, as `cutting::combined_surface`.
 struct Sweep {
   std::function<cutting::Surface(const cutting::Design& design_w)> surface;
   std::function<cutting::PassGradients(const cutting::Design& design_w,
@@ -33,75 +34,79 @@ struct Sweep {
       contacts;
 };
 
-/// @param sweeps  one at least, one after the other in time; what they refer to outlives the result
+/// Prepares the sweeps of tools.
+/// @param sweeps  at least one, in the order of time; what they refer to must outlive the result
 Sweep sweep_of(std::vector<ToolSweep> sweeps, const cutting::SurfaceOptions& options);
 
-/// The surface that sweeps leave of one design.
+/// Returns the surface that sweeps leave on one design.
 cutting::Surface machined_surface(const cutting::Design& design_w,
                                   const std::vector<ToolSweep>& sweeps,
                                   const cutting::SurfaceOptions& options);
 
-/// A window of a program with where the tool is in it.
+/// A window of a program with the poses of the tool.
 struct SweptWindow {
   program::Samples samples;
   std::vector<kinematics::Pose> T_wt;  ///< (samples)
 };
 
-/// The sweep of one milling tool through windows, each made as often as it is wanted: the surface
-/// takes one pass through all, a second one where a vertex is uncut or gouged, and the contacts
-/// one.
-/// @param window  each begins where the one before ends
+/// Returns the sweep of one milling tool through windows, each made as often as needed: once for
+/// the surface, a second time if a vertex is uncut or gouged, and once for the contacts.
+/// @param window  returns a window, which begins where the one before ends
 Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
                        const std::function<SweptWindow(std::size_t number)>& window,
                        const cutting::SurfaceOptions& options);
 
-/// The program of a job on the error-free machine, a sweep for each of its parts. They refer to the
-/// job.
-/// @throws as `parts_of`
+/// Returns the sweeps of a job on the error-free machine, one for each of its parts. They refer to
+/// the job.
+/// @throws std::logic_error as `parts_of`
 std::vector<ToolSweep> error_free_sweeps(const Job& job);
 
-/// The same of a part of a job.
+/// Returns the error-free sweep of a part of a job.
 ToolSweep segment_error_free_sweep(const Job& part);
 
-/// All of it, in windows where the job is. It refers to the job.
+/// Returns the error-free sweep of a whole job, in windows if the job has windows. It refers to the
+/// job.
 Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
 
-/// The band of the scene, and progress under the name of the stage "surface".
+/// Returns the options with the band of the scene, and progress as stage "surface".
 cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
 
-// How far tool and part reach in the coordinates in which they are held against each other: x y z
-// of the part's frame; of a turned part along the spindle and from it.
+// Extents of tool and part in the coordinates in which they are compared: x y z of the part frame;
+// of a turned part along the spindle and radially.
 
-/// What lies between two values of a coordinate, and the program lines that reach them.
+/// The range of a coordinate, and the program lines that reach its ends.
 struct Span {
   double low = infinity, high = -infinity;  // mm
   int low_line = 0, high_line = 0;
 
+  /// Extends the range to contain [least, most], which the program reaches on a line.
   void extend(double least, double most, int line);
   double middle() const { return 0.5 * (low + high); }
   double size() const { return high - low; }
 };
-using Spans = std::array<Span, 3>;  ///< the third is empty of a turned part
+using Spans = std::array<Span, 3>;  ///< the third is empty for a turned part
 
-/// What a program sweeps on the error-free machine.
+/// The ranges that a program sweeps on the error-free machine.
 struct SweptSpans {
-  Spans all, feed;  ///< with the whole cutter; `feed` is `all` where nothing feeds
+  Spans all, feed;  ///< of the whole cutter; `feed` equals `all` if nothing feeds
   Spans tip;        ///< of the tip alone, in feed
 };
+/// Returns the ranges swept by a job.
 SweptSpans swept_spans(const Job& job);
 
-/// Of the judged vertices.
+/// Returns the ranges of the judged vertices.
 Spans part_spans(const Job& job);
 
-/// The coordinate in which a tool keeps farthest from a part, and by how much.
+/// The coordinate with the largest gap between tool and part.
 struct ClosestGap {
-  double gap = -infinity;  ///< mm, negative where they overlap
-  int line = 0;            ///< that comes nearest
+  double gap = -infinity;  ///< mm, negative if they overlap
+  int line = 0;            ///< program line that comes nearest
   std::string words;       ///< "the lowest cut lies 80.0 mm above the part"
 };
+/// Returns the largest gap between the ranges of part and tool.
 ClosestGap closest_gap(const Job& job, const Spans& part, const Spans& tool);
 
-/// Along the spindle, and from it.
+/// Returns the coordinates of a point along the spindle and radially, mm.
 std::array<double, 2> spindle_coordinates(const Job& job, const Eigen::Vector3d& p_w);
 
 }  // namespace abbe::sim

@@ -17,6 +17,7 @@ SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
 
 kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
                            const kinematics::Pose& T_wt) {
+  // about the spindle axis, against its angle
   const Eigen::Matrix3d back =
       Eigen::AngleAxisd(-spindle_angle, line.direction_w).toRotationMatrix();
   kinematics::Pose T = T_wt;
@@ -52,6 +53,7 @@ std::size_t sample_at(const program::Samples& samples, double time_s) {
 std::vector<std::size_t> distinct_instants(const program::Samples& samples) {
   std::vector<std::size_t> distinct;
   for (std::size_t i = 0; i < samples.states.size(); ++i)
+    // strictly later: of samples at one time the first counts
     if (distinct.empty() || samples.states[i].time_s > samples.states[distinct.back()].time_s)
       distinct.push_back(i);
   return distinct;
@@ -78,6 +80,7 @@ cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
 }
 
 std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples) {
+  // 20 ms: the speed jumps where blocks meet, so a shorter window gives larger accelerations
   constexpr double window_s = 0.02;
   const auto& states = samples.states;
   std::vector<kinematics::AxisVector> all(states.size());
@@ -98,7 +101,8 @@ std::vector<kinematics::AxisVector> accelerations(const program::Samples& sample
 
 namespace {
 
-/// ", whose words count in inches (G20 on line 2, after G21 on line 1)"; empty of a block in mm.
+/// Returns a text such as ", whose words count in inches (G20 on line 2, after G21 on line 1)";
+/// empty for a block in mm.
 std::string inch_text(const program::Path& path, const program::Block& block) {
   const auto later = std::ranges::find_if(
       path.unit_words, [&](const program::UnitWord& word) { return word.line > block.line; });
@@ -113,7 +117,7 @@ std::string inch_text(const program::Path& path, const program::Block& block) {
 
 void check_travel(const Machine& machine, const program::Path& path,
                   const program::Samples& samples) {
-  constexpr double slack = 1e-6;  // mm or rad: words are rounded, limits are not exact
+  constexpr double slack = 1e-6;  // mm or rad: programmed numbers are rounded, limits are not exact
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
     for (int k = 0; k < machine.nominal.size(); ++k) {
       const kinematics::Joint& joint = machine.nominal.joints()[std::size_t(k)];

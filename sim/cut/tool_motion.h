@@ -7,44 +7,50 @@
 #include "sim/machine/machine.h"
 #include "sim/program/sample.h"
 
+/// Motions of tools, derived from the samples of a program.
 namespace abbe::sim {
 
-/// Line about which the workpiece turns, seen from the workpiece of a chain.
+/// The axis about which the workpiece turns, in the workpiece frame of a chain.
 struct SpindleLine {
   Eigen::Vector3d point_w;
   Eigen::Vector3d direction_w;
 };
+/// Returns the axis of the joint that turns the workpiece.
 SpindleLine spindle_line(const kinematics::Chain& chain, int joint);
 
-/// The tool turned back by the spindle, so that only slow motion is left to interpolate.
+/// Returns the pose of the tool turned back by the spindle angle; what is left moves slowly and can
+/// be interpolated.
 kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
                            const kinematics::Pose& T_wt);
 
-/// Poses of a program as the sweep of a milling cutter. @param T_wt  (samples)
+/// Returns the motion of a milling cutter for its sweep.
+/// @param T_wt  (samples)
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
                                     const program::Samples& samples);
 
-/// Number of the first sample at or after an instant; the last where there is none.
+/// Returns the number of the first sample at or after an instant; the last sample if there is none.
 std::size_t sample_at(const program::Samples& samples, double time_s);
 
-/// Samples at instants of their own: a reversal is sampled twice, and a turning tool takes the
-/// first. (motion) numbers of samples, ascending
+/// Returns the samples with distinct times. A reversal is sampled twice at one time, and a turning
+/// tool uses the first.
+/// @return (motion) numbers of samples, ascending
 std::vector<std::size_t> distinct_instants(const program::Samples& samples);
 
-/// The same of a turning tool, at its distinct instants; with slow poses the turning itself is
-/// exact.
+/// Returns the motion of a turning tool at its distinct instants; with slow poses the rotation
+/// itself is exact.
 /// @param spindle  joint that turns the workpiece
 cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
                                 const program::Samples& samples, const SpindleLine& line,
                                 int spindle);
 
-/// Accelerations of the axes at every sample, mm/s^2 and rad/s^2: the mean speed over the 20 ms
-/// after less that over the 20 ms before, per 20 ms, since blocks meet at corners.
+/// Returns the accelerations of the axes at every sample, mm/s^2 and rad/s^2: the difference of the
+/// mean speeds over the 20 ms after and before it, divided by 20 ms. The average is needed since
+/// speeds jump where blocks meet.
 /// @return (samples)
 std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples);
 
-/// Refuses the line of the program on which an axis first leaves its travel; spindles have none.
-/// @throws BadInput
+/// Throws BadInput with the first program line on which an axis leaves its travel; spindles have
+/// none.
 void check_travel(const Machine& machine, const program::Path& path,
                   const program::Samples& samples);
 

@@ -20,6 +20,7 @@ using kinematics::Pose;
 Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
   if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
   Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
+  // a worn tool is shorter: its tip lies nearer to the spindle, along the tool axis
   if (!run.wear.empty())
     T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
   if (const auto& piezo = run.commands.piezo) {
@@ -33,6 +34,7 @@ Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load) {
 }
 
 std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& process) {
+  // without compliance and piezo a load moves nothing
   if (!run.job.truth.compliance && !run.commands.piezo) return {};
   if (process.steps.empty() && run.acceleration.empty()) return {};
   const auto& states = run.commands.samples.states;
@@ -95,6 +97,7 @@ ToolTrack join_tracks(const std::vector<TrackedPart>& parts) {
 
 ToolTrack in_part_frame(ToolTrack track, const kinematics::Pose& T_wm) {
   const kinematics::Pose T_mw = T_wm.inverse();
+  // rows are vectors, so they are multiplied from the right by the transpose
   const Eigen::Matrix3d turned = T_mw.linear().transpose();
   for (ToolTrack::Rows* tip : {&track.nominal_tip, &track.actual_tip})
     *tip = ((*tip * turned).rowwise() + T_mw.translation().transpose()).eval();
@@ -109,16 +112,18 @@ using Eigen::Vector3d;
 using kinematics::AxisState;
 using kinematics::Pose;
 
-/// Where the errors bring the tip and a point of the axis above it, mm.
+/// Deviation of the tip and of a point on the tool axis above it, mm.
 struct Off {
   Vector3d tip, above;
 };
 
+// Samples the deviation of the tool at an axis state.
 struct ErrorSampler {
   const Job& job;
   double reach;
 
-  /// Of a part that turns on a spindle as seen from the bed, since its sweep turns with it.
+  /// Returns the deviations; for a part turned by a spindle in the bed frame, since the sweep turns
+  /// with the part.
   Off at(const AxisState& state) const {
     const kinematics::Chain& chain = job.machine.nominal;
     const Pose nominal = chain.tool_in_workpiece(state.q);
@@ -131,6 +136,7 @@ struct ErrorSampler {
   }
 };
 
+// A reversal makes a step of the error, which no denser sampling would follow.
 bool has_no_reversal(const AxisState& from, const AxisState& to) {
   return from.direction == to.direction && from.stroke == to.stroke;
 }
@@ -143,8 +149,9 @@ AxisState between(const AxisState& from, const AxisState& to, double share) {
   return state;
 }
 
-/// How far the errors between two samples are off the line between those at both, mm: midway, where
-/// long waves bend most, and where waves that divide the interval into whole parts are seen.
+/// Returns the distance of the errors between two samples from the line between those at the
+/// samples, mm. It is sampled midway, where long waves deviate most, and at the golden section,
+/// where waves that divide the interval into whole parts still show.
 double chord_deviation(const ErrorSampler& look, const AxisState& from, const AxisState& to) {
   const Off a = look.at(from), b = look.at(to);
   double most = 0.0;
@@ -156,7 +163,7 @@ double chord_deviation(const ErrorSampler& look, const AxisState& from, const Ax
   return most;
 }
 
-/// The samples at which an interval of a feed ends.
+/// Returns the samples at which an interval in feed ends.
 std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
   std::vector<std::size_t> ends;
   for (std::size_t i = 1; i < samples.states.size(); ++i)
@@ -166,7 +173,7 @@ std::vector<std::size_t> feed_ends(const program::Samples& samples, const progra
   return ends;
 }
 
-/// One of each of so many stretches, by chance: places at equal steps may miss a wave.
+/// Returns one sample from each of `most` equal groups, at random: regular steps could miss a wave.
 std::vector<std::size_t> chosen(const std::vector<std::size_t>& from, std::size_t most,
                                 std::uint64_t seed) {
   if (from.size() <= most) return from;
@@ -186,6 +193,7 @@ ChordError chord_error(const Job& job, const Commands& commands, std::size_t mos
   const kinematics::Chain& nominal = job.machine.nominal;
   const ErrorSampler look{job, sample_options(job.scene, job.machine).reach};
   ChordError found;
+  // 2 nm at least: the numerical floor of a map is below 1 nm
   found.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
   for (const std::size_t i :
        chosen(feed_ends(samples, path_of(job, commands)), most, job.scene.seed)) {
@@ -216,6 +224,7 @@ ChordError joined(const ChordError& a, const ChordError& b) {
 }
 
 std::vector<std::string> chord_error_warnings(const ChordError& found, double off) {
+  // 50 nm: the smallest default resolution of a map; a hundredth of the deviation changes no figure
   constexpr double share = 0.01, least = 50.0 * units::nm;
   if (!(found.max > std::max({found.tolerance, least, share * off}))) return {};
   std::string text = fmt::format(
@@ -225,9 +234,11 @@ std::vector<std::string> chord_error_warnings(const ChordError& found, double of
       found.max / units::um, found.line, found.step, found.rms / units::um,
       found.tolerance / units::um, 100.0 * double(found.beyond) / double(found.looked_at),
       found.looked_at);
-  // a chord leaves what grows with the square of its length; waves shorter than that ask for less
+  // The chord error grows with the square of the step, as long as the step is shorter than the
+  // waves; 0.9 leaves a margin.
   const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
   if (step > 0.0) {
+    // rounded down to two digits
     const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
     text += fmt::format("; to follow them begin with sampling.max_step_mm = {:.4g}",
                         digit * std::floor(step / digit));

@@ -8,9 +8,11 @@
 
 #include "sim/cut/job.h"
 
+/// Actual poses of the tool in the workpiece, tracks, and the chord error between samples.
 namespace abbe::sim {
 
-/// What a table of the errors that is left says, as a fault of the scene.
+/// Calls `act`, and turns the exception of an error table left by the motion into an input error of
+/// the scene.
 template <typename Act>
 auto check_table_range(const Job& job, const Act& act) {
   try {
@@ -21,89 +23,93 @@ auto check_table_range(const Job& job, const Act& act) {
   }
 }
 
-/// A program as the axes are commanded, on the wrong machine. It refers to what it is made of.
+/// A commanded program on the machine with errors. Holds references to its arguments.
 struct ActualRun {
   const Job& job;
   const Commands& commands;
   const std::vector<kinematics::Pose>& T_wt_wanted;
   std::vector<kinematics::AxisVector> acceleration = {};  ///< (samples) empty without inertia
-  std::vector<double> wear = {};                          ///< (samples) shares of it; empty without
+  std::vector<double> wear = {};  ///< (samples) fraction of the stated wear; empty without wear
 };
+/// Prepares the run of commands, with accelerations and wear.
 ActualRun actual_run(const Job& job, const Commands& commands);
 
-/// Where the tool is at a sample, T_wt, when the cut loads it so.
+/// Returns the actual pose T_wt of the tool at a sample under a cutting load.
 kinematics::Pose actual_pose(const ActualRun& run, std::size_t sample, errors::Load load);
 
-/// What acts at every sample. @return (samples), empty where nothing does
+/// Returns the loads at every sample.
+/// @return (samples), empty if nothing acts
 std::vector<errors::Load> sample_loads(const ActualRun& run, const Process& process);
 
+/// Returns the actual poses at some samples.
 /// @param loads  (samples), empty for none
 /// @param at     numbers of samples; empty: all
 std::vector<kinematics::Pose> poses_of(const ActualRun& run, const std::vector<errors::Load>& loads,
                                        std::span<const std::size_t> at);
 
-/// Where the tool really is in the part at samples of a program as it is commanded, T_wt.
-/// @param process  that cut, for its forces; empty for none
-/// @param at       numbers of samples; empty: all of them
-/// @throws BadInput where a table of the errors is left
+/// Returns the actual poses T_wt of the tool at samples of the commanded program.
+/// @param process  gives the forces; empty for none
+/// @param at       numbers of samples; empty: all
+/// @throws BadInput if the motion leaves a table of the errors
 std::vector<kinematics::Pose> tool_poses(const Job& job, const Commands& commands,
                                          const Process& process,
                                          std::span<const std::size_t> at = {});
 
-/// Where the tool of a case was at every sample of its program, in the workpiece frame.
+/// Nominal and actual tip and axis of a tool at every sample of a program, in the workpiece frame.
 struct ToolTrack {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Eigen::VectorXd time_s;  ///< (n)
-  std::vector<int> line;   ///< (n) of the program
-  Rows q;                  ///< (n x axes) as they were commanded, mm and rad
-  Rows nominal_tip;        ///< (n x 3) mm, where the tip should be
-  Rows nominal_direction;  ///< (n x 3) of the tool axis, from the tip to the spindle
-  Rows actual_tip;         ///< (n x 3) mm, where it was
+  std::vector<int> line;   ///< (n) program line
+  Rows q;                  ///< (n x axes) commanded, mm and rad
+  Rows nominal_tip;        ///< (n x 3) mm
+  Rows nominal_direction;  ///< (n x 3) unit, tool axis from the tip to the spindle
+  Rows actual_tip;         ///< (n x 3) mm
   Rows actual_direction;   ///< (n x 3)
 };
 
-/// A part of a job as it went.
+/// A part of a job with its nominal and actual poses.
 struct TrackedPart {
   const program::Samples& samples;
   const std::vector<kinematics::Pose>& T_wt_nominal;  ///< (samples)
   const std::vector<kinematics::Pose>& T_wt;          ///< (samples)
 };
 
-/// Parts of one machine, one after the other in time.
+/// Joins the tracks of the parts of one machine, in the order of time.
 ToolTrack join_tracks(const std::vector<TrackedPart>& parts);
 
+/// Returns a track in the part frame.
 /// @param T_wm  the part frame in the workpiece frame
 ToolTrack in_part_frame(ToolTrack track, const kinematics::Pose& T_wm);
 
-/// How far the errors of a machine bend what the cut takes as straight: the tool moves from sample
-/// to sample along lines, and samples are as dense as the commanded path asks for.
+/// Deviation of the actual path between samples from the straight lines that the sweep uses.
+/// Samples are as dense as the commanded path needs; the errors of the machine may need more.
 struct ChordError {
-  std::size_t looked_at = 0;  ///< intervals of feeds
-  std::size_t beyond = 0;     ///< of them, bent by more than the tolerance
-  double tolerance = 0.0;     ///< mm: 2 nm, or that of the chord where it is more
+  std::size_t looked_at = 0;  ///< number of intervals in feed
+  std::size_t beyond = 0;     ///< number of those that deviate by more than the tolerance
+  double tolerance = 0.0;     ///< mm: 2 nm, or the chord tolerance if that is more
   double rms = 0.0;           ///< mm
   double max = 0.0;           ///< mm
-  double step = 0.0;          ///< mm of tip travel of the interval with the largest
-  int line = 0;               ///< program line of it
+  double step = 0.0;          ///< mm of tip travel in the interval with the largest deviation
+  int line = 0;               ///< program line of that interval
 };
 
-/// Intervals of a whole program that are looked at.
+/// Number of intervals of a program that are sampled.
 inline constexpr std::size_t default_interval_count = 1000;
 
-/// Looks midway between samples and at 0.38 of the way, at one interval of feed in each of at most
-/// `most` stretches that hold as many intervals each: how far the errors of position and time
-/// there, at the tip and as far above it as the tool cuts, are off the line between those at both
-/// samples. Loads are left out, and intervals over which an axis reverses. What bends the path in a
-/// few intervals of very many may be missed.
+/// Returns the chord error of a program, from one interval of feed in each of at most `most` groups
+/// with equal numbers of intervals. It compares the errors of position and time halfway and at 0.38
+/// of an interval, at the tip and at the height up to which the tool cuts, with the line between
+/// the samples. Loads, and intervals over which an axis reverses, are left out. An error that bends
+/// the path in a few intervals of very many may be missed.
 ChordError chord_error(const Job& job, const Commands& commands,
                        std::size_t most = default_interval_count);
 
-/// Of both.
+/// Joins the chord errors of two parts.
 ChordError joined(const ChordError& a, const ChordError& b);
 
-/// Bends beyond 50 nm, the tolerance and a hundredth of what the machine is off at the samples; the
-/// step to begin with.
-/// @param off  mm, RMS of the tip
+/// Returns the warning for deviations beyond 50 nm, the tolerance, and a hundredth of the deviation
+/// at the samples; it proposes a step to start with.
+/// @param off  mm, RMS deviation of the tip
 std::vector<std::string> chord_error_warnings(const ChordError& found, double off);
 
 }  // namespace abbe::sim

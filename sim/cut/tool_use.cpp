@@ -15,7 +15,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// The calls that put a tool into the spindle: M6, or T where no M6 is in the program.
+/// Returns the calls that put a tool into the spindle: M6, or T if the program has no M6.
 std::vector<program::ToolCall> changes_of(const program::Path& path) {
   const bool with_m6 = std::any_of(path.tool_calls.begin(), path.tool_calls.end(),
                                    [](const program::ToolCall& call) { return call.changes; });
@@ -42,11 +42,12 @@ std::vector<program::ToolCall> cutting_calls(const program::Path& path) {
 
 namespace {
 
+// Returns the name of a called tool for messages.
 std::string name_of(const program::ToolCall& call) {
   return call.number < 0 ? "M6 without a T" : fmt::format("T{}", call.number);
 }
 
-/// Feed before the first of the calls with which the program cuts.
+/// Returns the warning about feed before the first call of a tool that cuts.
 std::vector<std::string> early_feed_warnings(const program::Path& path,
                                              const std::vector<program::ToolCall>& calls,
                                              const std::string& with) {
@@ -87,6 +88,7 @@ ToolUse single_tool_use(const program::Path& path, const ToolDescription& tool) 
   return use;
 }
 
+// Returns the number of the described tool that a call names; throws BadInput if there is none.
 std::size_t described(const program::Path& path, const program::ToolCall& call,
                       std::span<const ToolDescription> tools) {
   std::string known;
@@ -99,7 +101,7 @@ std::size_t described(const program::Path& path, const program::ToolCall& call,
                  name_of(call));
 }
 
-/// Puts a stretch behind the others; one of the same tool is longer by it.
+/// Appends a segment; if it has the same tool as the last one, that is extended.
 void add(std::vector<ToolSegment>& stretches, const ToolSegment& next) {
   if (next.first == next.last) return;
   if (!stretches.empty() && stretches.back().tool == next.tool)
@@ -114,7 +116,7 @@ ToolUse several_tool_use(const program::Path& path, std::span<const ToolDescript
       {},
       early_feed_warnings(path, calls, fmt::format("T{}, the scene's first", *tools[0].number))};
   std::vector<bool> runs(tools.size(), false);
-  // rapids before the first call are its way to the part
+  // rapids before the first call approach the part with the tool that is called
   std::size_t tool =
       calls.empty() || !use.warnings.empty() ? 0 : described(path, calls.front(), tools);
   std::size_t first = 0;
@@ -146,6 +148,7 @@ std::vector<std::string> length_warnings(const program::Path& path, const ToolSe
   for (std::size_t i = stretch.first; i < stretch.last; ++i) {
     const program::Block& block = path.blocks[i];
     if (block.tool_length < 0 || block.tool_length == number) continue;
+    // under G43.4 the wrong length moves the axes, not only the height, so it is an error
     if (block.coordinates == program::Coordinates::Tip)
       throw BadInput(path.file, block.line, 0,
                      fmt::format("G43.4 H{}, the length of T{}, which runs here", number, number),
@@ -166,9 +169,9 @@ namespace {
 using program::CutterData;
 using program::ToolComment;
 
-constexpr double same_mm = 0.01;  // CAM writes two or three decimals
+constexpr double same_mm = 0.01;  // CAM systems write two or three decimals
 
-/// The number of the tool that a comment is about; none where nothing is called.
+/// Returns the number of the tool that a comment describes; none if nothing is called.
 std::optional<int> comment_tool_number(const ToolComment& comment,
                                        const std::vector<program::ToolCall>& calls) {
   if (comment.words.number || calls.empty()) return comment.words.number;
@@ -177,14 +180,14 @@ std::optional<int> comment_tool_number(const ToolComment& comment,
   return next == calls.end() ? calls.back().number : next->number;
 }
 
-/// The tool of the scene that a comment is about.
+/// Returns the tool of the scene that a comment describes; null if it does not cut.
 const ToolDescription* tool_of(const ToolComment& comment,
                                const std::vector<program::ToolCall>& calls,
                                std::span<const ToolDescription> tools) {
   const std::optional<int> number = comment_tool_number(comment, calls);
   if (number && !calls.empty() &&
       std::ranges::none_of(calls, [&](const auto& call) { return call.number == *number; }))
-    return nullptr;  // it does not cut
+    return nullptr;  // the tool does not cut
   for (const ToolDescription& tool : tools)
     if (!tool.number || !number || *tool.number == *number) return &tool;
   return nullptr;
@@ -210,6 +213,7 @@ std::vector<std::string> tool_comment_warnings(const program::Path& path,
                                                std::span<const ToolDescription> tools) {
   const std::vector<program::ToolCall> calls = cutting_calls(path);
   std::vector<std::string> warnings;
+  // a comment repeated at every call is reported once
   std::set<std::string> said;
   for (const ToolComment& comment : path.tool_comments) {
     const ToolDescription* tool = tool_of(comment, calls, tools);
@@ -226,11 +230,12 @@ namespace {
 
 using kinematics::Pose;
 
+// Returns the wear of a tool as a fraction of its stated wear, by time or by path length.
 double share_of(const ToolWear& wear, const FeedUse& use) {
   return wear.time_s ? use.time_s / *wear.time_s : use.way / *wear.way;
 }
 
-/// A pose between two, on line and great circle.
+/// Returns a pose between two others: the tip on a line, the axis on a great circle.
 Pose between(const Pose& a, const Pose& b, double u) {
   Pose T = a;
   T.translation() = (1.0 - u) * a.translation() + u * b.translation();
@@ -240,7 +245,7 @@ Pose between(const Pose& a, const Pose& b, double u) {
   return T;
 }
 
-/// Takes samples one after the other into pieces of equal loss.
+/// Divides a sweep into segments of equal loss of radius.
 class WearSegmenter {
  public:
   WearSegmenter(const cutting::Cutter& cutter, double step) : cutter_(cutter), step_(step) {}
@@ -248,6 +253,8 @@ class WearSegmenter {
   void add(const program::Samples& samples, std::size_t i, const Pose& T_wt, double lost) {
     if (pieces_.empty()) begin(lost);
     const Entry now{samples.states[i], samples.line[i], samples.block[i], T_wt};
+    // A sample beyond the end of a segment is cut there, so that neighbouring segments share a pose
+    // and leave no gap.
     while (last_ && lost > end_) {
       const double u = (end_ - lost_) / (lost - lost_);
       Entry cut = now;
@@ -273,6 +280,7 @@ class WearSegmenter {
   };
 
   void begin(double lost) {
+    // the cutter of the middle of the segment: it differs from the worn one by half a step at most
     pieces_.push_back({worn(cutter_, lost + 0.5 * step_), {}, {}});
     end_ = lost + step_;
   }
@@ -314,6 +322,7 @@ std::vector<FeedUse> previous_uses(std::span<const ToolRun> parts) {
   std::map<int, FeedUse> done;
   std::vector<FeedUse> before;
   for (ToolRun part : parts) {
+    // tools without a number are one tool
     FeedUse& use = done[part.tool.number.value_or(0)];
     before.push_back(use);
     part.before = use;
@@ -331,6 +340,7 @@ std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& 
   std::vector<double> shares(samples.states.size());
   std::size_t k = 0;
   for (std::size_t i = 0; i < shares.size(); ++i) {
+    // both lists ascend in time, so one pass suffices
     const double time_s = samples.states[i].time_s;
     while (k + 1 < own.size() && own[k + 1].time_s <= time_s) ++k;
     const double at = share_of(*wear, uses[k]);
@@ -344,6 +354,7 @@ std::vector<double> wear_fractions(const ToolRun& part, const program::Samples& 
 
 cutting::Cutter worn(const cutting::Cutter& cutter, double lost) {
   cutting::Cutter smaller = cutter;
+  // a quarter of the radius at least: a sweep needs a cutter, however much wear is stated
   smaller.radius = std::max(cutter.radius - lost, 0.25 * cutter.radius);
   const bool ball = cutter.corner_radius == cutter.radius;
   smaller.corner_radius = ball ? smaller.radius : std::min(cutter.corner_radius, smaller.radius);
@@ -351,6 +362,7 @@ cutting::Cutter worn(const cutting::Cutter& cutter, double lost) {
 }
 
 double wear_step(double lost) {
+  // half of a segment's loss: a cutter stands for the middle of its segment
   return std::max(wear_tolerance, 0.5 * lost / double(max_wear_pieces));
 }
 
@@ -379,6 +391,7 @@ std::vector<WornTool> worn_tools(std::span<const ToolRun> parts) {
                  tool.wear->radius > 0.0 ? wear_step(in_part * tool.wear->radius) : 0.0};
     const auto same = std::find_if(tools.begin(), tools.end(),
                                    [&](const WornTool& other) { return other.tool == one.tool; });
+    // a tool that is called again goes on wearing: the last entry counts
     if (same == tools.end()) {
       tools.push_back(std::move(one));
     } else {

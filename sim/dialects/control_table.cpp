@@ -14,6 +14,7 @@
 namespace abbe::sim::dialects {
 
 namespace {
+// Bounds memory for a file of many different names; the rest is counted together.
 constexpr std::size_t max_unused_names = 200;
 }  // namespace
 
@@ -22,6 +23,7 @@ void TableReading::leave_out(const std::string& name) {
   ++unused[known ? name : "others"];
 }
 
+// Siemens and Heidenhain tables hold offsets of other jobs, which must not stop this one.
 void TableReading::read_beyond(int system, const std::function<void()>& read) {
   try {
     read();
@@ -31,6 +33,7 @@ void TableReading::read_beyond(int system, const std::function<void()>& read) {
   }
 }
 
+// The unit is needed only for values other than zero, so callers ask when they meet one.
 double TableReading::unit_at(const Cursor& cursor, std::size_t from) const {
   if (!unit)
     cursor.refuse(from, "a unit beside the name of the file, which does not say it", "none");
@@ -56,6 +59,7 @@ void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read) 
   while (const auto line = lines.next()) {
     Cursor cursor{*line, {reading.table.file, lines.number()}};
     try {
+      // Control characters show a binary file; the first one is reported instead of every cell.
       for (std::size_t i = 0; i < line->size(); ++i) {
         const auto c = static_cast<unsigned char>((*line)[i]);
         if ((c < ' ' && c != '\t') || c == 0x7f)
@@ -76,6 +80,7 @@ double table_number(Cursor& cursor, std::string_view what) {
   const auto value = cursor.number();
   if (!value || !(std::abs(*value) <= most))
     cursor.refuse(from, fmt::format("a number within 1e6 for {}", what));
+  // Delimiters of all formats: comments, CTRANS lists and their closing bracket.
   const bool ends = cursor.at_end() || is_blank(cursor.here()) || cursor.here() == ';' ||
                     cursor.here() == ',' || cursor.here() == ')';
   if (!ends) cursor.refuse(from, fmt::format("a number for {}", what));
@@ -94,13 +99,17 @@ int table_whole(Cursor& cursor, int least, int most, std::string_view what) {
 namespace {
 
 constexpr std::string_view table_axes = "XYZABCUVW";
+// Parameter layout of LinuxCNC: 20 parameters for each of nine systems from 5221 on, X first.
 constexpr int first_system = 5221, systems = 9, parameters_of_system = 20;
-constexpr int system_rotation_index = 9;  // of its parameters, behind those of the axes
+// Index of the rotation among the parameters of a system, behind the nine axes.
+constexpr int system_rotation_index = 9;
+// 5210 is non-zero while the shift of G92, 5211 to 5219, is in force; 5220 is the system in force.
 constexpr int shift_in_force = 5210, first_of_shift = 5211, system_in_force = 5220;
 
-/// T1 P1 Z+0.511 D0.125 ;a comment
+/// One line of a tool table, for example "T1 P1 Z+0.511 D0.125 ;a comment".
 bool tool_line(TableReading& reading, Cursor& line) {
   std::optional<int> number;
+  // LinuxCNC treats missing values as zero.
   TableTool tool{0.0, 0.0, 0.0, 0.0, {}, line.place.line};
   std::string seen;
   for (line.skip_blanks(); !line.at_end() && line.here() != ';'; line.skip_blanks()) {
@@ -121,6 +130,8 @@ bool tool_line(TableReading& reading, Cursor& line) {
       tool.length = value * reading.unit_at(line, from);
     else if (letter == 'D')
       tool.radius = 0.5 * value * reading.unit_at(line, from);
+    // An offset across the tool axis would need a chain of its own, which the scene describes
+    // instead.
     else if (letter != 'P' && value != 0.0 && table_axes.find(letter) != std::string_view::npos)
       line.refuse(from, fmt::format("0 for {}: the length of a tool lies along Z", letter));
     else if (letter != 'P' && value != 0.0)
@@ -133,9 +144,10 @@ bool tool_line(TableReading& reading, Cursor& line) {
   return true;
 }
 
-/// Parameters that are no work offset.
+/// Counts parameters that are no work offset but have a value.
 void other_parameter(TableReading& reading, int number, double value) {
   if (value == 0.0 || number == shift_in_force) return;
+  // A program begins in G54, system 1, whatever the control had in force before.
   if (number == system_in_force) {
     if (value != 1.0) reading.leave_out("5220, a program begins in G54");
   } else if (number >= 5161 && number <= 5169) {
@@ -143,18 +155,19 @@ void other_parameter(TableReading& reading, int number, double value) {
   } else if (number >= 5181 && number <= 5189) {
     reading.leave_out("5181 to 5189, the position of G30");
   } else if (number < first_of_shift || number > first_of_shift + 8) {
+    // The shift of G92 has been handled by the caller.
     reading.leave_out(number <= 30 || number >= 5000 ? "parameters of the control"
                                                      : "parameters of programs");
   }
 }
 
-/// What of a file of parameters depends on others.
+/// Shift of G92: whether it is in force is stated in another line than its values.
 struct Shift {
   bool in_force = false;
   std::array<std::optional<BadInput>, 9> input_errors;
 };
 
-/// 5221 <tab> 10.5
+/// One line of a parameter file: number, tab, value.
 bool parameter_line(TableReading& reading, Cursor& line, Shift& shift) {
   line.skip_blanks();
   if (line.at_end() || line.here() == ';' || line.here() == '#') return true;
@@ -179,6 +192,7 @@ bool parameter_line(TableReading& reading, Cursor& line, Shift& shift) {
     if (value != 0.0) line.refuse(from, "0 for the rotation of a coordinate system");
     return true;
   }
+  // Rotary axes A B C are in degrees, without unit of length.
   const bool turns = k >= 3 && k <= 5;
   TableOffset& offset = reading.table.offsets[system + 1];
   const double unit = turns || value == 0.0 ? 1.0 : reading.unit_at(line, from);
@@ -186,6 +200,7 @@ bool parameter_line(TableReading& reading, Cursor& line, Shift& shift) {
            .emplace(table_axes[std::size_t(k)],
                     TableOffset::Value{value * unit, line.place.line, int(from) + 1})
            .second)
+    // LinuxCNC would take the last value; a duplicate usually shows that two files were merged.
     line.refuse(0, "a parameter that the file does not have already", fmt::format("{}", number));
   return true;
 }
@@ -197,6 +212,7 @@ void read_linuxcnc_table(TableReading& reading) {
     return each_line(reading, [&](Cursor& line) { return tool_line(reading, line); });
   Shift shift;
   each_line(reading, [&](Cursor& line) { return parameter_line(reading, line, shift); });
+  // G92 values that are stored but suspended have no effect.
   for (const std::optional<BadInput>& fault : shift.input_errors)
     if (fault && shift.in_force) reading.input_errors.add(*fault);
 }
@@ -204,8 +220,10 @@ void read_linuxcnc_table(TableReading& reading) {
 namespace {
 
 constexpr std::string_view listed_axes = "XYZABCUVW";
+// Bounds the memory of a hostile line.
 constexpr std::size_t max_words = 64;  // of a block
 
+// A word of a G10 block.
 struct ListedWord {
   char letter = ' ';
   double value = 0.0;
@@ -213,7 +231,7 @@ struct ListedWord {
   std::size_t from = 0;  // where it begins
 };
 
-/// Words of a block, its comments left out.
+/// Returns the words of a block without its comments.
 std::vector<ListedWord> listed_words(Cursor& line) {
   std::vector<ListedWord> words;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
@@ -225,6 +243,7 @@ std::vector<ListedWord> listed_words(Cursor& line) {
       line.at = close + 1;
       continue;
     }
+    // Tape marks and block skip have no meaning in a listing of the memory.
     if (c == ';' || c == '%' || c == '/') {
       ++line.at;
       continue;
@@ -240,7 +259,7 @@ std::vector<ListedWord> listed_words(Cursor& line) {
   return words;
 }
 
-/// A block that sets something.
+/// Words of a G10 block.
 struct Setting {
   bool sets = false;
   std::optional<ListedWord> l, p, r;
@@ -252,6 +271,7 @@ void put_once(std::optional<ListedWord>& to, const ListedWord& word, const Curso
   to = word;
 }
 
+// G11 ends G10, and G90 is what listings are written with: both change no value.
 void take_code(TableReading& reading, const ListedWord& word, const Cursor& line,
                Setting& setting) {
   if (word.value == 10.0)
@@ -277,6 +297,7 @@ Setting setting_of(TableReading& reading, Cursor& line) {
       put_once(setting.r, word, line);
     else if (listed_axes.find(word.letter) != std::string_view::npos)
       setting.axes.push_back(word);
+    // Program, sequence and M numbers frame the listing.
     else if (word.letter != 'O' && word.letter != 'N' && word.letter != 'M')
       line.refuse(word.from, "G10 with L, P, and R or axis words");
   }
@@ -289,6 +310,8 @@ int to_whole_number(const ListedWord& word, int least, int most, const Cursor& l
   return int(word.value);
 }
 
+// Without a decimal point the value depends on the increment system of the control (IS-B or
+// others), which the listing does not state.
 void check_point(const ListedWord& word, const Cursor& line) {
   if (!word.point && word.value != 0.0)
     line.refuse(word.from, "a value with a decimal point: without one it counts increments");
@@ -304,7 +327,7 @@ void listed_tool(TableReading& reading, const Setting& setting, int kind, const 
   const double mm = r.value == 0.0 ? 0.0 : r.value * reading.unit_at(line, r.from);
   TableTool& tool = reading.table.tools.try_emplace(number).first->second;
   if (tool.line == 0) tool.line = line.place.line;
-  // geometry is kept without wear until the end of the listing
+  // Wear may be listed before or after its geometry, so the sum is formed at the end.
   if (kind == 10) tool.length = mm;
   if (kind == 11) tool.length_wear = mm;
   if (kind == 12) tool.radius = mm;
@@ -316,6 +339,7 @@ void listed_offset(TableReading& reading, const Setting& setting, bool additiona
   if (setting.r) line.refuse(setting.r->from, "axis words beside G10 L2 and L20");
   const int p = to_whole_number(*setting.p, additional ? 1 : 0, additional ? 300 : 6, line);
   if (reading.kind != TableKind::Offsets) return reading.leave_out("G10 L2 and L20");
+  // Keys as `program::NcOptions::more_offset`: 0 is the external offset, 100 + P those of G54.1.
   TableOffset& offset = reading.table.offsets[additional ? 100 + p : p];
   for (const ListedWord& word : setting.axes) {
     check_point(word, line);
@@ -351,6 +375,7 @@ bool listed_block(TableReading& reading, Cursor& line) {
 
 void read_fanuc_table(TableReading& reading) {
   each_line(reading, [&](Cursor& line) { return listed_block(reading, line); });
+  // Tables state length and radius including wear.
   for (auto& [number, tool] : reading.table.tools) {
     if (tool.length) *tool.length += tool.length_wear;
     if (tool.radius) *tool.radius += tool.radius_wear;

@@ -14,15 +14,16 @@
 
 namespace abbe::sim::dialects {
 
+/// Content of a control table.
 enum class TableKind { Tools, Offsets };
 
-/// A tool as a control's table has it, mm. Length and radius are with the wear that stands beside
-/// them; none where the table has no line for it.
+/// A tool of a control table, mm. Length and radius include the wear, which is also given
+/// separately. Empty if the table has no entry.
 struct TableTool {
   std::optional<double> length, radius;
   double length_wear = 0.0, radius_wear = 0.0;
   std::string name;
-  int line = 0;  ///< of the first of its values
+  int line = 0;  ///< line of its first value
 };
 
 /// A work offset by axis letter, mm and degrees.
@@ -34,68 +35,73 @@ struct TableOffset {
   std::map<char, Value> axes;
 };
 
+/// A tool table or a table of work offsets, as read from a file.
 struct ControlTable {
   std::string file;
-  Dialect control = Dialect::LinuxCnc;  ///< whose format it is
-  std::map<int, TableTool> tools;       ///< by T, or by H and D of Fanuc
-  /// 1 to 6: G54 to G59, Heidenhain's presets 1 to 6, Siemens' G54 to G57, G505, G506; others as
-  /// `program::NcOptions::more_offset` numbers them.
+  Dialect control = Dialect::LinuxCnc;  ///< control whose format the file has
+  std::map<int, TableTool> tools;       ///< by T, or by H and D on Fanuc
+  /// 1 to 6 are G54 to G59, presets 1 to 6 of Heidenhain, or G54 to G57, G505 and G506 of Siemens;
+  /// other keys are those of `program::NcOptions::more_offset`.
   std::map<int, TableOffset> offsets;
-  std::vector<std::string> notes;  ///< what of it is without effect, with counts
+  std::vector<std::string> notes;  ///< values of the file that have no effect, with counts
 };
 
+/// The largest preset number of Heidenhain.
 inline constexpr int max_preset = 9999;
 
-/// The number of a preset of Heidenhain, 1 to `max_preset`, among the offsets.
+/// Returns the key of a Heidenhain preset, 1 to `max_preset`, among the offsets.
 constexpr int preset_system(int preset) { return preset > 6 ? 1000 + preset : preset; }
 
-/// What a control calls an offset, "G54" or "preset 7".
+/// Returns the control's name of an offset, "G54" or "preset 7".
 std::string offset_name(Dialect control, int system);
 
-/// What is to be said of a control's table beside a program: its notes, that it is another
-/// control's, and which offsets the program calls without its having them.
-/// @param read_as  the dialect of the program, with its sign; empty: a table of times
-/// @param called   by the moves of the program
+/// Returns the warnings about a control table used with a program: its notes, a table of another
+/// control, and offsets that the program calls but the table does not have. `read_as` is the
+/// dialect of the program and how it was recognised; empty for a PVT table. `called` holds the
+/// offsets of the program's moves.
 std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
                                         const std::set<int>& called);
 
-// What the readers of the controls' tables share.
+// Functions shared by the readers of control tables.
 
-/// A table while it is read.
+/// State while a table is read.
 struct TableReading {
   std::string_view text;
   TableKind kind = TableKind::Tools;
-  std::optional<double> unit;  ///< mm per unit of length, as stated or as the file says
+  std::optional<double> unit;  ///< mm per unit of length, from the scene or from the file
   ControlTable table = {};
   InputErrorList input_errors = {};
   std::map<std::string, std::size_t> unused = {};  ///< values without effect, by name
-  std::set<int> unread = {};  ///< offsets beyond the six that cannot be read, and so are not there
+  /// Offsets beyond the sixth that cannot be read and are therefore missing.
+  std::set<int> unread = {};
 
-  /// A value other than zero that has no effect.
+  /// Counts a non-zero value that has no effect.
   void leave_out(const std::string& name);
-  /// An offset beyond the six, of another job as a rule, that `read` refuses is left out: a program
-  /// that calls it is refused there.
+  /// Reads an offset beyond the sixth, which usually belongs to another job. On an error it is left
+  /// out instead of reported; calling it in a program is an error there.
   void read_beyond(int system, const std::function<void()>& read);
-  /// mm per unit. @throws BadInput there if neither the scene nor the file has said it
+  /// Returns mm per unit. Throws BadInput at the cursor if neither the scene nor the file states
+  /// the unit.
   double unit_at(const Cursor& cursor, std::size_t from) const;
-  /// The file says its unit. @throws BadInput there if the scene says another
+  /// Sets the unit stated by the file. Throws BadInput at the cursor if the scene states another.
   void state_unit(double mm, const Cursor& cursor, std::size_t from);
 };
 
-/// Every line in turn, up to where `read` returns false; what it refuses is noted, and the next
-/// line is read.
+/// Calls `read` for every line until it returns false. Errors that it throws are collected, and
+/// reading continues with the next line.
 void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read);
 
-/// A number there. @throws BadInput unless there is one within 1e6, and a blank or an end behind it
+/// Parses a number. Throws BadInput unless it is within 1e6 and followed by a blank or a delimiter.
 double table_number(Cursor& cursor, std::string_view what);
-/// A whole number from `least` to `most`; what stands behind it is left.
+/// Parses a whole number from `least` to `most`; the text that follows is not checked.
 int table_whole(Cursor& cursor, int least, int most, std::string_view what);
 
-/// A table of LinuxCNC: a tool table or the parameters of its file of variables, as
-/// `control_tables.h` says; faults are noted in it.
+/// Reads a LinuxCNC table, a tool table or the parameters of a variables file, in the format
+/// described in control_table_files.h. Errors are collected in `reading`.
 void read_linuxcnc_table(TableReading& reading);
 
-/// A table of Fanuc: a listing of G10 blocks, as `control_tables.h` says; faults are noted in it.
+/// Reads a Fanuc table, a listing of G10 blocks, in the format described in control_table_files.h.
+/// Errors are collected in `reading`.
 void read_fanuc_table(TableReading& reading);
 
 }  // namespace abbe::sim::dialects

@@ -15,22 +15,25 @@
 
 namespace abbe::sim::dialects {
 
-/// A table of Heidenhain: a table with columns, as `control_tables.h` says; faults are noted in it.
+/// Reads a table of Heidenhain in columns, as the header describes; errors are collected in
+/// `reading`.
 void read_heidenhain_table(TableReading& reading);
 
-/// A table of Siemens: $TC_DP and $P_UIFR, as `control_tables.h` says; faults are noted in it.
+/// Reads the $TC_DP and $P_UIFR of a Siemens table, as the header describes; errors are collected
+/// in `reading`.
 void read_siemens_table(TableReading& reading);
 
 namespace {
 
-constexpr std::size_t max_columns = 256;
+constexpr std::size_t max_columns = 256;  // bounds memory
 
-/// A column by its name, and where it begins and ends in every line.
+/// A column: its name, and the bytes of every line that belong to it.
 struct TableColumn {
   std::string name;
   std::size_t from = 0, to = 0;
 };
 
+// Returns the next word in upper case.
 std::string next_word(Cursor& line) {
   line.skip_blanks();
   std::string word;
@@ -38,7 +41,7 @@ std::string next_word(Cursor& line) {
   return word;
 }
 
-/// BEGIN TOOL .T MM
+/// The first line, for example "BEGIN TOOL .T MM".
 void head_of_table(TableReading& reading, Cursor& line) {
   const std::string_view wanted = reading.kind == TableKind::Tools ? ".T" : ".PR";
   bool kind = false, unit = false;
@@ -55,6 +58,7 @@ void head_of_table(TableReading& reading, Cursor& line) {
   if (!unit) line.refuse(0, "MM or INCH in the first line of a table");
 }
 
+// A column extends from the beginning of its name to the beginning of the next name.
 std::vector<TableColumn> columns_of(TableReading& reading, Cursor& line) {
   std::vector<TableColumn> columns;
   for (line.skip_blanks(); !line.at_end(); line.skip_blanks()) {
@@ -67,6 +71,7 @@ std::vector<TableColumn> columns_of(TableReading& reading, Cursor& line) {
     columns.push_back({name, from, std::string_view::npos});
     if (columns.size() > max_columns) line.refuse(from, "at most 256 columns");
   }
+  // Row numbers may be right-aligned and begin before their name.
   if (!columns.empty()) columns.front().from = 0;
   const auto has = [&](std::string_view name) {
     return std::any_of(columns.begin(), columns.end(),
@@ -78,10 +83,11 @@ std::vector<TableColumn> columns_of(TableReading& reading, Cursor& line) {
   return columns;
 }
 
-/// The cell of a column without the blanks around it, as a cursor that stands at it.
+/// Returns a cursor at the cell of a column in a row, or nothing if the cell is blank.
 std::optional<Cursor> cell_in(const TableColumn& column, const Cursor& line) {
   const std::string_view text = line.text;
   const std::size_t to = std::min(column.to, text.size());
+  // A value that runs across the boundary of its column would be read as two numbers.
   if (column.from > 0 && column.from < text.size() && !is_blank(text[column.from]) &&
       !is_blank(text[column.from - 1]))
     line.refuse(column.from, "a blank before the column " + column.name);
@@ -91,6 +97,7 @@ std::optional<Cursor> cell_in(const TableColumn& column, const Cursor& line) {
   return cell.at_end() ? std::nullopt : std::optional(cell);
 }
 
+// Parses the whole cell as a number.
 double cell_number(Cursor cell, const std::string& name) {
   const double value = table_number(cell, name);
   cell.skip_blanks();
@@ -98,11 +105,12 @@ double cell_number(Cursor cell, const std::string& name) {
   return value;
 }
 
-/// A cell without effect, as text: other than nothing, zero, - and a word for no.
+/// Returns true for a cell other than blank, zero or -, which would have no effect unnoticed.
 bool has_content(const Cursor& cell) {
   return cell.text.substr(cell.at).find_first_not_of("+-0. ") != std::string_view::npos;
 }
 
+// Values of a row of a tool table.
 struct ToolRow {
   std::optional<int> number;
   bool indexed = false;
@@ -121,6 +129,7 @@ void tool_cell(TableReading& reading, const TableColumn& column, const Cursor& c
     *to = cell_number(cell, name) * *reading.unit;
   } else if (name == "T") {
     Cursor at = cell;
+    // T 5.1 is an indexed tool: a second cutting edge of tool 5.
     const std::size_t point = cell.text.find('.', cell.at);
     if (point != std::string_view::npos) {
       row.indexed = true;
@@ -143,7 +152,9 @@ void tool_row(TableReading& reading, const std::vector<TableColumn>& columns, co
   for (const TableColumn& column : columns)
     if (const auto cell = cell_in(column, line)) tool_cell(reading, column, *cell, row);
   if (!row.number) line.refuse(0, "the number of a tool in the column T", "none");
+  // A scene has one length for each tool; index 0 is the tool itself.
   if (row.indexed) return reading.leave_out("tools with an index, as 5.1");
+  // The control adds DL and DR to L and R.
   const TableTool tool{row.length + row.more_length,
                        row.radius + row.more_radius,
                        row.more_length,
@@ -162,15 +173,18 @@ void preset_cell(TableReading& reading, const TableColumn& column, const Cursor&
   const bool turned =
       name == "ROT" || name == "SPA" || name == "SPB" || name == "SPC" || name.ends_with("_OFFS");
   const std::string_view text = cell.text.substr(cell.at);
+  // "-": the axis keeps the value of the active preset.
   if (text.substr(0, text.find_last_not_of(' ') + 1) == "-") return;  // not set
   if (axis) {
     const bool turns = name[0] >= 'A' && name[0] <= 'C';
     offset.axes[name[0]] = {cell_number(cell, name) * (turns ? 1.0 : *reading.unit),
                             cell.place.line, int(cell.at) + 1};
   } else if (turned && cell_number(cell, name) != 0.0) {
+    // A rotated preset or an axis offset would change what X Y Z mean; a scene has no such offset.
     cell.refuse(cell.at,
                 "0 for " + name + ": a preset that is not turned, without offsets of axes");
   } else if (!turned && name != "DOC" && has_content(cell)) {
+    // DOC is a comment.
     reading.leave_out(name);
   }
 }
@@ -185,10 +199,12 @@ int preset_number(Cursor cell, const std::string& name) {
 void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
                 const Cursor& line) {
   std::optional<int> number;
+  // The number is needed first: it decides if an error in the row is reported.
   for (const TableColumn& column : columns)
     if (auto cell = cell_in(column, line); cell && (column.name == "NR" || column.name == "NO"))
       number = preset_number(*cell, column.name);
   if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
+  // Preset 0 is the active preset of the control.
   if (*number < 1 || *number > max_preset)
     return reading.leave_out(fmt::format("presets other than 1 to {}", max_preset));
   TableOffset offset;
@@ -203,6 +219,7 @@ void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
     read_cells();
   else
     reading.read_beyond(system, read_cells);
+  // The first six are G54 to G59 of a scene and must be valid.
   if (!reading.table.offsets.emplace(system, offset).second)
     line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
 }
@@ -219,6 +236,7 @@ void read_heidenhain_table(TableReading& reading) {
     if (line.at_end()) return true;
     line.at = 0;
     if (!begun) {
+      // Without header or columns no row can be read: only the first error is reported.
       begun = is_aborted = true;
       head_of_table(reading, line);
       is_aborted = false;
@@ -238,6 +256,7 @@ void read_heidenhain_table(TableReading& reading) {
     }
     return true;
   });
+  // A missing [END] shows that the file is truncated.
   if (!ended && !is_aborted)
     reading.input_errors.add(
         BadInput(reading.table.file, last, 1, "[END] behind the last row", "the end of the file"));
@@ -245,19 +264,19 @@ void read_heidenhain_table(TableReading& reading) {
 
 namespace {
 
-/// Values of a tool as the file has them, until all are known: the radius and length are sums.
+/// Values of a tool until all have been read: length and radius are sums.
 struct EdgeParts {
   double length = 0.0, wear = 0.0, base = 0.0, radius = 0.0, radius_wear = 0.0;
   std::string name;
   int line = 0;
-  bool edge = false;  // a $TC_DP of its first cutting edge
+  bool edge = false;  // set by a $TC_DP of cutting edge 1
 };
 using Edges = std::map<int, EdgeParts>;
 
-/// What stands before an =.
+/// The left side of an assignment.
 struct Assigned {
-  std::string name;                // $TC_DP3
-  std::vector<std::string> index;  // 1, X, TR
+  std::string name;                // for example $TC_DP3
+  std::vector<std::string> index;  // for example 1, X, TR
   std::size_t from = 0;
 };
 
@@ -288,6 +307,7 @@ Assigned assigned_in(Cursor& line) {
 int table_index(const Assigned& to, std::size_t i, int most, const Cursor& line) {
   const std::string& text = i < to.index.size() ? to.index[i] : std::string();
   int value = -1;
+  // Eight digits keep std::stoi from overflowing.
   if (!text.empty() && text.size() <= 8 &&
       text.find_first_not_of("0123456789") == std::string::npos)
     value = std::stoi(text);
@@ -296,7 +316,7 @@ int table_index(const Assigned& to, std::size_t i, int most, const Cursor& line)
   return value;
 }
 
-/// Passes over a value whatever it is: a text, or all up to the next blank. @return it is zero
+/// Skips a value, a text or everything up to the next blank. Returns true if it is zero or empty.
 bool pass_value(Cursor& line) {
   line.skip_blanks();
   const std::size_t from = line.at;
@@ -328,6 +348,8 @@ void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgePa
   tool.edge = true;
   switch (parameter) {
     case 1:
+      // Types 100 to 299 are mills and drills, whose length 1 lies along the tool in G17. Turning
+      // tools (500 to 599) have other axes.
       if (value != 0.0 && !(value >= 100.0 && value < 300.0))
         line.refuse(from, "a milling cutter or drill, of type 100 to 299");
       return;
@@ -347,6 +369,7 @@ void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgePa
       tool.base = mm();
       return;
     case 4:
+    // Lengths 2 and 3, their wear (13, 14) and base (22, 23).
     case 5:
     case 13:
     case 14:
@@ -360,7 +383,7 @@ void edge_value(TableReading& reading, const Assigned& to, int parameter, EdgePa
   }
 }
 
-/// Number behind $TC_DP; none for another name.
+/// Returns the number n of $TC_DPn, or nothing for another name.
 std::optional<int> edge_parameter(const std::string& name) {
   constexpr std::string_view head = "$TC_DP";
   if (!name.starts_with(head) || name.size() <= head.size() || name.size() > head.size() + 3 ||
@@ -371,11 +394,13 @@ std::optional<int> edge_parameter(const std::string& name) {
 
 void tool_value(TableReading& reading, const Assigned& to, Edges& edges, Cursor& line) {
   const auto parameter = edge_parameter(to.name);
+  // $TC_TP2 is the name of the tool; other data of the magazine does not matter.
   if (!parameter && to.name != "$TC_TP2") {
     if (!pass_value(line)) reading.leave_out(to.name);
     return;
   }
   const int number = table_index(to, 0, 999'999, line);
+  // A scene has one cutting edge for each tool.
   if (parameter && table_index(to, 1, 12, line) != 1) {
     if (!pass_value(line)) reading.leave_out("$TC_DP of cutting edges other than 1");
     return;
@@ -394,6 +419,7 @@ char axis_letter(const std::string& name, const Cursor& line, std::size_t from) 
   return name[0];
 }
 
+// Coarse and fine values, TR and FI, add up.
 void add_to_offset(TableReading& reading, int system, char axis, double value, std::size_t from,
                    const Cursor& line) {
   const bool turns = axis >= 'A' && axis <= 'C';
@@ -402,7 +428,7 @@ void add_to_offset(TableReading& reading, int system, char axis, double value, s
   to = {to.value + value * unit, line.place.line, int(from) + 1};
 }
 
-/// CTRANS(X,10,Y,20):CFINE(X,0.1)
+/// The value of a frame, for example CTRANS(X,10,Y,20):CFINE(X,0.1).
 void frame_value(TableReading& reading, int system, Cursor& line) {
   while (true) {
     line.skip_blanks();
@@ -445,26 +471,29 @@ void offset_value(TableReading& reading, const Assigned& to, int system, Cursor&
   const char axis = axis_letter(to.index[1], line, to.from);
   if (part == "TR" || part == "FI") return add_to_offset(reading, system, axis, value, from, line);
   if (part != "RT" && part != "SC" && part != "MI") line.refuse(to.from, "TR, FI, RT, SC or MI");
+  // SC is a factor, so its neutral value is 1.
   if (value != (part == "SC" ? 1.0 : 0.0))
     line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
 }
 
-/// $P_UIFR[n]: n to 6 as the table must have them, those beyond as far as they can be read.
+/// $P_UIFR[n]: an error in n up to 6 is reported, a frame beyond that is left out if it cannot be
+/// read.
 void numbered_offset(TableReading& reading, const Assigned& to, Cursor& line) {
   const int number = table_index(to, 0, 99, line), system = 500 + number;
   if (number <= 6) return offset_value(reading, to, number, line);
   const std::size_t value = line.at;
   reading.read_beyond(system, [&] { offset_value(reading, to, system, line); });
-  if (reading.unread.contains(system))  // what it refused may stand on in the line
+  if (reading.unread.contains(system))  // the rejected value may continue in the line
     line.at = std::min(line.text.find('$', value), line.text.size());
 }
 
 bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
   line.skip_blanks();
-  if (line.here() == '%') return true;  // %_N_TO1_TOA
+  if (line.here() == '%') return true;  // file names such as %_N_TO1_TOA
   for (; !line.at_end() && line.here() != ';'; line.skip_blanks()) {
     const std::size_t from = line.at;
     const char c = upper(line.here());
+    // Block numbers, and M17 or M30 at the end of the file.
     if ((c == 'N' || c == 'M') && is_digit(line.next())) {
       ++line.at;
       table_whole(line, 0, 1'000'000'000, "a block or M number");
@@ -490,7 +519,7 @@ bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
   return true;
 }
 
-/// G500 is no offset of a scene.
+/// G500 switches off work offsets; a scene has no offset for it.
 void check_g500(TableReading& reading) {
   const auto found = reading.table.offsets.find(0);
   if (found == reading.table.offsets.end()) return;
@@ -507,6 +536,7 @@ void check_g500(TableReading& reading) {
 void read_siemens_table(TableReading& reading) {
   Edges edges;
   each_line(reading, [&](Cursor& line) { return siemens_line(reading, edges, line); });
+  // A tool without any $TC_DP of its first edge has only a name.
   for (const auto& [number, tool] : edges)
     if (tool.edge)
       reading.table.tools[number] = {tool.length + tool.wear + tool.base,
@@ -520,21 +550,25 @@ void read_siemens_table(TableReading& reading) {
 
 namespace {
 
+// A listing of thousands of tools stays below 1 MB; 64 MiB bounds memory.
 constexpr std::size_t max_table_bytes = std::size_t(64) << 20;
+// Headers of files are a few lines long.
 constexpr int max_lines_for_sign = 2000;
 
 bool has_number_behind(std::string_view line, char letter) {
   return line.size() > 1 && upper(line[0]) == letter && is_digit(line[1]);
 }
 
-/// Whose table has such a line.
+/// Returns the control whose tables have such a line.
 std::optional<Dialect> control_by_line(std::string_view line, TableKind kind) {
   if (line.starts_with("BEGIN ")) return Dialect::Heidenhain;
   for (const std::string_view sign : {"%_N_", "$TC_", "$P_UIFR"})
     if (line.find(sign) != std::string_view::npos) return Dialect::Siemens;
+  // Comments, and the % of a tape, are no sign of LinuxCNC.
   if (line[0] == ';' || line[0] == '(' || line[0] == '%') return std::nullopt;
   if (line.find("G10") != std::string_view::npos || has_number_behind(line, 'O'))
     return Dialect::Fanuc;
+  // Last, because a bare number is the weakest sign.
   const bool is_linuxcnc =
       kind == TableKind::Tools ? has_number_behind(line, 'T') : is_digit(line[0]);
   return is_linuxcnc ? std::optional(Dialect::LinuxCnc) : std::nullopt;
@@ -577,14 +611,17 @@ void read_as(Dialect control, TableReading& reading) {
 
 std::string offset_name(Dialect control, int system) {
   if (control == Dialect::Heidenhain)
+    // Inverse of `preset_system`.
     return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
   if (control == Dialect::Siemens && system > 4)
+    // $P_UIFR[5] and [6] are called G505 and G506.
     return fmt::format("G{}", system > 500 ? system : 500 + system);
   if (system == 0) return "the external offset";
   if (system > 100) return fmt::format("G54.1 P{}", system - 100);
   return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
 }
 
+// A table of another control is only reported, since its offsets may still be intended.
 std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
                                         const std::set<int>& called) {
   std::vector<std::string> warnings = table.notes;
@@ -600,6 +637,7 @@ std::vector<std::string> table_warnings(const ControlTable& table, std::string_v
     return warnings;
   }
   std::string lacking;
+  // Only if the table states offsets at all.
   for (const int system : called)
     if (!table.offsets.empty() && !table.offsets.contains(system))
       lacking += (lacking.empty() ? "" : ", ") + offset_name(table.control, system);
@@ -628,6 +666,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file, 
   TableReading reading{text, kind, unit};
   reading.table.file = file;
   read_as(*control, reading);
+  // Offsets that could not be read must not count as zero.
   for (const int system : reading.unread) reading.table.offsets.erase(system);
   const bool empty = tools ? reading.table.tools.empty() : reading.table.offsets.empty();
   if (empty && reading.input_errors.empty())

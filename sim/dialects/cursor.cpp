@@ -12,7 +12,9 @@
 namespace abbe::sim::dialects {
 
 namespace {
+// The same limit as that of the strict reader (nc_block.cpp): beyond any position or feed.
 constexpr double largest_number = 1e9;
+// A number needs no more; a hostile line could otherwise hold megabytes of digits.
 constexpr std::size_t max_digits = 200;
 }  // namespace
 
@@ -41,6 +43,7 @@ bool Cursor::take(std::string_view wanted) {
   return true;
 }
 
+// The whole word, so that "IF" does not match the beginning of "IFX".
 bool Cursor::take_word(std::string_view wanted) {
   const std::size_t before = at;
   if (take(wanted) && !is_letter(here()) && !is_digit(here()) && here() != '_') return true;
@@ -73,6 +76,7 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
   const std::size_t digits = at;
   int n_digits = 0, n_points = 0;
   bool blanks = false;
+  // A second point ends the number: "1.2.3" is left to the caller to reject.
   for (; !at_end(); ++at) {
     const char c = here();
     if (is_digit(c)) {
@@ -85,6 +89,7 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
       break;
     }
   }
+  // Nothing is consumed, so that the caller can try something else at the same position.
   if (n_digits == 0) {
     at = before;
     return std::nullopt;
@@ -92,11 +97,13 @@ std::optional<double> Cursor::number(bool sign, bool blanks_within) {
   std::string together;
   std::string_view all = text.substr(digits, at - digits);
   if (all.size() > max_digits) refuse(from, "a number of at most 200 digits");
+  // std::from_chars takes no blanks; the copy is made only if there are some.
   if (blanks) {
     for (const char c : all)
       if (!is_blank(c)) together += c;
     all = together;
   }
+  // from_chars is independent of the locale: no decimal comma, no thousands separators.
   double value = 0.0;
   const auto read =
       std::from_chars(all.data(), all.data() + all.size(), value, std::chars_format::fixed);
@@ -117,6 +124,7 @@ std::string_view name_of(Use use) {
   return "";
 }
 
+// Linear search over at most a few hundred words.
 const WordTableEntry* find_word(std::span<const WordTableEntry> table, std::string_view word) {
   for (const WordTableEntry& line : table) {
     bool has = false;

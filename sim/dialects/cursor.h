@@ -14,20 +14,21 @@
 
 namespace abbe::sim::dialects {
 
+/// ASCII only and independent of the locale, unlike the functions of <cctype>.
 char upper(char c);
 bool is_digit(char c);
 bool is_letter(char c);
 bool is_blank(char c);
 
-/// All lines of a text, as `Lines` gives them.
+/// Returns all lines of a text, without their ends.
 std::vector<std::string_view> lines_of_text(std::string_view text);
 
-/// Where a front end stands in a line.
+/// A position in a line that is being parsed.
 struct Cursor {
   std::string_view text;
   program::NcLocation place;
   std::size_t at = 0;
-  int depth = 0;  ///< levels of the expression that is read there, `NestingLevel`
+  int depth = 0;  ///< current nesting of the expression, see `NestingLevel`
 
   bool at_end() const { return at >= text.size(); }
   char here() const { return at < text.size() ? text[at] : '\0'; }
@@ -35,44 +36,47 @@ struct Cursor {
   void skip_blanks() {
     while (at < text.size() && (text[at] == ' ' || text[at] == '\t')) ++at;
   }
-  /// Takes the text if it stands there after blanks, letters of either case.
+  /// Advances past `wanted` (upper case) if it follows after blanks, in either case. Returns false
+  /// and stays otherwise.
   bool take(std::string_view wanted);
-  /// The same, but not where a letter, digit or _ follows: a whole word.
+  /// Same as `take`, but only for a whole word: no letter, digit or _ may follow.
   bool take_word(std::string_view wanted);
-  /// From there to the next blank, for messages.
+  /// Returns the text from there to the next blank, for messages.
   std::string_view cell(std::size_t from) const;
   program::Cause cause(std::size_t from, std::size_t to) const {
     return {int(from) + 1, text.substr(from, to - from)};
   }
   program::Cause cause(std::size_t from) const { return cause(from, at); }
-  /// @throws BadInput at a byte of the line
+  /// Throws BadInput at a byte of the line.
   [[noreturn]] void refuse(std::size_t from, std::string expected, std::string seen) const;
-  /// The same; what is seen is the word there, or the end of the line.
+  /// Throws BadInput; what was seen is the text at that byte, or the end of the line.
   [[noreturn]] void refuse(std::size_t from, std::string expected) const;
 
-  /// A number of digits with at most one point, a sign before it if `sign`; none if there is none,
-  /// and then nothing is taken. Blanks within are passed over, as RS274 does, if `blanks_within`.
-  /// @throws BadInput beyond 1e9
+  /// Parses a number with at most one decimal point, and with a sign if `sign`. Returns nothing and
+  /// stays if there is none. With `blanks_within` blanks inside the number are ignored, as in
+  /// RS274. Throws BadInput beyond 1e9.
   std::optional<double> number(bool sign = true, bool blanks_within = false);
 };
 
-/// What a dialect does with a word.
+/// Treatment of a word by a dialect.
 enum class Use { Read, WithoutEffect, Refused };
 
-/// A line of the table of words of a dialect: the one statement from which come refusals by name
-/// and the table in the README of this folder.
+/// An entry of the word table of a dialect. Both the messages that reject a word by name and the
+/// table in the README of this folder are made from it.
 struct WordTableEntry {
-  std::string_view word;  ///< as a program has it, "G64"; several of one use together, "G54 G55"
+  /// The word as a program has it, "G64"; several words with one meaning together, "G54 G55".
+  std::string_view word;
   Use use = Use::Read;
-  std::string_view sentence;  ///< what it means; where it is refused, what to do instead
-  /// Axis words in its block are those of the motion in force. Those beside other words are their
-  /// own: they have no effect, or are an error.
+  std::string_view sentence;  ///< its meaning; for a rejected word what to write instead
+  /// True if axis words in its block belong to the motion in force. Axis words beside any other
+  /// word belong to that word: they have no effect, or are an error.
   bool beside_motion = false;
 };
 
+/// Returns the name of a treatment, for example "without effect".
 std::string_view name_of(Use use);
 
-/// Calls `act(word)` for every word of a line, "G54 G55".
+/// Calls `act(word)` for every word of an entry such as "G54 G55".
 template <typename Act>
 void each_word(std::string_view words, const Act& act) {
   for (std::size_t at = 0; at < words.size();) {
@@ -82,25 +86,25 @@ void each_word(std::string_view words, const Act& act) {
   }
 }
 
-/// The line of a word, null where the dialect has none.
+/// Returns the entry of a word, or null if the dialect does not have it.
 const WordTableEntry* find_word(std::span<const WordTableEntry> table, std::string_view word);
 
-/// The table as Markdown.
+/// Returns the table as Markdown.
 std::string markdown_table(std::span<const WordTableEntry> table);
 
-// G and M codes of controls that number them in tenths: G59.1 is 591.
+// Codes of controls that number G and M in tenths: G59.1 is 591.
 
-/// A line of a table of codes, "G54 G55", that are of one group of a dialect.
+/// An entry of a code table: codes such as "G54 G55" of one modal group.
 template <typename Group>
 struct CodeLine {
   std::string_view words;
   Group group;
   Use use;
   std::string_view sentence;
-  bool beside_motion = false;  ///< as `WordTableEntry` has it, whatever the group says
+  bool beside_motion = false;  ///< as in `WordTableEntry`, whatever the group says
 };
 
-/// What a table says of a code.
+/// Properties of one code.
 template <typename Group>
 struct CodeEntry {
   bool known = false;
@@ -109,14 +113,14 @@ struct CodeEntry {
   std::string_view sentence;
 };
 
-/// Tenths of a code as "G59.1" names it.
+/// Returns the tenths of a code written as "G59.1".
 int parse_tenths(std::string_view word);
 
-/// Codes by letter and tenths.
+/// Table of codes by letter and tenths.
 template <typename Group>
 class CodeTable {
  public:
-  /// @param lines  of G and M; they outlive the table
+  /// `lines` holds the G and M codes and must outlive the table.
   explicit CodeTable(std::span<const CodeLine<Group>> lines) {
     for (auto& one : facts_) one.resize(max_tenths);
     for (const CodeLine<Group>& line : lines)
@@ -126,7 +130,7 @@ class CodeTable {
       });
   }
 
-  /// @param letter  G or M
+  /// `letter` is G or M. Returns an entry with `known` false for a code that is not in the table.
   const CodeEntry<Group>& find_entry(char letter, int tenths) const {
     static const CodeEntry<Group> unknown;
     if (tenths < 0 || tenths >= max_tenths) return unknown;
@@ -138,8 +142,8 @@ class CodeTable {
   std::array<std::vector<CodeEntry<Group>>, 2> facts_;  // of G and M
 };
 
-/// The lines of a dialect's table of words: those of its codes, then the others. The namespace of
-/// the group has `is_beside_motion(Group)`.
+/// Returns the word table of a dialect: its codes, then its other words. The namespace of the group
+/// must declare `is_beside_motion(Group)`.
 template <typename Line>
 std::vector<WordTableEntry> joined_words(std::span<const Line> codes,
                                          std::span<const WordTableEntry> others) {
@@ -154,12 +158,13 @@ std::vector<WordTableEntry> joined_words(std::span<const Line> codes,
 /// A code of a block, such as G43.4.
 template <typename Word>
 struct TenthsCode {
-  int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
+  int tenths = -1;  ///< ten times the number: G43.4 is 434; -1: the block has no such code
   Word word;
   explicit operator bool() const { return tenths >= 0; }
 };
 
-/// Words of a block by letter, or codes by group. Of many a block has few: only these are cleared.
+/// Words of a block by letter, or codes by group. A block has few of many possible ones, and
+/// `clear` resets only these.
 template <typename T, std::size_t n>
 class SparseSlots {
   static_assert(n <= 32);
@@ -181,7 +186,7 @@ class SparseSlots {
 
  private:
   std::array<T, n> all_{};
-  std::uint32_t used_ = 0;  ///< bits by slot
+  std::uint32_t used_ = 0;  ///< one bit per slot
 };
 
 }  // namespace abbe::sim::dialects

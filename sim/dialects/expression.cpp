@@ -9,6 +9,7 @@
 
 namespace abbe::sim::dialects {
 
+// Variables of a finished call no longer count towards the limit.
 void Variables::leave() {
   count_ -= calls_.back().numbers.size() + calls_.back().names.size();
   calls_.pop_back();
@@ -33,6 +34,7 @@ bool Variables::set(int number, double value, Of of) {
     found->second = value;
     return true;
   }
+  // Only a new variable can exceed the limit; setting an existing one always succeeds.
   if (count_ == max_) return false;
   numbers.emplace(number, value);
   ++count_;
@@ -56,10 +58,12 @@ void Variables::unset(int number, Of of) { count_ -= table(of).numbers.erase(num
 
 namespace {
 
+// Returns the operator at the cursor and advances past it, if its level is at least `min_level`.
 const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int min_level) {
   for (const Operator& one : grammar.operators) {
     const std::size_t before = cursor.at;
     if (!cursor.take(one.text)) continue;
+    // An operator of a lower level belongs to an outer call of `climb`; the cursor stays before it.
     if (one.level >= min_level) return &one;
     cursor.at = before;
     return nullptr;
@@ -67,11 +71,14 @@ const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, in
   return nullptr;
 }
 
+// Returns the result, or throws for infinity and NaN, which no axis position can be.
 double checked(double result, const Cursor& cursor, std::size_t from) {
   if (!std::isfinite(result)) cursor.refuse(from, "a result that is a finite number");
   return result;
 }
 
+// Precedence climbing. The right operand is parsed with level + 1, so that operators of equal level
+// are evaluated from the left.
 double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int min_level) {
   double left = value(cursor, grammar, operands);
   while (true) {
@@ -90,12 +97,14 @@ double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
 
 double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
   cursor.skip_blanks();
+  // All nesting passes through here: the limit protects the stack from hostile programs.
   const NestingLevel level(cursor.depth);
   if (level.too_deep())
     cursor.refuse(
         cursor.at,
         fmt::format("at most {} brackets, signs and functions within each other", max_nesting),
         "more");
+  // A sign directly before digits belongs to the number, so that "-2" needs no level of nesting.
   if (const auto number = cursor.number(true, grammar.blanks_within_numbers)) return *number;
   const char c = cursor.here();
   if (c == '-' || c == '+') {
@@ -105,11 +114,13 @@ double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
   }
   if (c == grammar.open) return bracketed(cursor, grammar, operands);
   const std::size_t from = cursor.at;
+  // The dialect has precedence: its functions of several arguments may share a name with others.
   if (const auto own = operands.operand(cursor)) return *own;
   for (const Function& function : grammar.functions) {
     const std::size_t before = cursor.at;
     if (!cursor.take(function.name)) continue;
     cursor.skip_blanks();
+    // The name may be the beginning of a longer word, which is not a function call.
     if (cursor.here() != grammar.open) {
       cursor.at = before;
       continue;

@@ -13,22 +13,22 @@
 
 namespace abbe::sim::dialects {
 
-/// Variables of a program: those of the whole program, and on top of them those of the call that
-/// runs. What is of a call and what of the program the dialect says when it sets one.
+/// Variables of a program: those of the whole program and those local to the running call. The
+/// dialect decides which kind a variable is when it sets one.
 class Variables {
  public:
   enum class Of { Program, Call };
 
   explicit Variables(std::size_t most = 1'000'000) : max_(most), calls_(1) {}
 
-  /// A call begins with no variables of its own; it ends with `leave`.
+  /// Begins a call with no local variables; `leave` ends it.
   void enter() { calls_.emplace_back(); }
   void leave();
   int depth() const { return int(calls_.size()) - 1; }
 
   std::optional<double> number(int number, Of of = Of::Program) const;
   std::optional<double> named(std::string_view name, Of of = Of::Program) const;
-  /// @return false where there are too many, and then nothing is set
+  /// Returns false, without setting anything, if there would be too many variables.
   [[nodiscard]] bool set(int number, double value, Of of = Of::Program);
   [[nodiscard]] bool set(std::string_view name, double value, Of of = Of::Program);
   void unset(int number, Of of = Of::Program);
@@ -43,17 +43,18 @@ class Variables {
 
   std::size_t max_, count_ = 0;
   Table program_;
-  std::vector<Table> calls_;  ///< the last one runs; the first is of the main program
+  std::vector<Table> calls_;  ///< the last one is running; the first is the main program
 };
 
-// Expressions of numbers as the dialects have them; what differs between them is a table.
+// Arithmetic expressions of the dialects; a grammar holds the differences.
 
-/// An operator between two numbers. Of equal level they are taken from the left.
+/// A binary operator. Operators of equal level are evaluated from the left.
 struct Operator {
-  std::string_view text;  ///< upper case; of letters it is a word, but digits may follow: "MOD2"
-  int level = 0;          ///< a higher one binds more
+  std::string_view text;  ///< upper case; an operator of letters may be followed by digits: "MOD2"
+  int level = 0;          ///< a higher level binds more tightly
   double (*apply)(double left, double right) = nullptr;
-  /// What is wrong with the right side, null if nothing; left null where nothing can be.
+  /// Returns what was expected of the operands, or null if they are valid; no function means always
+  /// valid.
   const char* (*fault)(double left, double right) = nullptr;
 };
 
@@ -61,39 +62,39 @@ struct Operator {
 struct Function {
   std::string_view name;  ///< upper case
   double (*apply)(double) = nullptr;
-  const char* (*fault)(double) = nullptr;  ///< as that of an operator
+  const char* (*fault)(double) = nullptr;  ///< as in `Operator`
 };
 
-/// A function of several numbers, of a name that is in no list: the front end reads it whole.
+/// Operators, functions and brackets of a dialect. Functions of several arguments are parsed by the
+/// dialect itself.
 struct ExpressionGrammar {
-  std::span<const Operator> operators;  ///< where one begins another, the longer first
+  std::span<const Operator> operators;  ///< where one is a prefix of another, the longer one first
   std::span<const Function> functions;
   char open = '[', close = ']';
   bool blanks_within_numbers = false;
 };
 
-/// What a dialect alone knows: variables, and functions of several arguments.
+/// Operands that only the dialect knows: variables, and functions of several arguments.
 class Operands {
  public:
   virtual ~Operands() = default;
-  /// The value that begins at the cursor, which is moved behind it; none if nothing of the dialect
-  /// begins there.
+  /// Parses the operand at the cursor and advances past it. Returns nothing if none of the
+  /// dialect's operands begins there.
   virtual std::optional<double> operand(Cursor& cursor) = 0;
 };
 
-/// One value without operators around it: a number, a variable, a function, something in brackets,
-/// each with signs before it, which bind most. Whatever nests in an expression, operands of the
-/// dialect too, comes back here: here the levels are counted.
-/// @throws BadInput where none begins, and beyond `max_nesting` levels
+/// Parses one value without binary operators: a number, a variable, a function or a bracketed
+/// expression, with leading signs, which bind most tightly. Every nested construct, operands of the
+/// dialect included, passes through this function, which counts the levels. Throws BadInput if no
+/// value begins there, and beyond `max_nesting` levels.
 double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
-/// Values with operators between them, up to where no operator follows.
-/// @throws BadInput for what is no expression, a result that is not finite, what an operator or
-/// function
-///         refuses
+/// Parses values with operators between them, up to where no operator follows. Throws BadInput for
+/// a malformed expression, a result that is not finite, and operands that an operator or function
+/// rejects.
 double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
-/// The same in the brackets of the grammar.
+/// Parses an expression in the brackets of the grammar.
 double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
 }  // namespace abbe::sim::dialects

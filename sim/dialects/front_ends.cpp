@@ -21,6 +21,7 @@ void read_heidenhain(std::string_view text, ProgramRun& run);
 
 void read_cl(std::string_view text, ProgramRun& run) {
   if (cl::is_table(text)) {
+    // A table has no statements in which a startup code could be written.
     run.start([&](std::string_view code) {
       run.canon.refuse({1, code}, "no startup code for a table of cutter locations");
     });
@@ -34,6 +35,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
   });
   cl::Statements statements(text);
   cl::Statement statement;
+  // Statements end at FINI, or where errors make further reading pointless.
   while (!machine.ended() && !run.is_aborted() && statements.next(statement))
     run.attempt([&] {
       run.canon.set_line(statement.line);
@@ -41,6 +43,7 @@ void read_cl(std::string_view text, ProgramRun& run) {
       machine.execute(statement);
     });
   machine.finish();
+  // Without FINI the whole text has been read.
   if (!machine.ended()) return;
   const std::vector<std::string_view> lines = lines_of_text(text);
   run.warn_unread(lines, {{0, lines.size()}});
@@ -49,7 +52,8 @@ void read_cl(std::string_view text, ProgramRun& run) {
 void read_fanuc(std::string_view text, ProgramRun& run) {
   if (!run.turning())
     if (const auto sign = fanuc::find_turning_sign(text, run.canon)) {
-      // thrown, so that it is the only error: what else a milling control finds in it only follows
+      // Thrown alone: whatever else a milling control finds in it is a consequence of the wrong
+      // control.
       throw BadProgram({BadInput(
           run.canon.place().file, sign->line, sign->column,
           "a program of a milling control; control = \"turning\" (--control turning), or a machine "
@@ -65,6 +69,7 @@ void read_linuxcnc(std::string_view text, ProgramRun& run) { linuxcnc::Flow(text
 
 void read_siemens(std::string_view text, ProgramRun& run) { siemens::Flow(text, run).run(); }
 
+// In the order of the README.
 std::span<const FrontEnd> front_ends() {
   static constexpr std::array all = {
       FrontEnd{Dialect::LinuxCnc, "LinuxCNC (RS274/NGC)", read_linuxcnc, linuxcnc_words},

@@ -13,19 +13,21 @@
 namespace abbe::sim::dialects {
 
 namespace {
-constexpr std::size_t max_skipped = 1000;  // different words
-constexpr std::size_t blocks_between_reports = 8192;
+// Different words; bounds memory for a file that is no program of this dialect.
+constexpr std::size_t max_skipped = 1000;
+constexpr std::size_t blocks_between_reports = 8192;  // rare enough to cost nothing beside parsing
 
+// Returns true for a turning control, stated or derived from a spindle that turns the workpiece.
 bool is_turning(const ReadOptions& options) {
   const ControlKind kind = options.turning.control;
   return kind == ControlKind::Turning ||
          (kind == ControlKind::FromMachine && program::turns_workpiece(options.control.axes));
 }
 
-/// X is at right angles to the line of the spindle that turns the workpiece, as far as is known. On
-/// a machine whose X runs along it X words are no diameters.
+/// Returns true if X is perpendicular to the axis of the workpiece spindle, as far as is known. If
+/// X runs along it, X words are no diameters.
 bool is_x_radial(const program::NcOptions& control) {
-  constexpr double right_angle = 1e-6;  // cosine
+  constexpr double right_angle = 1e-6;  // cosine of the angle
   if (!control.control) return true;
   const auto spindle = control.control->find('S'), x = control.control->find('X');
   if (!spindle || !x) return true;
@@ -40,7 +42,7 @@ ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options, std:
     : canon(file, options.control),
       options_(options),
       file_(file),
-      line_was_read_(lines + 2),
+      line_was_read_(lines + 2),  // lines are counted from 1, and the last one may lack its end
       lines_(lines),
       turning_(is_turning(options)) {}
 
@@ -53,19 +55,25 @@ bool ProgramRun::has_initial_diameters(bool usual) const {
 void ProgramRun::hand_over() {
   if (!options_.on_path_segment) return;
   program::Path piece = canon.hand_over();
+  // After the first error the program has no valid continuation, so nothing more is passed on.
   if (input_errors_.empty()) options_.on_path_segment(std::move(piece));
 }
 
+// Only the first cause is reported: errors that follow from an uncertain position are dropped.
 bool ProgramRun::attempt(const std::function<void()>& block) {
   try {
     block();
     return true;
   } catch (const ProgramLimitExceeded& fault) {
+    // A limit ends reading; otherwise every further block would report it again.
     input_errors_.add(fault);
     aborted_ = true;
   } catch (const program::FollowingError&) {
+    // A consequence of a reported error: the position is still not what the program intended.
     canon.mark_position_uncertain();
   } catch (const program::BadGeometry& fault) {
+    // An arc with a wrong centre leaves the axes at its programmed end, so the position stays
+    // certain.
     if (!fault.is_uncertain) input_errors_.add(fault);
   } catch (const BadInput& fault) {
     input_errors_.add(fault);
@@ -83,6 +91,7 @@ void ProgramRun::require_certain(const std::string& name, const program::Cause& 
 
 void ProgramRun::refuse_once(const std::string& name, const program::Cause& cause,
                              std::string expected, std::optional<std::string> seen) {
+  // A second search for the same name fails silently by `require_certain`.
   require_certain(name, cause);
   doubt(name);
   canon.refuse(cause, std::move(expected), std::move(seen));
@@ -90,6 +99,7 @@ void ProgramRun::refuse_once(const std::string& name, const program::Cause& caus
 
 void ProgramRun::start(const std::function<void(std::string_view)>& block) {
   if (options_.startup_code.empty()) return;
+  // The startup code is a file of its own, so that messages do not point into the program.
   canon.set_line(1, canon.add_file("program.startup_code"));
   attempt([&] { block(options_.startup_code); });
 }
@@ -100,6 +110,7 @@ bool has_words(std::string_view line) {
     const char c = line[at];
     if (c == '(') ++depth;
     if (c == ')') depth = std::max(0, depth - 1);
+    // Brackets inside a comment may nest; an unmatched ) does not hide the words behind it.
     if (depth > 0) continue;
     if (c == ';' || c == '*' || line.substr(at, 2) == "$$") return false;
     if (is_letter(c)) return true;
@@ -108,6 +119,7 @@ bool has_words(std::string_view line) {
 }
 
 void ProgramRun::count_block() {
+  // Only lines of the main file are tracked: warnings about unread lines are about that file.
   if (canon.file() == 0 && std::size_t(canon.line()) < line_was_read_.size())
     line_was_read_[std::size_t(canon.line())] = true;
   if (canon.kept() >= path_segment_blocks) hand_over();
@@ -123,6 +135,7 @@ void ProgramRun::count_block() {
 
 void ProgramRun::check_moves(double more, const program::Cause& cause) const {
   canon.check_moves(more, cause);
+  // Memory is checked only if the moves are kept.
   if (!options_.on_path_segment) canon.check_memory(more, cause);
 }
 
@@ -153,6 +166,7 @@ void ProgramRun::unknown(const program::Cause& word, const std::string& expected
 
 bool ProgramRun::skips(int level) {
   const bool skipped = options_.control.block_skip.test(std::size_t(level));
+  // Blocks skipped and blocks executed behind a / are counted apart: both are assumptions.
   BlockSkipCount& blocks = skipped ? left_out_ : executed_;
   if (blocks.count++ == 0)
     blocks = {1, canon.line(), canon.file() > 0 ? canon.place().file : std::string()};
@@ -162,12 +176,14 @@ bool ProgramRun::skips(int level) {
 void ProgramRun::assume_mode(StartMode mode, std::string_view taken) {
   AssumedMode& known = modes_[std::size_t(mode)];
   if (known.stated) return;
+  // Stated from here on, so that each mode is reported once.
   known = {taken, true};
   if (modes_line_ == 0) modes_line_ = canon.line();
 }
 
 void ProgramRun::assume_offset(int system, std::string_view taken) {
   const kinematics::AxisVector& offset = program::work_offset(canon.options(), system);
+  // An offset of zero makes no difference, so nothing has been assumed.
   if (offset.size() > 0 && !offset.isZero(0.0)) assume_mode(StartMode::WorkOffset, taken);
 }
 
@@ -201,7 +217,7 @@ void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
   const auto is_read = [&](std::size_t i) {
     return i + 1 < line_was_read_.size() && line_was_read_[i + 1];
   };
-  std::size_t last = lines.size();  // read, of the section
+  std::size_t last = lines.size();  // last line read of the section
   const auto find_last = [&](const Section& section) {
     last = section.end;
     for (std::size_t i = section.first; i < section.end; ++i)
@@ -211,6 +227,9 @@ void ProgramRun::warn_unread(const std::vector<std::string_view>& lines,
   const std::size_t end = std::size_t(std::max(canon.line(), 1)) - 1;
   std::size_t first = lines.size(), count = 0;
   for (const Section& section : sections) {
+    // In the section where reading ended, lines behind the last one read are unread. Another
+    // section is reported only if none of its lines was read: a subprogram may end before its last
+    // line.
     const bool ends_here = canon.file() == 0 && end >= section.first && end < section.end;
     const bool any = find_last(section);
     if (any && !ends_here) continue;

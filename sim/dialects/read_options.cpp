@@ -15,15 +15,17 @@ namespace abbe::sim::dialects {
 
 namespace {
 
+// Signs stand in the head of a file; searching millions of lines costs more than it tells.
 constexpr int most_lines = 2000;
-constexpr std::size_t longest = 300;  // bytes of a line that are looked at
+constexpr std::size_t longest = 300;  // bytes; signs stand at the beginning of a line
 
+// A text that only one dialect has.
 struct Sign {
   Dialect dialect;
   std::string_view text;
 };
 
-// Words that stand alone: no letter or digit before them, and none after them.
+// Words with no letter or digit before or behind them.
 constexpr Sign word_signs[] = {
     {Dialect::Siemens, "TRAORI"},    {Dialect::Siemens, "TRAFOOF"},  {Dialect::Siemens, "CYCLE832"},
     {Dialect::Siemens, "CYCLE800"},  {Dialect::Siemens, "SUPA"},     {Dialect::Siemens, "COMPCAD"},
@@ -43,7 +45,7 @@ constexpr Sign word_signs[] = {
     {Dialect::LinuxCnc, "G59.3"},
 };
 
-// What a line begins with, blanks and a line number left out.
+// Beginnings of lines, after blanks and a block number.
 constexpr Sign first_signs[] = {
     {Dialect::Heidenhain, "BEGIN PGM"},
     {Dialect::Heidenhain, "BLK FORM"},
@@ -73,9 +75,10 @@ constexpr Sign first_signs[] = {
     {Dialect::LinuxCnc, "O<"},
 };
 
+// A point counts, so that G68.2 is not taken for G68.
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '_' || c == '.'; }
 
-/// The line in upper case without comments, which the dialects but Heidenhain's write in ( ).
+/// Returns the line in upper case without comments, which all dialects but Heidenhain write in ( ).
 std::string bare(std::string_view line) {
   std::string text;
   bool inside = false;
@@ -84,6 +87,7 @@ std::string bare(std::string_view line) {
     if (!inside) text += upper(c);
     if (c == ')') inside = false;
   }
+  // ;$PATH= is a sign of Siemens although it is a comment.
   return text.substr(0, text.find(';', text.starts_with(";$PATH") ? 1 : 0));
 }
 
@@ -94,7 +98,8 @@ bool is_whole_word(std::string_view line, std::string_view word) {
     const bool before = at > 0 && is_letter(line[at - 1]);
     const bool after = end < line.size() && is_word_byte(line[end]) && !is_letter(word.back()) &&
                        (is_digit(line[end]) || line[end] == '.');
-    const bool takes_number = word.size() > 1 && is_blank(word[word.size() - 2]);  // G64 P
+    // Example: "G64 P".
+    const bool takes_number = word.size() > 1 && is_blank(word[word.size() - 2]);
     const bool longer =
         end < line.size() && is_letter(word.back()) && !takes_number && is_word_byte(line[end]);
     if (!before && !after && !longer) return true;
@@ -102,7 +107,7 @@ bool is_whole_word(std::string_view line, std::string_view word) {
   return false;
 }
 
-/// O with a number and nothing that LinuxCNC's O words have behind it.
+/// Returns true for O and a number alone. LinuxCNC's O words have a keyword behind the number.
 bool is_program_number(std::string_view line) {
   if (line.size() < 2 || line[0] != 'O' || !is_digit(line[1])) return false;
   std::size_t at = 1;
@@ -111,7 +116,7 @@ bool is_program_number(std::string_view line) {
   return at == line.size();
 }
 
-/// O with a label and a word of LinuxCNC's flow: O110 endif, o<name> call [1]
+/// Returns true for an O word of LinuxCNC, for example "O110 endif" or "o<name> call [1]".
 bool is_o_word(std::string_view line) {
   if (line.empty() || line[0] != 'O') return false;
   std::size_t at = 1;
@@ -130,11 +135,12 @@ bool is_o_word(std::string_view line) {
   return std::ranges::any_of(words, [&](std::string_view word) { return rest.starts_with(word); });
 }
 
-/// R1=..., or a word with = as only Siemens writes it: X=..., T="...", R1==...
+/// Returns an assignment as only Siemens writes it: R1=..., X=..., T="...".
 std::optional<std::string> assignment(std::string_view line) {
   for (std::size_t at = line.find('='); at != std::string_view::npos; at = line.find('=', at + 1)) {
     std::size_t from = at;
     while (from > 0 && is_digit(line[from - 1])) --from;
+    // One letter with digits before the =; a longer name could belong to another dialect.
     if (from == 0 || !is_letter(line[from - 1])) continue;
     if (from < 2 || is_blank(line[from - 2]))
       return std::string(
@@ -143,7 +149,7 @@ std::optional<std::string> assignment(std::string_view line) {
   return std::nullopt;
 }
 
-/// A line without blanks before it and its number.
+/// Returns a line without leading blanks and block number.
 std::string_view strip_block_number(std::string_view line) {
   static const std::string nowhere;
   Cursor cursor{line, {nowhere, 0}};
@@ -159,6 +165,7 @@ std::string_view strip_block_number(std::string_view line) {
 
 std::optional<Sign> find_dialect_sign(std::string_view line, std::string& seen) {
   const std::string_view rest = strip_block_number(line);
+  // The most explicit signs come first.
   for (const Sign& sign : first_signs)
     if (rest.starts_with(sign.text)) return sign;
   if (is_o_word(rest)) return Sign{Dialect::LinuxCnc, "an O word"};
@@ -166,6 +173,7 @@ std::optional<Sign> find_dialect_sign(std::string_view line, std::string& seen) 
   for (const Sign& sign : word_signs)
     if (is_whole_word(rest, sign.text)) return sign;
   if (rest.find("#<") != std::string_view::npos) return Sign{Dialect::LinuxCnc, "#<"};
+  // Lines with #, Q or FN are assignments of Fanuc, LinuxCNC and Heidenhain.
   if (rest.find('#') == std::string_view::npos && !rest.empty() && rest[0] != 'Q' &&
       rest.find("FN") == std::string_view::npos)
     if (auto words = assignment(rest)) {
@@ -175,6 +183,7 @@ std::optional<Sign> find_dialect_sign(std::string_view line, std::string& seen) 
   return std::nullopt;
 }
 
+// Only extensions that a single control uses; .nc, .ngc and .txt say nothing.
 std::optional<Dialect> dialect_by_extension(std::string_view file) {
   const std::size_t dot = file.rfind('.');
   if (dot == std::string_view::npos) return std::nullopt;

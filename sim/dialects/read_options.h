@@ -12,9 +12,9 @@
 
 namespace abbe::sim::dialects {
 
-/// The languages in which machining programs are written.
+/// Languages of machining programs.
 enum class Dialect {
-  Auto,      ///< by the signs that `recognised` looks for
+  Auto,      ///< detected by `recognised`
   LinuxCnc,  ///< RS274/NGC as LinuxCNC reads it, and G43.4 of abbe's own programs
   Fanuc,
   Siemens,     ///< 840D
@@ -22,25 +22,25 @@ enum class Dialect {
   Cl,          ///< APT cutter locations, or CSV
 };
 
-/// "linuxcnc", as a scene says it.
+/// Returns the name used in scenes, "linuxcnc".
 std::string_view name_of(Dialect dialect);
 
-/// A dialect and the sign by which it was taken, as "line 3 has TRAORI".
+/// A dialect and how it was recognised, as "line 3 has TRAORI".
 struct Recognised {
   Dialect dialect = Dialect::LinuxCnc;
   std::string sign;
-  int line = 0;  ///< of the sign; 0: it is the name of the file, or there is none
+  int line = 0;  ///< line of the sign; 0: the file name, or no sign
 };
 
-/// The dialect of a program by its signs, listed in the README of this folder: what its file is
-/// named, then the first line of the first 2000 that only one dialect can have; else LinuxCNC's.
-/// A line in brackets or behind ; is no sign.
+/// Detects the dialect of a program by the signs that the README of this folder lists: the file
+/// name, then the first of the first 2000 lines that only one dialect can have; else LinuxCNC's.
+/// Comments in brackets or behind ; are not considered.
 Recognised recognised(std::string_view text, std::string_view file);
 
-/// All faults of a program at once: as a BadInput it is the first of them, `what()` has one
-/// "file:line:column: expected ..., seen ..." a line.
+/// All input errors of a program at once. As a BadInput it is the first of them; `what()` has one
+/// line "file:line:column: expected ..., seen ..." for each.
 struct BadProgram : BadInput {
-  /// @param faults  at least one
+  /// `input_errors` must not be empty.
   explicit BadProgram(std::vector<BadInput> input_errors);
   const char* what() const noexcept override { return text.c_str(); }
 
@@ -48,82 +48,85 @@ struct BadProgram : BadInput {
   std::string text;
 };
 
+/// Treatment of words that a dialect does not have.
 enum class UnknownWordPolicy {
-  Refuse,  ///< a word that the dialect has not is a fault
-  Warn,    ///< it is skipped, and counted
+  Refuse,  ///< an unknown word is an input error
+  Warn,    ///< an unknown word is skipped and counted
 };
 
-/// How far a program may go. Each ends in a refusal that names the line.
+/// Limits of a program. Exceeding one is an input error at the line.
 struct Limits {
   std::size_t blocks = 20'000'000;  ///< executed, those of loops and calls each time
-  int depth = 50;                   ///< of calls within calls
+  int depth = 50;                   ///< nesting of calls
   std::size_t variables = 1'000'000;
 };
 
-/// What reads a program of LinuxCNC.
+/// Reader of LinuxCNC programs.
 enum class Interpreter {
   Abbe,      ///< the front end of this folder
-  LinuxCnc,  ///< LinuxCNC's own rs274, as a process of its own
+  LinuxCnc,  ///< LinuxCNC's own rs274, as a separate process
 };
 
-/// How far LinuxCNC's own interpreter may go. Each ends in a refusal that names the line.
+/// Limits of LinuxCNC's own interpreter. Exceeding one is an input error at the line.
 struct InterpreterLimits {
-  double seconds = 120.0;     ///< until its end
-  double megabytes = 4000.0;  ///< of commands, about 120 bytes a move
+  double seconds = 120.0;     ///< total run time
+  double megabytes = 4000.0;  ///< size of its output, about 120 bytes for each move
 };
 
-/// What a control does with vectors of the tool, and near a pole: where the tool lies along a
-/// rotary axis, which then turns nothing. `README.md` says where each is documented.
+/// Treatment of tool vectors, and of poles: poses with the tool along a rotary axis, whose rotation
+/// then does not change the tool direction. `README.md` gives the sources.
 enum class PoleRule {
-  AsProgrammed,  ///< what the dialect does unless parameters of the control ask for more
-  LinuxCnc,      ///< rotary axes go as they are written; there are no vectors
-  Fanuc,         ///< tool posture control of G43.5: a block that would pass close by a pole is led
-                 ///< through it
-  Siemens,       ///< vectors on great circles; nothing is changed at a pole
+  AsProgrammed,  ///< behaviour of the dialect unless parameters of the control select another
+  LinuxCnc,      ///< rotary axes move as programmed; there are no vectors
+  /// Tool posture control of G43.5: a block that would pass close to a pole is led through it.
+  Fanuc,
+  Siemens,  ///< vectors on great circles; nothing is changed at a pole
 };
 
+/// Rule and parameters for tool vectors near a pole.
 struct PoleOptions {
   PoleRule rule = PoleRule::AsProgrammed;
-  double near = 0.0;        ///< rad, Fanuc's parameter 19738: nearer than this is close; 0: never
-  double max_change = 0.0;  ///< rad, Fanuc's parameter 19739: by which the end of a block may be
-                            ///< turned about the pole
+  double near = 0.0;  ///< rad, Fanuc parameter 19738: distance that counts as close; 0: never
+  /// rad, Fanuc parameter 19739: largest rotation of the end of a block about the pole
+  double max_change = 0.0;
 };
 
-/// For what kind of machine a control is made: both kinds of one maker read the same words
+/// Machine type of a control. Turning and milling controls of one maker interpret the same words
 /// differently.
 enum class ControlKind {
-  FromMachine,  ///< turning where a spindle turns the workpiece, else milling
+  FromMachine,  ///< turning if a spindle turns the workpiece, else milling
   Milling,
   Turning,  ///< Fanuc: G-code system A
 };
 
-/// Diameters in X words until the program says otherwise.
+/// Meaning of X words until the program states it.
 enum class XWordMeaning {
   FromControl,  ///< diameters on turning controls of Fanuc and Siemens, else radii
   Diameters,
   Radii,
 };
 
-/// What is known of a turning control beside its program.
+/// Settings of a turning control that a program does not state.
 struct TurningOptions {
   ControlKind control = ControlKind::FromMachine;
   XWordMeaning x_words = XWordMeaning::FromControl;
-  int tip = 0;  ///< 0 to 9: which point of a turning tool X Z lead without nose compensation, as
-                ///< Fanuc and Siemens number them; 0 and 9: the centre of its nose
+  /// 0 to 9: point of a turning tool that X Z lead without nose compensation, in the numbering of
+  /// Fanuc and Siemens; 0 and 9: the centre of its nose
+  int tip = 0;
 };
 
+/// Options for reading a program in any dialect.
 struct ReadOptions {
-  program::NcOptions control;  ///< what the control knows before it reads
+  program::NcOptions control;  ///< state of the control before it reads
   Dialect dialect = Dialect::Auto;
   UnknownWordPolicy on_unknown = UnknownWordPolicy::Refuse;
-  std::string startup_code = {};  ///< a block that is read before the program's first line
+  std::string startup_code = {};  ///< block executed before the first line
   Limits limits = {};
-  std::filesystem::path folder =
-      {};  ///< where subprograms in files of their own stand; empty: none do
-  /// Takes the blocks as they are made, up to `path_segment_blocks` at a time, so that none are
-  /// kept: of a program of which only figures are wanted. Not called again after the first fault.
+  std::filesystem::path folder = {};  ///< folder of subprograms in files of their own; empty: none
+  /// Receives the blocks as they are made, up to `path_segment_blocks` at a time, so that none are
+  /// kept; for programs of which only figures are wanted. Not called again after the first error.
   std::function<void(program::Path piece)> on_path_segment = {};
-  /// Called now and then with the share of the file that has been read.
+  /// Called from time to time with the fraction of the file that has been read.
   std::function<void(double fraction)> progress = {};
   Interpreter interpreter = Interpreter::Abbe;
   InterpreterLimits interpreter_limits = {};
@@ -131,14 +134,14 @@ struct ReadOptions {
   TurningOptions turning = {};
 };
 
-/// Blocks of a piece.
+/// The largest number of blocks of a segment passed on.
 inline constexpr std::size_t path_segment_blocks = 32768;
 
-/// A word that was skipped.
+/// An unknown word that was skipped.
 struct SkippedWord {
   std::string word;  ///< "G187"
   std::size_t count = 0;
-  int line = 0;  ///< of the first
+  int line = 0;  ///< line of the first one
 };
 
 }  // namespace abbe::sim::dialects

@@ -20,9 +20,10 @@ namespace abbe::sim::dialects {
 
 namespace {
 
-constexpr std::size_t longest_word = 40;
+constexpr std::size_t longest_word = 40;  // no word of any dialect is longer
 
-/// Upper case in a buffer of its own: no memory is taken for each of a million words.
+/// A word in upper case in a fixed buffer, so that no memory is allocated for each of a million
+/// words.
 struct Word {
   std::array<char, longest_word> letters{};
   std::size_t size = 0;
@@ -33,7 +34,7 @@ struct Word {
   std::string_view text() const { return {letters.data(), size}; }
 };
 
-/// The words of a dialect by their text.
+/// Word table entries by their words.
 using Index = std::unordered_map<std::string_view, const WordTableEntry*>;
 
 Index index_of(std::span<const WordTableEntry> table) {
@@ -47,7 +48,7 @@ Index index_of(std::span<const WordTableEntry> table) {
   return index;
 }
 
-/// Counts what a scanner of lines finds.
+/// Counts the known words of a program.
 class Tally {
  public:
   explicit Tally(Index index) : index_(std::move(index)) {}
@@ -69,12 +70,14 @@ class Tally {
   std::vector<UsedWord> words_;
 };
 
-/// A word and the number behind it: the code as G1 of G01, else the word alone.
+/// Counts a word and the number behind it: as the code G1 for G01 if there is such a code, else the
+/// word alone.
 void count_word(std::string_view line, std::size_t& at, int number, Tally& tally) {
   Word word;
   while (at < line.size() && (is_letter(line[at]) || line[at] == '_')) word.put(upper(line[at++]));
   Word code = word;
   std::size_t from = at;
+  // Leading zeros: G01 is G1, but G0 keeps its zero.
   while (from + 1 < line.size() && line[from] == '0' && is_digit(line[from + 1])) ++from;
   std::size_t end = from;
   while (end < line.size() && (is_digit(line[end]) || line[end] == '.')) code.put(line[end++]);
@@ -86,7 +89,7 @@ void count_word(std::string_view line, std::size_t& at, int number, Tally& tally
   at = end;
 }
 
-/// A line of words, what stands in ( ) or " " and behind ; left out.
+/// Counts the words of a line. Text in ( ) or " " and behind ; is skipped.
 void count_line(std::string_view line, int number, Tally& tally) {
   for (std::size_t at = 0; at < line.size();) {
     const char c = line[at];
@@ -103,7 +106,7 @@ void count_line(std::string_view line, int number, Tally& tally) {
   }
 }
 
-/// A statement of cutter locations: its first word.
+/// Counts a statement of cutter locations, i.e. its first word.
 void count_major(std::string_view line, int number, Tally& tally) {
   std::size_t at = 0;
   while (at < line.size() && is_blank(line[at])) ++at;
@@ -136,6 +139,7 @@ std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool tu
 
 namespace {
 
+// The dialect may be given in a scene without being one that can be read.
 const FrontEnd& find_front_end(const Recognised& found, const std::string& file) {
   std::string known;
   for (const FrontEnd& one : front_ends()) {
@@ -148,7 +152,7 @@ const FrontEnd& find_front_end(const Recognised& found, const std::string& file)
                  std::move(seen));
 }
 
-/// The rule of one control is not for programs of another.
+/// Throws BadInput if the pole rule of one control is used with a program of another.
 void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
   const auto check = [&](PoleRule one, const char* name, std::initializer_list<Dialect> fit,
                          const char* why) {
@@ -164,7 +168,7 @@ void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
         "a program of Siemens or cutter locations");
 }
 
-/// Letters of another encoding are one input error, however many lines have them.
+/// Merges errors at bytes of another encoding into one, however many lines contain such bytes.
 std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_errors,
                                             std::string_view text, const std::string& file) {
   if (!find_invalid_utf8(text)) return input_errors;
@@ -176,6 +180,7 @@ std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_e
   std::vector<BadInput> kept;
   bool said = false;
   for (const BadInput& fault : input_errors) {
+    // Only errors in lines with such bytes are merged.
     const auto byte = foreign.find(fault.line);
     if (fault.file != file || byte == foreign.end()) {
       kept.push_back(fault);
@@ -188,13 +193,17 @@ std::vector<BadInput> merge_encoding_errors(const std::vector<BadInput>& input_e
   return kept;
 }
 
-constexpr std::size_t max_tried = std::size_t(1) << 22;  // bytes
+// Bytes; a retry with every dialect must stay short.
+constexpr std::size_t max_tried = std::size_t(1) << 22;
+// Enough to tell the dialects apart.
 constexpr std::size_t max_trial_moves = 200'000;
 
-/// Input errors of the text read in that dialect; none where it makes no move.
+/// Returns the number of input errors when the text is read in a dialect, or nothing if it makes no
+/// move.
 std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view text,
                                      const std::string& file, ReadOptions options) {
   options.dialect = front_end.dialect;
+  // A trial must not pass on segments, report progress or fail on the pole rule of another control.
   options.on_path_segment = {};
   options.progress = {};
   options.pole = {};
@@ -210,10 +219,12 @@ std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view
   return run.input_errors().list().size();
 }
 
-/// Names the dialect that reads the file with fewer input errors than the one that was detected.
+/// Returns an error that names the dialect which reads the file with the fewest errors, if that is
+/// fewer than the detected dialect gave.
 std::optional<BadInput> other_dialect(std::string_view text, const std::string& file,
                                       const ReadOptions& options, const Recognised& found,
                                       std::size_t errors) {
+  // A dialect that the user has given is not questioned.
   if (options.dialect != Dialect::Auto || text.size() > max_tried) return std::nullopt;
   const FrontEnd* best = nullptr;
   const std::size_t own = errors;
@@ -232,18 +243,20 @@ std::optional<BadInput> other_dialect(std::string_view text, const std::string& 
       fmt::format("{}, as {}, with {}", name_of(found.dialect), found.sign, own));
 }
 
-/// What is stated of turning must be of use to the control that reads.
+/// Throws BadInput for turning options that the control in use does not have.
 void check_turning(const ReadOptions& options, Dialect dialect, const std::string& file) {
   const bool by_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
+  // rs274 has no option for diameters; G7 in the program does the same.
   if (by_linuxcnc && options.turning.x_words == XWordMeaning::Diameters)
     throw BadInput(file, 0, 0, "G7 in the program beside LinuxCNC's own interpreter",
                    "x_words = \"diameters\"");
+  // Tips 0 and 9 are the centre of the nose, which every control can lead.
   if (options.turning.tip % 9 != 0 && dialect != Dialect::Fanuc && dialect != Dialect::Siemens)
     throw BadInput(file, 0, 0, "a program of Fanuc or Siemens beside the tip of a turning tool",
                    fmt::format("one of {}", name_of(dialect)));
 }
 
-/// Constant surface speed that nothing limits.
+/// Records the assumption that no limit was intended for the spindle under constant surface speed.
 void note_unlimited_speed(ProgramRun& run) {
   const auto& speed = run.canon.unlimited_speed();
   if (!speed) return;
@@ -264,11 +277,12 @@ ReadProgram read_program(std::string_view text, const std::string& file,
                    fmt::format("{}", text.size()));
   try {
     check_encoding(text, file);
+    // Thrown as the only error: every line would fail for the same reason.
   } catch (const BadInput& fault) {
     throw BadProgram({fault});
   }
   if (text.find('\0') != std::string_view::npos) {
-    // a NUL that is no tape mark is an input error of its line
+    // Only tape characters are removed; another NUL is an error at its line.
     const std::string plain = strip_tape_characters(text);
     if (plain.size() < text.size()) return read_program(plain, file, options);
   }
@@ -284,9 +298,11 @@ ReadProgram read_program(std::string_view text, const std::string& file,
     read_by_linuxcnc(text, found, run);
   else
     find_front_end(found, file).read(text, run);
+  // Passes on the last, incomplete segment.
   run.hand_over();
   if (!run.input_errors().empty()) {
     std::vector<BadInput> errors = merge_encoding_errors(run.input_errors().list(), text, file);
+    // The hint at another dialect comes last, behind the errors that led to it.
     if (auto other = other_dialect(text, file, options, found, errors.size()))
       errors.push_back(std::move(*other));
     throw BadProgram(std::move(errors));

@@ -8,86 +8,86 @@
 #include "sim/dialects/program_run.h"
 #include "sim/program/canon.h"
 
-/// The tool of a turning control: which point of it X and Z lead.
+/// Tool offsets of turning controls, and cutter compensation in a plane (G41, G42, RL, RR).
 namespace abbe::sim::dialects {
 
-/// Returns the control's chain to the tip of a tool, which for a round nose is its centre: that of
-/// the tool's own number if the scene has several; null where no kinematics are known.
+/// Returns the control's chain to the tip of a tool, for a round nose its centre. It is the chain
+/// of that tool number if the scene has several tools. Returns null if the kinematics are unknown.
 const kinematics::Chain* chain_to_tip(const program::NcOptions& control, int tool);
 
-/// Returns the shift of a tool offset that has been measured: with it X Z lead the tip in the
-/// workpiece, X0 on the spindle line. (axes) mm
-/// @throws BadInput unless the slides are at right angles
+/// Returns the shift, (axes) mm, of a measured tool offset: with it X Z lead the tip in the
+/// workpiece, X0 on the spindle axis. Throws BadInput unless the slides are at right angles.
 kinematics::AxisVector measured_offset(const program::Canon& canon, const kinematics::Chain& chain,
                                        const program::Cause& cause);
 
-/// Returns the displacement from the imaginary tip of a nose to its centre, (axes) mm.
-/// @param tip  0 to 9, as Fanuc and Siemens number them: 1 X+ Z+, 2 X+ Z-, 3 X- Z-, 4 X- Z+,
-///             5 Z+, 6 X+, 7 Z-, 8 X- of the centre, 0 and 9 the centre
+/// Returns the displacement from the imaginary tip of a nose to its centre, (axes) mm. `tip` is 0
+/// to 9 in the numbering of Fanuc and Siemens: 1 X+ Z+, 2 X+ Z-, 3 X- Z-, 4 X- Z+, 5 Z+, 6 X+, 7
+/// Z-, 8 X- of the centre, 0 and 9 the centre.
 kinematics::AxisVector nose_offset(const program::Canon& canon, int tip,
                                    std::optional<double> radius);
 
-/// How a control enters a contour and which corners it sees. The defaults are those of Fanuc (type
+/// Rules for entering a contour and for detecting corners. The defaults are those of Fanuc (type
 /// A), Siemens (NORM) and Heidenhain.
 struct CompensationRules {
-  /// The entry ends across the beginning of the next segment, at the radius from it. Else, as in
-  /// LinuxCNC, it ends beside its own direction, is at least as long as the radius, and may be an
-  /// arc.
+  /// True: the entry ends perpendicular to the beginning of the next segment, one radius from it.
+  /// False, as in LinuxCNC: it ends beside its own direction, is at least as long as the radius,
+  /// and may be an arc.
   bool perpendicular_entry = true;
-  /// rad, a corner of less counts as none: the tool is too near the contour behind it by up to
+  /// rad; a smaller corner counts as none. The tool then gouges the contour behind it by up to
   /// radius * corner^2 / 2, 5 nm at 10 mm of radius.
   double min_corner = 1e-3;
 };
 inline constexpr CompensationRules linuxcnc_compensation{.perpendicular_entry = false,
                                                          .min_corner = 0.05};
 
-/// Cutter compensation in a plane: the path beside the programmed one by the radius of the tool.
-/// Each move waits for the next, which decides its end: an inside corner is cut where the two paths
-/// beside meet, around an outside corner goes an arc of the radius about it.
+/// Cutter compensation in a plane: offsets the programmed path by the tool radius. Each move waits
+/// for the next one, which determines its end: at an inside corner the move ends where the two
+/// offset paths intersect, around an outside corner an arc of the tool radius is inserted.
 class Compensation {
  public:
   explicit Compensation(ProgramRun& run) : run_(run), canon_(run.canon) {}
 
   bool on() const { return on_; }
   bool left() const { return left_; }
-  bool entered() const { return entered_; }  ///< the first move since `begin` has been taken
-  /// What follows is left or right of the programmed path. @param first, second  joints of the
-  /// plane
+  bool entered() const { return entered_; }  ///< the first move since `begin` has been made
+  /// Begins compensation left or right of the path. `plane` holds the joints of the plane.
   void begin(bool left, double radius, std::array<int, 2> plane, CompensationRules manner = {});
-  /// The same where the tool stands beside the programmed place already, as other controls enter.
+  /// Begins compensation with the tool already beside the programmed position, as some controls
+  /// enter.
   void begin_at_offset(bool left, double radius, std::array<int, 2> plane,
                        kinematics::AxisVector programmed);
-  /// The move that waits is made; the next one leads from where the tool stands to its programmed
-  /// end.
+  /// Makes the waiting move and ends compensation; the next move leads from the offset position to
+  /// its programmed end.
   void end();
-  /// The program ends.
+  /// Ends the program.
   void finish() { end(); }
 
-  /// Where the program is, which the tool is beside.
+  /// Returns the programmed position, from which the tool is offset.
   const kinematics::AxisVector& programmed() const;
   kinematics::AxisVector end_of(const program::Target& target) const;
-  /// The program stands elsewhere than was said, as where another point of the tool is led from now
+  /// Shifts the programmed position, for example when X Z lead another point of the tool from here
   /// on.
   void shift_programmed(const kinematics::AxisVector& by) { programmed_ += by; }
-  /// The first move after `end` has been made.
+  /// Returns true after `end` until the next move has been made.
   bool leaving() const { return leaving_; }
   void clear_leaving() { leaving_ = false; }
 
-  /// @throws BadInput for an entry shorter than the radius, a corner that the tool does not reach
+  /// Throws BadInput for an entry shorter than the radius, and for a corner that the tool cannot
+  /// reach.
   void straight(program::Straight move, bool rapid);
   void arc(program::ArcMove move);
-  /// Done now, or behind the move that waits.
+  /// Runs an action now, or after the waiting move.
   void after(std::function<void()> action);
 
  private:
   using Vector2d = Eigen::Vector2d;
 
-  /// A piece of the path beside, in the plane.
+  /// A segment of the offset path, in the plane.
   struct Piece {
     bool rapid = false, round = false, clockwise = false, entry = false;
-    Vector2d start, end;  ///< beside the programmed ones
-    Vector2d centre;      ///< of an arc
-    double radius = 0.0;  ///< of the arc beside
+    Vector2d start, end;  ///< offset positions
+    Vector2d centre;      ///< centre of an arc
+    double radius = 0.0;  ///< radius of the offset arc
     int turns = 1;
     Vector2d leaves, arrives;   ///< unit, direction at start and end
     kinematics::AxisVector to;  ///< programmed end of all axes
@@ -96,7 +96,7 @@ class Compensation {
     int line = 0, file = 0;
   };
 
-  /// What is done behind the piece that waits, at its own line and with its own feed.
+  /// An action to run after the waiting segment, at its own line and with its own feed.
   struct Later {
     std::function<void()> action;
     std::optional<program::Feed> feed;
@@ -105,7 +105,7 @@ class Compensation {
 
   Vector2d centre_of(const program::ArcMove& move) const;
   Vector2d in_plane(const kinematics::AxisVector& q) const { return {q[plane_[0]], q[plane_[1]]}; }
-  /// To the side of a direction on which the tool is.
+  /// Returns the offset vector to the side of a direction on which the tool is.
   Vector2d beside(const Vector2d& direction) const;
   void join(Piece piece);
   void enter_by_arc(Piece& piece, const Vector2d& outwards, const program::Cause& cause) const;

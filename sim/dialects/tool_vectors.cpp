@@ -21,8 +21,11 @@ using kinematics::Side;
 
 namespace {
 
+// A segment then turns by less than 0.05 deg.
 constexpr int max_pieces = 4096;
 
+// Returns the chain with unlimited slides if the machine can orient the tool: directions alone are
+// solved, and the tip must never limit them.
 std::optional<Chain> pointing_chain(const Chain& chain) {
   std::vector<kinematics::Joint> joints = chain.joints();
   int slides = 0, turns = 0;
@@ -34,10 +37,13 @@ std::optional<Chain> pointing_chain(const Chain& chain) {
     joint.max = 1e9;
   }
   const bool xyz = chain.find('X') && chain.find('Y') && chain.find('Z');
+  // A turning spindle S makes the tool direction in the workpiece depend on its angle.
   if (!xyz || slides != 3 || turns < 1 || turns > 2 || chain.find('S')) return std::nullopt;
   return Chain(std::move(joints), chain.T_bw_home(), chain.T_bt_home());
 }
 
+// The chain is ordered from the workpiece through the bed to the tool, so workpiece joints are
+// visited in reverse.
 std::vector<int> rotary_in_order(const Chain& chain) {
   std::vector<int> joints;
   for (int j = 0; j < chain.size(); ++j)
@@ -51,9 +57,9 @@ std::vector<int> rotary_in_order(const Chain& chain) {
   return joints;
 }
 
-/// Unit directions turned uniformly from one to another.
+/// Unit vectors that move uniformly along a great circle.
 struct GreatCircle {
-  Vector3d from, across;  ///< unit, at right angles
+  Vector3d from, across;  ///< unit, perpendicular to each other
   double angle = 0.0;
 
   Vector3d at(double fraction) const {
@@ -61,10 +67,11 @@ struct GreatCircle {
   }
 };
 
-/// The rotary axes at equal pieces of the way; empty where they do not pass or the end is another.
+/// Returns the rotary axes at equal steps of the great circle, or an empty list if the axes cannot
+/// follow it or end in another solution.
 std::vector<AxisVector> on_the_way(const OrientationKinematics& turning, const GreatCircle& circle,
                                    const AxisVector& from, const AxisVector& to, int pieces) {
-  constexpr double same_position = 1e-9;  // rad
+  constexpr double same_position = 1e-9;  // rad, rounding of the inverse kinematics
   std::vector<AxisVector> way{from};
   for (int i = 1; i <= pieces; ++i) {
     const auto next = turning.positions(circle.at(double(i) / pieces), way.back());
@@ -73,6 +80,7 @@ std::vector<AxisVector> on_the_way(const OrientationKinematics& turning, const G
   }
   for (const int j : turning.rotary())
     if (std::abs(way.back()[j] - to[j]) > same_position) return {};
+  // Exactly the programmed end, so that no rounding accumulates over many lines.
   way.back() = to;
   return way;
 }
@@ -91,6 +99,7 @@ Vector3d OrientationKinematics::direction_w(const AxisVector& q) const {
 
 std::vector<AxisVector> OrientationKinematics::positions(const Vector3d& direction_w,
                                                          const AxisVector& near) const {
+  // Slides do not influence the direction; zeros keep their programmed values out of the solution.
   AxisVector here = near;
   for (int j = 0; j < here.size(); ++j)
     if (std::find(rotary_.begin(), rotary_.end(), j) == rotary_.end()) here[j] = 0.0;
@@ -113,25 +122,29 @@ std::vector<OrientationSegment> great_circle_segments(const OrientationKinematic
   circle.from = turning.direction_w(from).normalized();
   const Vector3d end = turning.direction_w(to).normalized();
   circle.angle = angle_between(circle.from, end);
+  // Below the tolerance no division is needed.
   if (circle.angle < tolerance) return {{1.0, to}};
+  // Opposite vectors: their great circle is not defined.
   if (circle.angle > pi - 1e-6) return {};
   circle.across = (end - end.dot(circle.from) * circle.from).normalized();
   for (int pieces = 1; pieces <= max_pieces;) {
     const std::vector<AxisVector> way = on_the_way(turning, circle, from, to, pieces);
     if (way.empty()) {
       if (pieces > 1) return {};
-      pieces = 16;  // far apart the nearest position may be the wrong one
+      pieces = 16;  // with few, distant points the nearest solution may be the wrong one
       continue;
     }
     double worst = 0.0;
     for (int i = 0; i < pieces; ++i)
+      // The deviation of a segment vanishes at its ends, and is largest near its middle or
+      // quarters.
       for (const double within : {0.25, 0.5, 0.75}) {
         const AxisVector q =
             way[std::size_t(i)] + within * (way[std::size_t(i) + 1] - way[std::size_t(i)]);
         worst = std::max(worst, angle_between(turning.direction_w(q).normalized(),
                                               circle.at((i + within) / pieces)));
       }
-    if (worst > tolerance) {  // it falls with the square of their number
+    if (worst > tolerance) {  // the deviation falls with the square of their number
       const int first = pieces;
       do pieces *= 2;
       while (worst > tolerance * pieces * pieces / (first * first));
@@ -149,12 +162,14 @@ void feed_along_segments(program::Canon& canon, const OrientationKinematics& tur
                          const program::Straight& move) {
   const AxisVector start = canon.position();
   const auto feed = canon.feed();
+  // Inverse time counts for the whole block: n segments have n times the F each.
   if (feed && canon.feed_mode() == program::FeedMode::InverseTime)
     canon.set_feed(program::Feed{feed->word * double(pieces.size()), feed->unit});
   for (const OrientationSegment& piece : pieces) {
     program::Straight part = move;
     part.end = start + piece.fraction * (move.end - start);
     for (const int j : turning.rotary()) part.end[j] = piece.q[j];
+    // The last segment ends at the programmed values, bit for bit.
     if (piece.fraction == 1.0) part.end = move.end;
     canon.straight_feed(std::move(part));
   }
@@ -173,12 +188,14 @@ using kinematics::Side;
 
 namespace {
 
-constexpr double same_turn = 1e-9;     // rad
-constexpr double right_angles = 1e-9;  // rad, by which axes may be off them
+constexpr double same_turn = 1e-9;  // rad, below it two solutions count as equal
+// Cosine; larger deviations make the formula for the changed end wrong.
+constexpr double right_angles = 1e-9;
 
-/// How far from zero, whole turns left out.
+/// Distance from zero modulo whole turns.
 double from_zero(double angle) { return std::abs(std::remainder(angle, 2 * pi)); }
 
+// Returns true if a is preferred to b: less travel axis by axis, then nearer to zero.
 bool before(const AxisVector& a, const AxisVector& b, const AxisVector& now,
             const std::vector<int>& ranks) {
   for (const int j : ranks)
@@ -195,18 +212,20 @@ Vector3d tool_w(const Chain& chain, const AxisVector& q) {
   return chain.tool_in_workpiece(q).linear().col(2).normalized();
 }
 
-/// How the great circle between two directions of the tool passes an axis.
+/// The pole that the great circle between two tool directions passes, and how closely.
 struct Passing {
-  Vector3d pole;       ///< unit, the axis in the direction in which the tool comes near it
+  Vector3d pole;       ///< unit, the end of the axis that the tool passes
   double angle = 0.0;  ///< rad
 };
 
-/// None where it comes nearest at an end, or has no plane.
+/// Returns nothing if the closest point of the great circle is an end, or the plane is undefined.
 std::optional<Passing> passing(const Vector3d& from, const Vector3d& to, const Vector3d& axis) {
   const Vector3d normal = from.cross(to);
   if (!(normal.norm() > same_turn)) return std::nullopt;
   const Vector3d n = normal.normalized();
   for (const Vector3d& pole : {axis, Vector3d(-axis)}) {
+    // The closest point is the projection of the pole onto the plane; it must lie between both
+    // ends.
     const Vector3d foot = pole - pole.dot(n) * n;
     if (from.cross(foot).dot(n) > 0.0 && foot.cross(to).dot(n) > 0.0)
       return Passing{pole, std::asin(std::min(1.0, std::abs(axis.dot(n))))};
@@ -214,7 +233,8 @@ std::optional<Passing> passing(const Vector3d& from, const Vector3d& to, const V
   return std::nullopt;
 }
 
-/// The pole of a machine, its axes at right angles.
+/// Returns the pole of a machine with perpendicular rotary axes. Throws std::invalid_argument for
+/// others.
 kinematics::Pole right_angled_pole(const Chain& chain, const AxisVector& q) {
   const auto pole = kinematics::nearest_pole(chain, q, q);
   const auto direction = [&](int j) { return chain.joints()[std::size_t(j)].direction_b; };
@@ -235,7 +255,7 @@ std::vector<int> rotary_judgement_order(const Chain& chain) {
     const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
     if (joint.motion == Motion::Rotary) (joint.side == Side::Tool ? head : table).push_back(j);
   }
-  std::reverse(table.begin(), table.end());  // the code goes from the workpiece to the bed
+  std::reverse(table.begin(), table.end());  // joints of the chain go from the workpiece to the bed
   table.insert(table.end(), head.begin(), head.end());
   return table;
 }
@@ -258,12 +278,15 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
   const auto passed = passing(tool_w(chain, from), wanted, axis_w);
   if (!passed || passed->angle >= limits.near) return std::nullopt;
   const double in_pole = passed->pole.dot(axis_w) > 0.0 ? pole.at : pole.at + pi;
+  // Inclination of the start relative to the pole: the sign tells on which side the axis continues.
   const double lean = std::remainder(from[pole.other] - in_pole, 2 * pi);
   const double singular = from[pole.other] - lean;
   const double end = kinematics::angle_between(wanted, passed->pole);
+  // A start or an end in the pole is no passage.
   if (std::abs(lean) < same_turn || end < same_turn) return std::nullopt;
   PolePassage passage{to, passed->angle, 0.0, 0.0};
   passage.end[pole.axis] = from[pole.axis];
+  // Beyond the pole by the angle of the end, so that the inclination of the tool is preserved.
   passage.end[pole.other] = singular - std::copysign(end, lean);
   const Vector3d reached = tool_w(chain, passage.end);
   passage.turned = kinematics::angle_between(wanted.cross(axis_w), reached.cross(axis_w));
@@ -279,6 +302,7 @@ std::optional<PolePassage> pole_passage(const Chain& chain, const AxisVector& fr
 namespace abbe::sim::dialects {
 
 const OrientationKinematics& VectorLines::turning_of(const Chain& chain) {
+  // Most programs use one chain throughout; it is analysed once.
   if (chain_ != &chain) {
     turning_.emplace(chain);
     chain_ = &chain;
@@ -290,6 +314,7 @@ AxisVector VectorLines::fanuc_rotary_axes(const Chain& chain, const Eigen::Vecto
                                           const program::Cause& cause) {
   const OrientationKinematics& turning = turning_of(chain);
   const AxisVector now = run_.canon.position();
+  // On a machine without rotary axes vectors are checked by the caller.
   if (!turning.possible()) return now;
   const auto all = turning.positions(direction_w.normalized(), now);
   if (all.empty())
@@ -322,11 +347,12 @@ bool VectorLines::straight_feed(const Chain& chain, program::Straight move) {
   const AxisVector& start = run_.canon.position();
   const bool turns =
       std::ranges::any_of(turning.rotary(), [&](int j) { return move.end[j] != start[j]; });
+  // A move without rotation needs no segments.
   if (!turns) return run_.canon.straight_feed(std::move(move)), true;
   if (rule() == PoleRule::Fanuc && turning.rotary().size() == 2 && lead_through_pole(chain, move))
     return run_.canon.straight_feed(std::move(move)), false;
   auto pieces = great_circle_segments(turning, start, move.end, great_circle_tolerance);
-  if (pieces.empty())  // the great circle may end where the axes stand in the other way
+  if (pieces.empty())  // the end may be reached by the other solution of the rotary axes
     for (const AxisVector& q : turning.positions(turning.direction_w(move.end), start)) {
       AxisVector end = move.end;
       for (const int j : turning.rotary()) end[j] = q[j];

@@ -12,54 +12,56 @@
 
 namespace abbe::sim::dialects {
 
-/// How the rotary axes of a machine point its tool.
+/// Kinematics of the tool direction: which rotary positions give a direction, and vice versa.
 class OrientationKinematics {
  public:
-  /// @param control  the control's chain; none: no machine whose tool can be pointed
+  /// `control` is the chain of the control; empty: a machine without orientable tool.
   explicit OrientationKinematics(const std::optional<kinematics::Chain>& control);
 
-  /// There are slides X Y Z and one or two rotary axes.
+  /// Returns true if there are slides X Y Z and one or two rotary axes.
   bool possible() const { return !rotary_.empty(); }
-  /// Joints in the order in which a control numbers them: those that carry the tool from the bed
-  /// on, then those that carry the workpiece from the bed on.
+  /// Returns the rotary joints in the order in which a control numbers them: those that carry the
+  /// tool from the bed on, then those that carry the workpiece from the bed on.
   const std::vector<int>& rotary() const { return rotary_; }
 
-  /// Direction of the tool in the workpiece, unit, from the tip to the spindle.
-  /// @param q  (size) of which the rotary axes count
+  /// Returns the direction of the tool in the workpiece, unit, from the tip to the spindle. Of `q`
+  /// the rotary axes are used.
   Eigen::Vector3d direction_w(const kinematics::AxisVector& q) const;
 
-  /// `near` with rotary axes that give the direction, the nearest of the positions first; an axis
-  /// that is free stays; empty where limits or the machine do not allow it. Bound: 1e-12 rad.
+  /// Returns `near` with rotary axes that give the direction, the nearest solution first; an axis
+  /// that does not matter keeps its position. Returns an empty list if limits or the machine do not
+  /// allow it. Bound: 1e-12 rad.
   std::vector<kinematics::AxisVector> positions(const Eigen::Vector3d& direction_w,
                                                 const kinematics::AxisVector& near) const;
 
  private:
-  std::optional<kinematics::Chain> free_;  ///< the chain with slides that have no limits
+  std::optional<kinematics::Chain> free_;  ///< the chain with unlimited slides
   std::vector<int> rotary_;
 };
 
-/// A piece of a line on which the tool turns: its end as fraction of the line, rotary axes there.
+/// A part of a line along which the tool direction changes: its end as a fraction of the line, and
+/// the rotary axes there.
 struct OrientationSegment {
   double fraction = 1.0;
   kinematics::AxisVector q;
 };
 
-/// A great circle between two directions of the tool as pieces in which the rotary axes move in
-/// proportion. At the quarters of each piece the direction is within `tolerance` rad of the great
-/// circle, uniformly turned; the pieces are equal, their number a power of two.
-/// @param from, to  (size) of which the rotary axes count
-/// @return empty where no great circle leads from one to the other: opposite directions, positions
-///         beyond limits, a pole that 4096 pieces do not pass within the tolerance, or an end that
-///         the axes reach in another way only
+/// Divides a great circle between two tool directions into equal segments in which the rotary axes
+/// move in proportion; their number is a power of two. At the quarters of each segment the
+/// direction is within `tolerance` rad of the uniformly traversed great circle. Of `from` and `to`
+/// the rotary axes are used. Returns an empty list if no great circle connects them: opposite
+/// directions, positions beyond limits, a pole that 4096 segments do not pass within the tolerance,
+/// or an end that the axes reach only in another solution.
 std::vector<OrientationSegment> great_circle_segments(const OrientationKinematics& turning,
                                                       const kinematics::AxisVector& from,
                                                       const kinematics::AxisVector& to,
                                                       double tolerance);
 
-/// rad, by which lines that turn the tool on a great circle may leave it.
+/// Largest deviation of a move from the great circle of its tool vectors, rad.
 inline constexpr double great_circle_tolerance = 1e-6;
 
-/// A line at feed that turns the tool, put out in pieces; under inverse time each has its share.
+/// Issues a line at feed with changing tool direction in segments; under inverse time each segment
+/// gets its fraction of the time.
 void feed_along_segments(program::Canon& canon, const OrientationKinematics& turning,
                          const std::vector<OrientationSegment>& pieces,
                          const program::Straight& move);
@@ -68,34 +70,34 @@ void feed_along_segments(program::Canon& canon, const OrientationKinematics& tur
 
 namespace abbe::sim::dialects::fanuc {
 
-// How a Fanuc control turns rotary axes to a direction of the tool.
+// Rules by which a Fanuc control positions rotary axes for a tool direction.
 
-/// The rotary joints in the order in which the control's rule looks at how far they turn: of two in
-/// the head or two in the table from the bed outwards, of one in each the table first.
+/// Returns the rotary joints in the order in which the control compares their travel: of two in the
+/// head or two in the table from the bed outwards, of one in each the table first.
 std::vector<int> rotary_judgement_order(const kinematics::Chain& chain);
 
-/// The position that the output judgement conditions take: less travel of the first axis, of the
-/// second, then nearer to zero.
-/// @param branches  (any, at least one) (size)  @param now  (size)
+/// Returns the solution chosen by the output judgement conditions: less travel of the first axis,
+/// then of the second, then nearer to zero. `branches` must not be empty; `now` is the current
+/// position.
 const kinematics::AxisVector& output_judgement(std::span<const kinematics::AxisVector> branches,
                                                const kinematics::AxisVector& now,
                                                const std::vector<int>& ranks);
 
-/// A block led through the pole that it would pass close by.
+/// A block that is led through a pole which it would pass closely.
 struct PolePassage {
-  kinematics::AxisVector end;  ///< (size) the rotary axes of the block's end as they are changed
-  double angle = 0.0;          ///< rad, by which it would have passed by
-  double turned = 0.0;         ///< rad, of its end about the pole
-  double off = 0.0;            ///< rad, between the tool at the changed end and the vector
+  kinematics::AxisVector end;  ///< (size) end of the block with changed rotary axes
+  double angle = 0.0;          ///< rad, distance at which it would have passed the pole
+  double turned = 0.0;         ///< rad, rotation of its end about the pole
+  double off = 0.0;  ///< rad, between the tool at the changed end and the programmed vector
 };
 
 /// Tool posture control (FANUC A-79294E, "In the case that the tool posture is near singular
-/// posture"): where the plane of the two vectors passes a pole nearer than `near`, the axis that is
-/// free at the pole stays as it is and the other one goes on beyond the pole, unless that turns the
-/// end about the pole by more than `max_change`. Of an end in the pole nothing is changed.
-/// @param from, to  (size) of which the rotary axes count
-/// @throws std::invalid_argument unless the chain has two rotary axes at right angles to each
-///         other, the tool at right angles to the second
+/// posture"). If the plane of the two vectors passes a pole closer than `near`, the axis that is
+/// free at the pole stays and the other one continues beyond the pole, unless that rotates the end
+/// about the pole by more than `max_change`. An end at the pole itself is not changed. Of `from`
+/// and `to` the rotary axes are used. Returns nothing if the block is not changed. Throws
+/// std::invalid_argument unless the chain has two rotary axes at right angles to each other and the
+/// tool is at right angles to the second.
 std::optional<PolePassage> pole_passage(const kinematics::Chain& chain,
                                         const kinematics::AxisVector& from,
                                         const kinematics::AxisVector& to,
@@ -105,28 +107,26 @@ std::optional<PolePassage> pole_passage(const kinematics::Chain& chain,
 
 namespace abbe::sim::dialects {
 
-/// Lines at feed between two vectors of the tool, put out by the rule of a control
-/// (`ReadOptions::pole`): on great circles, and by Fanuc's through a pole that they would pass
-/// close by.
+/// Lines at feed between two tool vectors, executed by the rule of a control (`ReadOptions::pole`):
+/// on great circles, and with Fanuc's rule through a pole that they would pass closely.
 class VectorLines {
  public:
   explicit VectorLines(ProgramRun& run) : run_(run) {}
 
   PoleRule rule() const { return run_.options().pole.rule; }
-  /// There is a rule that is not the dialect's own.
+  /// Returns true if a rule other than the dialect's own is selected.
   bool on() const { return rule() == PoleRule::Fanuc || rule() == PoleRule::Siemens; }
 
-  /// Rotary axes for a direction of the tool as Fanuc's output judgement takes them; as
-  /// they are where the machine has none that points the tool.
-  /// @param chain  outlives it, as does that of every other call
-  /// @throws BadInput at `cause` where the rotary axes do not reach it
+  /// Returns the rotary axes for a tool direction as Fanuc's output judgement selects them, or the
+  /// current ones on a machine that cannot orient the tool. `chain` must outlive the object, as in
+  /// every other call. Throws BadInput at `cause` if the direction is out of reach.
   kinematics::AxisVector fanuc_rotary_axes(const kinematics::Chain& chain,
                                            const Eigen::Vector3d& direction_w,
                                            const program::Cause& cause);
 
-  /// A line from where the tool is.
-  /// @return whether it ends with the vector that `move` has; else it was led through a pole
-  /// @throws BadInput at its cause where the rotary axes do not follow the great circle
+  /// Issues a line from the current position. Returns false if it was led through a pole and thus
+  /// ends with another vector than `move`. Throws BadInput at its cause if the rotary axes cannot
+  /// follow the great circle.
   bool straight_feed(const kinematics::Chain& chain, program::Straight move);
 
   /// Warns of the blocks that were led through a pole.
@@ -137,12 +137,12 @@ class VectorLines {
   bool lead_through_pole(const kinematics::Chain& chain, program::Straight& move);
 
   ProgramRun& run_;
-  const kinematics::Chain* chain_ = nullptr;  ///< of `turning_`
+  const kinematics::Chain* chain_ = nullptr;  ///< chain of `turning_`
   std::optional<OrientationKinematics> turning_;
   struct PolePassageSummary {
     std::size_t blocks = 0;
-    double turned = 0.0, off = 0.0;  ///< rad, the largest
-    int line = 0;                    ///< of the largest `off`
+    double turned = 0.0, off = 0.0;  ///< rad, the largest values
+    int line = 0;                    ///< line of the largest `off`
   } pole_passages_;
 };
 

@@ -47,14 +47,15 @@ bool lock_unfinished(int descriptor) {
   return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
-/// The unfinished files of this process.
+/// Paths of the unfinished files of this process.
 struct OwnFiles {
   std::mutex mutex;
   std::set<fs::path> paths;
 };
 
 OwnFiles& own_files() {
-  static auto& files = *new OwnFiles;  // the thread that removes them may outlive what is static
+  static auto& files = *new OwnFiles;  // never destroyed: the thread that removes the files may
+                                       // outlive static objects
   return files;
 }
 
@@ -65,12 +66,13 @@ OwnFiles& own_files() {
 }  // namespace
 
 UnfinishedFile::UnfinishedFile(const fs::path& folder, const std::string& name) {
+  // Another process may use the same number in a shared folder, so numbers are tried in turn.
   for (int k = 0;; ++k) {
     path_ = folder / fmt::format("{}{}-{}-{}", unfinished_prefix, ::getpid(), k, name);
     lock_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
     if (lock_ < 0 && errno != EEXIST) throw_write_failure(folder / name, errno);
     if (lock_ < 0) continue;
-    // another process may have taken it for abandoned before it was locked
+    // Another process may have taken the file for abandoned and removed it before it was locked.
     if (lock_unfinished(lock_) && has_same_inode(path_, lock_)) break;
     ::close(lock_);
   }
@@ -104,6 +106,8 @@ void remove_abandoned_files(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     if (!is_unfinished_name(entry.path().filename().string())) continue;
+    // O_NONBLOCK: opening a pipe of that name must not wait. A lock that can be taken means that
+    // the writer has ended.
     const int descriptor =
         ::open(entry.path().c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
     if (descriptor < 0) continue;
@@ -119,16 +123,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-[[noreturn]] void report_untrusted(const fs::path& file, const std::string& reason) {
+[[noreturn]] void refuse_new(const fs::path& file, const std::string& reason) {
   throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
 }
 
-/// Writes a file where none is; a link of that name is not followed.
+/// Creates a file that must not exist; a link of that name is not followed.
 void create(const fs::path& file, const std::string& text) {
   const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, 0666);
-  if (descriptor < 0)
-    report_untrusted(file, "cannot be written: " + std::string(std::strerror(errno)));
+  if (descriptor < 0) refuse_new(file, "cannot be written: " + std::string(std::strerror(errno)));
   int failed = 0;
+  // write may write less than requested, for example when a signal arrives.
   for (std::string_view rest = text; failed == 0 && !rest.empty();) {
     const ssize_t written = ::write(descriptor, rest.data(), rest.size());
     if (written < 0)
@@ -136,18 +140,20 @@ void create(const fs::path& file, const std::string& text) {
     else
       rest.remove_prefix(std::size_t(written));
   }
+  // Network file systems report a full disk only at close.
   if (::close(descriptor) != 0 && failed == 0) failed = errno;
   if (failed == 0) return;
   std::error_code ignored;
   fs::remove(file, ignored);
-  report_untrusted(file, "cannot be written: " + std::string(std::strerror(failed)));
+  refuse_new(file, "cannot be written: " + std::string(std::strerror(failed)));
 }
 
-/// What has been made so far, taken away again unless it is kept.
+/// Files and folders made so far, removed again unless they are kept.
 class Made {
  public:
   ~Made() {
     std::error_code ignored;
+    // In reverse order, so that folders are empty when their turn comes.
     for (auto one = all_.rbegin(); one != all_.rend(); ++one) fs::remove(*one, ignored);
   }
   void add(const fs::path& one) { all_.push_back(one); }
@@ -163,7 +169,7 @@ void make_folders(const fs::path& folder, Made& made) {
   make_folders(folder.parent_path(), made);
   failure.clear();
   if (fs::create_directory(folder, failure)) made.add(folder);
-  if (failure) report_untrusted(folder, "cannot be made: " + failure.message());
+  if (failure) refuse_new(folder, "cannot be made: " + failure.message());
 }
 
 }  // namespace
@@ -171,20 +177,19 @@ void make_folders(const fs::path& folder, Made& made) {
 void check_new_folder(const fs::path& folder) {
   std::error_code failure;
   if (!fs::exists(fs::symlink_status(folder, failure))) return;
-  if (!fs::is_directory(folder, failure))
-    report_untrusted(folder, "expected a folder, seen a file");
+  if (!fs::is_directory(folder, failure)) refuse_new(folder, "expected a folder, seen a file");
   std::string first;
   int others = 0;
   for (const auto& entry : fs::directory_iterator(folder, failure)) {
     const std::string name = entry.path().filename().string();
+    // Hidden files such as .git do not make a folder a used one.
     if (name.starts_with('.')) continue;
     if (++others == 1 || name < first) first = name;
   }
-  if (failure) report_untrusted(folder, "cannot be read: " + failure.message());
+  if (failure) refuse_new(folder, "cannot be read: " + failure.message());
   if (others > 0)
-    report_untrusted(folder,
-                     fmt::format("expected a new or empty folder, seen one with {}{}", first,
-                                 others > 1 ? fmt::format(" and {} more", others - 1) : ""));
+    refuse_new(folder, fmt::format("expected a new or empty folder, seen one with {}{}", first,
+                                   others > 1 ? fmt::format(" and {} more", others - 1) : ""));
 }
 
 void write_new_folder(const fs::path& folder, const std::vector<NewFile>& files) {

@@ -7,27 +7,30 @@
 
 namespace abbe::sim {
 
-/// Output could not be written, or would touch what abbe did not make: exit 5.
+/// Thrown if output cannot be written, or would change files that abbe did not make: exit code 5.
 struct OutputFailure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
 inline constexpr const char* manifest_name = ".abbe-result";
 
-/// A file while it is written, in the folder and with the ending that it will have. Its process
-/// holds a lock on it, which ends with the process however that ends: what a killed process left is
-/// told from what another one is writing, on any computer that shares the folder.
+/// A file being written, in the folder and with the extension of its final name. Its process holds
+/// a lock on it, which ends with the process in any case: files left by a killed process are thus
+/// distinguished from those that another process is writing, on any computer that shares the
+/// folder.
 class UnfinishedFile {
  public:
-  /// Makes the file, empty. @throws OutputFailure
+  /// Creates the file, empty.
+  /// @throws OutputFailure
   UnfinishedFile(const std::filesystem::path& folder, const std::string& name);
-  /// Removes it unless it was renamed.
+  /// Removes the file unless it was renamed.
   ~UnfinishedFile();
   UnfinishedFile(const UnfinishedFile&) = delete;
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  /// Its name is `path` from now on, in the place of an older file. @throws OutputFailure
+  /// Renames the file to `path`, replacing an older file.
+  /// @throws OutputFailure
   void rename(const std::filesystem::path& path);
 
  private:
@@ -35,25 +38,25 @@ class UnfinishedFile {
   int lock_ = -1;
 };
 
-/// Removes those of this process, which writes no more. Thread-safe.
+/// Removes the unfinished files of this process, which must write no more. Thread-safe.
 void remove_own_unfinished_files();
 
-/// Removes the unfinished files of processes that are gone. Where the file system has no locks,
+/// Removes the unfinished files of processes that no longer exist. On file systems without locks
 /// they stay.
 void remove_abandoned_files(const std::filesystem::path& folder);
 
-/// A file to be, by its name in the folder.
+/// A file to be written, with its name in the folder.
 struct NewFile {
   std::string name;
   std::string text;
 };
 
-/// Refuses a folder that is there and holds anything but hidden files, and makes nothing.
-/// @throws OutputFailure
+/// Checks that a folder does not exist or holds only hidden files; creates nothing.
+/// @throws OutputFailure otherwise
 void check_new_folder(const std::filesystem::path& folder);
 
-/// Writes files into a folder that is new or empty. They are the user's from then on: no mark says
-/// that abbe may replace them. On failure nothing is left of them, nor of a folder that was made.
+/// Writes files into a new or empty folder. They belong to the user from then on: no manifest
+/// allows abbe to replace them. On failure all files and folders that were made are removed.
 /// @throws OutputFailure
 void write_new_folder(const std::filesystem::path& folder, const std::vector<NewFile>& files);
 

@@ -23,6 +23,7 @@ void read_saved_json(
     const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make) {
   using nlohmann::ordered_json;
   const std::string text = read_text(file, max_saved_bytes);
+  // nlohmann's parser recurses: deep nesting would overflow the stack.
   if (json_depth(text) > max_nesting)
     throw BadInput(file.string(), 0, 0, expected,
                    fmt::format("more than {} brackets within each other", max_nesting));

@@ -33,6 +33,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using nlohmann::ordered_json;
 
+/// Larger manifests are ignored; a line takes about 100 bytes.
 constexpr std::size_t max_mark_bytes = std::size_t(64) << 20;
 
 bool is_plain_file(const fs::path& file) {
@@ -45,14 +46,16 @@ std::string text_at(const json& line, const char* key) {
   return found != line.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
-/// As SQLite begins every file: a journal that was killed early has no name of its own yet.
+/// Returns true if the file begins like an SQLite database: a journal that was killed early has no
+/// application id yet.
 bool is_database(const fs::path& file) {
   std::string head(16, '\0');
   return bool(std::ifstream(file, std::ios::binary).read(head.data(), 16)) &&
          head == std::string("SQLite format 3\0", 16);
 }
 
-/// A sum is written as 16 hexadecimal digits: not every reader of JSON holds 64 bits.
+/// Returns the checksum of a line. The sum is written as 16 hexadecimal digits, because many JSON
+/// readers do not hold 64-bit integers.
 std::optional<FileChecksum> print_in(const json& line) {
   const std::string sum = text_at(line, "sum");
   const auto size = line.find("size");
@@ -62,7 +65,7 @@ std::optional<FileChecksum> print_in(const json& line) {
   return FileChecksum{size->get<std::uintmax_t>(), std::stoull(sum, nullptr, 16)};
 }
 
-/// The mark while it is written; other processes wait.
+/// The manifest while it is written; other processes wait.
 class LockedManifest {
  public:
   explicit LockedManifest(const fs::path& folder)
@@ -70,14 +73,14 @@ class LockedManifest {
         descriptor_(
             ::open(file_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0666)) {
     if (descriptor_ < 0) fail(errno);
-    // where a file system has no locks, lines are still appended whole
+    // On file systems without locks, lines are still appended as a whole by O_APPEND.
     while (::flock(descriptor_, LOCK_EX) != 0 && errno == EINTR) continue;
   }
   ~LockedManifest() { ::close(descriptor_); }
   LockedManifest(const LockedManifest&) = delete;
   LockedManifest& operator=(const LockedManifest&) = delete;
 
-  /// On a line of its own, also behind one that was not finished.
+  /// Appends a line of its own, also after an unfinished one.
   void append(std::string line) const {
     char last = '\n';
     const ::off_t end = ::lseek(descriptor_, 0, SEEK_END);
@@ -120,6 +123,7 @@ Mark read_manifest(const fs::path& folder) {
   std::ifstream in(file, std::ios::binary);
   for (std::string text; std::getline(in, text);) {
     const json line = json::parse(text, nullptr, false);
+    // A damaged line, such as one that was cut off, is skipped.
     if (!line.is_object()) continue;
     if (line.contains("folder") && line["folder"] == true) mark.folder = true;
     if (line.contains("file") && line["file"].is_string())
@@ -166,7 +170,7 @@ void append_to_manifest(const fs::path& folder,
     line["version"] = versions()["abbe"];
   }
   if (written) {
-    line["file"] = escaped(written->name);  // JSON holds no other bytes than UTF-8
+    line["file"] = escaped(written->name);  // JSON holds UTF-8 only
     line["by"] = written->by;
     if (written->print) {
       line["size"] = written->print->size;
@@ -189,8 +193,6 @@ namespace fs = std::filesystem;
   throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
 }
 
-// ---- what is abbe's
-
 bool is_there(const fs::path& file) {
   std::error_code none;
   return fs::exists(fs::symlink_status(file, none));
@@ -198,7 +200,7 @@ bool is_there(const fs::path& file) {
 
 fs::path plain(const fs::path& file) { return fs::absolute(file).lexically_normal(); }
 
-/// Whether two paths lead to one file, by whatever names, links or cases of letters.
+/// Returns true if two paths lead to one file, whatever names, links or letter cases they use.
 bool is_same(const fs::path& a, const fs::path& b) {
   std::error_code none;
   return fs::equivalent(a, b, none) || plain(a) == plain(b);
@@ -216,7 +218,7 @@ bool is_below_folder(const fs::path& file, const fs::path& folder) {
   return false;
 }
 
-/// An input in the folder or below, by its own name or by what it is a link to.
+/// Returns an input in the folder or below, by its own name or by the target of its link.
 std::optional<fs::path> input_inside(const fs::path& folder, const Writer& writer) {
   std::error_code none;
   for (const fs::path& input : writer.inputs)
@@ -226,25 +228,27 @@ std::optional<fs::path> input_inside(const fs::path& folder, const Writer& write
   return std::nullopt;
 }
 
-/// A folder below that is not there yet.
-std::string alternative_folder_text(const fs::path& folder) {
+/// Returns an --out for a subfolder that does not exist yet.
+std::string another(const fs::path& folder) {
   fs::path name = (folder / "result").lexically_normal();
   for (int k = 2; is_there(name); ++k)
     name = (folder / fmt::format("result-{}", k)).lexically_normal();
   return "--out " + name.string();
 }
 
-/// A journal of a study says in its own head whose it is: SQLite's application id.
+/// Returns true for a journal of a study, which has the application id of abbe in its SQLite
+/// header.
 bool is_journal(const fs::path& file) {
   std::error_code none;
   if (fs::symlink_status(file, none).type() != fs::file_type::regular) return false;
   std::ifstream in(file, std::ios::binary);
+  // The application id is at bytes 68 to 71 of the header.
   std::string head(72, '\0');
   in.read(head.data(), std::streamsize(head.size()));
   return in && head.starts_with("SQLite format 3") && head.ends_with("abbe");
 }
 
-/// A journal, or what SQLite and its lock put beside it.
+/// Returns true for a journal, or for a file that SQLite and its lock keep beside it.
 bool is_journal_file(const fs::path& file) {
   std::string name = file.string();
   for (const std::string_view ending : {"-lock", "-wal", "-shm"})
@@ -252,7 +256,8 @@ bool is_journal_file(const fs::path& file) {
   return is_journal(name);
 }
 
-/// A file such as .gitkeep, which only keeps a folder; abbe writes none, so none is in its way.
+/// Returns true for files such as .gitkeep, which only keep a folder; abbe writes none and is not
+/// hindered by them.
 bool is_hidden(const fs::directory_entry& entry) {
   std::error_code none;
   const std::string name = entry.path().filename().string();
@@ -262,7 +267,7 @@ bool is_hidden(const fs::directory_entry& entry) {
 
 bool has_foreign_files(const fs::path& folder);
 
-/// Returns true if an entry of a folder with this mark is not abbe's: neither in the mark as it is,
+/// Returns true if an entry of a folder with this manifest is not abbe's: neither listed as it is,
 /// nor a journal, nor a folder in which everything is abbe's.
 bool is_foreign_entry(const Mark& mark, const fs::directory_entry& entry) {
   std::error_code none;
@@ -272,8 +277,8 @@ bool is_foreign_entry(const Mark& mark, const fs::directory_entry& entry) {
   return entry.is_symlink(none) || !entry.is_directory(none) || has_foreign_files(entry.path());
 }
 
-/// A run that fails may leave folders before it writes a file and its mark; an empty folder holds
-/// nothing that a later run could spoil.
+/// Returns true if a folder holds files that are not abbe's. A failed run may leave empty folders
+/// without a manifest; they hold nothing that a later run could damage.
 bool has_foreign_files(const fs::path& folder) {
   const Mark mark = read_manifest(folder);
   if (mark.folder) return false;
@@ -287,7 +292,7 @@ bool has_foreign_files(const fs::path& folder) {
 /// Entries of a folder that are not abbe's.
 struct Others {
   std::size_t count = 0;
-  std::string first;  ///< by name
+  std::string first;  ///< first by name
 };
 
 Others foreign_files(const fs::path& folder) {
@@ -302,10 +307,11 @@ Others foreign_files(const fs::path& folder) {
   return others;
 }
 
-/// `run` and `compare` write the same files of a case.
-std::string author(const std::string& command) { return command == "compare" ? "run" : command; }
-
-// ---- writing
+/// Returns the command under which files are listed: `run` and `compare` write the same files of a
+/// case.
+std::string canonical_command(const std::string& command) {
+  return command == "compare" ? "run" : command;
+}
 
 [[noreturn]] void throw_errno(int reason) {
   throw std::system_error(reason, std::generic_category());
@@ -319,7 +325,8 @@ void write_text(const fs::path& file, std::string_view text) {
   if (std::fclose(stream) != 0 || !written) throw_errno(written ? errno : reason);
 }
 
-/// A full disk may show only here.
+/// Flushes a file to disk: a full disk may be reported only here. EINVAL and EROFS mean that the
+/// file cannot be flushed, such as a pipe.
 void flush(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY);
   if (descriptor < 0) throw_errno(errno);
@@ -328,8 +335,8 @@ void flush(const fs::path& file) {
   if (failed != 0 && failed != EINVAL && failed != EROFS) throw_errno(failed);
 }
 
-/// Makes the folder and proves that a file can be written in it.
-void check_folder_writable(const fs::path& folder) {
+/// Creates the folder and tests that a file can be written in it.
+void prepare_folder(const fs::path& folder) {
   try {
     fs::create_directories(folder);
     remove_abandoned_files(folder);
@@ -341,12 +348,12 @@ void check_folder_writable(const fs::path& folder) {
 
 }  // namespace
 
-/// A folder in which files are written, and what is known of it.
+/// A folder for files, with its state.
 struct ResultFile::Place {
   fs::path folder;  ///< never empty
   Writer writer;
   bool whole = false;               ///< the folder as a whole becomes a result
-  bool folder_declaration = false;  ///< the command stands in the mark
+  bool folder_declaration = false;  ///< the command is in the manifest already
 };
 
 fs::path ResultFile::path() const {
@@ -361,9 +368,9 @@ void check_folder(const fs::path& folder, const Writer& writer) {
   if (const auto input = writer.beside_inputs ? std::nullopt : input_inside(folder, writer))
     refuse(folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
                                "choose another, such as {}",
-                               input->string(), alternative_folder_text(folder)));
+                               input->string(), another(folder)));
   if (read_manifest(folder).folder) return;
-  // files of another run that appeared since have its mark before them
+  // Files of another run that appeared meanwhile are listed in the manifest before they appear.
   if (const Others others = foreign_files(folder);
       others.count > 0 && !read_manifest(folder).folder)
     refuse(folder,
@@ -372,16 +379,17 @@ void check_folder(const fs::path& folder, const Writer& writer) {
                        "say --force",
                        manifest_name, others.first,
                        others.count > 1 ? fmt::format(" and {} more", others.count - 1) : "",
-                       alternative_folder_text(folder)));
+                       another(folder)));
 }
 
 ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path named = folder.empty() ? fs::path(".") : folder;
   check_folder(named, writer);
-  // a folder taken by force stays the user's as a whole
+  // A folder taken by --force remains the user's as a whole.
   const bool whole = read_manifest(named).folder || foreign_files(named).count == 0 ||
-                     read_manifest(named).folder;  // that of another run may have come between
-  check_folder_writable(named);
+                     read_manifest(named).folder;  // another run may have written its manifest in
+                                                   // between
+  prepare_folder(named);
   place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
 }
 
@@ -411,7 +419,7 @@ ResultFile ResultFile::unchecked_file(const fs::path& file, const Writer& writer
 
 ResultFile result_file(const fs::path& file, const Writer& writer) {
   ResultFile result = ResultFile::unchecked_file(file, writer);
-  check_folder_writable(result.place_->folder);
+  prepare_folder(result.place_->folder);
   return result;
 }
 
@@ -426,7 +434,7 @@ void check_file(const ResultFile& file) {
   if (is_input(path, place.writer))
     refuse(path, "this run reads it, and what is read is never written over; choose another --out");
   if (place.writer.permissions.force || is_journal(path)) return;
-  const Mark mark = read_manifest(place.folder);  // as other processes may have left it by now
+  const Mark mark = read_manifest(place.folder);  // read again: other processes may have changed it
   if (writing_command(mark, path)) return;
   refuse(path,
          fmt::format("a file that {} stands there; move it, choose another --out, or say "
@@ -436,7 +444,7 @@ void check_file(const ResultFile& file) {
 }
 
 void ResultFile::note(const std::optional<FileChecksum>& print) const {
-  static std::mutex noting;  // files of a folder are written by several threads
+  static std::mutex noting;  // several threads write files of one folder
   const std::lock_guard lock(noting);
   const std::string& command_line = place_->writer.permissions.command;
   const Written written{name_, subcommand_name(command_line), print};
@@ -462,7 +470,7 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
   try {
     write(unfinished.path());
     flush(unfinished.path());
-    check_file(file);  // that took a while
+    check_file(file);  // again, because writing took time
     file.note(file_checksum(unfinished.path()));
     unfinished.rename(path);
   } catch (const OutputFailure&) {
@@ -470,7 +478,7 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
   } catch (const Interrupted&) {
     throw;
   } catch (const std::system_error& failure) {
-    fail(path, failure.code().message());  // its text names the unfinished file
+    fail(path, failure.code().message());  // the text of the exception names the temporary file
   } catch (const std::exception& failure) {
     fail(path, failure.what());
   }
@@ -493,7 +501,9 @@ void remove_file(const ResultFile& file) {
   const Writer& writer = file.place_->writer;
   if (!is_there(path) || is_input(path, writer)) return;
   const auto wrote = writing_command(read_manifest(file.place_->folder), path);
-  if (!wrote || author(*wrote) != author(subcommand_name(writer.permissions.command))) return;
+  if (!wrote ||
+      canonical_command(*wrote) != canonical_command(subcommand_name(writer.permissions.command)))
+    return;
   std::error_code error;
   fs::remove(path, error);
   if (error)

@@ -19,79 +19,82 @@
 
 namespace abbe::sim {
 
-/// What the user says of a run beside the scene.
+/// Permissions that the user gives for a run, besides the scene.
 struct Permissions {
-  std::string command = {};  ///< as it was typed, for the marks of results
-  bool force = false;        ///< --force: write into folders and over files that abbe did not make
-  bool trust = false;        ///< --trust: run the programs that scenes and studies name
+  std::string command = {};  ///< command line, for the manifests of results
+  bool force = false;  ///< --force: allows writing into folders and over files that abbe did not
+                       ///< make
+  bool trust = false;  ///< --trust: allows running the programs that scenes and studies name
 };
 
-// The mark of a folder of results: JSON lines, to which abbe only ever appends. {"folder": true,
-// "command": ..., "version": ...} where the whole folder is a result; {"file": NAME, "by": ...,
-// "size": ..., "sum": ...} for every text that was written under a name. A file is abbe's as long
-// as it is one of these texts, byte for byte: one that was changed, or put in its place, is the
-// user's. A line is added before its file takes the name, so that a process killed in between
-// leaves a line for a file that is not there, never a file of abbe's without a line.
+// The manifest of a folder of results: JSON lines, to which abbe only appends. {"folder": true,
+// "command": ..., "version": ...} if the whole folder is a result; {"file": NAME, "by": ...,
+// "size": ..., "sum": ...} for every content that was written under a name. A file is abbe's as
+// long as its bytes are one of these contents: a file that was changed or replaced is the user's. A
+// line is added before its file gets the name, so that a process killed in between leaves a line
+// for a missing file, never a file of abbe's without a line.
 
-/// What a file holds, in brief.
+/// Size and checksum of a file.
 struct FileChecksum {
   std::uintmax_t size = 0;
   std::uint64_t sum = 0;
   friend bool operator==(const FileChecksum&, const FileChecksum&) = default;
 };
-/// @return none unless it is a plain file that can be read; a link is none
+/// @return empty unless it is a regular file that can be read; a link is not
 std::optional<FileChecksum> file_checksum(const std::filesystem::path& file);
 
+/// The manifest of a folder.
 struct Mark {
   struct Line {
-    std::optional<FileChecksum> print;  ///< none for the journal of a study, which grows
-    std::string by;                     ///< the command that wrote it
+    std::optional<FileChecksum> print;  ///< empty for the journal of a study, which grows
+    std::string by;                     ///< command that wrote the file
   };
   bool folder = false;                             ///< the folder as a whole is a result
   std::map<std::string, std::vector<Line>> files;  ///< by escaped name, in the order of writing
 };
-/// @return an empty one where there is none, or a link, which could lead to a list of anybody's
+/// @return an empty manifest if there is none, or if it is a link, which could lead to any file
 Mark read_manifest(const std::filesystem::path& folder);
 
-/// The command that wrote `file` as it is now; none if abbe did not. A file without a print is its
-/// own while it is empty or a database, whose reader looks further.
+/// Returns the command that wrote `file` in its present state; empty if abbe did not. A file
+/// without a checksum counts as abbe's while it is empty or a database; the reader of the database
+/// checks further.
 std::optional<std::string> writing_command(const Mark& mark, const std::filesystem::path& file);
 
-/// The command of a whole command line: "run" of "abbe run scene.toml".
+/// Returns the command of a command line: "run" of "abbe run scene.toml".
 std::string subcommand_name(const std::string& command_line);
 
-/// What a line of a mark says of one file.
+/// Entry of a manifest for one file.
 struct Written {
   std::string name, by;
   std::optional<FileChecksum> print;
 };
-/// Whether the mark says so already, and says it last.
+/// Returns true if the latest entry of the manifest for this content is the same.
 bool says(const Mark& mark, const Written& written);
 
-/// What it says of the folder, and who writes.
+/// Entry of a manifest for the folder, with the command that writes.
 struct FolderDeclaration {
   bool whole = false;
   std::string command_line;
 };
-/// Adds one line, in turn with other processes that write there.
+/// Adds one line; other processes that write there wait for it.
 /// @throws OutputFailure
 void append_to_manifest(const std::filesystem::path& folder,
                         const std::optional<FolderDeclaration>& folder_declaration,
                         const std::optional<Written>& written);
 
-// The one door by which results reach the disk. Outputs never touch a file that abbe did not make,
-// nor, whatever the user permits, a file that the run reads. What abbe made stands in the mark of
-// its folder (sim/files/output.h), with a check sum: a file that was changed since is the
-// user's.
+// The only functions that write results to disk. They never change a file that abbe did not make,
+// nor, with any permission, a file that the run reads. Files of abbe are listed with a checksum in
+// the manifest of their folder: a file that was changed since is the user's.
 
-/// Who writes, and what it may not touch.
+/// Permissions of a command that writes, and the files that it must not touch.
 struct Writer {
   Permissions permissions = {};
-  std::vector<std::filesystem::path> inputs = {};  ///< every file that the run reads
-  bool beside_inputs = false;  ///< an input may lie in the folder: it is drawn there again
+  std::vector<std::filesystem::path> inputs = {};  ///< all files that the run reads
+  bool beside_inputs = false;  ///< an input may be in the folder: a result that is drawn again
 };
 
-/// A file that may be written; it comes from `folder / name` or `result_file`, never from a path.
+/// A file that may be written; it is returned by `folder / name` or `result_file`, never made from
+/// a path.
 class ResultFile {
  public:
   std::filesystem::path path() const;
@@ -115,18 +118,18 @@ class ResultFile {
   std::string name_;
 };
 
-/// A folder for results, proved fit for writing: new, empty, with nothing but what abbe made, or
-/// one that bears the mark of a result folder; and no input of the run lies in it or below. With
-/// --force any folder, which then stays unmarked as a whole. The mark is written with the first
-/// file.
+/// A folder for results that was checked before writing: it is new, empty, holds only files of
+/// abbe, or has the manifest of a result folder; and no input of the run is in it or below. With
+/// --force any folder is accepted, which then does not become a result as a whole. The manifest is
+/// written with the first file.
 class ResultFolder {
  public:
-  /// @throws OutputFailure naming what stands in the way and what to do, or the system's reason
+  /// @throws OutputFailure naming the obstacle and a remedy, or the reason of the system
   ResultFolder(const std::filesystem::path& folder, const Writer& writer);
 
   /// @param name  of one file, without folders
   ResultFile operator/(const std::filesystem::path& name) const;
-  /// A folder in it, taken by the same rules; itself for an empty name.
+  /// Returns a folder inside, checked by the same rules; this folder for an empty name.
   /// @throws OutputFailure
   ResultFolder inside(const std::string& name) const;
   const std::filesystem::path& path() const;
@@ -135,46 +138,48 @@ class ResultFolder {
   std::shared_ptr<ResultFile::Place> place_;
 };
 
-/// Refuses what ResultFolder would refuse, and makes nothing.
+/// Performs the checks of ResultFolder and creates nothing.
 /// @throws OutputFailure
 void check_folder(const std::filesystem::path& folder, const Writer& writer);
 
-/// A single file in any folder, which is made where there is none.
-/// @throws OutputFailure if `file` is there and is not abbe's, unless forced; or is an input
+/// Returns a single file in any folder, which is created if it does not exist.
+/// @throws OutputFailure if `file` exists and is not abbe's, unless forced; or if it is an input
 ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
 
-/// Refuses what result_file would refuse, and makes nothing.
+/// Performs the checks of result_file and creates nothing.
 /// @throws OutputFailure
 void check_file(const std::filesystem::path& file, const Writer& writer);
 
-/// Notes in the mark that the file is abbe's, before SQLite makes a journal of it.
-/// @throws OutputFailure if a file stands there that abbe did not make, unless forced; or an input
+/// Notes in the manifest that the file is abbe's, before SQLite creates a journal of that name.
+/// @throws OutputFailure if a file of that name exists that abbe did not make, unless forced; or if
+/// it is an input
 void reserve_file(const ResultFile& file);
 
-/// Refuses what `reserve_file` would refuse, and notes nothing: before an hour's work.
+/// Performs the checks of `reserve_file` and notes nothing, before an hour's work.
 /// @throws OutputFailure
 void check_file(const ResultFile& file);
 
-/// Runs `write` on a temporary name beside it, flushes, notes what it wrote in the mark and renames
-/// it; on failure nothing is left of it and an older `file` stands as it was.
+/// Calls `write` with a temporary name beside the file, flushes it, notes its checksum in the
+/// manifest and renames it. On failure the temporary file is removed and an older `file` stays
+/// unchanged.
 /// @throws OutputFailure
 void write_file(const ResultFile& file,
                 const std::function<void(const std::filesystem::path&)>& write);
 
-/// The same for a text, byte by byte.
+/// Writes a text in the same way, byte by byte.
 void write_file(const ResultFile& file, std::string_view text);
-/// The same for a table or a report: what would act on a terminal is escaped.
+/// Writes a table or a report in the same way; control characters are escaped.
 void write_table(const ResultFile& file, std::string_view text);
-/// The same for JSON as `json_text` has it.
+/// Writes JSON in the same way, formatted by `json_text`.
 void write_json(const ResultFile& file, const nlohmann::ordered_json& json);
 
-/// Removes a file that the same command wrote earlier (`run` and `compare` are one); any other
-/// stays.
+/// Removes a file that the same command wrote earlier (`run` and `compare` count as one); any other
+/// file stays.
 /// @throws OutputFailure if it cannot be removed
 void remove_file(const ResultFile& file);
 
-/// JSON as it is printed and written: indented, with a line end; what is no letter is escaped,
-/// bytes that are not UTF-8 are replaced.
+/// Returns JSON as it is printed and written: indented, with a line end; control characters are
+/// escaped, bytes that are not UTF-8 are replaced.
 std::string json_text(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

@@ -14,7 +14,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// What a task throws that another has made useless.
+/// Thrown by a task whose result is no longer needed because another task failed.
 struct Stopped {};
 
 class TaskRunner {
@@ -37,7 +37,7 @@ class TaskRunner {
     });
   }
 
-  /// Task after task, until none is left to begin.
+  /// Runs task after task until none is left to begin.
   void work() {
     while (const std::optional<std::size_t> task = next()) {
       try {
@@ -55,7 +55,8 @@ class TaskRunner {
   }
 
  private:
-  /// What a failure makes useless is not begun; what comes before it might fail as well.
+  /// Returns the next task; none after a failed task is begun, but an earlier one might fail as
+  /// well.
   std::optional<std::size_t> next() {
     const std::lock_guard lock(mutex_);
     std::erase_if(waiting_, [&](std::size_t task) { return task > failed_; });
@@ -68,13 +69,15 @@ class TaskRunner {
 
   Progress progress_of(std::size_t task) {
     return [this, task](const std::string& stage, double fraction) {
+      // A failure of an earlier task makes this one useless.
       if (task > failed_) throw Stopped();
       stop_if_interrupted();
       if (fraction < 0.0 || shows_progress(task, stage, fraction)) line_.report(stage, fraction);
     };
   }
 
-  /// What is not shown is kept until it is, the last report of each stage.
+  /// Returns true if the report is shown now; otherwise the last report of each stage is kept for
+  /// later.
   bool shows_progress(std::size_t task, const std::string& stage, double fraction) {
     const std::lock_guard lock(mutex_);
     if (task + 1 == named_) return true;
@@ -92,7 +95,7 @@ class TaskRunner {
     show();
   }
 
-  /// Names on the line what has begun, until it comes to one that is not over.
+  /// Shows tasks that have begun, up to the first that is not finished.
   void show() {
     const std::lock_guard lock(mutex_);
     while (named_ < tasks_.size() && is_begun_[named_] && (named_ == 0 || is_over_[named_ - 1])) {
@@ -120,8 +123,8 @@ class TaskRunner {
   std::vector<std::vector<Report>> kept_;
   std::vector<std::size_t> waiting_;  // in the order in which they begin
   std::vector<bool> is_begun_, is_over_;
-  std::size_t named_ = 0;            // so many; the last of them is shown
-  std::atomic<std::size_t> failed_;  // the first that has
+  std::size_t named_ = 0;  // number of tasks shown so far; the last of them is the current one
+  std::atomic<std::size_t> failed_;  // the first task that failed
   std::exception_ptr fault_;
 };
 
@@ -131,7 +134,7 @@ void run_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) 
   TaskRunner all(tasks, line);
   if (at_once > 1) {
     all.start_longest_first();
-    // a thread that waits within a task must not begin another on top of it
+    // A thread that waits inside a task must not begin another task on top of it.
     const auto work = [&](int) { tbb::this_task_arena::isolate([&] { all.work(); }); };
     tbb::parallel_for(0, std::min(at_once, int(tasks.size())), work, tbb::simple_partitioner());
   } else {

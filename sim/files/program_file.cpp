@@ -15,6 +15,7 @@ std::filesystem::path& named() {
 
 }  // namespace
 
+/// /proc/self/exe leads to the running executable even after its file was replaced.
 std::filesystem::path program_file() { return named().empty() ? "/proc/self/exe" : named(); }
 
 std::filesystem::path program_folder() {
@@ -28,6 +29,7 @@ void name_program_file(const std::filesystem::path& file) { named() = file; }
 std::string version() { return ABBE_VERSION; }
 
 nlohmann::ordered_json versions() {
+  // Compiler and instruction set change the order and fusion of floating-point operations.
   return {{"abbe", version()},
           {"eigen",
            fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},

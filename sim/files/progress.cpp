@@ -19,15 +19,19 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr double plan_weight_s = 0.5;    // of the computer's speed, before anything is measured
-constexpr double own_kind = 0.1;         // of a stage: what other kinds say of its own
-constexpr double known_by_itself = 0.3;  // of a stage that is over, from where it says its own time
-constexpr double min_learning_s = 0.02;  // of a stage, before which it says nothing of its kind
+constexpr double plan_weight_s = 0.5;  // s: weight of the plan's prediction before anything is
+                                       // measured
+constexpr double own_kind = 0.1;  // fraction of a stage by which other kinds of work count for its
+                                  // own kind
+constexpr double min_self_timing_fraction = 0.3;  // completed fraction of a stage from which only
+                                                  // its own pace counts
+constexpr double min_learning_s = 0.02;  // completed fraction of a stage below which its pace is
+                                         // not used
 
 }  // namespace
 
 RemainingTime::RemainingTime(std::vector<Stage> plan, double now_s)
-    : plan_(std::move(plan)), start_s_(now_s), begun_s_(now_s) {
+    : plan_(std::move(plan)), start_s_(now_s), stage_start_s_(now_s) {
   if (plan_.empty()) plan_.push_back({});
 }
 
@@ -44,10 +48,10 @@ int RemainingTime::parts_before(std::size_t stages) const {
 
 void RemainingTime::move_to(std::size_t stage, double now_s) {
   Measured& kind = measured_[plan_[running_].kind];
-  kind.took += now_s - begun_s_;
+  kind.took += now_s - stage_start_s_;
   kind.predicted += plan_[running_].seconds;
   running_ = stage;
-  begun_s_ = now_s;
+  stage_start_s_ = now_s;
   fraction_ = 0.0;
 }
 
@@ -69,10 +73,11 @@ void RemainingTime::report(const std::string& kind, double fraction, double now_
 
 RemainingTime::Measured RemainingTime::measured_rate_of_running(double now_s) const {
   if (fraction_ < min_learning_s) return {};
-  return {now_s - begun_s_, fraction_ * plan_[running_].seconds};
+  return {now_s - stage_start_s_, fraction_ * plan_[running_].seconds};
 }
 
-/// By its own kind as far as that was seen, by the speed of everything else for the rest.
+/// Returns the predicted time of a stage: by the pace of its own kind as far as that was measured,
+/// by the pace of all work for the rest.
 double RemainingTime::predicted(const Stage& stage, double now_s) const {
   Measured all{plan_weight_s, plan_weight_s}, own;
   const auto add = [&](const std::string& kind, const Measured& one) {
@@ -90,13 +95,14 @@ double RemainingTime::predicted(const Stage& stage, double now_s) const {
 }
 
 double RemainingTime::remaining_of_running(double now_s) const {
-  const double elapsed = now_s - begun_s_;
+  const double elapsed = now_s - stage_start_s_;
   const double planned = predicted(plan_[running_], now_s);
-  // a stage that says nothing and is overdue takes a little longer than it has
+  // A stage without reports that is overdue is assumed to take a tenth longer than it has.
   if (fraction_ <= 0.0) return std::max(planned - elapsed, 0.1 * std::min(planned, elapsed));
-  const double by_itself = elapsed * (1.0 - fraction_) / fraction_;
-  const double weight = std::min(1.0, fraction_ / known_by_itself);
-  return weight * by_itself + (1.0 - weight) * (1.0 - fraction_) * planned;
+  // Early in a stage its own pace is uncertain, so the plan has a decreasing weight.
+  const double own_estimate_s = elapsed * (1.0 - fraction_) / fraction_;
+  const double weight = std::min(1.0, fraction_ / min_self_timing_fraction);
+  return weight * own_estimate_s + (1.0 - weight) * (1.0 - fraction_) * planned;
 }
 
 double RemainingTime::remaining_s(double now_s) const {
@@ -122,26 +128,27 @@ namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-constexpr double settled_s = 1.0;  // before that the time left is not worth a word
+constexpr double settled_s = 1.0;  // s: before that the remaining time is not shown
 constexpr std::chrono::milliseconds tick(500), min_between(100);
 
-/// Work that asks is over by then, files and all; no other one keeps a person waiting for more than
-/// a second.
-constexpr std::chrono::milliseconds is_stop_requested(700);
+/// Time for work that checks for interrupts to end cleanly, files included; longer waits would keep
+/// the user waiting for more than a second.
+constexpr std::chrono::milliseconds stop_grace_period(700);
 
 ::sem_t interruption;
 
+// Only async-signal-safe calls are allowed here; the thread below does the rest.
 extern "C" void on_interrupt(int) {
   if (interrupted != 0) ::_exit(130);
   interrupted = 1;
   ::sem_post(&interruption);
 }
 
-/// Ends the program if it has not stopped by itself: some of its work, and that of libraries, asks
-/// nobody. No result suffers: a file has its name only once it is whole.
+/// Ends the program if it has not stopped by itself, because some work, also in libraries, never
+/// checks for interrupts. No result is damaged: a file gets its name only when it is complete.
 void end_after_interruption() {
   while (::sem_wait(&interruption) != 0) continue;
-  std::this_thread::sleep_for(is_stop_requested);
+  std::this_thread::sleep_for(stop_grace_period);
   remove_own_unfinished_files();
   print(stderr, "{}abbe: interrupted\n", Lines(::isatty(STDERR_FILENO) != 0 ? "\n" : ""));
   ::_exit(130);
@@ -181,7 +188,7 @@ double ProgressLine::now_s() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
-/// Of the whole, by the time that is spent and left.
+/// Returns the completed fraction of all work, by time spent and left.
 double ProgressLine::share() const {
   const double spent = now_s(), left = remaining_time_.remaining_s(spent);
   return spent + left > 0.0 ? std::clamp(spent / (spent + left), 0.0, 1.0) : 0.0;

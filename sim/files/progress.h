@@ -12,38 +12,39 @@
 
 namespace abbe::sim {
 
-/// A stage of work to come.
+/// A planned stage of work.
 struct Stage {
-  std::string part;      ///< to which it belongs, such as a case
-  std::string kind;      ///< what it does, as it reports itself; stages of one kind cost alike
-  double seconds = 0.0;  ///< predicted, on a computer of about this speed
+  std::string part;  ///< part to which it belongs, such as a case
+  std::string kind;  ///< name of the stage in its reports; stages of one kind take comparable time
+  double seconds = 0.0;  ///< prediction for an average computer
 };
 
-/// How long planned stages will still take. Predictions say how the stages compare; how fast this
-/// computer does each kind of work is learned from the stages that are over and from the one that
-/// runs. Knows no clock: times are handed in, s, and rise.
+/// Estimates the remaining time of planned stages. Predictions give the ratios between stages; the
+/// speed of this computer for each kind of work is measured on the finished stages and on the
+/// running one. It has no clock: times, s, are passed in and must not decrease.
 class RemainingTime {
  public:
   explicit RemainingTime(std::vector<Stage> plan, double now_s = 0.0);
 
-  /// From now on these stages follow the one that runs; what was learned stays.
+  /// Replaces the stages after the running one; measurements are kept.
   void replan(std::vector<Stage> rest);
-  /// The stage that runs is over, and the next one of that part begins; those between are left out.
+  /// Ends the running stage and begins the next one of that part; stages in between are skipped.
   void begin(const std::string& part, double now_s);
-  /// A stage of the part that runs has come so far; one of another kind is over with its first
-  /// report. A kind that is not planned counts for the stage that runs.
+  /// Reports the progress of a stage of the running part; a stage of another kind begins with its
+  /// first report. A kind that is not planned counts for the running stage.
   void report(const std::string& kind, double fraction, double now_s);
 
-  /// Number of the part that runs, from 1, and of all; stages of one part stand together.
+  /// Return the number of the running part, from 1, and the number of parts; consecutive stages of
+  /// one part count once.
   int part() const { return parts_before(running_ + 1); }
   int parts() const { return parts_before(plan_.size()); }
 
   double remaining_s(double now_s) const;
-  /// Of all the work, by the predictions as they are now.
+  /// Returns the completed fraction of all work by the present predictions.
   double done(double now_s) const;
 
  private:
-  /// What work of one kind took, and what was predicted for it.
+  /// Time taken by work of one kind, and its prediction.
   struct Measured {
     double took = 0.0, predicted = 0.0;
   };
@@ -55,48 +56,51 @@ class RemainingTime {
 
   std::vector<Stage> plan_;
   std::size_t running_ = 0;
-  double start_s_, begun_s_;
+  double start_s_, stage_start_s_;
   double fraction_ = 0.0;
   std::map<std::string, Measured> measured_;
 };
 
-/// "12 s", "3 min", "2 h 10 min"
+/// Returns "12 s", "3 min", "2 h 10 min".
 std::string duration_text(double seconds);
 
-/// Ctrl-C was pressed: exit 130.
+/// Thrown after Ctrl-C: exit code 130.
 struct Interrupted : std::runtime_error {
   Interrupted() : std::runtime_error("interrupted") {}
 };
 
-/// From now on Ctrl-C makes the next report of progress throw Interrupted; a second one ends at
-/// once.
+/// Makes the next report of progress after Ctrl-C throw Interrupted; a second Ctrl-C ends the
+/// process at once.
 void watch_interrupts();
 
-/// For work that reports no progress. @throws Interrupted if Ctrl-C was pressed
+/// Checks for Ctrl-C in work without progress reports.
+/// @throws Interrupted if Ctrl-C was pressed
 void stop_if_interrupted();
 
-/// Called now and then with how far the named stage has come, fraction in [0, 1]; below zero the
-/// text is a remark, which is for a line of its own.
+/// Called from time to time with the progress of the named stage, fraction in [0, 1]; a negative
+/// fraction marks the text as a remark, which is printed on a line of its own.
 using Progress = std::function<void(const std::string& stage, double fraction)>;
 
-/// Reports on stderr how far long work has come: one line with the time left
-/// (sim/files/progress.h), redrawn twice a second and with reports, on a terminal; a plain line
-/// for every part that begins otherwise. Safe from any thread.
+/// Shows the progress of long work on stderr: on a terminal one line with the remaining time,
+/// redrawn twice a second and at reports; otherwise a plain line for every part that begins.
+/// Thread-safe.
 class ProgressLine {
  public:
-  /// @param plan     stages of the work in their order
-  /// @param instead  is called, with the part and its stage and how far the whole has come, and
-  ///                 stderr stays empty; its remarks are below zero as those of a stage
+  /// @param plan     stages of the work in order
+  /// @param instead  if given, called with the part and its stage and the completed fraction of all
+  /// work, and nothing is printed; remarks have a negative fraction, as those of a stage
   explicit ProgressLine(std::vector<Stage> plan, Progress instead = {});
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// More is known of the work: what follows the part that runs.
+  /// Replaces the stages after the running part when more is known about the work.
   void replan(std::vector<Stage> rest);
-  /// The next part begins. @throws Interrupted
+  /// Begins the next part.
+  /// @throws Interrupted
   void begin(const std::string& part);
-  /// @param fraction  below zero: the text is a remark, which stays on a line of its own
+  /// Reports progress.
+  /// @param fraction  negative: the text is a remark, which stays on a line of its own
   /// @throws Interrupted
   void report(const std::string& stage, double fraction);
 
@@ -111,15 +115,15 @@ class ProgressLine {
   std::chrono::steady_clock::time_point drawn_{};
   RemainingTime remaining_time_;
   std::string part_, stage_;
-  double fraction_ = 0.0;  ///< of the stage, as it was reported
+  double fraction_ = 0.0;  ///< of the stage, as reported
   bool begun_ = false;
   Progress instead_;
   bool terminal_;
   std::condition_variable_any ends_;
-  std::jthread ticker_;  ///< draws while nothing is reported; on a terminal only
+  std::jthread ticker_;  ///< redraws while nothing is reported; on a terminal only
 };
 
-/// Reports to a line, which must outlive it.
+/// Returns a function that reports to a line, which must outlive it.
 Progress to(ProgressLine& line);
 
 }  // namespace abbe::sim

@@ -19,13 +19,14 @@ using nlohmann::ordered_json;
 
 void enable_write_errors() {
   std::signal(SIGXFSZ, SIG_IGN);
-  // opened the wrong way round, so that using it is an error and not silence
+  // Opened in the wrong direction, so that using the stream is an error instead of silence.
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (::fcntl(stream, F_GETFD) < 0 && errno == EBADF)
       static_cast<void>(::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY));
 }
 
 void flush_output() {
+  // An earlier failed write leaves the error flag set, while fflush of an empty buffer succeeds.
   errno = 0;
   const bool is_flushed = std::fflush(stdout) == 0;
   const int reason = errno;

@@ -11,16 +11,17 @@
 
 #include "kinematics/bad_input.h"
 
-/// The one door to the terminal: a text reaches it on one line, and what is no letter spelt out.
+/// Functions that print to the terminal: every text is printed on one line, with control characters
+/// spelt out.
 namespace abbe::sim {
 
-/// A text of abbe's own that has several lines; foreign texts in it are on one line each
-/// (one_lined, escaped). Only its ends of lines and its tabs reach the terminal as they are.
+/// A text of abbe's own that has several lines; foreign texts in it must be on one line each
+/// (single_lined, escaped). Only its line ends and tabs reach the terminal unchanged.
 struct Lines {
   std::string text;
 };
 
-/// An argument as the terminal gets it.
+/// Returns an argument as it is printed.
 template <typename Argument>
 auto shown(const Argument& argument) {
   if constexpr (std::is_same_v<Argument, Lines>)
@@ -45,16 +46,17 @@ void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... a
   sim::print(stdout, format, arguments...);
 }
 
-/// Lets every write that cannot succeed fail with an error: a standard stream that the shell closed
-/// is held by /dev/null, so that no file opened later takes its number, and the limit on the size
-/// of files (`ulimit -f`) raises no signal.
+/// Makes every failed write return an error: a standard stream that the shell closed is replaced by
+/// /dev/null, so that no file opened later gets its number, and exceeding the limit on file sizes
+/// (`ulimit -f`) raises no signal.
 void enable_write_errors();
 
-/// Hands over what standard output still holds. @throws OutputFailure if any of it was lost
+/// Flushes standard output.
+/// @throws OutputFailure if any output was lost
 void flush_output();
 
-/// The same with every text and key on one line, as `escaped` has it: what a report for a person is
-/// composed of, so that no foreign text begins a line of its own in it.
+/// Returns the JSON with every text and key on one line, as `escaped` does, for reports, so that no
+/// foreign text can begin a line of its own.
 nlohmann::ordered_json single_lined(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

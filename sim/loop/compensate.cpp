@@ -27,7 +27,7 @@ errors::Load predicted_load(const program::Samples& samples, const PredictedRun&
   return load;
 }
 
-/// The steps of a cut without its stock.
+/// Returns the steps of a process without its stock, which is large and not needed here.
 Process steps_of(const Process& process) { return {process.steps, {}, {}, {}}; }
 
 }  // namespace
@@ -38,9 +38,9 @@ compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
   };
 }
 
-// A perfect belief knows what its own corrections do: the program says at first how the masses
-// press and the rigid machine how the cut does, then the corrected commands say it, each time by
-// some hundredths of before.
+// A perfect belief knows the effect of its own corrections. In the first round the masses press as
+// in the nominal program and the cut pushes as on the rigid machine; then both follow the corrected
+// commands. Each round changes them by some hundredths of the round before.
 Corrector perfect_corrector(const Job& job, const ControlView& view,
                             const CaseDescription& compensator) {
   constexpr int rounds = 3;
@@ -54,7 +54,7 @@ Corrector perfect_corrector(const Job& job, const ControlView& view,
   for (int round = presses ? 0 : rounds - 1; round < rounds; ++round) {
     commands.samples.states = corrector(uncorrected, job.T_wt_nominal).states;
     if (presses) run.accelerations = accelerations(commands.samples);
-    // following the cut costs most, so it is done once, with the commands nearly as they will be
+    // The simulated cut takes most of the time, so it is repeated once, with nearly final commands.
     if (bends && round + 1 == rounds) run.process = steps_of(cut_process(job, commands));
     corrector = belief_corrector(view, compensator, perfect_belief(job, run));
   }
@@ -66,9 +66,11 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+// One row a minute of the history: heat changes in minutes.
 constexpr double history_interval_s = 60.0;
 
-/// Whether a control can read that column of the signals.
+/// Returns true if a control can read a column of the signals. True deviations and temperatures of
+/// nodes are excluded.
 bool readable(const Scene& scene, const std::string& column) {
   if (column == "spindle_rpm" || column == "current_A") return true;
   if (column.ends_with("_encoder_mm") || column.ends_with("_encoder_deg") ||
@@ -80,6 +82,7 @@ bool readable(const Scene& scene, const std::string& column) {
                      [&](const auto& sensor) { return column == sensor.name + "_C"; });
 }
 
+// Returns the description of an instrument that measures the part, by its name.
 PartInstrumentDescription part_instrument(const Scene& scene, const std::string& name) {
   if (auto instrument = find_part_instrument(scene, name)) return *std::move(instrument);
   throw BadInput(scene.file.string(), 0, 0, "an [[instrument]] that measures the part",
@@ -89,6 +92,7 @@ PartInstrumentDescription part_instrument(const Scene& scene, const std::string&
 MeasuredPart cut_and_measure(const Job& job, const Commands& commands, int pass) {
   PartInstrumentDescription instrument =
       part_instrument(job.scene, job.scene.belief.part->instrument);
+  // the pass is part of the name, so that each pass has noise of its own
   instrument.name += fmt::format(" {}", pass + 1);
   return {measured_part(job, cut(job, commands), instrument).readings, instrument.spacing};
 }
@@ -100,7 +104,8 @@ TrainingRun training_run(const BeliefDescription::Force& force,
   const PartInstrumentDescription instrument = part_instrument(scene, force.instrument);
   const Job job = prepare(scene);
   const Cut made = cut(job);
-  const VectorXd cut_time_s = cut_error_free(job).surface.cut_time_s;  // by the program
+  // Times of the nominal program.
+  const VectorXd cut_time_s = cut_error_free(job).surface.cut_time_s;
   const errors::metrology::PartReadings part = measured_part(job, made, instrument).readings;
   compensation::CurrentTraining training{VectorXd(part.deviation.size()), part.deviation};
   for (Index i = 0; i < part.deviation.size(); ++i)
@@ -108,6 +113,8 @@ TrainingRun training_run(const BeliefDescription::Force& force,
   return {control_log(job, uncompensated_commands(job), made.process), std::move(training)};
 }
 
+// Returns the load of the cut as simulated on the believed machine, from the design and the nominal
+// tool.
 compensation::LoadSeries computed_load(const Job& job, const Commands& commands,
                                        const BelievedPose& pose) {
   const Scene& scene = job.scene;
@@ -124,16 +131,17 @@ compensation::LoadSeries computed_load(const Job& job, const Commands& commands,
   return course;
 }
 
-/// @param wants  whether the case wants what follows one tool only
+/// Throws BadInput if a job with several tools uses something that follows one tool only.
+/// @param wants  true if the case uses it
 void check_single_tool(const Job& job, const CaseDescription& compensator, bool wants,
                        const char* what) {
   if (!job.stretches.empty() && wants)
-    throw BadInput(
-        job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
-        fmt::format("{} tools and the case {}", 1 + job.scene.more_tools.size(), compensator.name));
+    throw BadInput(job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
+                   fmt::format("{} tools and the case {}", 1 + job.scene.additional_tools.size(),
+                               compensator.name));
 }
 
-/// What of a case follows one tool only.
+/// Checks the channel and the beliefs of a case that follow one tool only.
 void check_several(const Job& job, const CaseDescription& compensator) {
   using Belief = CaseDescription::Belief;
   using Channel = CaseDescription::Channel;
@@ -204,7 +212,7 @@ MachineAccess make_machine_access(const Job& job) {
 compensation::ControlLog control_log(const Job& job, const Commands& commands,
                                      const Process& process) {
   Scene scene = job.scene;
-  // what a scene asks to be reported does not change what a control reads
+  // The control reads the same, whatever the scene reports.
   if (!(scene.signals.history_interval > 0.0 &&
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;
@@ -217,7 +225,7 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
   for (std::size_t k = 0; k < all.columns.size(); ++k) {
     if (all.columns[k] == "time_s") log.time_s = all.rows.col(Index(k));
     if (!readable(job.scene, all.columns[k])) continue;
-    // a sensor called like a node's column stands after it
+    // a sensor with the name of a node's column comes after it, and only the sensor can be read
     if (const auto twin = std::find(log.names.begin(), log.names.end(), all.columns[k]);
         twin != log.names.end()) {
       columns[std::size_t(twin - log.names.begin())] = Index(k);
@@ -248,7 +256,7 @@ Commands compensate(const Job& job, const CaseDescription& compensator, const Pr
 
 namespace {
 
-/// What is learnt once corrects every window.
+/// Cuts a job in windows. The correction is learned once and applied to every window.
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   const ControlView view = make_control_view(job);
   const LearnedCorrection known =
@@ -267,9 +275,11 @@ Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Pro
 
 std::string find_windows_obstacle(const Scene& scene,
                                   const std::optional<CaseDescription>& compensator) {
+  // Each of these needs the samples of the whole program at once: stock, heat and wear depend on
+  // all that came before a sample, a channel on its neighbours.
   using Belief = CaseDescription::Belief;
   if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
-  if (!scene.more_tools.empty()) return "several tools";
+  if (!scene.additional_tools.empty()) return "several tools";
   if (scene.cutting) return "[cutting]";
   if (scene.thermal) return "[thermal]";
   if (scene.collision.on) return "[collision]";

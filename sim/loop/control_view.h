@@ -19,21 +19,21 @@
 #include "sim/scene/compensation.h"
 #include "sim/scene/machine.h"
 
-/// What a compensator may know. Nothing in this room but compensate.cpp can include
-/// what the machine really is: tests/architecture_test.cpp follows every include.
+/// Knowledge and operations available to a compensator. In this room only compensate.cpp can
+/// include the truth; tests/architecture_test.cpp follows every include.
 namespace abbe::sim {
 
-/// The tool as it was ordered.
+/// The tool as ordered.
 struct NominalTool {
   const std::string& name;
-  double length = 0.0;  ///< mm from the nose s to the tip t
+  double length = 0.0;  ///< mm, from the nose s to the tip t
   const std::variant<cutting::Cutter, cutting::Nose>& shape;
 };
 
-/// A job as the control and the shop floor see it: machine and tool as ordered, the program, what
-/// the scene gives to believe. It refers to the job, which must outlive it.
+/// A job as the control and the shop floor see it: machine and tool as ordered, the program, and
+/// the beliefs of the scene. Refers to the job, which must outlive it.
 struct ControlView {
-  const std::filesystem::path& file;  ///< of the scene, for refusals
+  const std::filesystem::path& file;  ///< of the scene, for messages
   const Machine& machine;
   NominalTool tool;
   const DatumDescription& datum;
@@ -41,48 +41,49 @@ struct ControlView {
   const CompensationDescription& compensation;
   std::uint64_t seed = 1;
   double chord_tolerance = 0.0;  ///< mm
-  bool is_cut = false;           ///< the scene has a blank, so that there is force to read
+  bool is_cut = false;           ///< the scene has a blank, so there is a force to read
   program::NcOptions control;    ///< what the control knows before it reads a program
   program::SampleOptions sampling;
   const program::Path& path;
   const program::Samples& samples;
-  const std::vector<kinematics::Pose>& T_wt_nominal;  ///< (samples) where the tool should be
+  const std::vector<kinematics::Pose>& T_wt_nominal;  ///< (samples) nominal poses of the tool
   const cutting::Design& design_w;
 };
 
-/// Where a machine is believed to bring the tool at a sample when the cut loads it so.
+/// Returns the believed pose of the tool at a sample under a cutting load.
 using BelievedPose = std::function<kinematics::Pose(std::size_t sample, const errors::Load&)>;
 
-/// A part that was cut and measured.
+/// The readings of a part that was cut and measured.
 struct MeasuredPart {
   errors::metrology::PartReadings readings;
-  double spacing = 0.0;  ///< mm, about, between points
+  double spacing = 0.0;  ///< mm, approximate distance between points
 };
 
-/// A part from which a current is learnt.
+/// The readings of a part from which a current law is learned.
 struct TrainingRun {
   compensation::ControlLog log;
   compensation::CurrentTraining training;
 };
 
-/// What a compensator can have done. Of the real machine only readings come back, with their noise.
+/// Operations a compensator may request from the machine. Those that run it return noisy readings,
+/// never the true errors; only `perfect` knows the truth.
 struct MachineAccess {
-  /// Shift of the datum that the control finds, mm, while a corrector acts (none: while nothing
-  /// does).
+  /// Measures the datum and returns its shift, mm, while a corrector acts (none: uncorrected).
   std::function<Eigen::Vector3d(const Corrector&)> touch_off;
-  /// Runs commands, in air or through the blank, and reads what the control reads.
+  /// Runs commands, in air or through the blank, and returns what the control reads.
   std::function<compensation::ControlLog(const Commands&, bool through_blank)> run;
   /// Cuts a part with commands and measures it with the instrument of the belief `part`.
   std::function<MeasuredPart(const Commands&, int pass)> measured_part;
   /// Cuts and measures the training part of the belief `force`.
   std::function<TrainingRun()> training;
-  /// The part as the error-free machine cuts it.
+  /// Returns the part as the error-free machine cuts it.
   std::function<cutting::Surface()> error_free;
-  /// The load of the cut computed on a machine as it is believed to be.
+  /// Returns the load of the cut, simulated on a believed machine.
   std::function<compensation::LoadSeries(const Commands&, const BelievedPose&)> computed_load;
-  /// Corrects by the truth without its random parts: the one belief that knows the machine.
+  /// Returns the corrector with the truth without its random parts; only the `perfect` belief uses
+  /// it.
   std::function<Corrector(const ControlView&, const CaseDescription&)> perfect;
-  /// @throws BadInput unless the user lets this program run
+  /// Throws BadInput unless the user allows this program to run.
   std::function<void(const std::filesystem::path& program)> check_trusted;
 };
 

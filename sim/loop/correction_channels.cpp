@@ -22,16 +22,17 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-constexpr double pvt_tolerance = 1e-6;  // mm: its words are not rounded, so nothing hides more
-constexpr double min_reach = 1.0;       // mm above the tip, so that directions count at all
+constexpr double pvt_tolerance = 1e-6;  // mm: the numbers of a PVT program are not rounded, so no
+                                        // rounding hides a larger error
+constexpr double min_reach = 1.0;  // mm above the tip, so that the direction counts for every tool
 
-/// X Y Z of programmed coordinates under G43.4.
+/// Returns the joints X Y Z, whose programmed numbers are the tip under G43.4.
 std::array<int, 3> tip_words(const kinematics::Chain& chain) {
   return {chain.find('X').value(), chain.find('Y').value(), chain.find('Z').value()};
 }
 
-/// Programmed coordinates of a corrected command, in those of its block, without the shift of the
-/// datum that the control will add again.
+/// Returns the programmed coordinates of a corrected command, in those of its block, without the
+/// shift of the datum, which the control adds again.
 AxisVector programmed(const ControlView& view, const program::Block& block, const AxisVector& q,
                       const Eigen::Vector3d& offset_w) {
   if (block.coordinates == program::Coordinates::Axis)
@@ -43,12 +44,12 @@ AxisVector programmed(const ControlView& view, const program::Block& block, cons
   return words;
 }
 
-/// The corrected commands as points of their blocks. A block starts where the one before it left
-/// the tool; of an axis that turned back there is a point before and one after.
+/// Returns the corrected commands as points of their blocks. A block starts where the one before it
+/// left the tool; an axis that reversed has a point before and one after the reversal.
 program::CorrectedPath dense_points(const ControlView& view, const std::vector<AxisState>& states,
                                     const Eigen::Vector3d& offset_w) {
   program::CorrectedPath points(view.path.blocks.size());
-  std::optional<AxisVector> left;  // where the tool was left
+  std::optional<AxisVector> left;  // position at the end of the block before
   for (std::size_t i = 0; i < states.size(); ++i) {
     const int index = view.samples.block[i];
     const program::Block& block = view.path.blocks[std::size_t(index)];
@@ -58,6 +59,7 @@ program::CorrectedPath dense_points(const ControlView& view, const std::vector<A
     if (list.empty())
       list.push_back({0.0, left ? programmed(view, block, *left, offset_w) : at, {}, {}});
     const double duration = block.end_s - block.start_s, time_s = view.samples.states[i].time_s;
+    // the end is exact, so that neighbouring blocks meet
     const double u = time_s == block.end_s ? 1.0 : (time_s - block.start_s) / duration;
     list.push_back({std::clamp(u, list.back().u, 1.0), at, {}, {}});
     left = states[i].q;
@@ -65,7 +67,8 @@ program::CorrectedPath dense_points(const ControlView& view, const std::vector<A
   return points;
 }
 
-/// How far tip and tool go per rad of each axis, at most along the program.
+/// Returns the thinning options. Its levers are the largest displacement of tip and tool axis per
+/// rad of each axis along the program.
 program::ThinOptions thin_options(const ControlView& view, const std::vector<AxisState>& states) {
   program::ThinOptions options;
   options.word_mm = view.compensation.word_resolution;
@@ -83,7 +86,7 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
   for (int j = 0; j < control.size(); ++j) {
     if (control.joints()[std::size_t(j)].motion != kinematics::Motion::Rotary) continue;
     if (j == view.machine.workpiece_spindle) {
-      of_axes[j] = 0.0;  // a part that turns is the same all around
+      of_axes[j] = 0.0;  // a turned part is the same all around
       continue;
     }
     of_tip[j] = reach;
@@ -92,8 +95,9 @@ program::ThinOptions thin_options(const ControlView& view, const std::vector<Axi
   return options;
 }
 
-/// Where the tool should be at every sample of a rewritten program: on the stretch of the original
-/// that the line stands for. A spindle of the workpiece is where it is: times shift a little.
+/// Returns the nominal poses at the samples of a rewritten program, on the segment of the original
+/// that its line stands for. A workpiece spindle keeps its sampled angle, since the times of the
+/// two programs differ slightly.
 std::vector<Pose> rewritten_target_poses(const ControlView& view, const program::Path& path,
                                          const program::Samples& samples,
                                          const std::vector<program::Stretch>& of_line) {
@@ -124,6 +128,8 @@ bool is_pvt(const program::Path& path) {
 
 double path_tolerance(const CompensationDescription& compensation, const program::Path& path) {
   if (compensation.path_tolerance > 0.0) return compensation.path_tolerance;
+  // without a stated tolerance the rounding of the numbers sets it: a finer path would not be
+  // written
   return is_pvt(path) ? pvt_tolerance : compensation.word_resolution;
 }
 
@@ -135,6 +141,8 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
   return kinematics::slides_for_tip(machine.nominal, q, {q[x], q[y], q[z]}).value();
 }
 
+// The path is corrected with the shift that the corrector expects, and run with the shift that the
+// control finds.
 Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
                                const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w) {
   const CompensationDescription& words = view.compensation;
@@ -148,7 +156,8 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
   program::RewrittenProgram rewritten = program::rewritten(
       view.path, points, view.control, {words.word_resolution, words.angle_resolution});
 
-  // a corrector that jumps about is refused before it takes all memory
+  // A corrector that jumps would make a program of unlimited length; the limit of 20 times the
+  // original samples stops it before it takes all memory.
   program::SampleOptions options = view.sampling;
   options.max_samples = std::max<std::size_t>(1'000'000, 20 * view.samples.states.size());
   Commands result;
@@ -174,8 +183,9 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using Channel = CaseDescription::Channel;
 
-constexpr double arm = 200.0;  // mm, at which an angle counts as a length
+constexpr double arm = 200.0;  // mm, lever at which an angle counts as a length
 
+// Returns a value for every state as a time series.
 template <typename Row>
 TimeSeries state_series(const std::vector<AxisState>& states, Index columns, const Row& row) {
   TimeSeries course{VectorXd(Index(states.size())), Eigen::MatrixXd(Index(states.size()), columns)};
@@ -186,7 +196,8 @@ TimeSeries state_series(const std::vector<AxisState>& states, Index columns, con
   return course;
 }
 
-/// An axis that nothing is wanted of has no box, so it stands where it stood without one.
+/// Returns the counts of the axes for the pulse channel. An axis without correction gets 0: it
+/// receives no pulses and keeps its position.
 VectorXd counts_of(const ControlView& view, const TimeSeries& wanted) {
   const auto& joints = view.machine.control.joints();
   const CompensationDescription::Pulses& pulses = view.compensation.pulses;
@@ -194,19 +205,22 @@ VectorXd counts_of(const ControlView& view, const TimeSeries& wanted) {
   for (int i = 0; i < view.machine.control.size(); ++i) {
     const bool slide = joints[std::size_t(i)].motion == kinematics::Motion::Linear;
     const double count = slide ? pulses.count : pulses.count_rad;
+    // a millionth of a count is rounding of the correction
     if (!is_spindle(view.machine, i) && wanted.value.col(i).cwiseAbs().maxCoeff() > 1e-6 * count)
       counts[i] = count;
   }
   return counts;
 }
 
-/// What of the wanted correction the channel lets through, before the position loop.
+/// Returns the part of the wanted correction that passes the channel, before the position loop.
 TimeSeries arriving_correction(const ControlView& view, Channel channel, const TimeSeries& wanted,
                                const std::vector<AxisState>& commanded) {
   const CompensationDescription& limits = view.compensation;
   if (channel == Channel::Open) return compensation::through(wanted, limits.open);
   if (channel == Channel::Origin)
     return compensation::through(wanted, limits.origin, view.machine.control.joints());
+  // Pulses are inserted between the edges of the encoder signals, so they depend on the commanded
+  // positions.
   compensation::Pulses pulses;
   pulses.count = counts_of(view, wanted);
   pulses.cycle_s = limits.pulses.cycle_s;
@@ -218,11 +232,11 @@ TimeSeries arriving_correction(const ControlView& view, Channel channel, const T
       }));
 }
 
-/// The samples of the program with others between them at the knots of a course.
+/// The samples of a program with additional samples at the knots of a time series.
 struct Merged {
   program::Samples samples;          ///< as commanded
-  std::vector<AxisVector> nominal;   ///< (samples) as the nominal machine would be commanded
-  std::vector<std::ptrdiff_t> knot;  ///< (samples) the knot there, -1 between knots
+  std::vector<AxisVector> nominal;   ///< (samples) commands of the nominal machine
+  std::vector<std::ptrdiff_t> knot;  ///< (samples) number of the knot, -1 between knots
 };
 
 AxisState between(const AxisState& a, const AxisState& b, double time_s) {
@@ -233,6 +247,7 @@ AxisState between(const AxisState& a, const AxisState& b, double time_s) {
   return state;
 }
 
+// Both lists ascend in time and are merged in one pass.
 Merged merged(const ControlView& view, const std::vector<AxisState>& commanded,
               const VectorXd& knots) {
   Merged all;
@@ -255,15 +270,19 @@ Merged merged(const ControlView& view, const std::vector<AxisState>& commanded,
     const Index first = k;
     while (k < knots.size() && knots[k] == time_s) ++k;
     const bool knot_here = k > first;
-    // samples of one instant are a reversal: the first is before a jump there, the others after it
+    // samples at one time are a reversal: the first is before a jump of the series, the others
+    // after it
     add(commanded[i], nominal[i].q, i, knot_here ? first : -1);
     for (next = i + 1; next < commanded.size() && commanded[next].time_s == time_s; ++next)
       add(commanded[next], nominal[next].q, next, knot_here ? k - 1 : -1);
+    // a jump of the series at a sample without reversal: a second sample takes the value after it
     if (next == i + 1 && k - first > 1) add(commanded[i], nominal[i].q, i, k - 1);
   }
   return all;
 }
 
+// Returns the value of a time series at a merged sample; exact at a knot, where the series may
+// jump.
 VectorXd value_at_sample(const TimeSeries& course, compensation::TimeSeriesReader& walk,
                          const Merged& all, std::size_t i) {
   return all.knot[i] >= 0 ? VectorXd(course.value.row(all.knot[i]).transpose())
@@ -280,7 +299,7 @@ Commands with_samples(const ControlView& view, Merged& all) {
   return result;
 }
 
-/// Displacement of the tip in its own frame that the corrections would make.
+/// Returns the displacement of the tip that the corrections would make, in the tool frame, mm.
 TimeSeries wanted_tool_displacement(const ControlView& view,
                                     const std::vector<AxisState>& commanded,
                                     const std::vector<AxisState>& ideal) {
@@ -296,6 +315,7 @@ Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisStat
   const compensation::Piezo& piezo = view.compensation.piezo;
   const TimeSeries stroke = compensation::thinned(
       compensation::through(wanted_tool_displacement(view, commanded, ideal), piezo),
+      // a tenth of the chord tolerance: the thinned stroke adds little to the chord error
       VectorXd::Constant(1, 0.1 * view.chord_tolerance));
   Merged all = merged(view, commanded, stroke.time_s);
   compensation::TimeSeriesReader walk(stroke);

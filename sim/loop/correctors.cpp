@@ -27,6 +27,7 @@ using Kind = CaseDescription::Belief;
   throw BadInput(view.file.string(), 0, 0, expected, found);
 }
 
+// Returns true if the scene has a belief of a kind.
 bool gives(const BeliefDescription& belief, Kind kind) {
   switch (kind) {
     case Kind::Identified:
@@ -42,6 +43,7 @@ bool gives(const BeliefDescription& belief, Kind kind) {
   }
 }
 
+// Adds the belief about force from its source: the law of the current, a model, or the dynamometer.
 void add_force(compensation::MachineBelief& belief, const ControlView& view,
                const Evidence& evidence) {
   using From = BeliefDescription::Force::From;
@@ -58,7 +60,7 @@ void add_force(compensation::MachineBelief& belief, const ControlView& view,
   belief.force = {errors::bind(force.compliance, view.machine.control), std::move(load)};
 }
 
-/// Number of rapids before each instant: what was cut between two of them is one pass.
+/// Returns the number of rapids before each time: the cut between two rapids is one pass.
 Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
   std::vector<double> rapids_s;
   for (const program::Block& block : path.blocks)
@@ -68,7 +70,7 @@ Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
   });
 }
 
-/// Rotation of the workpiece's carriage against its place with the spindle at zero.
+/// Returns the rotation of the workpiece carriage relative to the spindle at zero.
 Eigen::Matrix3d turned_by_spindle(const ControlView& view, double time_s) {
   const int spindle = *view.machine.workpiece_spindle;
   const auto& states = view.samples.states;
@@ -105,6 +107,7 @@ compensation::MachineBelief machine_belief(const ControlView& view,
   compensation::MachineBelief belief{
       view.machine.control, view.machine.workpiece_spindle, {}, {}, {}, {}, {}};
   try {
+    // The sources add up; a kind that the case names must be in the scene.
     if (wants(Kind::Identified, "identified"))
       belief.geometric =
           errors::scaled(errors::bind(*given.identified, view.machine.control), given.scale);
@@ -118,6 +121,7 @@ compensation::MachineBelief machine_belief(const ControlView& view,
   } catch (const std::invalid_argument& fault) {
     refuse(view, "a belief that fits the machine and what it reads", fault.what());
   }
+  // A fused belief takes whatever the scene has, but at least one.
   if (!belief.geometric && !belief.thermal && !belief.force && !belief.bending && !belief.part &&
       compensator.belief == Kind::Fused && !given.part)
     refuse(view, "something to believe in [belief] for the case " + compensator.name, "nothing");
@@ -150,6 +154,7 @@ compensation::DisplacementSeries part_series(const ControlView& view,
   compensation::PartDeviations part{view.design_w.normals(rows, Eigen::all), total(rows),
                                     error_free.cut_time_s(rows),
                                     passes_at(view.path, error_free.cut_time_s(rows))};
+  // Displacements of the tool are smooth in the bed frame, not on the turning part.
   if (view.machine.workpiece_spindle)
     for (Index i = 0; i < part.time_s.size(); ++i)
       part.normals.row(i) =
@@ -163,8 +168,8 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
-/// centre.
+/// Returns the height above the tip, mm, of the point that a compensator restores: the centre of a
+/// ball or of a corner.
 double functional_height(const NominalTool& tool) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.shape);
   return cutter != nullptr ? cutting::corner_height(*cutter) : 0.0;
@@ -177,6 +182,7 @@ compensation::CorrectOptions correct_options(const ControlView& view,
   options.rotary_bound = view.compensation.rotary_bound;
   options.functional_height = functional_height(view.tool);
   using Channel = CaseDescription::Channel;
+  // origin shifts and a piezo act on slides only
   const bool slides_only =
       compensator.channel == Channel::Origin || compensator.channel == Channel::Piezo;
   for (int i = 0; i < view.machine.control.size(); ++i) {
@@ -187,7 +193,7 @@ compensation::CorrectOptions correct_options(const ControlView& view,
   return options;
 }
 
-/// Belief at one sample of many.
+/// Returns the belief at one sample of many.
 using BeliefAt = std::function<compensation::Belief(std::size_t sample)>;
 
 CorrectedCommands corrected(const kinematics::Chain& control,
@@ -199,6 +205,7 @@ CorrectedCommands corrected(const kinematics::Chain& control,
     corrections[i] =
         compensation::correct(control, belief_at(i), T_wt_nominal[i], commanded[i], options);
   });
+  // summed in order after the parallel part, so that the result does not depend on threads
   CorrectedCommands result{commanded, 0.0, 0.0, 0};
   for (std::size_t i = 0; i < commanded.size(); ++i) {
     result.states[i].q = corrections[i].q;
@@ -209,7 +216,7 @@ CorrectedCommands corrected(const kinematics::Chain& control,
   return result;
 }
 
-/// Where the program takes the axes.
+/// Range of the axes in a program.
 struct Extent {
   AxisVector low, high;
 };
@@ -223,8 +230,8 @@ Extent extent_of(const program::Samples& samples) {
   return extent;
 }
 
-/// Where the axes that a table does not look up stand: as stated, else in the middle of the
-/// program.
+/// Returns the positions of the axes that a table does not depend on: as stated, or else the middle
+/// of the program.
 AxisVector reference_of(const ControlView& view) {
   if (view.compensation.table.reference) return *view.compensation.table.reference;
   const Extent extent = extent_of(view.samples);
@@ -255,7 +262,8 @@ Corrector belief_corrector(const ControlView& view, const CaseDescription& compe
           belief = std::move(belief)](const std::vector<AxisState>& commanded,
                                       const std::vector<Pose>& T_wt_nominal) {
     return corrected(control, options, commanded, T_wt_nominal,
-                     [&](std::size_t) { return std::cref(belief); });  // a belief may be large
+                     // By reference, since a belief may be large.
+                     [&](std::size_t) { return std::cref(belief); });
   };
 }
 
@@ -272,6 +280,7 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
              const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
     compensation::PlugInOptions asking;
     asking.waiting = stop_if_interrupted;
+    // a shared library runs in a process of this program
     asking.host = program_file();
     const compensation::PlugInQuestion question{commanded, T_wt_nominal};
     const compensation::PlugInResponse answer =
@@ -294,13 +303,14 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
 }
 
 compensation::TableOptions table_options(const ControlView& view) {
-  constexpr double endless = 1e8;  // mm
+  constexpr double endless = 1e8;  // mm; limit of an axis that states none
   compensation::TableOptions options = view.compensation.table.options;
   const auto& joints = view.machine.control.joints();
   const Extent extent = extent_of(view.samples);
   options.range.emplace();
   for (int i = 0; i < view.machine.control.size(); ++i) {
     const kinematics::Joint& joint = joints[std::size_t(i)];
+    // A table has too few points for more than one turn.
     const double most = joint.motion == kinematics::Motion::Linear ? endless : 2 * pi;
     const bool whole = joint.max - joint.min <= most;
     options.range->col(i) << (whole ? joint.min : extent.low[i]),
@@ -313,6 +323,7 @@ compensation::TableOptions table_options(const ControlView& view) {
 compensation::ParameterTables tables_of(const ControlView& view, const Corrector& corrector) {
   const auto correction = [&](const AxisState& state) -> AxisVector {
     AxisState at = state;
+    // Tables hold no time, so they are made for the start of the program.
     at.time_s = view.samples.states.front().time_s;
     return corrector({at}, {view.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
   };
@@ -332,10 +343,13 @@ TableCorrector table_corrector(const ControlView& view, const Corrector& correct
     if (!table.format) return {tables_act(tables_of(view, corrector)), {}};
     if (*table.format != compensation::ControlFormat::Isg) {
       compensation::Export out =
+          // The tables are read back from the control's files, so that rounding and limits of the
+          // format act too.
           compensation::to_control(tables_of(view, corrector), control, *table.format);
       return {tables_act(compensation::read_control_tables(out.files, control, *table.format)),
               std::move(out.left_out)};
     }
+    // A volumetric table holds deviations of the axes; the control corrects the position from them.
     if (!believed)
       throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
     compensation::Export out = compensation::to_volumetric(*believed, control, table_options(view));

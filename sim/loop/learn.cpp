@@ -24,14 +24,15 @@ std::vector<AxisState> uncorrected(const ControlView& view, const Eigen::Vector3
   return commanded(view.machine.control, view.path, view.samples, view.machine.nominal, offset_w);
 }
 
-/// What a corrector is asked: commands, and where each should bring the tool.
+/// Input of a corrector: commands, and the pose to which each should bring the tool.
 struct Aim {
   std::vector<AxisState> commanded;
   std::vector<Pose> T_wt;
 };
 
-/// The program with the datum found while the corrector acts. A perfect belief knows where the tool
-/// should be; any other only where it should be from the datum.
+/// Returns the program with the datum measured while the corrector acts. A perfect belief knows the
+/// absolute pose of the tool; any other knows it only relative to the datum, so its targets move
+/// with the measured shift.
 Aim aim(const ControlView& view, const MachineAccess& machine_access, const Corrector& at_datum,
         bool absolute) {
   if (absolute) return {uncorrected(view, machine_access.touch_off({})), view.T_wt_nominal};
@@ -48,7 +49,7 @@ Aim aim(const ControlView& view, const MachineAccess& machine_access, const Corr
   return result;
 }
 
-/// Corrections brought to the machine.
+/// Applies a correction through the channel of the case and returns the commands.
 Commands deliver_correction(const ControlView& view, const MachineAccess& machine_access,
                             const CaseDescription& compensator,
                             LearnedCorrection learned_correction) {
@@ -56,13 +57,13 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
     TableCorrector tables =
         table_corrector(view, learned_correction.corrector, learned_correction.geometric);
     learned_correction.corrector = std::move(tables.corrector);
-    learned_correction.at_datum = {};  // tables act always
+    learned_correction.at_datum = {};  // tables always act
     for (const std::string& one : tables.left_out)
       learned_correction.warnings.push_back("table: " + one);
   }
   const Corrector& corrector = learned_correction.corrector;
   const Corrector& at_datum = learned_correction.at_datum ? learned_correction.at_datum : corrector;
-  // tables act while the datum is found, whoever filled them
+  // tables act while the datum is measured, whatever belief they were made from
   const bool absolute = compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
                         compensator.channel != Channel::Table;
   Commands result;
@@ -91,8 +92,8 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
   return result;
 }
 
-/// The load of the cut as the compensator computes it: on the machine that it believes in, with
-/// commands as they were corrected so far.
+/// Returns the load of the cut as the compensator computes it: on its believed machine, with the
+/// commands as corrected so far.
 compensation::LoadSeries computed_load(const ControlView& view, const MachineAccess& machine_access,
                                        const Commands& commands,
                                        compensation::MachineBelief believed) {
@@ -106,7 +107,7 @@ compensation::LoadSeries computed_load(const ControlView& view, const MachineAcc
   });
 }
 
-/// What is learnt while a compensator runs its passes.
+/// Collects the evidence of the passes in which a compensator learns.
 class CorrectionLearner {
  public:
   CorrectionLearner(const ControlView& view, const MachineAccess& machine_access,
@@ -114,12 +115,12 @@ class CorrectionLearner {
 
   int passes() const { return passes_; }
   const Evidence& evidence() const { return evidence_; }
-  /// Runs what was commanded so far and learns from what the control reads.
+  /// Runs the present commands and learns from what the control reads.
   void read(const Commands& commands);
-  /// Cuts what was commanded so far, measures the part and learns from it.
+  /// Cuts with the present commands, measures the part and learns from it.
   void measure_part(const Commands& commands, int pass);
   bool measures(int pass) const;
-  /// Whether there is something else to believe than the part.
+  /// Returns true if the belief includes more than the measured part.
   bool has_more_evidence() const;
 
  private:
@@ -131,14 +132,14 @@ class CorrectionLearner {
   int passes_ = 0;
   Evidence evidence_;
   std::optional<cutting::Surface> error_free_;
-  Eigen::VectorXd total_;  ///< (vertices) mm, deviation by all readings so far
+  Eigen::VectorXd total_;  ///< (vertices) mm, deviation from all readings so far
 };
 
 CorrectionLearner::CorrectionLearner(const ControlView& view, const MachineAccess& machine_access,
                                      const CaseDescription& compensator)
     : view_(view), machine_access_(machine_access), compensator_(compensator) {
   if (!compensator.plug_in.empty()) {
-    passes_ = 1;  // it is given what was read while the program ran uncorrected
+    passes_ = 1;  // it gets the readings of the uncorrected program
     return;
   }
   const BeliefDescription& given = view.belief;
@@ -173,13 +174,14 @@ void CorrectionLearner::read(const Commands& commands) {
   const BeliefDescription& given = view_.belief;
   const bool plugged = !compensator_.plug_in.empty();
   const bool force = !plugged && wants(Kind::Force) && given.force;
+  // in air there is no force, so the blank is used only if the force is read
   const bool reads_force = (force && given.force->from != From::Model) || (plugged && view_.is_cut);
   if (reads_force || plugged || wants(Kind::Thermal))
     evidence_.log = machine_access_.run(commands, reads_force);
   if (!force) return;
   if (given.force->from == From::Current && !evidence_.law)
     evidence_.law = trained_law(machine_access_, *given.force);
-  // by what is believed besides, so after the log
+  // the model uses the other beliefs, so it comes after the log
   if (given.force->from == From::Model)
     evidence_.model_load = computed_load(view_, machine_access_, commands,
                                          machine_belief(view_, compensator_, evidence_));
@@ -188,19 +190,21 @@ void CorrectionLearner::read(const Commands& commands) {
 void CorrectionLearner::measure_part(const Commands& commands, int pass) {
   if (!error_free_) error_free_ = machine_access_.error_free();
   const auto [readings, spacing] = machine_access_.measured_part(commands, pass);
-  // cusps are meant, and no correction of the tool takes them away
-  const Eigen::VectorXd excluded_area =
+  // Cusps are intended, and no correction of the tool removes them.
+  const Eigen::VectorXd machine_deviation =
       readings.deviation - program_residuals(view_, *error_free_, readings.points_w);
   const Eigen::VectorXd here = compensation::interpolate_readings(
-      readings.points_w, excluded_area, view_.design_w.vertices, 5.0 * spacing);
+      // beyond five spacings from any reading nothing was measured
+      readings.points_w, machine_deviation, view_.design_w.vertices, 5.0 * spacing);
+  // a measured part was corrected by the earlier readings, so its deviation adds to them
   total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
   evidence_.part = part_series(view_, *error_free_, total_);
 }
 
-/// Warnings about terms of a thermal belief that move a machine farther than heat does.
+/// Returns warnings about terms of a thermal belief that are larger than heat can be.
 std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief,
                                        const compensation::ThermalSeries& course) {
-  constexpr double large_mm = 1.0, large_rad = 0.01;  // a slope: over 1 m or 1 rad of travel
+  constexpr double large_mm = 1.0, large_rad = 0.01;  // of a slope: over 1 m or 1 rad of travel
   std::vector<std::string> warnings;
   for (std::size_t k = 0; k < course.terms.size() && course.value.rows() > 0; ++k) {
     const compensation::ThermalBelief::Term& term = belief.terms[k];
@@ -218,7 +222,7 @@ std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief
   return warnings;
 }
 
-/// What corrects, by what is known so far.
+/// Returns the corrector from the evidence so far.
 LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& machine_access,
                                const CaseDescription& compensator, const Evidence& evidence) {
   if (!compensator.plug_in.empty()) {
@@ -241,6 +245,7 @@ LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& mac
       return tool_in_workpiece(believed, state);
     });
   };
+  // The part was cut from the datum, so what it showed must not shift the datum.
   if (belief.part) {
     compensation::MachineBelief without_part = belief;
     without_part.part.reset();
@@ -250,7 +255,7 @@ LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& mac
   return learned_correction;
 }
 
-/// A plug-in's strategy and channel are those of the scene.
+/// Returns the case; a plug-in has the strategy and channel of the scene.
 CaseDescription resolved(const ControlView& view, CaseDescription compensator) {
   if (compensator.plug_in.empty()) return compensator;
   compensator.strategy = view.compensation.plug_in.strategy;
@@ -270,12 +275,14 @@ LearnedCorrection learned_correction(const ControlView& view, const MachineAcces
   if (learning.passes() == 0) return so_far();
   Commands commands =
       uncompensated_commands(view.machine, view.path, view.samples, machine_access.touch_off({}));
+  // The program runs uncorrected in the first pass, and with the correction so far in later ones.
   for (int pass = 0; pass < learning.passes(); ++pass) {
     if (progress) progress("learn", double(pass) / learning.passes());
     if (pass > 0) commands = deliver_correction(view, machine_access, compensator, so_far());
     learning.read(commands);
     if (!learning.measures(pass)) continue;
-    // a part shows what is left: of what else is believed nothing shall be corrected twice
+    // A part shows the remaining error, so the other beliefs correct it first; otherwise they would
+    // be corrected twice.
     if (pass == 0 && learning.has_more_evidence())
       commands = deliver_correction(view, machine_access, compensator, so_far());
     learning.measure_part(commands, pass);
@@ -285,7 +292,7 @@ LearnedCorrection learned_correction(const ControlView& view, const MachineAcces
 
 namespace {
 
-/// What a compensator answers, which refuses what does not fit it.
+/// Calls `answer` and turns its exceptions into an input error that names the compensator.
 template <class Answer>
 auto fitting(const ControlView& view, const CaseDescription& described, const Answer& answer) {
   const auto refusal = [&](const std::string& found) {
@@ -294,7 +301,7 @@ auto fitting(const ControlView& view, const CaseDescription& described, const An
   };
   try {
     return answer();
-  } catch (const std::out_of_range& fault) {  // a table of the belief is left
+  } catch (const std::out_of_range& fault) {  // outside a table of the belief
     throw refusal(fault.what());
   } catch (const std::invalid_argument& fault) {
     throw refusal(fault.what());

@@ -3,31 +3,33 @@
 #include "sim/files/progress.h"
 #include "sim/loop/control_view.h"
 
+/// Learning of a correction in passes, and its application through a channel.
 namespace abbe::sim {
 
-/// What corrects the program of a case, after all passes from which it learns.
+/// The correction of a case, after all passes in which it learns.
 struct LearnedCorrection {
   Corrector corrector;
-  Corrector at_datum;  ///< acts while the datum is found; none: `corrector`. What a part showed
-                       ///< counts from the datum from which it was cut, and moves no datum
-  std::optional<errors::GeometricModel> geometric;  ///< what is believed of the geometry alone
+  /// Acts while the datum is measured; none: `corrector`. The deviation of a measured part is
+  /// relative to the datum it was cut from, so it must not move the datum.
+  Corrector at_datum;
+  std::optional<errors::GeometricModel> geometric;  ///< the geometric belief alone
   std::vector<std::string> warnings;
 };
 
-/// Learns what the case says by runs and parts in the workshop.
-/// @throws BadInput where the scene does not give what the case wants,
-///         compensation::PlugInFailure
+/// Learns the correction of a case from runs and measured parts.
+/// @throws BadInput if the scene lacks what the case needs
+/// @throws compensation::PlugInFailure if a plug-in fails
 LearnedCorrection learned_correction(const ControlView& view, const MachineAccess& machine_access,
                                      const CaseDescription& compensator,
                                      const Progress& progress = {});
 
-/// The commands of a case: what it learnt, brought to the machine through its channel.
-/// @throws as `learned_correction`
+/// Learns the correction of a case and returns its commands through its channel.
+/// @throws BadInput, compensation::PlugInFailure  as `learned_correction`
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
                      const CaseDescription& compensator, const Progress& progress = {});
 
-/// The same of a case that has learnt.
-/// @throws BadInput where what it learnt does not reach
+/// Returns the commands of a case with a correction learned before.
+/// @throws BadInput if the correction does not cover the program
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
                      const CaseDescription& compensator,
                      const LearnedCorrection& learned_correction);

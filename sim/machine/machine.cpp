@@ -18,7 +18,7 @@ bool is_spindle(const Machine& machine, int joint) {
          machine.nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Spindle;
 }
 
-std::optional<int> spindle_of(const Machine& machine) {
+std::optional<int> find_spindle(const Machine& machine) {
   if (machine.workpiece_spindle) return machine.workpiece_spindle;
   for (int i = 0; i < machine.nominal.size(); ++i)
     if (is_spindle(machine, i)) return i;
@@ -47,33 +47,36 @@ using kinematics::JointDeviation;
 using kinematics::Motion;
 using kinematics::Pose;
 
-constexpr double no_end = 1e8;       // mm or rad: a travel that nobody stated
-constexpr double no_change = 1e-10;  // rad: below what two poses can show
+constexpr double no_end = 1e8;       // mm or rad: a larger limit of travel was not stated
+constexpr double no_change = 1e-10;  // rad: rounding of the angle between two poses
 
 const Joint& joint_at(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)]; }
 
+// Returns the positions with one axis at q and the others at zero.
 AxisVector alone(const Chain& chain, int joint, double q) {
   AxisVector result = AxisVector::Zero(chain.size());
   result[joint] = q;
   return result;
 }
 
-/// Direction of travel or of the turn, in the workpiece, the other axes at zero. The nose moves
-/// nothing: the tool shows its direction.
+/// Returns the direction of travel or of rotation in the workpiece, with the other axes at zero.
+/// The spindle nose moves nothing; its direction is that of the tool.
 Vector3d direction_w(const Chain& chain, const std::vector<JointDeviation>& wrong, int joint) {
   const Motion motion = joint_at(chain, joint).motion;
   if (motion == Motion::Spindle) {
     const Eigen::Matrix3d R_wt = chain.tool_in_workpiece(alone(chain, joint, 0.0), wrong).linear();
     return R_wt * chain.T_bt_home().linear().transpose() * joint_at(chain, joint).direction_b;
   }
-  const double step = motion == Motion::Linear ? 100.0 : 0.5;  // mm or rad
+  // mm or rad; long steps, as the direction of a difference is more exact the longer it is.
+  const double step = motion == Motion::Linear ? 100.0 : 0.5;
   const Pose from = chain.tool_in_workpiece(alone(chain, joint, -step), wrong);
   const Pose to = chain.tool_in_workpiece(alone(chain, joint, step), wrong);
   if (motion == Motion::Linear) return (to.translation() - from.translation()).normalized();
   return kinematics::rotation_vector(to.linear() * from.linear().transpose()).normalized();
 }
 
-/// The main slides in the order of the bed axes, then all others as they stand in the chain.
+/// Returns the main slides in the order of the bed axes, then all other joints in the order of the
+/// chain.
 std::vector<int> in_order(const Chain& chain) {
   std::vector<int> axes;
   for (const std::optional<int>& slide : kinematics::main_slides(chain.joints()))
@@ -102,7 +105,7 @@ std::vector<LocationEffect::Angle> angles(const Chain& chain,
   return result;
 }
 
-/// The axis itself where its frame is displaced, and what it carries.
+/// Returns the displaced bodies: the axis itself if its frame is displaced, and what it carries.
 std::vector<std::string> bodies(const Chain& chain, int joint, DisplacedPart displaces) {
   const std::string own(1, joint_at(chain, joint).name);
   if (displaces == DisplacedPart::Axis) return {own};
@@ -115,6 +118,8 @@ std::vector<std::string> bodies(const Chain& chain, int joint, DisplacedPart dis
   return result;
 }
 
+// Returns the ends of travel of a joint. A rotary axis is limited to half a turn, as a full one
+// repeats the start.
 std::vector<double> ends(const Joint& joint) {
   if (joint.motion == Motion::Spindle) return {};
   const bool turns = joint.motion == Motion::Rotary;
@@ -152,17 +157,19 @@ LocationEffect location_effect(const errors::Element& element, const Chain& chai
   kinematics::AxisState zero;
   zero.q = AxisVector::Zero(chain.size());
   const std::vector<JointDeviation> wrong = errors::deviations(model, zero);
-  const kinematics::LocationElement is_active =
+  const kinematics::LocationElement location_element =
       kinematics::location_element(chain.joints(), joint, component);
   LocationEffect effect;
   effect.meaning = errors::meaning(element.name, chain, joint);
-  effect.displaces = is_active.displaces;
-  effect.bodies = bodies(chain, joint, is_active.displaces);
+  effect.displaces = location_element.displaces;
+  effect.bodies = bodies(chain, joint, location_element.displaces);
   effect.amount = wrong[std::size_t(joint)].location[component] *
-                  (is_active.displaces == DisplacedPart::Carried ? -1.0 : 1.0);
+                  // If what the axis carries is displaced in place of the axis, the displacement is
+                  // the opposite.
+                  (location_element.displaces == DisplacedPart::Carried ? -1.0 : 1.0);
   effect.angles = angles(chain, wrong);
   std::vector<int> axes = {joint};
-  if (is_active.reference) axes.push_back(*is_active.reference);
+  if (location_element.reference) axes.push_back(*location_element.reference);
   effect.tip = tip(chain, wrong, axes);
   return effect;
 }

@@ -24,11 +24,13 @@ bool is_run_out(const errors::Curve& curve) {
 bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
+  // A Fourier curve is synchronous if a whole number of its periods fits into a turn.
   const double a_turn = whole_turn / fourier->period;
   return a_turn > 0.5 && std::abs(a_turn - std::round(a_turn)) < 1e-9 * a_turn;
 }
 
-/// The spindle that turns the tool, if the S of an element means it.
+/// Returns the spindle that turns the tool, if S in an element name means it; null on a machine
+/// with an axis S, whose own elements those are.
 const kinematics::Joint* tool_spindle(const MachineDescription& machine) {
   const kinematics::Joint* nose = nullptr;
   for (const kinematics::Joint& joint : machine.joints) {
@@ -38,7 +40,7 @@ const kinematics::Joint* tool_spindle(const MachineDescription& machine) {
   return nose;
 }
 
-/// Takes the run-out of the spindle out of the elements.
+/// Removes the run-out of the spindle from the elements and returns it.
 std::vector<errors::Element> taken_out(std::vector<errors::Element>& elements) {
   std::vector<errors::Element> taken;
   for (errors::Element& element : elements) {
@@ -46,7 +48,7 @@ std::vector<errors::Element> taken_out(std::vector<errors::Element>& elements) {
     const auto rest = std::stable_partition(element.curves.begin(), element.curves.end(),
                                             [](const auto& curve) { return !is_run_out(curve); });
     if (rest == element.curves.end()) continue;
-    // what is left of an element stays, even if empty: its name is checked later
+    // an element without curves stays, since its name is checked later
     taken.push_back({element.name, {rest, element.curves.end()}});
     element.curves.erase(rest, element.curves.end());
   }
@@ -64,12 +66,14 @@ void check(const std::vector<errors::Element>& elements, const Scene& scene) {
   }
 }
 
+// The error motion of a spindle over its angle.
 struct SpindleMotion {
   std::vector<errors::Element> elements;
   double scale = 1.0;
 };
 
 kinematics::Deviation at_angle(const SpindleMotion& motion, double angle) {
+  // position and carriage both stand at the angle; error motion has no reversal
   const errors::CurveState state{angle, angle, 1, 0, false};
   kinematics::Deviation deviation = kinematics::Deviation::Zero();
   for (const errors::Element& element : motion.elements)
@@ -90,9 +94,12 @@ struct RunOut {
   double axial = 0.0;   ///< mm
 };
 
-/// @param arm_b   mm, from the nose's point to where run-out counts, axes at zero
-/// @param axis_b  unit, of the tool, to the spindle
+/// Returns the largest radial and axial run-out over the sampled angles.
+/// @param arm_b   mm, from the point of the nose to the point where run-out counts, axes at zero
+/// @param axis_b  unit, of the tool, towards the spindle
 RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& axis_b) {
+  // 65 536 angles: an order k is missed by at most (pi k / 65536)^2 / 2 = 1.2e-9 k^2 of its
+  // amplitude
   constexpr int angles = 65536;
   const double step = (is_synchronous(motion) ? 1.0 : 64.0) * whole_turn / angles;
   RunOut found;
@@ -101,6 +108,7 @@ RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& 
     const Vector3d moved = deviation.head<3>() + Vector3d(deviation.tail<3>()).cross(arm_b);
     const double along = moved.dot(axis_b);
     found.radial = std::max(found.radial, (moved - along * axis_b).norm());
+    // along the tool axis: only a motion away from the spindle lets the tool cut deeper
     found.axial = std::max(found.axial, -along);
   }
   return found;

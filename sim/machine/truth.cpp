@@ -10,21 +10,21 @@ namespace {
 
 using kinematics::Pose;
 
-/// The tip seen from the nose: along the tool axis by the length; a turning tool may also be off
-/// centre.
+/// Returns the pose of the tip relative to the nose: along the tool axis by the length; a turning
+/// tool may also be off centre.
 Pose nose_to_tip_pose(double length, const Eigen::Vector2d& centring) {
   Pose T_st = Pose::Identity();
   T_st.translation() = Eigen::Vector3d(centring.x(), centring.y(), -length);
   return T_st;
 }
 
-/// @throws BadInput naming the scene
+/// Throws BadInput naming the scene.
 [[noreturn]] void refuse(const Scene& scene, const std::string& seen) {
   throw BadInput(scene.file.string(), 0, 0, "a machine that makes a chain", seen);
 }
 
-/// The chain of a scene's machine.
-/// @throws BadInput naming the scene
+/// Returns the chain of the machine of a scene.
+/// @throws BadInput naming the scene if the joints make no chain
 kinematics::Chain chain_of(const Scene& scene, const std::vector<kinematics::Joint>& joints,
                            const Pose& T_bw, const Pose& T_st) {
   try {
@@ -41,10 +41,11 @@ Machine compile(const Scene& scene) {
   const double length = scene.tool.length;
   const auto& believed = scene.control.joints.empty() ? machine.joints : scene.control.joints;
   const Pose T_st = nose_to_tip_pose(length, {0.0, 0.0});
-  const Pose T_st_believed = nose_to_tip_pose(believed_length(scene, scene.tool), {0.0, 0.0});
+  const Pose T_st_believed = nose_to_tip_pose(control_tool_length(scene, scene.tool), {0.0, 0.0});
   Machine compiled{chain_of(scene, machine.joints, machine.T_bw, T_st),
                    chain_of(scene, believed, machine.T_bw, T_st_believed), std::nullopt};
   if (std::holds_alternative<cutting::Nose>(scene.tool.nominal)) {
+    // The sweep of a turning tool rotates the part about the first joint.
     const auto& first = machine.joints.front();
     if (first.name != 'S' || first.motion != kinematics::Motion::Rotary)
       refuse(scene, "a turning tool needs the spindle S' right after w");
@@ -53,7 +54,7 @@ Machine compile(const Scene& scene) {
   return compiled;
 }
 
-kinematics::Chain compile_as_built(const Scene& scene) {
+kinematics::Chain compile_actual(const Scene& scene) {
   const MachineDescription& machine = scene.machine;
   const ToolDescription& tool = scene.tool;
   const Pose T_st =
@@ -76,7 +77,8 @@ Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
   return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
 }
 
-/// A network that no machine can be shows by where it goes.
+/// Throws BadInput if a temperature leaves the range that a scene may state: a wrong network shows
+/// by its temperatures.
 void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
   constexpr double least = ThermalDescription::min_T_C, most = ThermalDescription::max_T_C;
   for (Eigen::Index i = 0; i < run.T_C.rows(); ++i)
@@ -89,10 +91,12 @@ void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
                                    run.knots[std::size_t(i)].time_s));
 }
 
-/// @param T_C  (nodes) at the state's time; empty without heat
+/// Returns the sum of all deviations.
+/// @param T_C  (nodes) at the time of the state; empty without heat
 errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& state,
                                           const errors::Load& load, const Eigen::VectorXd& T_C) {
   errors::ForceDeviations sum;
+  // A source that does not act is left out of the sum, so that it does not change a bit.
   if (truth.compliance && is_active(*truth.compliance, load)) {
     sum = errors::deviations(*truth.compliance, state, load);
     sum.joints = kinematics::sum(std::move(sum.joints), errors::deviations(truth.geometric, state));
@@ -111,14 +115,14 @@ errors::ForceDeviations summed_deviations(const Truth& truth, const AxisState& s
 
 }  // namespace
 
-Truth truth_of(const Scene& scene, const Machine& machine,
-               const std::vector<errors::Activity>& activity) {
+Truth make_truth(const Scene& scene, const Machine& machine,
+                 const std::vector<errors::Activity>& activity) {
   try {
-    kinematics::Chain actual = compile_as_built(scene);
+    kinematics::Chain actual = compile_actual(scene);
     errors::GeometricModel geometric =
         errors::scaled(errors::bind(scene.geometric, actual), scene.error_scale);
     Truth truth{std::move(actual), std::move(geometric), std::nullopt,
-                std::nullopt,      std::nullopt,         spindle_of(machine)};
+                std::nullopt,      std::nullopt,         find_spindle(machine)};
     if (scene.thermal && !activity.empty()) {
       const ThermalDescription& thermal = *scene.thermal;
       truth.heat = {errors::scaled(errors::bind(thermal.errors, machine.nominal,

@@ -11,21 +11,22 @@
 #include "sim/machine/machine.h"
 #include "sim/scene/scene.h"
 
+/// The true machine: its chain as built, with all injected errors.
 namespace abbe::sim {
 
-/// A machine compiled from its description, with its tool mounted.
+/// Compiles the machine of a scene from its description, with its tool mounted.
 /// @throws BadInput naming the scene if the description makes no chain
 Machine compile(const Scene& scene);
 
-/// The same as built: tool and clamping as they really are, before any error.
-/// @throws as `compile`
-kinematics::Chain compile_as_built(const Scene& scene);
+/// Compiles the machine as built: actual tool and clamping, before any error.
+/// @throws BadInput as `compile`
+kinematics::Chain compile_actual(const Scene& scene);
 
-/// What the machine really does: the one place where the injected errors act. Read by the loop and
-/// by the virtual instruments, never by a compensator. The sources add element by element; one that
-/// a scene leaves out costs no bit.
+/// The actual behaviour of the machine; the only place where the injected errors act. The control
+/// loop and the virtual instruments read it, a compensator never does. The sources add element by
+/// element; a source that the scene leaves out does not change a bit.
 struct Truth {
-  kinematics::Chain actual;  ///< as built: tool and clamping as they are, before any error
+  kinematics::Chain actual;  ///< as built: actual tool and clamping, before any error
   errors::GeometricModel geometric;
   struct Heat {
     errors::ThermalModel model;
@@ -37,24 +38,26 @@ struct Truth {
   std::optional<int> spindle;  ///< joint that turns the tool or the workpiece
 };
 
-/// @param activity  what the machine does, from the beginning of its thermal history to the end of
-///                  the program; not used without heat
+/// Returns the truth of a scene.
+/// @param activity  of the machine, from the beginning of its thermal history to the end of the
+///     program; not used without heat
 /// @throws BadInput naming the scene if an element does not fit the machine, or a node of the
-///         network leaves the temperatures that a scene may state
-Truth truth_of(const Scene& scene, const Machine& machine,
-               const std::vector<errors::Activity>& activity = {});
+///     thermal network leaves the temperatures that a scene may state
+Truth make_truth(const Scene& scene, const Machine& machine,
+                 const std::vector<errors::Activity>& activity = {});
 
-/// The truth without its random parts: what a `perfect` belief may know.
+/// Returns the truth without its random parts, which is what a `perfect` belief may know.
 Truth without_random(const Truth& truth);
 
-/// Sum of all sources for every joint, in the order of the chain, and what is not at a joint.
-/// @throws std::out_of_range where a table that refuses is left
+/// Returns the sum of all sources for every joint, in the order of the chain, and for tool and
+/// workpiece.
+/// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
 errors::ForceDeviations deviations(const Truth& truth, const kinematics::AxisState& state,
                                    const errors::Load& load = {});
 
-/// Where the tool really is in the part, T_wt: with heat, where it is in the part once that is back
-/// at 20 deg C.
-/// @throws std::out_of_range where a table that refuses is left
+/// Returns the actual pose of the tool in the part, T_wt; with heat, in the part after it has
+/// returned to 20 deg C.
+/// @throws std::out_of_range if a position lies outside an error table that does not extrapolate
 kinematics::Pose tool_in_workpiece(const Truth& truth, const kinematics::AxisState& state,
                                    const errors::Load& load = {});
 

@@ -23,24 +23,26 @@ using kinematics::AxisState;
 using metrology::Bodies;
 using metrology::Readings;
 
-/// The machine of a scene, compiled and with its heat run: what its instruments share.
-struct MeasuredSubject {
+/// The machine of a scene with its heat simulated, shared by all instruments.
+struct MeasuredMachine {
   Machine machine;
   Truth truth;
 };
 
-MeasuredSubject subject_of(const Scene& scene) {
+MeasuredMachine make_measured_machine(const Scene& scene) {
   Machine machine = compile(scene);
-  Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+  Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
   truth.actual = machine.nominal;  // the instrument takes the place of tool and part
   return {std::move(machine), std::move(truth)};
 }
 
+// Returns the poses of workpiece and tool in the bed, with their deflections under weight.
 Bodies bodies_of(const Truth& truth, const AxisState& state) {
   const errors::ForceDeviations all = deviations(truth, state);
   const kinematics::Pose identity = kinematics::Pose::Identity();
   Bodies bodies{truth.actual.workpiece_in_bed(state.q, all.joints),
                 truth.actual.tool_in_bed(state.q, all.joints)};
+  // The deflections are small displacements in the frames of tool and workpiece.
   if (!all.tool_t.isZero(0.0))
     bodies.T_bt = bodies.T_bt * kinematics::motion(all.tool_t, identity.translation());
   if (!all.workpiece_w.isZero(0.0))
@@ -48,7 +50,7 @@ Bodies bodies_of(const Truth& truth, const AxisState& state) {
   return bodies;
 }
 
-/// The plans of every start one after another, each set up again.
+/// Returns the plans of all starts one after another, with new set-ups for each start.
 metrology::Plan plan_of(const InstrumentDescription& description,
                         const kinematics::Chain& nominal) {
   metrology::Plan all;
@@ -58,6 +60,7 @@ metrology::Plan plan_of(const InstrumentDescription& description,
     metrology::Plan one = metrology::plan(instrument, nominal);
     const double ended_s =
         all.measurements.empty() ? start_s : all.measurements.back().state.time_s;
+    // a machine can do one measurement at a time
     if (start_s < ended_s)
       throw std::invalid_argument(
           fmt::format("a start at {:.2f} h while the readings before it last until {:.2f} h",
@@ -75,7 +78,8 @@ metrology::Plan plan_of(const InstrumentDescription& description,
   return all;
 }
 
-/// Sensors ask for times that do not go back; an instrument's own order may.
+/// Logs the temperatures of the readings. Sensors have a lag and need times that do not decrease,
+/// while the order of an instrument may go back in time.
 void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth) {
   if (!scene.thermal || !truth.heat) return;
   const auto& measurements = readings.plan.measurements;
@@ -96,11 +100,12 @@ void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth
 }
 
 Readings read_by(const InstrumentDescription& description, const Scene& scene,
-                 const MeasuredSubject& subject) {
+                 const MeasuredMachine& subject) {
   const auto& [machine, truth] = subject;
   const std::string& name = description.instrument.name;
   try {
     Readings readings = metrology::measure(
+        // a set of readings may take minutes, so an interrupt is checked at each reading
         plan_of(description, machine.nominal), machine.nominal,
         [&truth = truth](const AxisState& state) {
           stop_if_interrupted();
@@ -118,7 +123,7 @@ Readings read_by(const InstrumentDescription& description, const Scene& scene,
   }
 }
 
-/// The judged, cut surface of a case, in the workpiece.
+/// Returns the judged, cut surface of a case in the workpiece.
 metrology::PartSurface surface_of(const Job& job, const Cut& cut) {
   const auto& status = cut.surface.status;
   std::vector<Eigen::Index> rows;
@@ -129,8 +134,9 @@ metrology::PartSurface surface_of(const Job& job, const Cut& cut) {
           cut.surface.residual(rows)};
 }
 
-/// About one point a square of the spacing, spread as the vertices are.
+/// Returns about one point per square of the spacing, distributed as the vertices are.
 metrology::PartSurface thinned(const metrology::PartSurface& part, double spacing, double area) {
+  // three points at least, as a plane needs
   const double wanted = std::max(3.0, area / (spacing * spacing));
   const auto every =
       std::max<Eigen::Index>(1, Eigen::Index(double(part.deviation.size()) / wanted));
@@ -139,26 +145,29 @@ metrology::PartSurface thinned(const metrology::PartSurface& part, double spacin
   return {part.points_w(rows, Eigen::all), part.normals_w(rows, Eigen::all), part.deviation(rows)};
 }
 
-// The part stays clamped as it was cut; the probe takes the place of the tool, and the control
+// The part stays clamped as it was cut. The probe takes the place of the tool, and the control
 // measures from the datum from which it cut.
 metrology::PartReadings probed(const Job& job, const metrology::PartSurface& part,
                                metrology::TouchProbe probe) {
   Truth truth = job.truth;
   truth.actual = kinematics::Chain(job.truth.actual.joints(), job.truth.actual.T_bw_home(),
                                    job.machine.nominal.T_bt_home());
+  // the probe starts when the program has ended
   if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
   const Eigen::Vector3d datum_w = control_datum_offset(job);
+  // Shifting the commanded points by the datum shift, and the deviation back by its normal
+  // component, makes the control measure relative to its own datum.
   metrology::PartSurface commanded = part;
   commanded.points_w.rowwise() += datum_w.transpose();
   commanded.deviation -= part.normals_w * datum_w;
   metrology::PartReadings readings = metrology::probe(
       commanded, job.machine.nominal,
       [&](const AxisState& state) { return bodies_of(truth, state); }, probe);
-  readings.points_w = part.points_w;  // every one was cut, so every one was read
+  readings.points_w = part.points_w;  // every point was cut, so every one was read
   return readings;
 }
 
-/// @throws BadInput if nothing of the surface can be read
+/// Throws BadInput if the surface has no readable point.
 void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface& part,
                     const std::string& instrument) {
   if (part.deviation.size() > 0) return;
@@ -168,7 +177,8 @@ void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface
                              job.scene.band, cut.surface.gouges.size()));
 }
 
-/// Where the scene has its table; none for one that was only typed.
+/// Returns the location of an instrument's table in the scene; empty if the instrument was only
+/// typed by the user.
 Place place_of_instrument(const Scene& scene, const std::string& name) {
   const Node* list = scene.tree ? scene.tree->find("instrument") : nullptr;
   if (!list || !list->array()) return {};
@@ -187,6 +197,7 @@ std::optional<PartInstrumentDescription> find_part_instrument(const Scene& scene
     if (one.name == name) return one;
   for (const InstrumentDescription& one : scene.instruments)
     if (one.instrument.name == name) return std::nullopt;
+  // kinds that are not in the scene have typical figures
   if (name == "cmm") return PartInstrumentDescription{name, "", metrology::CoordinateMachine{}};
   if (name != "touch_probe") return std::nullopt;
   metrology::TouchProbe probe;
@@ -199,6 +210,7 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
   const Scene& scene = job.scene;
   const metrology::PartSurface part = surface_of(job, cut);
   check_readable(job, cut, part, instrument.name);
+  // Noise depends on the seed and the name, so that a new instrument does not change the others.
   const std::uint64_t seed = fnv_1a(instrument.name, scene.seed);
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
@@ -242,7 +254,7 @@ std::vector<Readings> measured(const Scene& scene,
                                const std::vector<InstrumentDescription>& descriptions) {
   std::vector<Readings> all;
   if (descriptions.empty()) return all;
-  const MeasuredSubject subject = subject_of(scene);
+  const MeasuredMachine subject = make_measured_machine(scene);
   for (const InstrumentDescription& one : descriptions) all.push_back(read_by(one, scene, subject));
   return all;
 }

@@ -21,13 +21,14 @@ using kinematics::Motion;
 
 namespace {
 
-// At a feed per turn the time of a piece of path is proportional to one over the speed, that is to
-// max(|x|, least), least being the radius at which the largest speed is reached. So the means below
-// are means of that.
+// At a feed per revolution the time of an element of path is proportional to the inverse of the
+// speed, i.e. to max(|x|, least), where `least` is the radius at which the largest speed is
+// reached. The functions below therefore return means of max(|x|, least).
 
+// Mean of max(|x|, least) over a line.
 double mean_along_line(double from, double to, double least) {
   const bool one_side = (from < 0.0) == (to < 0.0);
-  // the middle as it is, without the rounding of the integral
+  // The mid-point itself, without the rounding of the integral.
   if (one_side && std::min(std::abs(from), std::abs(to)) >= least)
     return std::abs(0.5 * (from + to));
   if (from == to) return std::max(std::abs(from), least);
@@ -38,7 +39,8 @@ double mean_along_line(double from, double to, double least) {
   return (integral(to) - integral(from)) / (to - from);
 }
 
-/// Integral over at most one turn from `start`.
+/// Integral of max(|x|, least) over at most one turn from `start`. The range is split where x
+/// crosses -least, 0 and least, because each part then has a closed form.
 double integral_along_arc(const RadialMove::Arc& arc, double start, double sweep, double least) {
   const double end = start + sweep;
   std::vector<double> angles{start, end};
@@ -65,6 +67,8 @@ double integral_along_arc(const RadialMove::Arc& arc, double start, double sweep
 double mean_along_arc(const RadialMove::Arc& arc, double least) {
   const double turns = std::floor(std::abs(arc.sweep) / (2 * pi));
   const double rest = std::abs(arc.sweep) - 2 * pi * turns;
+  // Whole turns have the same integral from any start, which avoids a list of crossings over many
+  // turns.
   const double whole =
       turns > 0.0 ? turns * integral_along_arc(arc, arc.start, 2 * pi, least) : 0.0;
   const double sum =
@@ -81,6 +85,7 @@ double mean_spindle_speed(const RadialMove& move, double m_per_min, double max_r
   const double mean = move.arc && move.arc->sweep != 0.0
                           ? mean_along_arc(*move.arc, least)
                           : mean_along_line(move.from, move.to, least);
+  // A mean of zero is a line along the spindle axis without a speed limit.
   return mean > 0.0 ? std::min(m_per_min * 1000.0 / (2 * pi * mean), max_rpm) : max_rpm;
 }
 
@@ -93,11 +98,14 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double largest_radius = 1e6;  // mm
-constexpr double max_growth = 0.5;      // mm, see README: when an arc's two radii differ too much
-constexpr double free_growth = 0.005;   // mm
-constexpr double relative_growth = 1e-3;
-constexpr double one_point = 1e-8;  // mm, an arc that ends this near to its start has no R
+constexpr double largest_radius = 1e6;  // mm, the same limit as for positions
+// mm. LinuxCNC has the same limits: radii may differ by 0.005 mm, or by 0.1 % of the radius up to
+// 0.5 mm. Coordinates and I J K of three decimals stay below the first.
+constexpr double max_growth = 0.5;
+constexpr double free_growth = 0.005;
+constexpr double relative_growth = 1e-3;  // of the radius, accepted up to max_growth
+// mm; an arc that ends this close to its start cannot be given by R
+constexpr double one_point = 1e-8;
 
 [[noreturn]] void refuse_arc(const NcLocation& place, const Cause& cause, std::string expected,
                              std::optional<std::string> seen = {}) {
@@ -112,11 +120,13 @@ Vector2d centre_by_radius(const ArcGeometry& ends, double r, const NcLocation& p
   const Vector2d chord = ends.end - ends.start;
   if (chord.norm() < one_point) refuse_arc(place, cause, "an end that is not the start beside R");
   if (std::abs(r) < one_point) refuse_arc(place, cause, "a radius that is not zero");
+  // A chord that is too long by the same tolerance is taken as half a turn.
   if (chord.norm() > 2 * std::abs(r) + free_growth)
     refuse_arc(place, cause,
                fmt::format("a radius of at least half the chord of {} mm", chord.norm()));
   const double height = std::sqrt(std::max(0.0, r * r - 0.25 * chord.squaredNorm()));
   const Vector2d left = Vector2d(-chord.y(), chord.x()).normalized();
+  // The centre of an arc below half a turn lies left of the chord if the arc is counter-clockwise.
   const bool centre_is_left = !ends.clockwise == (r > 0);
   return ends.start + 0.5 * chord + (centre_is_left ? height : -height) * left;
 }
@@ -154,6 +164,7 @@ AxisVector axes_at(const Path& path, const Block& block, const Chain& control, d
                       {programmed[*x], programmed[*y], programmed[*z]});
 }
 
+// Derivatives of arcs are not included; callers add them from radius and sweep.
 DerivativeBounds bends(const Path& path, const Block& block, int j) {
   const double way = block.end[j] - block.start[j];
   if (block.interpolation != Interpolation::Cubic) return {std::abs(way), 0.0, 0.0};
@@ -161,6 +172,7 @@ DerivativeBounds bends(const Path& path, const Block& block, int j) {
   const Cubic& cubic = path.cubics[block.shape];
   const double v0 = cubic.start_velocity[j] * duration, v1 = cubic.end_velocity[j] * duration;
   const double middle = 3 * way - v0 - v1;  // Bezier coefficients of the first derivative
+  // A Bezier curve stays within the hull of its coefficients, which bounds each derivative.
   return {std::max({std::abs(v0), std::abs(middle), std::abs(v1)}),
           2 * std::max(std::abs(middle - v0), std::abs(v1 - middle)),
           2 * std::abs(v0 - 2 * middle + v1)};
@@ -168,13 +180,13 @@ DerivativeBounds bends(const Path& path, const Block& block, int j) {
 
 namespace {
 
-constexpr double far_lever = 1e4;  // mm, more than any machine has
+constexpr double far_lever = 1e4;  // mm, larger than the lever of any machine
 
 bool is_positioned_turn(const kinematics::Joint& joint) {
   return joint.motion == Motion::Rotary && joint.name != 'S';
 }
 
-/// Sum of the levers by which rotary axes move the tip, mm per rad.
+/// Sum of the distances by which rotary axes displace the tip, mm per rad.
 double levers(const Chain& chain, const AxisVector& q) {
   const kinematics::AxisJacobian J = kinematics::axis_jacobian(chain, q);
   double sum = 0.0;
@@ -207,8 +219,10 @@ std::size_t chords_of(const Path& path, const Block& block, const Chain& control
     way += radius * sweep;
     bend += radius * sweep * sweep;
   }
+  // A chord deviates by at most b / 8 n^2, so n is the root of b / (8 within).
   const double allowed = 8 * within;
   bend += 2 * way * turn + way * turn * turn;
+  // The Jacobian is computed only if the largest conceivable lever could make a difference.
   if (turn > 0.0 && bend + far_lever * turn * turn > allowed)
     bend += levers(control, axes_at(path, block, control, 0.0)) * turn * turn;
   const double parts = std::max(1.0, std::ceil(std::sqrt(bend / allowed)));

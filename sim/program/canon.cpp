@@ -20,9 +20,11 @@ namespace {
 
 using kinematics::AxisVector;
 
+// At 1e6 mm the spacing of doubles is 1.2e-10 mm, still below the 1e-9 mm at which an axis counts
+// as moved.
 constexpr double max_position_mm = 1e6;
 constexpr double max_position_rad = 1e7;
-// mm or rad, less is the rounding of a change of coordinates
+// mm or rad; smaller motion is the rounding of a change of coordinates
 constexpr double min_motion = 1e-11;
 
 }  // namespace
@@ -36,10 +38,11 @@ void Target::put(int joint, double value, const Cause& cause, bool step) {
   cause_[std::size_t(joint)] = cause;
 }
 
+// A control starts with G54 in force.
 Canon::Canon(const std::string& file, const NcOptions& options)
     : options_(options),
       joint_of_(joints_by_letter(options.axes)),
-      spindle_(spindle_of(options.axes)),
+      spindle_(find_spindle(options.axes)),
       xyz_{joint_of('X'), joint_of('Y'), joint_of('Z')},
       at_(start_of(options)),
       chain_(options.control ? &*options.control : nullptr),
@@ -68,6 +71,7 @@ void Canon::set_frame(int number, Frame frame) {
   frame_ = std::move(frame);
 }
 
+// An origin at slide positions is dropped again: it would not be a point of the workpiece.
 void Canon::count_from_workpiece() {
   if (zero_) return;
   zero_ = known_zero(options_);
@@ -76,6 +80,7 @@ void Canon::count_from_workpiece() {
 
 void Canon::set_tool_shift(AxisVector shift) { tool_shift_ = std::move(shift); }
 
+// The axes do not move: the same position is expressed in the other coordinates.
 void Canon::go_to(Coordinates coordinates, const Cause& cause) {
   if (coordinates == coordinates_) return;
   coordinates_ = coordinates;
@@ -92,7 +97,8 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
   }
 }
 
-// The axes stay where they are, so the tip of another tool is elsewhere.
+// The axes do not move, so the tip of the new tool is at another point: the position is converted
+// by the old chain first.
 void Canon::select_length(int number, const Cause& cause) {
   length_number_ = number;
   const auto own = options_.control_of_h.find(number);
@@ -113,6 +119,7 @@ void Canon::set_tip_mode(bool on, const Cause& cause) {
   go_to(on ? Coordinates::Tip : Coordinates::Axis, cause);
 }
 
+// Inverse of `placed`: the operations are undone in reverse order.
 AxisVector Canon::unplaced(AxisVector p) const {
   if (tool_shift_.size() > 0) p -= tool_shift_;
   const auto [x, y, z] = xyz_;
@@ -146,8 +153,9 @@ AxisVector Canon::placed(AxisVector p) const {
   return p;
 }
 
+// Only axes whose travel exceeds two turns roll over; others have to unwind.
 bool Canon::is_endless(int joint) const {
-  constexpr double two_turns = 4 * pi * (1 + 1e-9);  // +-360 degrees are limits
+  constexpr double two_turns = 4 * pi * (1 + 1e-9);  // limits of +-360 deg are exactly two turns
   if (!options_.control || options_.axes[std::size_t(joint)].motion != kinematics::Motion::Rotary)
     return false;
   const kinematics::Joint& axis = options_.control->joints()[std::size_t(joint)];
@@ -160,19 +168,22 @@ void Canon::enable_table_rollover() {
       rollover_[std::size_t(j)] = Rollover::Shortest;
 }
 
-// A whole number of turns is added, so that a position that needs none keeps its bits.
+// A whole number of turns is subtracted, so that a position that needs none keeps its bits.
 double Canon::apply_rollover(int joint, double from, const Target& target, double to) {
-  constexpr double turn = 2 * pi, there = 1e-9;  // rad
+  constexpr double turn = 2 * pi, there = 1e-9;  // rad, rounding of a position given in degrees
   const Rollover rule = rollover_[std::size_t(joint)];
   const bool by_control = options_.axes[std::size_t(joint)].rollover == Rollover::ByControl;
   if (rule == Rollover::None || (rule == Rollover::ByControl && !is_endless(joint))) return to;
   const double turns = (to - from) / turn;
+  // Half a turn is rounded towards zero: of two equal directions that of the difference is kept.
   double whole = std::copysign(std::ceil(std::abs(turns) - 0.5 - there), turns);
   if (rule == Rollover::Sign)
+    // The sign of -0 counts: it states a direction as well.
     whole =
         std::signbit(target.value(joint)) ? std::ceil(turns - there) : std::floor(turns + there);
   if (whole == 0.0) return to;
   const double rolled = to - whole * turn;
+  // Reported once for each axis, and only if the machine leaves the rule to the control.
   if (by_control && !((rollover_noted_ >> joint) & 1u)) {
     rollover_noted_ |= 1u << joint;
     const char axis = options_.axes[std::size_t(joint)].name;
@@ -191,6 +202,8 @@ double Canon::apply_rollover(int joint, double from, const Target& target, doubl
   return rule == Rollover::ByControl ? to : rolled;
 }
 
+// Machine coordinates without a stated zero count from the zero of each axis; reported once for
+// each axis.
 void Canon::note_machine_zero(const Target& target) {
   if (options_.machine_zero.size() > 0) return;
   for (int j = 0; j < int(options_.axes.size()); ++j) {
@@ -198,6 +211,7 @@ void Canon::note_machine_zero(const Target& target) {
     std::string travel;
     if (options_.control) {
       const kinematics::Joint& axis = options_.control->joints()[std::size_t(j)];
+      // Wider limits stand for an axis without stated travel.
       if (axis.max - axis.min < 1e6)
         travel = fmt::format(", which travels {:.6g} to {:.6g} mm", axis.min, axis.max);
     }
@@ -207,8 +221,8 @@ void Canon::note_machine_zero(const Target& target) {
   }
 }
 
-// Joints that are neither named nor turned keep their bits, and a sum of offsets is formed in one
-// order, or programs would differ in the last place.
+// Joints that are neither programmed nor rotated keep their bits, and the sum of offsets is always
+// formed in the same order; otherwise equal programs would differ in the last digit.
 AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) {
   if (machine) note_machine_zero(target);
   AxisVector end = start;
@@ -269,6 +283,7 @@ void Canon::check_memory(double more, const Cause& cause) const {
                             options_.max_move_bytes / 1'000'000));
 }
 
+// Limits are checked before memory is taken.
 void Canon::append(Block block, double seconds) {
   check_moves(1.0, {});
   check_memory(1.0, {});
@@ -276,10 +291,13 @@ void Canon::append(Block block, double seconds) {
   block.file = std::uint16_t(file_);
   block.inch = inch_;
   block.inverse_time = feed_mode_ == FeedMode::InverseTime;
+  // -1 marks a block that no work offset moves (G53); it must not get the number of the offset in
+  // force.
   if (block.work_offset >= 0) block.work_offset = std::int16_t(offset_number_);
   block.tool_length = length_number_;
   block.start_s = time_s_;
   block.end_s = time_s_ + seconds;
+  // The spindle turns on in every block, dwells and rapids included.
   if (spindle_ >= 0) {
     const double speed = spindle_turns_ * spindle_rpm_ * units::rpm;
     block.start[spindle_] = at_[spindle_];
@@ -301,6 +319,8 @@ void Canon::dwell(double seconds, const Cause& cause) {
   append(std::move(still), seconds);
 }
 
+// Rapids take the length of their path at the rapid speed. At feed, inverse time is 1/F minutes
+// whatever the length, and a feed in degrees per minute is not scaled by inches.
 double Canon::duration(const Block& block, const Cause& cause) const {
   if (block.interpolation == Interpolation::Rapid) {
     const SquaredDistance way = squared_distances(options_.axes, block.start, block.end);
@@ -312,6 +332,8 @@ double Canon::duration(const Block& block, const Cause& cause) const {
     throw FollowingError(file_name(), line_, cause.column, expected, seen);
   };
   if (!feed_)
+    // Under G93 every block needs its own F, so an earlier error cannot be the cause of a missing
+    // one.
     refuse_or_suppress(feed_is_uncertain_ && feed_mode_ != FeedMode::InverseTime,
                        feed_mode_ == FeedMode::InverseTime
                            ? "F in every block of motion under G93"
@@ -330,6 +352,8 @@ double Canon::duration(const Block& block, const Cause& cause) const {
   return way.length * 60.0 / (feed_->word * unit * spindle_rpm_);
 }
 
+// Sets the axes to the programmed end on errors, and marks errors of arcs that may follow from an
+// earlier one.
 template <typename Make>
 auto Canon::made(const AxisVector& end, const Make& make) {
   try {
@@ -344,6 +368,7 @@ auto Canon::made(const AxisVector& end, const Make& make) {
   }
 }
 
+// Constant surface speed: one spindle speed for the block, see `mean_spindle_speed`.
 void Canon::turn_at_surface_speed(const Block& block, bool feed) {
   if (!surface_speed_) return;
   constexpr double max_finite_rpm = 1e6;  // keeps every speed finite, on the axis too
@@ -354,8 +379,12 @@ void Canon::turn_at_surface_speed(const Block& block, bool feed) {
     const Arc& arc = path_.arcs[block.shape];
     const bool first = arc.first == x;
     if (arc.turned < 0 && (first || arc.second == x))
+      // Only an arc of the XZ plane changes the radius along a circle. In a rotated plane the
+      // change is taken as linear.
       move.arc =
           RadialMove::Arc{from + arc.centre[first ? 0 : 1] - at_[x], arc.radius + 0.5 * arc.growth,
+                          // Angles of RadialMove::Arc count from the direction of X; if X is the
+                          // second axis of the plane, that is a quarter turn later.
                           arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
   }
   const auto& stated = surface_speed_->max_rpm;
@@ -364,6 +393,7 @@ void Canon::turn_at_surface_speed(const Block& block, bool feed) {
       std::min(stated.value_or(max_finite_rpm), of_machine.value_or(max_finite_rpm));
   spindle_rpm_ = mean_spindle_speed(move, surface_speed_->m_per_min, limit);
   const double radius = min_radius(move);
+  // Recorded for the warning that such a program needs a speed limit; rapids cut nothing.
   if (feed && !stated && !of_machine && (!unlimited_speed_ || radius < unlimited_speed_->radius))
     unlimited_speed_ = UnlimitedSpeed{radius, line_, file_};
 }
@@ -379,11 +409,13 @@ void Canon::go(Straight move, Interpolation interpolation) {
   uncertain_joints_ &= ~move.stated;
   note_positions(straight, move.stated);
   const double seconds = made(straight.end, [&] { return duration(straight, move.cause); });
+  // Blocks without motion are dropped: they take no time and would be samples at one instant.
   if ((straight.end - straight.start).cwiseAbs().maxCoeff() > min_motion)
     append(std::move(straight), seconds);
 }
 
-// A rotary axis that moves without words was led by the control, as swivelling to a plane does.
+// A rotary axis that moves without being programmed was moved by the control, as when swivelling to
+// a plane; its position counts as known.
 void Canon::note_positions(const Block& block, std::uint32_t stated) {
   known_ |= stated;
   std::string positions;
@@ -396,6 +428,7 @@ void Canon::note_positions(const Block& block, std::uint32_t stated) {
     positions += fmt::format(" {}{:.6g}", axis.name,
                              start_of(options_)[at] / (is_linear(int(j)) ? 1.0 : units::deg) + 0.0);
   }
+  // Rapids before the first feed may still bring the axes to known positions.
   if (fed_ || block.interpolation == Interpolation::Rapid) return;
   fed_ = true;
   if (!positions.empty())
@@ -412,6 +445,7 @@ void Canon::traverse(Straight move) { go(std::move(move), Interpolation::Rapid);
 
 void Canon::straight_feed(Straight move) { go(std::move(move), Interpolation::Line); }
 
+// Permutes the frame's rotation into the order of the joints of the arc.
 std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) const {
   const bool turns = move.radius || move.placed_centre.size() > 0;
   if (!frame_.rotation || !turns) return std::nullopt;
@@ -424,7 +458,8 @@ std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) co
       };
       R(Eigen::Index(i), Eigen::Index(k)) = (*frame_.rotation)(at(order[i]), at(order[k]));
     }
-  constexpr double one_plane = 1e-14;  // rad^2 / 2: turned about what is across it alone
+  // 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about its normal only
+  constexpr double one_plane = 1e-14;
   if (R(2, 2) > 1.0 - one_plane) return std::nullopt;
   return R;
 }
@@ -446,6 +481,7 @@ Arc Canon::arc_of(const ArcMove& move) {
   arc.second = move.second;
   if (!turn) return arc;
   arc.third = third;
+  // Consecutive arcs of one tilted plane share their rotation.
   if (path_.turns.empty() || path_.turns.back() != *turn) path_.turns.push_back(*turn);
   arc.turned = int(path_.turns.size()) - 1;
   return arc;
@@ -484,6 +520,8 @@ double unit_of(const UnitWord& word) { return word.inch ? units::inch : 1.0; }
 void Canon::comment(std::string_view text) {
   auto words = parse_cutter_comment(text);
   if (!words) return;
+  // Without a unit in the comment that of the program applies; before any G20 or G21 it is added by
+  // `set_inch`.
   if (!words->unit_mm && !path_.unit_words.empty())
     words->unit_mm = unit_of(path_.unit_words.back());
   if (words->unit_mm) words = in_mm(*words, *words->unit_mm);
@@ -504,6 +542,8 @@ void Canon::cutter(std::string_view word, const CutterData& words) {
   path_.tool_comments.push_back({line_, std::string(word), words, blocks()});
 }
 
+// A unit is recorded only where it changes. The first one also applies to comments that stand above
+// it.
 void Canon::set_inch(bool inch) {
   inch_ = inch;
   if (!path_.unit_words.empty() && path_.unit_words.back().inch == inch) return;
@@ -514,10 +554,11 @@ void Canon::set_inch(bool inch) {
 }
 
 void Canon::call_tool(double number, bool changes) {
-  if (number >= 0) tool_ = int(std::min(number, 1e9));
+  if (number >= 0) tool_ = int(std::min(number, 1e9));  // keeps the conversion to int defined
   path_.tool_calls.push_back({line_, tool_, changes, blocks()});
 }
 
+// Block numbers of auxiliary words count within the path that is handed over.
 Path Canon::hand_over() {
   Path piece;
   piece.file = path_.file;

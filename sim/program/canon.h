@@ -13,17 +13,21 @@
 #include "sim/program/nc_options.h"
 #include "sim/program/path.h"
 
-/// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
+/// Canonical moves in the sense of NIST RS274/NGC: the interface through which every front end
+/// issues motion.
 namespace abbe::sim::program {
 
+/// The longest dwell that is accepted, s.
 inline constexpr double max_dwell_s = 1e6;
 
-/// Where a move is to end, joint by joint, as words say it. Joints without a word stay.
+/// The end of a move, joint by joint, as programmed. Joints that the block does not mention stay
+/// where they are.
 class Target {
  public:
   void to(int joint, double value, const Cause& cause) { put(joint, value, cause, false); }
   void by(int joint, double value, const Cause& cause) { put(joint, value, cause, true); }
-  /// The same as `to` of a rotary axis whose direction is decided: no rule of roll-over applies.
+  /// Same as `to` for a rotary axis whose direction of rotation is already decided: no roll-over
+  /// rule applies.
   void turn_to(int joint, double value, const Cause& cause) {
     to(joint, value, cause);
     decided_ |= 1u << joint;
@@ -34,80 +38,86 @@ class Target {
   bool is_step(int joint) const { return (step_ >> joint) & 1u; }
   double value(int joint) const { return value_[std::size_t(joint)]; }
   const Cause& cause(int joint) const { return cause_[std::size_t(joint)]; }
-  /// Joints that have a word, bits by joint.
+  /// Returns the joints that were programmed, one bit per joint.
   std::uint32_t given() const { return given_; }
-  /// Joints whose end does not depend on where they stood, bits by joint.
+  /// Returns the joints whose end does not depend on their start (absolute values), one bit per
+  /// joint.
   std::uint32_t stated() const { return given_ & ~step_; }
 
  private:
   void put(int joint, double value, const Cause& cause, bool step);
 
-  std::uint32_t given_ = 0, step_ = 0, decided_ = 0;  ///< bits by joint
+  std::uint32_t given_ = 0, step_ = 0, decided_ = 0;  ///< one bit per joint
   std::array<double, kinematics::max_joints> value_;
   std::array<Cause, kinematics::max_joints> cause_;
 };
 
-/// From program coordinates to those of the axes or the tip: turned, then shifted from where
-/// `Canon::zero` says, then longer by the tool. X Y Z are turned; every joint is shifted.
+/// Transformation from program coordinates to coordinates of the axes or the tip. X Y Z are rotated
+/// first. Then every joint is shifted by `shift`, and X Y Z by the origin of `Canon::zero`. The
+/// tool length is added last.
 struct Frame {
   kinematics::AxisVector shift;                  ///< (axes) mm, rad; empty means zero
   std::optional<Eigen::Matrix3d> rotation = {};  ///< of X Y Z
 };
 
+/// Meaning of F: G94, G93 or G95.
 enum class FeedMode { PerMinute, InverseTime, PerRevolution };
 
-/// An F word and what it counts.
+/// A programmed feed and its unit.
 struct Feed {
-  double word = 0.0;  ///< per minute, 1/min or per turn, as programmed
-  double unit = 1.0;  ///< mm per unit of length in it
+  double word = 0.0;  ///< per minute, 1/min or per revolution, as programmed
+  double unit = 1.0;  ///< mm per programmed unit of length
 };
 
-/// The highest spindle speed that constant surface speed led to at feed without any limit.
+/// The smallest radius at feed under constant surface speed without any spindle speed limit.
 struct UnlimitedSpeed {
-  double radius = 0.0;  ///< mm, from the axis: the least
+  double radius = 0.0;  ///< mm, smallest distance from the spindle axis
   int line = 0, file = 0;
 };
 
-/// A straight move in the coordinates that are in force.
+/// A straight move in the coordinates in force.
 struct Straight {
-  kinematics::AxisVector end;   ///< (axes), offsets already in
-  Cause cause = {};             ///< where a refusal points
-  bool without_offset = false;  ///< of G53: recorded as a block that no work offset moves
-  std::uint32_t stated = 0;     ///< `Target::stated`: ends the doubt about those joints
+  kinematics::AxisVector end;   ///< (axes), offsets included
+  Cause cause = {};             ///< location for error messages
+  bool without_offset = false;  ///< G53: the block is recorded as independent of any work offset
+  std::uint32_t stated = 0;     ///< `Target::stated`: these joints are no longer uncertain
 };
 
-/// A circular or helical move, its plane two joints that make a positive turn from the first to
-/// the second.
+/// A circular or helical move. Its plane is spanned by two joints; a positive rotation goes from
+/// the first to the second.
 struct ArcMove {
   int first = 0, second = 1;
-  kinematics::AxisVector end;       ///< (axes), offsets already in
-  Eigen::Vector2d centre = {0, 0};  ///< mm, offsets already in, in the plane of the joints
-  /// Instead, as `Canon::placed` gives it: the plane is then turned as the frame turns.
+  kinematics::AxisVector end;       ///< (axes), offsets included
+  Eigen::Vector2d centre = {0, 0};  ///< mm, offsets included, in the plane of the joints
+  /// Alternative to `centre`, as `Canon::placed` returns it: the plane is then rotated with the
+  /// frame.
   kinematics::AxisVector placed_centre = {};
-  /// Instead, mm: above zero at most half a turn, below zero more; the plane is turned likewise.
+  /// Alternative to `centre`, mm: positive for at most half a turn, negative for more. The plane is
+  /// rotated with the frame.
   std::optional<double> radius = {};
   bool clockwise = false;
-  int turns = 1;             ///< begun: 1 is at most a whole turn, 2 one more
-  Cause cause = {};          ///< of the block
-  Cause named = {};          ///< where a refusal of the radii points
-  std::uint32_t stated = 0;  ///< as that of a straight move
+  int turns = 1;             ///< number of turns begun: 1 is at most one whole turn, 2 at most two
+  Cause cause = {};          ///< the block
+  Cause named = {};          ///< location for errors about the radii
+  std::uint32_t stated = 0;  ///< as in `Straight`
 };
 
-/// Takes canonical moves as a control executes them, numbers in mm, rad and seconds, and writes
-/// them down as a `Path`: geometry, time, the limits of positions, the record that rewriting needs.
-/// A front end says where each stands (`set_line`) and reads back where the axes are; it keeps
-/// modes of its own language itself.
+/// Receives canonical moves as a control executes them (mm, rad, seconds) and records them as a
+/// `Path`: geometry, time, position limits, and the data that rewriting needs. A front end reports
+/// the line of every move (`set_line`) and reads back the axis positions. The front end itself
+/// keeps the modal state of its language.
 class Canon {
  public:
-  /// @param options  outlive it
-  /// @throws std::invalid_argument if offsets or start do not fit the axes
+  /// `options` must outlive the object. Throws std::invalid_argument if the offsets or the start do
+  /// not fit the axes.
   Canon(const std::string& file, const NcOptions& options);
 
   const NcOptions& options() const { return options_; }
 
-  /// Another file of the program, as of a subprogram. @return its number; the first file is 0
+  /// Adds another file of the program, for example a subprogram, and returns its number. The first
+  /// file is 0.
   int add_file(const std::string& file);
-  /// What follows stands there.
+  /// Sets the location of everything that follows.
   void set_line(int line, int file = 0);
   int line() const { return line_; }
   int file() const { return file_; }
@@ -117,22 +127,24 @@ class Canon {
     program::refuse(place(), cause, std::move(expected), std::move(seen));
   }
 
-  /// -1 where the machine has no such axis, or a spindle of that name
+  /// Returns the joint that a letter addresses. Returns -1 if the machine has no such axis or the
+  /// letter names a spindle.
   int joint_of(char letter) const {
     return letter >= 'A' && letter <= 'Z' ? joint_of_[std::size_t(letter - 'A')] : -1;
   }
   bool is_linear(int joint) const {
     return options_.axes[std::size_t(joint)].motion == kinematics::Motion::Linear;
   }
-  /// "X Y Z A C"
+  /// Returns the axis letters, for example "X Y Z A C".
   std::string letters() const { return axis_letter_list(options_.axes); }
 
-  /// G20 or G21: for the record and for comments; numbers given here are mm all the same.
+  /// Records G20 or G21 for rewriting and for comments. Numbers passed to this class are in mm
+  /// regardless.
   void set_inch(bool inch);
   bool inch() const { return inch_; }
   void set_feed_mode(FeedMode mode) { feed_mode_ = mode; }
   FeedMode feed_mode() const { return feed_mode_; }
-  /// None: a feed move without one is refused.
+  /// Sets the feed. Without one, the next move at feed is an input error.
   void set_feed(std::optional<Feed> feed) {
     feed_ = feed;
     if (feed) feed_is_uncertain_ = false;
@@ -140,103 +152,107 @@ class Canon {
   const std::optional<Feed>& feed() const { return feed_; }
   void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
   double spindle_speed() const { return spindle_rpm_; }  ///< rpm
-  /// The blocks that follow set the speed of the spindle by the X of the program, which is a radius
-  /// here; none: it is as it was set. There is an X. Each block runs at one speed, that of
-  /// `mean_spindle_speed`.
+  /// Sets constant surface speed: each following block sets the spindle speed by the programmed X,
+  /// which is taken as a radius. Each block runs at one speed, `mean_spindle_speed`. Requires an X
+  /// axis. An empty value keeps the spindle at its last speed.
   void set_surface_speed(std::optional<SurfaceSpeed> speed) { surface_speed_ = speed; }
-  /// Where a move at feed came nearest to the axis while neither the program nor the machine
-  /// limited the spindle; none where they always did.
+  /// Returns the move at feed that came nearest to the spindle axis while neither the program nor
+  /// the machine limited the spindle speed. Returns nothing if a limit was always in force.
   const std::optional<UnlimitedSpeed>& unlimited_speed() const { return unlimited_speed_; }
   void turn_spindle(int direction) { spindle_turns_ = direction; }  ///< +1 M3, -1 M4, 0 M5
   int spindle_direction() const { return spindle_turns_; }
 
-  /// What shifts of frames count from: the rule of `program_zero`.
+  /// Returns the origin of frame shifts, see `program_zero`.
   const std::optional<ProgramZero>& zero() const { return zero_; }
-  /// From here on as places, even if the scene states no offset, on a machine with rotary axes.
+  /// Counts offsets as points in the workpiece from here on, on a machine with rotary axes, even if
+  /// the scene states no offset.
   void count_from_workpiece();
-  /// What zero adds to a shift of X Y Z in the coordinates in force, mm.
+  /// Returns what the origin adds to a shift of X Y Z in the coordinates in force, mm.
   Eigen::Vector3d shift_correction() const { return offset_correction(zero_, coordinates_); }
-  /// @param number  for the record: 0 .. 5, G54 .. G59; more for others
+  /// `number` is recorded with each block: 0 .. 5 for G54 .. G59, more for other systems.
   void set_frame(int number, Frame frame);
   const Frame& frame() const { return frame_; }
-  /// Shift of a tool's length, (axes) mm and rad, on top of the frame; empty for none.
+  /// Sets the shift of the tool length, (axes) mm and rad, applied on top of the frame. Empty:
+  /// none.
   void set_tool_shift(kinematics::AxisVector shift);
   const kinematics::AxisVector& tool_shift() const { return tool_shift_; }
-  /// The tool whose length counts (H), -1 for none; its chain is the one that the tip mode uses.
-  /// @throws BadInput if the slides do not reach the tip where they stand
+  /// Selects the tool whose length applies (H), -1 for none. The tip mode uses the chain of this
+  /// tool. Throws BadInput if the slides cannot reach the tip at the current position.
   void select_length(int number, const Cause& cause);
-  /// X Y Z are the tip in the workpiece from here (G43.4, TRAORI, M128), or axes again.
-  /// @throws BadInput on a machine without X Y Z or without known kinematics
+  /// Switches the tip mode: X Y Z are the tip in the workpiece (G43.4, TRAORI, M128), or axes
+  /// again. Throws BadInput on a machine without X Y Z or without known kinematics.
   void set_tip_mode(bool on, const Cause& cause);
   bool tip_mode() const { return tip_mode_; }
-  /// From here on an axis whose machine leaves its roll-over to the control (`Rollover::ByControl`)
-  /// goes the short way, if it carries the workpiece and turns by more than two turns.
+  /// Makes every axis with `Rollover::ByControl` take the shorter direction from here on, if it
+  /// carries the workpiece and its travel exceeds two turns.
   void enable_table_rollover();
-  /// That the tip mode counts with; there must be one.
+  /// Returns the chain that the tip mode uses. There must be one.
   const kinematics::Chain& chain() const { return *chain_; }
-  /// What X Y Z mean for the next move: axes for one block beside a tip mode, as G53 does.
+  /// Sets the meaning of X Y Z for the next move, for example axes for one block of G53 in a tip
+  /// mode.
   void go_to(Coordinates coordinates, const Cause& cause);
   Coordinates coordinates() const { return coordinates_; }
 
-  /// Where the axes stand, (axes) in the coordinates in force; spindles included.
+  /// Returns the current position, (axes) in the coordinates in force, spindles included.
   const kinematics::AxisVector& position() const { return at_; }
-  /// The same in program coordinates: frame and tool taken off.
+  /// Returns the current position in program coordinates, without frame and tool length.
   kinematics::AxisVector programmed() const { return unplaced(at_); }
   kinematics::AxisVector unplaced(kinematics::AxisVector position) const;
-  /// Program coordinates to those of the axes or the tip.
+  /// Converts program coordinates to coordinates of the axes or the tip.
   kinematics::AxisVector placed(kinematics::AxisVector programmed) const;
-  /// Where the words lead: through the frame and the tool.
-  /// @param machine  the words are positions of the axes themselves
-  /// @throws BadInput at a word that leads beyond 1e6 mm or 1e7 rad
+  /// Returns the end of a move through frame and tool length. With `machine` the values are axis
+  /// positions. Throws BadInput at a value that leads beyond 1e6 mm or 1e7 rad.
   kinematics::AxisVector end_of(const Target& target, bool machine = false) {
     return end_from(at_, target, machine);
   }
-  /// The same from elsewhere than where the axes stand.
+  /// Same for a move that begins at `start`.
   kinematics::AxisVector end_from(const kinematics::AxisVector& start, const Target& target,
                                   bool machine);
   double time_s() const { return time_s_; }
 
-  /// A traverse or a straight feed.
+  /// Adds a rapid or a straight feed.
   void straight(Straight move, bool rapid);
   void traverse(Straight move);
-  /// @throws BadInput without a feed, or per turn of a spindle that stands
+  /// Throws BadInput without a feed, or with a feed per revolution and a spindle at rest.
   void straight_feed(Straight move);
-  /// @throws BadInput the same; and for radii that differ as the README of this folder says
+  /// Throws BadInput as `straight_feed` does, and for radii that differ by more than the README of
+  /// this folder allows.
   void arc(ArcMove move);
-  /// @throws BadInput beyond 0 to 1e6 s
+  /// Throws BadInput outside 0 to 1e6 s.
   void dwell(double seconds, const Cause& cause);
 
-  /// Words that move nothing, kept for rewriting: T, M0 M1 M6 M7 M8 M9.
+  /// Records words that cause no motion, for rewriting: T, M0 M1 M6 M7 M8 M9.
   void aside(std::string text);
-  /// A T word with or without M6, or M6 alone (number -1: that of the last T word).
+  /// Records T with or without M6, or M6 alone (number -1: the tool of the last T).
   void call_tool(double number, bool changes);
-  /// A comment; if it gives the diameter of a tool it is noted, what it leaves unsaid of its unit
-  /// is that of the program.
+  /// Records a comment if it gives the diameter of a tool. A diameter without a unit is in the unit
+  /// of the program.
   void comment(std::string_view text);
-  /// A cutter that a word of the program describes, in mm.
+  /// Records a cutter that a statement of the program describes, in mm.
   void cutter(std::string_view word, const CutterData& words);
 
-  /// Records an assumption, once for each text, at the line where reading stands unless it says
+  /// Records an assumption, each text once, at the current line unless the assumption names
   /// another.
   void assume(Assumption assumption);
 
-  /// A fault in what comes from outside kept the axes from where they should be: until each is
-  /// stated again, arcs that do not close only follow from it.
-  /// A feed or spindle that is missing may be what that input error kept away.
+  /// Marks the position of every joint as uncertain after an input error: until a joint is stated
+  /// again, errors of arcs that do not close are consequences and are not reported. Feed and
+  /// spindle speed are marked too, because the faulty block may have set them.
   void mark_position_uncertain() {
     uncertain_joints_ = ~std::uint32_t(0);
     feed_is_uncertain_ = spindle_is_uncertain_ = true;
   }
 
-  /// @throws Exhausted where so many more moves go beyond `NcOptions::max_moves`
+  /// Throws ProgramLimitExceeded if `more` further moves would exceed `NcOptions::max_moves`.
   void check_moves(double more, const Cause& cause) const;
-  /// @throws Exhausted where they would take more than `NcOptions::max_move_bytes`, being kept
+  /// Throws ProgramLimitExceeded if `more` further moves, all kept, would take more than
+  /// `NcOptions::max_move_bytes`.
   void check_memory(double more, const Cause& cause) const;
   std::size_t blocks() const { return handed_over_ + path_.blocks.size(); }
-  /// Blocks that are kept here.
+  /// Returns the number of blocks that have not been handed over.
   std::size_t kept() const { return path_.blocks.size(); }
-  /// Those blocks as a path of their own, with their arcs and the words that move nothing; they are
-  /// kept here no longer. Calls of tools stay, with the numbers of their blocks in the whole.
+  /// Moves the kept blocks out as a path of their own, with their arcs and auxiliary words. Tool
+  /// calls stay here; their block numbers count from the start of the whole program.
   Path hand_over();
   Path take() { return std::move(path_); }
 
@@ -255,28 +271,31 @@ class Canon {
   std::size_t kept_bytes() const;
   [[noreturn]] void refuse_more(double moves, const Cause& cause,
                                 const std::string& expected) const;
-  /// A move that cannot be made leaves the axes where it would have ended, so that the next one is
-  /// judged by itself.
+  /// Returns the arc of a move in the coordinates in force.
   Arc arc_of(const ArcMove& move);
-  /// How the plane of an arc is turned, in the order of its joints; none where it is theirs.
+  /// Returns the rotation of the plane of an arc, in the order of its joints. Returns nothing if
+  /// the plane is that of the joints.
   std::optional<Eigen::Matrix3d> turn_of(const ArcMove& move, int third) const;
+  /// Returns `make()`. If it throws, the axes are first set to the programmed `end`, so that the
+  /// next move is checked independently of this one.
   template <typename Make>
   auto made(const kinematics::AxisVector& end, const Make& make);
 
   const NcOptions& options_;
   Path path_;
-  std::deque<std::string> more_files_;  ///< those of the path, for places: they stay where they are
-  std::size_t handed_over_ = 0;         ///< blocks
+  /// File names that error locations refer to; a deque keeps the references valid.
+  std::deque<std::string> more_files_;
+  std::size_t handed_over_ = 0;  ///< number of blocks
   int line_ = 0, file_ = 0;
   const std::array<int, 26> joint_of_;
   const int spindle_;
   std::array<int, 3> xyz_;     ///< joints; -1 where the machine lacks one
-  kinematics::AxisVector at_;  ///< where the axes are, in `coordinates_`, offsets in
+  kinematics::AxisVector at_;  ///< current position in `coordinates_`, offsets included
   Coordinates coordinates_ = Coordinates::Axis;
   double time_s_ = 0.0;
   bool tip_mode_ = false;
   bool inch_ = false;
-  const kinematics::Chain* chain_;  ///< that the tip mode counts with; null if there is none
+  const kinematics::Chain* chain_;  ///< chain that the tip mode uses; null: none
   int length_number_ = -1;
   int offset_number_ = 0;
   std::optional<ProgramZero> zero_;
@@ -289,12 +308,12 @@ class Canon {
   std::optional<UnlimitedSpeed> unlimited_speed_;
   int spindle_turns_ = 0;
   int tool_ = -1;                       ///< of the last T word
-  std::uint32_t uncertain_joints_ = 0;  ///< bits by joint
+  std::uint32_t uncertain_joints_ = 0;  ///< one bit per joint
   bool feed_is_uncertain_ = false, spindle_is_uncertain_ = false;
   std::array<Rollover, kinematics::max_joints> rollover_{};
-  std::uint32_t rollover_noted_ = 0;  ///< bits by joint
-  std::uint32_t known_ = 0;           ///< bits by joint: the program has said where it stands
-  bool fed_ = false;                  ///< there was a move at feed
+  std::uint32_t rollover_noted_ = 0;  ///< one bit per joint
+  std::uint32_t known_ = 0;           ///< one bit per joint: the program has stated its position
+  bool fed_ = false;                  ///< a move at feed has been made
 };
 
 }  // namespace abbe::sim::program

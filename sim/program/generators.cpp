@@ -18,6 +18,7 @@ using kinematics::AxisVector;
 using kinematics::Motion;
 using kinematics::Reach;
 
+// Writes passes as NC text and counts what the machine cannot reach.
 class Writer {
  public:
   Writer(const MillingTextOptions& options, const GeneratorContext& context, double safe_z)
@@ -26,7 +27,7 @@ class Writer {
         five_axis_(has_rotary_axes(context.control)),
         safe_z_(safe_z) {
     axes_ = AxisVector::Zero(context.control.size());
-    // rounded so that a feed of 1000 mm/min is written as such
+    // Rounded to 1e-6 mm/min: a feed of 1000 mm/min, converted from mm/s, is then written as 1000.
     feed_ = std::round(options.feed * 60.0 * 1e6) / 1e6;
   }
 
@@ -54,8 +55,9 @@ class Writer {
   const bool five_axis_;
   const double safe_z_;
   double feed_ = 0.0;
-  AxisVector axes_;                    ///< of the last posture reached
-  std::optional<Eigen::Vector3d> at_;  ///< clear of the part, where the tip stands between passes
+  AxisVector axes_;  ///< axes of the last posture reached; start of the next inverse kinematics
+  /// Point clear of the part where the tip rests between passes.
+  std::optional<Eigen::Vector3d> at_;
   bool cuts_ = false;
   std::vector<NcItem> items_;
   Unreached unreached_;
@@ -68,6 +70,7 @@ Reach Writer::reach(const Posture& posture) {
   return result.reach;
 }
 
+// `whole` programs must not lose a pose; others record the first one lost for the message.
 void Writer::leave_out(const Posture& posture, Reach why) {
   if (options_.whole)
     throw std::invalid_argument(fmt::format(
@@ -82,6 +85,7 @@ void Writer::leave_out(const Posture& posture, Reach why) {
 
 AxisVector Writer::words(const Eigen::Vector3d& tip_w) const {
   AxisVector q = axes_;
+  // With rotary axes G43.4 is in force and the words are tip coordinates.
   if (five_axis_) {
     q[*context_.control.find('X')] = tip_w.x();
     q[*context_.control.find('Y')] = tip_w.y();
@@ -100,10 +104,11 @@ void Writer::head() {
   items_.push_back(fmt::format("S{} M3", nc_number(options_.speed_rpm, 3)));
 }
 
-/// To the clear point of a posture whose axes are reached already.
+/// Moves to the clearance point of a posture whose axes have been computed already.
 void Writer::enter(const Posture& posture) {
   const Eigen::Vector3d clear = clearance_point(posture);
   const bool near = at_ && (*at_ - clear).norm() <= options_.neighbour;
+  // The first move lifts Z alone, because the position of the machine is unknown.
   if (!at_)
     items_.push_back(fmt::format(
         "G0 Z{}",
@@ -136,7 +141,7 @@ void Writer::pass(const Pass& pass) {
     if (last) {
       cut(posture.tip_w);
     } else {
-      // The way up from the pass before is made with the axes as they were there.
+      // The retraction from the previous pass keeps the rotary axes of that pass.
       const AxisVector reached = axes_;
       const bool far = at_ && (*at_ - clearance_point(posture)).norm() > options_.neighbour;
       axes_ = before;
@@ -154,6 +159,7 @@ void Writer::pass(const Pass& pass) {
 
 MillingProgram Writer::program() {
   if (!cuts_) throw NoReachablePose(unreached_);
+  // The last move ends above the part.
   rapid(above(*at_));
   items_.push_back("M5");
   items_.push_back("M2");
@@ -184,6 +190,7 @@ MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOp
   double highest = -std::numeric_limits<double>::infinity();
   for (const Pass& pass : passes)
     for (const Posture& posture : pass) highest = std::max(highest, posture.tip_w.z());
+  // The rim of a tilted cutter reaches below its tip by up to its radius; twice that is the margin.
   Writer writer(options, context, highest + options.clearance + 2 * options.cutter_radius);
   writer.head();
   for (const Pass& pass : passes) writer.pass(pass);
@@ -192,24 +199,24 @@ MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOp
 
 namespace {
 
-/// A line of the design above a line of the part's x-y plane.
+/// A section of the design by a vertical plane parallel to x or y of the part frame.
 struct Section {
   const ContactField& design;
   int axis = 0;        ///< 0 runs along x, 1 along y
-  double other = 0.0;  ///< mm, the coordinate that stays
+  double other = 0.0;  ///< mm, the constant coordinate
 
   std::optional<cutting::Contact> at(double a) const {
     return axis == 0 ? design(a, other) : design(other, a);
   }
-  /// Coordinate gained per arc length; 1 where there is no design.
+  /// Change of the coordinate per arc length; 1 where there is no design.
   double rate(double a) const {
     const auto contact = at(a);
     if (!contact) return 1.0;
     const double across = contact->normal[axis], up = contact->normal.z();
     return up / std::sqrt(across * across + up * up);
   }
-  /// Coordinate after an arc length, by Runge-Kutta's fourth-order rule: with steps of h on a
-  /// radius rho it errs by less than (h/rho)^4 of the length.
+  /// Returns the coordinate after an arc length, by the classical fourth-order Runge-Kutta method:
+  /// with steps of h on a radius rho the error is below (h/rho)^4 of the length.
   double advance(double from, double length, int steps) const {
     const double h = length / steps;
     double a = from;
@@ -220,7 +227,8 @@ struct Section {
     }
     return a;
   }
-  /// Last coordinate with design on the way from `inside` to `outside`.
+  /// Returns the last coordinate with design between `inside` and `outside`. 60 bisections reduce
+  /// any interval to the spacing of doubles.
   double rim(double inside, double outside) const {
     for (int i = 0; i < 60; ++i) {
       const double middle = 0.5 * (inside + outside);
@@ -233,6 +241,7 @@ struct Section {
 /// Coordinates of the passes across y, equally spaced on the design from the middle outwards.
 std::vector<double> pass_positions(const Raster& raster, const Section& section, double lower,
                                    double upper) {
+  // A step over is usually a small fraction of the radius: (1/8)^4 reduces the error by 4000.
   constexpr int steps = 8;
   const double middle = 0.5 * (lower + upper);
   std::vector<double> y{middle};
@@ -241,7 +250,7 @@ std::vector<double> pass_positions(const Raster& raster, const Section& section,
     while (true) {
       const double next = section.advance(at, sign * raster.step_over, steps);
       const bool stuck =
-          std::abs(next - at) < 1e-6 * raster.step_over;  // the design stands upright
+          std::abs(next - at) < 1e-6 * raster.step_over;  // the design is vertical here
       if (stuck || next > upper + 1e-9 || next < lower - 1e-9) break;
       y.push_back(at = next);
     }
@@ -254,7 +263,7 @@ struct Interval {
   double from = 0.0, to = 0.0;
 };
 
-/// Where the section runs over the design; a gap narrower than `step` may be missed.
+/// Intervals in which the section runs over the design. A gap narrower than `step` may be missed.
 std::vector<Interval> stretches(const Section& section, double lower, double upper, double step) {
   std::vector<Interval> found;
   const int n = std::max(1, int(std::ceil((upper - lower) / step)));
@@ -276,6 +285,7 @@ std::vector<double> points_along(const Section& section, const Interval& stretch
   std::vector<double> x{stretch.from};
   while (true) {
     const double next = section.advance(x.back(), step, 2);
+    // A last step of less than a millionth is rounding, not a point.
     if (!(next < stretch.to) || next - x.back() < 1e-6 * step) break;
     x.push_back(next);
   }
@@ -283,8 +293,8 @@ std::vector<double> points_along(const Section& section, const Interval& stretch
   return x;
 }
 
-/// The cutter put on a contact: its axis leans from the normal by `lead` towards the feed and by
-/// `tilt` about it.
+/// Positions the cutter on a contact: its axis leans from the normal by `lead` towards the feed and
+/// by `tilt` about it.
 Posture posture(const Raster& raster, const cutting::Cutter& cutter,
                 const cutting::Contact& contact, const Eigen::Vector3d& feed,
                 const std::optional<Eigen::Vector3d>& fixed_axis) {
@@ -298,12 +308,13 @@ Posture posture(const Raster& raster, const cutting::Cutter& cutter,
   if (cutter.outline) {
     const Eigen::Vector2d touching = cutting::support_point(*cutter.outline, -n.dot(u), sine);
     Eigen::Vector3d tip = contact.point - touching.y() * u;
+    // An upright axis has no inward direction: the tip is then below the contact point.
     if (sine > 1e-12) tip += touching.x() * (inward / sine);
     return {tip, u, u};
   }
   const double r = cutter.corner_radius;
   Eigen::Vector3d tip = contact.point + r * (n - u);
-  // With the flat on the surface any point of it touches; the tip is taken.
+  // With the flat on the surface every point of it touches; the tip is placed on the contact.
   if (sine > 1e-12) tip += (cutter.radius - r) * (inward / sine);
   return {tip, u, u};
 }
@@ -334,6 +345,7 @@ void check(const Raster& raster, const cutting::Cutter& cutter, const GeneratorC
   positive(raster.feed, "feed");
   positive(raster.clearance, "clearance");
   positive(cutter.radius, "the radius of the cutter");
+  // 1.6 rad is just above 90 deg; the message states the intent.
   if (!(std::abs(raster.lead) < 1.6) || !(std::abs(raster.tilt) < 1.6))
     throw std::invalid_argument("expected lead and tilt below 90 deg");
   const Eigen::Vector2d range = context.upper - context.lower;
@@ -356,6 +368,7 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
     fixed_axis =
         context.T_wm.linear().transpose() * context.control.tool_in_workpiece(zero).linear().col(2);
   }
+  // The section x = 0 if the range contains it, else the nearest one.
   const double x_section = std::clamp(0.0, context.lower.x(), context.upper.x());
   const std::vector<double> y =
       pass_positions(raster, {design, 1, x_section}, context.lower.y(), context.upper.y());
@@ -386,6 +399,8 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
                        .clearance = raster.clearance,
                        .speed_rpm = raster.speed_rpm,
                        .cutter_radius = cutter.radius,
+                       // Zigzag passes end beside the start of the next, so up to four steps over
+                       // are linked at clearance.
                        .neighbour = raster.zigzag ? 4 * raster.step_over : 0.0,
                        .whole = false,
                        .format = raster.format},
@@ -394,8 +409,8 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
 
 namespace {
 
-constexpr int overlap = 2;  // steps beyond the full turn
-/// The flank of the cutter along the generator at one azimuth of the cone.
+constexpr int overlap = 2;  // steps beyond the full turn, which remove the mark of the entry
+// Posture of the flank along the generator of the cone at one azimuth.
 Posture posture(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
                 double azimuth) {
   const double c = std::cos(cone.half_apex_angle), s = std::sin(cone.half_apex_angle);
@@ -446,8 +461,8 @@ std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
                                    .neighbour = 0.0,
                                    .whole = true,
                                    .format = flank.format};
-  // A rotary axis that cannot turn on and on may still get around from another start or the other
-  // way.
+  // A rotary axis with limited travel may still complete the turn from another start or in the
+  // other direction. Climb milling is tried first.
   for (const double sign : {-1.0, 1.0})
     for (int quarter = 0; quarter < 4; ++quarter) try {
         return milling_text(

@@ -17,13 +17,17 @@ void refuse(const NcLocation& place, const Cause& cause, std::string expected,
 
 namespace {
 
+// 1e9: beyond any position, feed or line number, and small enough for conversions to int.
 constexpr double largest_number = 1e9;
+// Bounds the memory of a hostile line; no block has more than one code of each of 14 modal groups.
 constexpr std::size_t max_codes = 16;
 
+// Locale-independent, unlike std::isdigit.
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
 
+// Splits one line into tokens.
 class Scanner {
  public:
   Scanner(std::string_view text, const NcLocation& place) : text_(text), place_(place) {}
@@ -51,7 +55,7 @@ class Scanner {
   std::size_t i_ = 0;
 };
 
-/// The text from there to the next blank, for messages.
+/// The text up to the next blank or comment, for messages.
 std::string_view Scanner::cell(std::size_t from) const {
   std::size_t end = from;
   while (end < text_.size() && !is_blank(text_[end]) && text_[end] != '(' && text_[end] != ';')
@@ -67,6 +71,8 @@ std::string_view Scanner::comment() {
   const std::size_t open = i_;
   for (++i_; !at_end(); ++i_) {
     if (here() == ')') return text_.substr(open + 1, i_++ - open - 1);
+    // A nested parenthesis usually means that a closing one is missing; LinuxCNC rejects it as
+    // well.
     if (here() == '(') refuse(i_, ") before another ( in a comment", "(");
   }
   refuse(open, ") that ends the comment on its line", "none");
@@ -85,6 +91,8 @@ void Scanner::skip_blanks_and_comments(NcBlock& block) {
   }
 }
 
+// Reads the number of a token. Parameters, expressions and exponents are detected first to get a
+// message of their own.
 double Scanner::number(std::size_t letter_at) {
   const std::size_t from = i_;
   bool negative = false;
@@ -94,16 +102,19 @@ double Scanner::number(std::size_t letter_at) {
   for (; !at_end() && (is_digit(here()) || here() == '.'); ++i_)
     ++(here() == '.' ? n_points : n_digits);
   const std::string letter(1, upper(text_[letter_at]));
+  // A dialect reads these; the strict reader does not.
   if (!at_end() && (here() == '#' || here() == '['))
     refuse(i_, "a plain number after " + letter,
            here() == '#' ? "a parameter (#)" : "an expression ([)");
   if (n_digits == 0 || n_points > 1)
     refuse(letter_at, "a number after " + letter,
            from == text_.size() ? "the end of the line" : shown(cell(letter_at)));
+  // E followed by a digit or sign is an exponent; otherwise E is the next letter.
   if (!at_end() && upper(here()) == 'E' && i_ + 1 < text_.size() &&
       (is_digit(text_[i_ + 1]) || text_[i_ + 1] == '+' || text_[i_ + 1] == '-'))
     refuse(letter_at, "a number without exponent", shown(cell(letter_at)));
   double value = 0.0;
+  // from_chars is locale-independent and correctly rounded.
   const auto read =
       std::from_chars(text_.data() + digits, text_.data() + i_, value, std::chars_format::fixed);
   if (read.ec != std::errc() || read.ptr != text_.data() + i_ || !(value <= largest_number))
@@ -111,11 +122,13 @@ double Scanner::number(std::size_t letter_at) {
   return negative ? -value : value;
 }
 
+// Chooses the message for a character that starts no token.
 void Scanner::refuse_no_word() const {
   const char c = here();
   const std::string expected = "a word (letter and number)";
   if (c == '#') refuse(i_, expected, "a parameter (#)");
   if (c == '[' || c == ']') refuse(i_, expected, "an expression ([)");
+  // A decimal comma would otherwise split one number into two tokens.
   if (c == ',') refuse(i_, "a decimal point, as in 10.5", shown(cell(i_)));
   if (c == '\0') refuse(i_, "text", "a NUL byte");
   if (c == ')') refuse(i_, expected, ") without (");
@@ -153,6 +166,7 @@ void Scanner::put(NcBlock& block, const NcWord& word) {
   }
 }
 
+// The line number is optional, but must come first (RS274/NGC).
 void Scanner::fill(NcBlock& block) {
   skip_blanks();
   if (!at_end() && here() == '%') {
@@ -198,6 +212,7 @@ NcBlock parse_block(std::string_view text, const NcLocation& place, NcBlock reus
   block.g.clear();
   block.m.clear();
   block.comments.clear();
+  // Checked for the whole line first: a NUL inside a comment would pass unnoticed.
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
     throw BadInput(place.file, place.line, int(nul) + 1, "text", "a NUL byte");
   Scanner(text, place).fill(block);

@@ -17,10 +17,10 @@ using kinematics::Motion;
 
 namespace {
 
-/// Calls `visit(joint, axis)` for every axis but the spindles.
+/// Calls `visit(joint, axis)` for every axis except spindles.
 template <typename Visit>
 void for_each_positioned_axis(const std::vector<ControlledAxis>& axes, const Visit& visit) {
-  const int spindle = spindle_of(axes);
+  const int spindle = find_spindle(axes);
   for (int j = 0; j < int(axes.size()); ++j)
     if (const ControlledAxis& axis = axes[std::size_t(j)];
         axis.motion != Motion::Spindle && j != spindle)
@@ -29,7 +29,8 @@ void for_each_positioned_axis(const std::vector<ControlledAxis>& axes, const Vis
 
 }  // namespace
 
-int spindle_of(const std::vector<ControlledAxis>& axes) {
+// A rotary S carries the workpiece and has precedence: on a lathe S and M3 turn the work.
+int find_spindle(const std::vector<ControlledAxis>& axes) {
   int nose = -1;
   for (std::size_t j = 0; j < axes.size(); ++j) {
     if (axes[j].name == 'S' && axes[j].motion == Motion::Rotary) return int(j);
@@ -39,7 +40,7 @@ int spindle_of(const std::vector<ControlledAxis>& axes) {
 }
 
 bool turns_workpiece(const std::vector<ControlledAxis>& axes) {
-  const int spindle = spindle_of(axes);
+  const int spindle = find_spindle(axes);
   return spindle >= 0 && axes[std::size_t(spindle)].motion == Motion::Rotary;
 }
 
@@ -67,7 +68,7 @@ SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes, const
   for_each_positioned_axis(axes, [&](int j, const ControlledAxis& axis) {
     const double way = end[j] - start[j];
     double& sum = axis.motion != Motion::Linear ? squared.turns
-                  : axis.name >= 'X'            ? squared.xyz
+                  : axis.name >= 'X'            ? squared.xyz  // U V W sort before X
                                                 : squared.uvw;
     sum += way * way;
   });
@@ -77,6 +78,8 @@ SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes, const
 Way feed_distance(const std::vector<ControlledAxis>& axes, const AxisVector& start,
                   const AxisVector& end, const Arc* arc, const Eigen::Matrix3d* turn) {
   SquaredDistance squared = squared_distances(axes, start, end);
+  // A tilted arc: its chord within the plane is replaced by the arc length, the part along the
+  // normal stays (helix).
   if (arc != nullptr && turn != nullptr) {
     const Eigen::Vector3d way(end[arc->first] - start[arc->first],
                               end[arc->second] - start[arc->second],
@@ -87,11 +90,13 @@ Way feed_distance(const std::vector<ControlledAxis>& axes, const AxisVector& sta
     const double chord =
         (end[arc->first] - start[arc->first]) * (end[arc->first] - start[arc->first]) +
         (end[arc->second] - start[arc->second]) * (end[arc->second] - start[arc->second]);
+    // The mean radius times the sweep: growth is spread evenly over the arc.
     const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
     squared.xyz = squared.xyz - chord + round * round;
   }
   const double mm = std::sqrt(squared.xyz > 0.0 ? squared.xyz : squared.uvw);
   if (mm > 0.0) return {mm, true};
+  // F in degrees per minute if nothing moves linearly.
   return {std::sqrt(squared.turns) / units::deg, false};
 }
 
@@ -99,6 +104,7 @@ std::optional<BlockSkip> parse_block_skip(std::string_view text) {
   if (text == "on") return BlockSkip().set();
   if (text == "off") return BlockSkip();
   BlockSkip levels;
+  // Digits may be separated by blanks or not.
   for (const char c : text) {
     if (c >= '0' && c <= '9')
       levels.set(std::size_t(c - '0'));
@@ -134,6 +140,7 @@ std::optional<int> only_tool(const NcOptions& options) {
   if (options.tool_table)
     return lengths.size() == 1 ? std::optional(lengths.begin()->first) : std::nullopt;
   if (!options.control_of_h.empty() || lengths.empty()) return std::nullopt;
+  // Without a tool table the lengths are registers of one tool; H1 is its usual one.
   return lengths.contains(1) ? 1 : lengths.begin()->first;
 }
 
@@ -150,13 +157,15 @@ AxisVector reference_of(const NcOptions& options) {
 }
 
 std::optional<Vector3d> tip_at_zero(const Chain& chain) {
-  constexpr double along = 1e-9;  // mm by mm
+  constexpr double along = 1e-9;  // mm per mm
   std::array<int, 3> xyz{-1, -1, -1};
   for (int j = 0; j < chain.size(); ++j) {
     const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
     if (joint.name >= 'X' && joint.name <= 'Z' && joint.motion == kinematics::Motion::Linear)
       xyz[std::size_t(joint.name - 'X')] = j;
   }
+  // The tip at zero, and its displacement by 1 mm of each axis, which must be along x, y or z of
+  // the workpiece.
   const AxisVector zero = AxisVector::Zero(chain.size());
   const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
   for (int k = 0; k < 3; ++k) {
@@ -170,7 +179,7 @@ std::optional<Vector3d> tip_at_zero(const Chain& chain) {
 }
 
 std::optional<AxisVector> tip_shift(const Chain& chain) {
-  constexpr double right_angle = 1e-9;  // cosine
+  constexpr double right_angle = 1e-9;  // cosine of the angle between two slides
   const AxisVector zero = AxisVector::Zero(chain.size());
   const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
   AxisVector shift = zero;
@@ -185,18 +194,21 @@ std::optional<AxisVector> tip_shift(const Chain& chain) {
     for (const Vector3d& other : directions)
       if (std::abs(other.dot(way_w)) > right_angle) return std::nullopt;
     directions.push_back(way_w);
+    // Projection of the tip position onto the slide, which makes the tip stand at the programmed
+    // position.
     shift[j] = -way_w.dot(tip_w);
   }
   return shift;
 }
 
-// G43 adds the length to Z, so the nose is that much above the tip in Z, wherever the tool points
-// with the axes at zero.
+// G43 adds the length along Z, so the nose lies above the tip by that much in Z, whatever the
+// direction of the tool with all axes at zero.
 std::optional<ProgramZero> known_zero(const NcOptions& options) {
   const bool several = !options.control_of_h.empty();
   if (!several && !options.control) return std::nullopt;
   const Chain& chain = several ? options.control_of_h.begin()->second : *options.control;
   auto length = options.tool_length.find(several ? options.control_of_h.begin()->first : 1);
+  // H1 is the usual register of the only tool; without it the first one counts.
   if (length == options.tool_length.end()) length = options.tool_length.begin();
   const auto tip_w = tip_at_zero(chain);
   if (!tip_w) return std::nullopt;
@@ -217,6 +229,8 @@ std::optional<ProgramZero> program_zero(const NcOptions& options) {
 }
 
 Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates) {
+  // Points under a tip mode and slide positions under axis coordinates need no correction; the
+  // other two combinations differ by the nose position.
   const bool differs = zero && zero->places == (coordinates == Coordinates::Axis);
   if (!differs) return Vector3d::Zero();
   return zero->places ? Vector3d(-zero->nose_w) : zero->nose_w;

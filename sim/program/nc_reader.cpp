@@ -21,7 +21,7 @@ namespace abbe::sim::program {
 using Eigen::Vector2d;
 using kinematics::AxisVector;
 
-/// The groups of G and M codes of which a block has at most one each.
+/// Modal groups: a block has at most one code of each.
 enum class CodeGroup {
   OneBlock,
   ArcDistance,
@@ -40,10 +40,10 @@ enum class CodeGroup {
   Count
 };
 
-/// The codes of a block by group.
+/// G and M codes of a block by modal group.
 struct Codes {
   struct Code {
-    int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
+    int tenths = -1;  ///< ten times the number: G43.4 is 434; -1: no code of this group
     NcWord word;
     explicit operator bool() const { return tenths >= 0; }
   };
@@ -51,12 +51,13 @@ struct Codes {
   const Code& operator[](CodeGroup group) const { return by_group[std::size_t(group)]; }
 };
 
-/// @throws BadInput at a code that the control does not know, or the second of a group
+/// Throws BadInput at a code the control does not know, or at the second code of one group.
 Codes parse_codes(const NcBlock& block, const NcLocation& place);
 
 namespace {
 
-/// Its two axes, right-handed, and the letters of a centre: of the first, the second and across.
+/// Letters of a plane: its two axes, right-handed, and the centre offsets along the first, the
+/// second and the normal.
 struct PlaneLetters {
   std::string_view axes, centre, pair;
 };
@@ -80,6 +81,8 @@ void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& 
     canon.refuse(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
   const Vector2d words(first ? first->mm : 0.0, second ? second->mm : 0.0);
   const auto in_plane = [&](const AxisVector& q) { return Vector2d(q[arc.first], q[arc.second]); };
+  // Without rotation the centre is formed from joint positions directly: the detour through program
+  // coordinates would cost the last bit.
   if (!canon.frame().rotation) {
     const AxisVector zero = AxisVector::Zero(block.from.size());
     arc.centre = words + in_plane(block.absolute_centre ? canon.placed(zero) : block.from);
@@ -94,6 +97,7 @@ void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& 
 
 }  // namespace
 
+// I J K and R are alternatives; R leaves the centre to `Canon`, which knows the rotated plane.
 ArcMove arc_from_block(const Canon& canon, const ArcBlock& block) {
   const PlaneLetters letters = plane_letter_pair(block.plane);
   ArcMove arc{.first = canon.joint_of(letters.axes[0]),
@@ -121,7 +125,7 @@ ArcMove arc_from_block(const Canon& canon, const ArcBlock& block) {
 
 namespace {
 
-// by CodeGroup
+// Indexed by CodeGroup.
 constexpr std::string_view group_names[] = {"that holds for one block (G4 G53)",
                                             "of arc centres (G90.1 G91.1)",
                                             "of cutter radius (G40)",
@@ -137,7 +141,7 @@ constexpr std::string_view group_names[] = {"that holds for one block (G4 G53)",
                                             "of tool change (M6)",
                                             "of coolant (M7 M8 M9)"};
 
-/// @param code  tenths of the number
+/// `code` is ten times the number.
 std::optional<CodeGroup> g_group(int code) {
   switch (code) {
     case 40:
@@ -211,9 +215,11 @@ constexpr std::string_view g_codes =
 constexpr std::string_view m_codes =
     "an M code of this control (M0 M1 M2 M3 M4 M5 M6 M7 M8 M9 M30)";
 
-/// Tenths of a code's number, -1 where it has more digits than codes have.
+/// Returns ten times the number of a code, or -1 if it has more than one decimal or is out of
+/// range.
 int parse_tenths(const NcWord& word) {
   const double tenths = word.value * 10;
+  // 1e-9 absorbs the binary representation of numbers such as 43.4.
   const bool is_code = tenths >= 0 && tenths < 2000 && std::abs(tenths - std::round(tenths)) < 1e-9;
   return is_code ? int(std::lround(tenths)) : -1;
 }
@@ -241,12 +247,12 @@ using kinematics::AxisVector;
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
-/// The words of a plain NC program while they are read: the modes of the language.
+/// Interpreter of a plain NC program; holds the modal state.
 class Words {
  public:
   explicit Words(Canon& canon) : canon_(canon) {}
 
-  /// @return false at the end of the program
+  /// Returns false at the end of the program.
   bool execute(const NcBlock& block);
   void read_comments(const NcBlock& block);
 
@@ -273,7 +279,7 @@ class Words {
   double unit() const { return canon_.inch() ? units::inch : 1.0; }
 
   Canon& canon_;
-  int motion_ = -1;  ///< tenths of the G code; -1 none
+  int motion_ = -1;  ///< ten times the G number; -1: none
   int plane_ = 170;
   bool incremental_ = false;
   bool absolute_centre_ = false;
@@ -307,7 +313,7 @@ const NcWord& Words::first_axis_word(const NcBlock& block) const {
   return *first;
 }
 
-/// Words that make sense only beside others.
+/// Checks words that are valid only beside others.
 void Words::check_companions(const NcBlock& block, const Codes& codes) const {
   const Codes::Code& once = codes[CodeGroup::OneBlock];
   const NcWord& axis = first_axis_word(block);
@@ -346,9 +352,11 @@ void Words::set_spindle(const NcBlock& block, const Codes& codes) {
 void Words::set_feed(const NcBlock& block, const Codes& codes) {
   if (const Codes::Code& code = codes[CodeGroup::FeedMode]) {
     const FeedMode mode = code.tenths == 930 ? FeedMode::InverseTime : FeedMode::PerMinute;
+    // F has another meaning after a change of mode, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
+  // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
     if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
@@ -412,13 +420,14 @@ void Words::note_before_motion(const NcBlock& block, const Codes& codes) {
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
-/// What a control does after the motion of the block: M0 M1 M9.
+/// Records what a control executes after the motion of the block: M0 M1 M9.
 void Words::note_after_motion(const Codes& codes) {
   const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
   if (coolant && coolant.tenths == 90) canon_.aside("M9");
   if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
 }
 
+// Range of the dwell is checked here for a message with the word G4.
 void Words::dwell(const NcBlock& block, const NcWord& g4) {
   const NcWord& p = block['P'];
   if (p.value < 0 || p.value > max_dwell_s) refuse(p, "0 to 1e6 seconds beside " + shown(g4.text));
@@ -460,12 +469,14 @@ void Words::move(const NcBlock& block, const Codes& codes) {
   const bool is_arc = motion_ == 20 || motion_ == 30;
   const bool centre = block['I'] || block['J'] || block['K'] || block['R'];
   if (!axis && !(is_arc && centre)) return;
+  // Without axis words I J K or R alone program a full circle.
   const NcWord& cause = code         ? code.word
                         : axis       ? axis
                         : block['R'] ? block['R']
                         : block['I'] ? block['I']
                         : block['J'] ? block['J']
                                      : block['K'];
+  // G53 holds for one block: the coordinates are switched before and after the move.
   const bool machine_coordinates =
       codes[CodeGroup::OneBlock] && codes[CodeGroup::OneBlock].tenths == 530;
   if (machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
@@ -479,6 +490,7 @@ void Words::move(const NcBlock& block, const Codes& codes) {
   if (machine_coordinates && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
+// Order of execution of RS274/NGC: feed, spindle, tool, modes, then dwell or motion, then stops.
 bool Words::execute(const NcBlock& block) {
   canon_.set_line(block.line);
   const Codes codes = parse_codes(block, canon_.place());
@@ -515,7 +527,9 @@ void read_nc(std::string_view text, Canon& canon) {
   while (const auto line = lines.next()) {
     canon.set_line(lines.number());
     block = parse_block(*line, canon.place(), std::move(block));
+    // The first % opens the tape, the second one ends it.
     if (block.percent && ++percents == 2) break;
+    // The strict reader knows a single level of block skip.
     if (block.deleted && canon.options().block_skip.test(0)) continue;
     if (!block.comments.empty()) words.read_comments(block);
     if (!block.percent && !block.empty() && !words.execute(block)) break;

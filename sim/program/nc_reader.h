@@ -11,34 +11,34 @@
 
 namespace abbe::sim::program {
 
-/// A word that is a length, in mm.
+/// A programmed length, in mm.
 struct LengthValue {
   double mm = 0.0;
   Cause cause;
 };
 
-/// A block of G2 or G3 as RS274 controls have it.
+/// A G2 or G3 block of an RS274 control.
 struct ArcBlock {
   int plane = 17;  ///< G17, G18 or G19
   bool clockwise = false;
-  bool absolute_centre = false;  ///< G90.1: I J K count from the zero of the program
-  kinematics::AxisVector from;   ///< (axes) where the program stands, offsets in
-  kinematics::AxisVector end;    ///< (axes), offsets in
+  bool absolute_centre = false;  ///< G90.1: I J K count from the program zero
+  kinematics::AxisVector from;   ///< (axes) current position, offsets included
+  kinematics::AxisVector end;    ///< (axes), offsets included
   Cause cause;
-  std::uint32_t stated = 0;  ///< as `ArcMove` has it
-  /// The word of I J K or R; none where the block has none.
+  std::uint32_t stated = 0;  ///< as in `ArcMove`
+  /// Returns the value of I, J, K or R; nothing if the block does not have it.
   std::function<std::optional<LengthValue>(char letter)> word;
 };
 
-/// The move that it asks for: by R, or about the centre of I J K (both `centre` and, in a frame
-/// that is turned, `placed_centre`).
-/// @throws BadInput for a plane without joints, words outside of it, R beside I J K, no centre
+/// Returns the move of an arc block, by R or about the centre I J K (then both `centre` and, in a
+/// rotated frame, `placed_centre` are set). Throws BadInput for a plane without joints, a centre
+/// offset outside of it, R beside I J K, or no centre.
 ArcMove arc_from_block(const Canon& canon, const ArcBlock& block);
 
-/// Reads an RS274/NGC program strictly. README of this folder lists the words taken.
-/// @throws BadInput (file:line:column, the word, what was expected) on anything else
+/// Reads an RS274/NGC program strictly; the README of this folder lists the accepted words. Throws
+/// BadInput (file:line:column, the word, what was expected) on anything else.
 Path read_nc(std::string_view text, const std::string& file, const NcOptions& options);
-/// The same on a control that stands somewhere already.
+/// Reads a program on a control with a state, which is continued.
 void read_nc(std::string_view text, Canon& canon);
 Path read_nc_file(const std::filesystem::path& file, const NcOptions& options);
 

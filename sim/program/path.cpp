@@ -24,14 +24,16 @@ namespace {
 
 using Found = std::match_results<std::string::const_iterator>;
 
-constexpr std::size_t longest = 200;  // of a comment that names a tool
+// Length of a tool comment; std::regex recurses over the text, so it must be bounded.
+constexpr std::size_t longest = 200;
 
-// 10, 10., .5, 1/2, 1-1/2
+// A length: 10, 10., .5, 1/2 or 1-1/2.
 const std::string a_length = "([0-9]+-[0-9]+/[0-9]+|[0-9]+/[0-9]+|[0-9]+\\.?[0-9]*|\\.[0-9]+)";
 const std::string a_unit = "(MM|INCHES|INCH|IN\\b|\")";
 
 std::regex pattern(const std::string& text) { return std::regex(text, std::regex::optimize); }
 
+// Returns the first match.
 std::optional<Found> found(const std::string& text, const std::regex& wanted) {
   Found match;
   if (!std::regex_search(text, match, wanted)) return std::nullopt;
@@ -42,13 +44,14 @@ bool has(const std::string& text, const std::regex& wanted) {
   return std::regex_search(text, wanted);
 }
 
+// A zero denominator gives 0, which the caller rejects as a diameter.
 double quotient(const std::string& text, std::size_t slash) {
   const double below = std::stod(text.substr(slash + 1));
   return below > 0.0 ? std::stod(text.substr(0, slash)) / below : 0.0;
 }
 
 double length_of(const std::string& text) {
-  if (text.size() > 12) return 0.0;  // no length of a tool
+  if (text.size() > 12) return 0.0;  // no tool has such a length
   const std::size_t dash = text.find('-');
   if (dash != std::string::npos)
     return length_of(text.substr(0, dash)) + length_of(text.substr(dash + 1));
@@ -61,6 +64,7 @@ std::optional<double> unit_of_words(const std::string& text) {
   return text == "MM" ? 1.0 : units::inch;
 }
 
+// Returns the tool number, from T or from TOOL.
 std::optional<int> number_in(const std::string& text) {
   static const std::regex t = pattern("\\bT ?0*([0-9]{1,6})\\b");
   static const std::regex tool =
@@ -70,7 +74,7 @@ std::optional<int> number_in(const std::string& text) {
   return std::nullopt;
 }
 
-/// A D of its own, which is a diameter where a tool is spoken of and no register is.
+/// A bare D is a diameter only where the comment mentions a tool and no register.
 std::optional<double> bare_diameter(const std::string& text, const std::optional<int>& number) {
   static const std::regex bare = pattern("(?:^|[^A-Z0-9])D ?([0-9]+\\.?[0-9]*)(?![0-9A-Z])");
   static const std::regex register_of = pattern("\\bH ?[0-9]|\\||\\bOFF|\\bCOMP|\\bWEAR");
@@ -79,11 +83,13 @@ std::optional<double> bare_diameter(const std::string& text, const std::optional
   const auto match = found(text, bare);
   if (!match || has(text, register_of) || !has(text, tool)) return std::nullopt;
   const double length = length_of((*match)[1].str());
+  // D1 beside T1 is the register of that tool, not a diameter of 1.
   if (number && length == double(*number)) return std::nullopt;
   return length;
 }
 
-/// The diameter with the unit and the radius that stand in the same words.
+/// Finds the diameter, and the unit and corner radius stated with it. The patterns are tried from
+/// the most explicit to the vaguest.
 std::optional<CutterData> with_cutter_diameter(const std::string& text, CutterData words) {
   static const std::regex letter = pattern("\\bD *[=:] *" + a_length);
   static const std::regex written =
@@ -157,7 +163,8 @@ Eigen::Vector2d position(const Arc& arc, double u) {
 }
 
 Arc arc_through(const ArcGeometry& words) {
-  constexpr double same_point = 1e-8;  // mm
+  // mm; ends this close make a full circle, see the README of this folder
+  constexpr double same_point = 1e-8;
   const Eigen::Vector2d from = words.start - words.centre, to = words.end - words.centre;
   Arc arc;
   arc.centre = words.centre;
@@ -165,6 +172,8 @@ Arc arc_through(const ArcGeometry& words) {
   arc.growth = to.norm() - arc.radius;
   arc.start_angle = std::atan2(from.y(), from.x());
   double sweep = std::atan2(from.x() * to.y() - from.y() * to.x(), from.dot(to));
+  // A full circle has an end at its start; without this test rounding would decide between a full
+  // turn and none.
   const bool whole = (words.end - words.start).norm() < same_point;
   if (!words.clockwise && (sweep <= 0 || whole)) sweep = whole ? 2 * pi : sweep + 2 * pi;
   if (words.clockwise && (sweep >= 0 || whole)) sweep = whole ? -2 * pi : sweep - 2 * pi;
@@ -174,7 +183,7 @@ Arc arc_through(const ArcGeometry& words) {
 
 namespace {
 
-/// The coordinates of an arc in its plane and across it, changed by `change`.
+/// Applies `change` to the coordinates of an arc in its plane and along its normal.
 template <typename Vector, typename Change>
 void transform_in_plane(const Path& path, const Arc& arc, Vector& q, const Change& change) {
   if (arc.turned < 0) {
@@ -193,7 +202,7 @@ void transform_in_plane(const Path& path, const Arc& arc, Vector& q, const Chang
   q[arc.third] = p.z();
 }
 
-/// Angles at which one of X Y Z turns back on an arc in a plane that is turned.
+/// Angles at which X, Y or Z reverses on an arc or helix in a rotated plane.
 std::vector<double> turning_angles(const Path& path, const Block& block, const Arc& arc) {
   const Eigen::Matrix3d& R = path.turns[std::size_t(arc.turned)];
   const Eigen::Vector3d way(block.end[arc.first] - block.start[arc.first],
@@ -202,6 +211,8 @@ std::vector<double> turning_angles(const Path& path, const Block& block, const A
   const double across = R.col(2).dot(way) / arc.sweep;  // per rad
   std::vector<double> found;
   for (int i = 0; i < 3; ++i) {
+    // The axis moves by reach cos(angle - phase) plus a constant rate, and reverses only if the
+    // rate is below reach.
     const double reach = arc.radius * std::hypot(R(i, 0), R(i, 1));
     if (!(std::abs(R(i, 2) * across) < reach)) continue;
     const double phase = std::atan2(R(i, 1), R(i, 0));
@@ -214,8 +225,8 @@ std::vector<double> turning_angles(const Path& path, const Block& block, const A
 
 }  // namespace
 
-// The cubics are written as the line plus what bends it, so that a motion at constant speed stays
-// straight to the last bit but one.
+// The cubic is written as the line plus its deviation, so that motion at constant speed stays
+// straight up to the last bit.
 AxisVector position(const Path& path, const Block& block, double u) {
   if (u <= 0.0) return block.start;
   if (u >= 1.0) return block.end;
@@ -236,6 +247,7 @@ AxisVector position(const Path& path, const Block& block, double u) {
 
 std::vector<double> turning_points(const Path& path, const Block& block) {
   const Arc& arc = path.arcs[block.shape];
+  // In a plane of joints both axes reverse at multiples of a quarter turn.
   const double quarter = 0.5 * pi;
   const double low = std::min(arc.start_angle, arc.start_angle + arc.sweep);
   const double high = std::max(arc.start_angle, arc.start_angle + arc.sweep);
@@ -252,7 +264,7 @@ std::vector<double> turning_points(const Path& path, const Block& block) {
 
 namespace {
 
-/// Takes over the shape of a block, and no other.
+/// Copies the arc or cubic of a block, and nothing else, to the part.
 void take_shape(Path& part, Block& block, const Path& path) {
   if (block.interpolation == Interpolation::Arc) {
     Arc arc = path.arcs[block.shape];
@@ -277,6 +289,8 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   part.more_files = path.more_files;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
+  // Auxiliary words are sorted by block. Those behind the last block belong to the part only if it
+  // ends the path.
   const auto from =
       std::ranges::lower_bound(path.auxiliary_words, first, {}, &AuxiliaryWord::before);
   for (auto aside = from; aside != path.auxiliary_words.end(); ++aside) {

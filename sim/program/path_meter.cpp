@@ -18,11 +18,11 @@ using kinematics::Motion;
 
 namespace {
 
-constexpr double turn_threshold = 1e-9;  // rad
-constexpr double one_place = 1e-9;       // mm or rad, rounding of a change between axes and tip
-constexpr double angle_within = 1e-8;    // of the search, in u times the turn
-constexpr double level = 1e-10;          // mm or rad: nothing exceeds places that differ by less
-constexpr double golden = 0.6180339887498949;
+constexpr double turn_threshold = 1e-9;  // rad; below it a move counts as one without rotation
+constexpr double one_place = 1e-9;       // mm or rad, rounding of a conversion between axes and tip
+constexpr double angle_within = 1e-8;    // tolerance of the minimisation, in u times the rotation
+constexpr double level = 1e-10;          // mm or rad; values that differ by less show no extreme
+constexpr double golden = 0.6180339887498949;  // ratio of the golden section search
 
 std::vector<ControlledAxis> axes_named(const Chain& chain) {
   std::vector<ControlledAxis> axes;
@@ -30,7 +30,8 @@ std::vector<ControlledAxis> axes_named(const Chain& chain) {
   return axes;
 }
 
-/// Least singular value of the change of direction by two rotary axes, as an angle.
+/// Smallest singular value of the change of direction by two rotary axes, as an angle. The product
+/// of both singular values is the norm of the cross product.
 double min_change(const Vector3d& first, const Vector3d& second) {
   const double a = first.squaredNorm(), b = second.squaredNorm(), c = first.dot(second);
   const double largest = 0.5 * (a + b + std::hypot(a - b, 2 * c));
@@ -38,12 +39,15 @@ double min_change(const Vector3d& first, const Vector3d& second) {
   return std::asin(std::min(1.0, first.cross(second).norm() / std::sqrt(largest)));
 }
 
-/// Parts in which ways are within the tolerance and no coordinate of an arc or a cubic turns back
-/// twice, so that three places in a row show every extreme.
+/// Number of parts in which path lengths are within the tolerance and no coordinate of an arc or
+/// cubic reverses twice, so that three consecutive points show every extreme.
 std::size_t extreme_search_parts(const Path& path, const Block& block, const Chain& control) {
   const std::size_t n = chords_of(path, block, control, path_meter_within);
+  // A derivative of a cubic is a parabola: at most two reversals, which eight parts separate unless
+  // they nearly coincide.
   if (block.interpolation == Interpolation::Cubic) return std::max<std::size_t>(n, 8);
   if (block.interpolation != Interpolation::Arc) return n;
+  // Eighths of a turn: the reversals of one coordinate of a circle are half a turn apart.
   const double eighths = std::ceil(std::abs(path.arcs[block.shape].sweep) / (0.25 * pi));
   return std::max(n, std::size_t(std::max(2.0, eighths)));
 }
@@ -55,12 +59,12 @@ PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
     : control_(&control),
       control_of_h_(control_of_h),
       limits_(limits),
-      spindle_(spindle_of(axes_named(control))) {
+      spindle_(find_spindle(axes_named(control))) {
   figures_.axes.resize(std::size_t(control.size()));
   for (int k = 0; k < 3; ++k) xyz_[std::size_t(k)] = control.find(char('X' + k)).value_or(-1);
   for (int j = 0; j < control.size(); ++j)
     if (motion(j) == Motion::Rotary && !is_spindle(j)) rotary_.push_back(j);
-  // the joint next to the workpiece has a line that is at rest in it
+  // Only the joint next to the workpiece has an axis that is fixed in the workpiece frame.
   if (spindle_ == 0 && motion(0) == Motion::Rotary) {
     const kinematics::Pose T_wb = control.T_bw_home().inverse();
     const kinematics::Joint& joint = control.joints().front();
@@ -105,7 +109,7 @@ void PathMeter::note_speeds(const Block& block, const AxisVector& step, double s
 }
 
 void PathMeter::note_slowed(const Block& block, double factor) {
-  constexpr double rounding = 1e-9;
+  constexpr double rounding = 1e-9;  // relative; a move at exactly the limit is not slowed
   if (!(factor > 1.0 + rounding)) return;
   ++figures_.slowed;
   if (factor > figures_.max_slowed.value) figures_.max_slowed = {factor, block.line, block.file};
@@ -127,7 +131,8 @@ MoveFigures& PathMeter::kind(const Block& block) {
   return figures_.dwells;
 }
 
-/// Under a tip mode as programmed.
+/// Position of the tip; under a tip mode it is the programmed one, without the rounding of the
+/// slides.
 Vector3d PathMeter::tip_position(const Path& path, const Block& block, const AxisVector& q,
                                  double u) const {
   if (block.coordinates == Coordinates::Axis) return control_->tool_in_workpiece(q).translation();
@@ -135,8 +140,8 @@ Vector3d PathMeter::tip_position(const Path& path, const Block& block, const Axi
   return {programmed[xyz_[0]], programmed[xyz_[1]], programmed[xyz_[2]]};
 }
 
-/// The chain to the tip of the tool whose length counts, where it has one of its own.
-/// @return it is another one than before
+/// Selects the chain to the tip of the tool whose length is in force, if it has one. Returns true
+/// if the chain changes.
 bool PathMeter::take_chain_of(const Block& block) {
   if (control_of_h_ == nullptr) return false;
   const auto own = control_of_h_->find(block.tool_length);
@@ -145,7 +150,7 @@ bool PathMeter::take_chain_of(const Block& block) {
   return true;
 }
 
-/// Where a block begins: where the last one ended, unless the coordinates change.
+/// Start of a block: the end of the previous one, unless the tool or the coordinates change.
 void PathMeter::begin(const Path& path, const Block& block) {
   const bool same_tool = !take_chain_of(block);
   const bool goes_on = same_tool && figures_.blocks > 0 && block.coordinates == coordinates_ &&
@@ -154,6 +159,7 @@ void PathMeter::begin(const Path& path, const Block& block) {
     q_ = axes_at(path, block, *control_, 0.0);
     tip_w_ = control_->tool_in_workpiece(q_).translation();
     note_position(block, q_);
+    // A gap is drawn as a rapid.
     if (on_tip_point) on_tip_point(tip_w_, true);
   }
   coordinates_ = block.coordinates;
@@ -176,8 +182,8 @@ double PathMeter::coordinate(const MeterPoint& place, int k) const {
   return k < control_->size() ? place.q[k] : place.tip_w[k - control_->size()];
 }
 
-/// Whether coordinate k of a move, of which rotary axes turn or that is an arc or a cubic, is no
-/// straight line over it.
+/// Returns true if coordinate k is not linear over the move. Called for arcs, cubics and moves with
+/// rotation: with the axes commanded the tip is curved, with the tip commanded the slides are.
 bool PathMeter::is_curved(const Block& block, int k) const {
   if (block.interpolation == Interpolation::Arc || block.interpolation == Interpolation::Cubic)
     return true;
@@ -186,7 +192,7 @@ bool PathMeter::is_curved(const Block& block, int k) const {
   return !is_tip && motion(k) == Motion::Linear;
 }
 
-/// Whether a curved coordinate begins or ends a move where it may exceed all so far within it.
+/// Returns true if a curved coordinate may exceed all extremes so far close to an end of the move.
 bool PathMeter::has_extreme_near_end(const Path& path, const Block& block) const {
   for (const MeterPoint& end : {place_at(path, block, 0.0), place_at(path, block, 1.0)})
     for (int k = 0; k < control_->size() + 3; ++k)
@@ -196,8 +202,9 @@ bool PathMeter::has_extreme_near_end(const Path& path, const Block& block) const
   return false;
 }
 
-/// Whether an extreme beside a place with that value of coordinate k may exceed all so far.
-/// @param sign  1 for the largest, -1 for the least
+/// Returns true if an extreme next to a point with that value of coordinate k may exceed all so
+/// far: chords miss an extreme by at most `path_meter_within`. `sign` is 1 for maxima, -1 for
+/// minima.
 bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, double sign) const {
   const auto exceeds = [&](double low, double high) {
     return sign * value + path_meter_within > (sign > 0.0 ? high : -low);
@@ -212,7 +219,7 @@ bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, doub
          (feeds && exceeds(figures_.feed_w.min()[i], figures_.feed_w.max()[i]));
 }
 
-/// Where the middle one of three places is beyond both others, the extreme is sought between them.
+/// Searches the extreme between three points whose middle one is beyond both others.
 void PathMeter::note_extremes(const Path& path, const Block& block,
                               const std::array<MeterPoint, 3>& three) {
   for (int k = 0; k < control_->size() + 3; ++k)
@@ -224,10 +231,11 @@ void PathMeter::note_extremes(const Path& path, const Block& block,
       if (!can_be_new_extreme(block, sign * at, k, sign)) continue;
       const auto value = [&](double u) { return sign * coordinate(place_at(path, block, u), k); };
       double a = three[0].u, b = three[2].u;
+      // Golden section: one evaluation for each step, and no derivative is needed.
       double c = b - golden * (b - a), d = a + golden * (b - a);
       double at_c = value(c), at_d = value(d);
-      // near the extreme the value changes with the square of the distance: 44 steps leave 6e-10 of
-      // the interval, and 4e-19 of what it bends
+      // Close to an extreme the value changes with the square of the distance: 44 steps leave 6e-10
+      // of the interval, and 4e-19 of the second derivative.
       for (int step = 0; step < 44 && b > a; ++step)
         if (at_c > at_d) {
           b = d, d = c, at_d = at_c;
@@ -240,8 +248,10 @@ void PathMeter::note_extremes(const Path& path, const Block& block,
     }
 }
 
-/// The places beside the ends tell an extreme within the first or the last part.
+/// Samples close to both ends reveal an extreme within the first or the last part.
 void PathMeter::note_all_extremes(const Path& path, const Block& block, std::size_t chords) {
+  // A thousandth of a part: far beyond rounding, and still close enough to show the slope at the
+  // end.
   const double part = 1.0 / double(chords), little = 1e-3 * part;
   std::array<MeterPoint, 3> three;
   three[0] = place_at(path, block, 0.0);
@@ -269,6 +279,7 @@ void PathMeter::move(const Path& path, const Block& block) {
   for (std::size_t k = 1; k <= n; ++k) {
     const AxisVector q = axes_at(path, block, *control_, k == n ? 1.0 : double(k) / double(n));
     const AxisVector step = q - q_;
+    // Time of the part at the speed limits; at feed it is never shorter than programmed.
     double least = 0.0;
     for (int j = 0; j < control_->size(); ++j)
       if (!is_spindle(j)) least = std::max(least, std::abs(step[j]) / limit(j));
@@ -285,6 +296,7 @@ void PathMeter::move(const Path& path, const Block& block) {
     if (!rapid) note_radius();
     if (on_tip_point) on_tip_point(at, rapid);
   }
+  // A single chord without rotation is a straight line and has no inner extreme.
   if (n > 1 || (turn > turn_threshold && has_extreme_near_end(path, block)))
     note_all_extremes(path, block, n);
   moves.limited_s += limited;
@@ -296,7 +308,7 @@ void PathMeter::move(const Path& path, const Block& block) {
                     turn / double(n));
 }
 
-/// From where the axes are.
+/// Records the approach to a pole between the current position and `to`.
 void PathMeter::note_pole(const Block& block, const AxisVector& to, double seconds) {
   if (block.coordinates != Coordinates::Tip || rotary_.size() != 2) return;
   if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > turn_threshold)) return;
@@ -307,6 +319,8 @@ void PathMeter::note_pole(const Block& block, const AxisVector& to, double secon
   NearPole& near = *figures_.pole;
   if (pole->angle < near.angle) {
     near.angle = pole->angle;
+    // Poles repeat every half turn of the other axis; the one next to the programmed position is
+    // reported.
     near.at = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
     near.line = block.line;
     near.file = block.file;
@@ -316,11 +330,13 @@ void PathMeter::note_pole(const Block& block, const AxisVector& to, double secon
 }
 
 double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {
-  const AxisVector q = position(path, block, u);  // slides turn nothing
+  const AxisVector q = position(path, block, u);  // linear axes do not rotate the tool
   Vector3d axes[2];
   Eigen::Matrix3d R = control_->T_bw_home().linear().transpose();
   std::size_t k = 0;
   for (int j = 0; j < control_->size(); ++j) {
+    // Composes the rotations from the workpiece to the tool to get both axis lines and the tool
+    // axis in one frame.
     if (motion(j) != Motion::Rotary) continue;
     const Vector3d& direction = control_->joints()[std::size_t(j)].direction_b;
     if (!is_spindle(j)) axes[k++] = R * direction;
@@ -336,8 +352,9 @@ void PathMeter::look_at(const Path& path, const Block& block, double u) {
   figures_.singular = {angle, axes_at(path, block, *control_, u), block.line, block.file};
 }
 
-/// The angle changes by at most twice the turn, so most moves cannot come nearer than what is
-/// known; where one may, it is sought where the angle falls at its beginning and rises at its end.
+/// The angle changes by at most twice the rotation, so most moves cannot come nearer than the known
+/// minimum. Where one may, the minimum is searched if the angle falls at the beginning of the part
+/// and rises at its end.
 void PathMeter::note_singular(const Path& path, const Block& block, double from, double to,
                               double turn) {
   const double at_end = singular_angle(path, block, to);
@@ -350,6 +367,7 @@ void PathMeter::note_singular(const Path& path, const Block& block, double from,
   double a = from, b = to;
   double c = b - golden * (b - a), d = a + golden * (b - a);
   double at_c = at(c), at_d = at(d);
+  // Stops once the remaining interval rotates the axes by less than 1e-8 rad.
   while ((b - a) * turn > angle_within * (to - from)) {
     if (at_c < at_d) {
       b = d, d = c, at_d = at_c;

@@ -24,13 +24,14 @@ std::string nc_number(double value, int decimals) {
     text.erase(text.find_last_not_of('0') + 1);
     if (text.back() == '.') text.pop_back();
   }
+  // A rounded negative zero would be written as a motion to "-0".
   return text == "-0" ? "0" : text;
 }
 
 std::string nc_number(double value) {
   const std::string shortest = fmt::format("{}", value);
   if (shortest.find('e') == std::string::npos) return shortest;
-  // 17 significant digits hold the bits of any double, however small.
+  // 17 significant digits preserve the bits of any double, however small.
   int decimals = 17;
   for (double size = std::abs(value); size < 1.0 && size > 0.0; size *= 10) ++decimals;
   return nc_number(value, decimals);
@@ -39,6 +40,7 @@ std::string nc_number(double value) {
 std::string nc_significant(double value, int digits) {
   if (value == 0.0) return "0";
   const int before = int(std::floor(std::log10(std::abs(value)))) + 1;
+  // Digits before the decimal point beyond `digits` are rounded to zeros.
   if (before <= digits) return nc_number(value, digits - before);
   const double step = std::pow(10.0, before - digits);
   return nc_number(std::round(value / step) * step, 0);
@@ -74,6 +76,7 @@ std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAx
     text += '\n';
   };
   for (const NcItem& item : items) {
+    // After a line of text, which may change units or modes, every word is stated again.
     if (const auto* line = std::get_if<std::string>(&item)) {
       text += *line + '\n';
       in_force.assign(axes.size(), {});
@@ -87,18 +90,19 @@ std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAx
 
 namespace {
 
-constexpr double no_way = 1e-9;            // mm, of a tip that stands
-constexpr double flat = 1e-7;              // mm, radii of an arc alike
+constexpr double no_way = 1e-9;            // mm; below it the tip stands still
+constexpr double flat = 1e-7;              // mm, tolerance for equal radii along an arc
 constexpr double negligible_turn = 1e-12;  // rad
-constexpr double turning_rpm = 1e-6;       // that is written
+constexpr double turning_rpm = 1e-6;       // smallest spindle speed that is written as turning
 
-/// A circle through the workpiece, as three equal steps along it show it.
+/// A circle in the workpiece through points at three equal steps.
 struct Circle {
   Vector3d centre, axis;
   double radius = 0.0;
 };
 
-/// @param angle  rad, of one step
+/// Second differences of points at equal angles point to the centre. `angle` is that of one step,
+/// rad.
 std::optional<Circle> circle_of(const std::array<Vector3d, 4>& p, double angle) {
   const double bend = 2 - 2 * std::cos(angle);
   const Vector3d arm = (2 * p[1] - p[0] - p[2]) / bend;
@@ -113,7 +117,7 @@ std::optional<Circle> circle_of(const std::array<Vector3d, 4>& p, double angle) 
 LocationWriter::LocationWriter(const kinematics::Chain& control, const LocationOptions& options)
     : control_(control), options_(options) {
   for (const auto& joint : control.joints()) axes_.push_back({joint.name, joint.motion});
-  spindle_ = spindle_of(axes_);
+  spindle_ = find_spindle(axes_);
   text_ = is_table() ? "x,y,z,i,j,k,feed\n" : "UNITS/MM\nMULTAX/ON\n";
 }
 
@@ -124,7 +128,7 @@ LocationWriter::Place LocationWriter::place(const Path& path, const Block& block
   return {T_wt.translation(), T_wt.linear().col(2)};
 }
 
-/// The tip goes straight, however the rotary axes turn.
+/// Returns true if the tip moves straight, however the rotary axes rotate.
 bool LocationWriter::is_straight(const Path& path, const Block& block) const {
   if (block.interpolation != Interpolation::Line && block.interpolation != Interpolation::Rapid)
     return false;
@@ -141,6 +145,7 @@ void LocationWriter::write_auxiliary_words(const Path& path, std::size_t before,
       ++words_;
       continue;
     }
+    // CL statements separate the selection of a tool from its change.
     const bool changes = text.find("M6") != std::string::npos;
     if (text.starts_with('T'))
       text_ += (changes ? "LOADTL/" : "SELCTL/") + text.substr(1, text.find(' ') - 1) + "\n";
@@ -161,6 +166,7 @@ void LocationWriter::spindle(const Block& block) {
       std::abs(rpm) < turning_rpm
           ? "SPINDL/OFF"
           : fmt::format("SPINDL/{:.6g},RPM,{}", std::abs(rpm), rpm > 0 ? "CLW" : "CCLW");
+  // A program that never turns the spindle gets no statement about it.
   if (speed == speed_ || (speed_.empty() && speed == "SPINDL/OFF")) return;
   speed_ = speed;
   text_ += speed + "\n";
@@ -186,7 +192,7 @@ void LocationWriter::point(const Place& at) {
   vector_ = vector;
 }
 
-/// As F counts it: along the tip, else degrees of the rotary axes.
+/// Feed as F counts it: along the tip, else in degrees of the rotary axes.
 std::string LocationWriter::feed_of(const Path& path, const Block& block, double from, double to,
                                     double way) {
   if (!(way > no_way)) {
@@ -196,6 +202,7 @@ std::string LocationWriter::feed_of(const Path& path, const Block& block, double
     way = feed_distance(axes_, a, b).length;
   }
   const double minutes = (to - from) * (block.end_s - block.start_s) / 60.0;
+  // 1e-6 keeps the feed positive; 9 digits preserve the time to 1e-9.
   return nc_significant(std::max(way / minutes, 1e-6), 9);
 }
 
@@ -203,6 +210,7 @@ void LocationWriter::go(const Path& path, const Block& block, double from, doubl
   const Place at = place(path, block, to);
   if (block.interpolation == Interpolation::Rapid) {
     if (!is_table()) text_ += "RAPID\n";
+    // A rapid row has its own mark in the feed column and leaves the feed in force.
     const std::string kept = std::exchange(feed_, is_table() ? "rapid" : feed_);
     point(at);
     feed_ = kept;
@@ -213,14 +221,16 @@ void LocationWriter::go(const Path& path, const Block& block, double from, doubl
   point(at);
 }
 
-/// MOVARC/, where the tip goes round a circle, or along a helix.
+/// Writes MOVARC/ if the tip moves on a circle or a helix. Returns false if it does not.
 bool LocationWriter::arc(const Path& path, const Block& block) {
   const Arc& arc = path.arcs[block.shape];
   const bool turns = block.coordinates == Coordinates::Axis &&
                      rotary_turn_sum(path, block, control_) >= negligible_turn;
   if (is_table() || turns || std::abs(arc.growth) > flat) return false;
   const double sweep = std::abs(arc.sweep);
+  // An arc that bends by less than a thousandth of the tolerance is a line.
   if (arc.radius * sweep * sweep < 8 * options_.within * 1e-3) return false;
+  // Steps of at most 0.5 rad, so that the second differences stay well conditioned.
   const double step = std::min(0.5, 0.33 * sweep);
   std::array<Vector3d, 4> p;
   for (std::size_t k = 0; k < 4; ++k) p[k] = place(path, block, double(k) * step / sweep).tip;

@@ -15,79 +15,83 @@
 
 namespace abbe::sim::program {
 
-/// How many digits an NC file carries.
+/// Number of decimals in an NC file.
 struct NcFormat {
   int decimals_mm = 7;
   int decimals_deg = 9;
 };
 
-/// G0, G1, or G2 and G3 to a point.
+/// A move in NC text: G0, G1, or G2 and G3 to a point.
 struct NcMove {
   bool rapid = false;
-  kinematics::AxisVector to;  ///< (axes) as programmed, mm (inch under G20) and rad; spindles get
-                              ///< no word
-  double feed = 0.0;          ///< F word as it stands: mm/min, inch/min, deg/min or 1/min; a rapid
-                              ///< has none
+  /// (axes) as programmed, mm (inch under G20) and rad; spindles get no word
+  kinematics::AxisVector to;
+  /// F word as written: mm/min, inch/min, deg/min or 1/min; not used by a rapid.
+  double feed = 0.0;
   struct Round {
     bool clockwise = false;
     std::string letters;     ///< "IJ", "KI" or "JK": the plane in force
     Eigen::Vector2d centre;  ///< mm (inch), from the start, in the order of the letters
   };
-  std::optional<Round> round = {};  ///< none: a line
+  std::optional<Round> round = {};  ///< none: a straight line
 };
 
-/// A line of text as it stands, or a move.
+/// A line of text to write unchanged, or a move.
 using NcItem = std::variant<std::string, NcMove>;
 
 struct NcWriteOptions {
   NcFormat format;
-  bool inverse_time = false;  ///< G93 is in force: F stands in every G1
-  int feed_digits = 0;        ///< significant digits of F; 0: as many as hold its bits
+  bool inverse_time = false;  ///< G93 is in force: every G1 carries F
+  int feed_digits = 0;  ///< significant digits of F; 0: as many as are needed to keep its bits
 };
 
-/// NC text of moves, one line an item; words round to nearest, and those that do not change are
-/// left out, but not in the first move after a line of text.
+/// Returns NC text with one line for each item. Values are rounded to nearest. A word is left out
+/// if its text has not changed, except in the first move after a line of text.
 std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
                      const NcWriteOptions& options = {});
 
-/// Number as an NC word: no exponent, no trailing zeros, no -0.
+/// Returns a number as an NC word: no exponent, no trailing zeros, no -0.
 std::string nc_number(double value, int decimals);
 
-/// Number rounded to so many significant digits, as an NC word.
+/// Returns a number rounded to `digits` significant digits, as an NC word.
 std::string nc_significant(double value, int digits);
 
-/// Number with the fewest digits that read back as the same bits, no exponent.
+/// Returns a number with the fewest digits that read back as the same bits, without exponent.
 std::string nc_number(double value);
 
+/// Format and tolerance of cutter location output.
 struct LocationOptions {
   enum class Kind {
     Apt,    ///< statements: UNITS/MM, LOADTL, SPINDL, FEDRAT, RAPID, GOTO, MOVARC, DELAY
     Table,  ///< CSV: x,y,z,i,j,k,feed
   } kind = Kind::Apt;
-  double within =
-      0.001;  ///< mm, between what is no line (nor, in statements, an arc) and its points
-  std::size_t max_bytes = 1'000'000'000;  ///< of all that is written
+  /// mm, largest deviation of the points from a move that is neither a line nor (in statements) an
+  /// arc
+  double within = 0.001;
+  std::size_t max_bytes = 1'000'000'000;  ///< of the whole output
   int decimals_mm = 7;
   int decimals_vector = 10;
 };
 
-/// Writes a path as cutter locations: the tip in the workpiece with the tool axis, for any machine.
-/// Rotary axes between two points are those of whoever reads them; read by the same machine, the
-/// points are the same to half a decimal.
+/// Writes a path as cutter locations: the tip in the workpiece and the tool axis, for any machine.
+/// The rotary axes between two points are left to the reader of the file. Read by the same machine,
+/// the points agree to half a unit of the last decimal.
 class LocationWriter {
  public:
-  /// @param control  outlives it
+  /// `control` must outlive the writer.
   LocationWriter(const kinematics::Chain& control, const LocationOptions& options);
 
-  /// The next blocks. @throws BadInput naming the line where the slides do not reach a tip, or
-  /// where the text is longer than allowed
+  /// Appends blocks. Throws BadInput at the line where the slides do not reach a tip or the text
+  /// exceeds `max_bytes`.
   void add(const Path& piece);
   std::string take();
 
-  std::size_t omitted_dwells() const { return dwells_; }  ///< of a table, as all that follows
+  std::size_t omitted_dwells() const { return dwells_; }  ///< not representable in a table
+  /// Returns the number of auxiliary words left out of a table.
   std::size_t omitted_words() const { return words_; }
 
  private:
+  /// Tip and tool axis in the workpiece.
   struct Place {
     Eigen::Vector3d tip, axis;
   };

@@ -25,15 +25,17 @@ namespace {
 using kinematics::AxisVector;
 using kinematics::Motion;
 
-constexpr double largest_value = 1e12;  // mm, rad, s and their rates
+// mm, rad, s and their rates; products of two such values stay finite
+constexpr double largest_value = 1e12;
 
-/// What a column holds: one number of one axis, in some unit.
+/// Content of a column: one quantity of one axis, and its unit in mm, rad or s.
 struct Column {
   enum class Kind { Time, Position, Velocity } kind = Kind::Time;
   int joint = 0;
   double unit = 1.0;
 };
 
+// Reads a PVT file line by line; every row after the first completes a cubic block.
 class Reader {
  public:
   Reader(const std::string& file, const NcOptions& options)
@@ -89,6 +91,7 @@ Column Reader::column(const Cell& cell) const {
   refuse(cell, "a column of " + known_columns());
 }
 
+// Each axis needs both a position and a velocity column: without one the cubic is undefined.
 void Reader::check_head(const std::vector<Cell>& head) const {
   bool time = false;
   for (std::size_t i = 0; i < columns_.size(); ++i) {
@@ -106,6 +109,7 @@ void Reader::check_head(const std::vector<Cell>& head) const {
 }
 
 void Reader::read_head(const std::vector<Cell>& head) {
+  // More cells than any header can have: stops before a hostile line is taken apart.
   if (head.size() > 1 + 2 * options_.axes.size())
     refuse(head[1 + 2 * options_.axes.size()], "the end of the line");
   for (const Cell& cell : head) columns_.push_back(column(cell));
@@ -122,6 +126,7 @@ double Reader::number(const Cell& cell) const {
 }
 
 void Reader::read_row(std::string_view text) {
+  // Axes without columns rest at their start.
   PvtRow row{0.0, start_, AxisVector::Zero(start_.size())};
   const std::vector<Cell> row_cells = cells_of(text, ',', columns_.size());
   if (row_cells.size() != columns_.size())
@@ -152,6 +157,7 @@ void Reader::append(PvtRow row) {
     Block block;
     block.line = line_;
     block.interpolation = Interpolation::Cubic;
+    // Positions are those of the axes: no work offset applies.
     block.work_offset = -1;
     block.start_s = last_->time_s;
     block.end_s = row.time_s;
@@ -167,6 +173,7 @@ void Reader::append(PvtRow row) {
 
 void Reader::read_line(std::string_view text, int line) {
   line_ = line;
+  // A NUL byte is reported as such; as part of a cell it would not be visible in the message.
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
     throw BadInput(path_.file, line, int(nul) + 1, "text", "a NUL byte");
   const std::size_t first = text.find_first_not_of(" \t");
@@ -186,12 +193,15 @@ Path Reader::finish(int last_line) {
   return std::move(path_);
 }
 
+// Mean rate between two rows.
 AxisVector chord(const PvtRow& a, const PvtRow& b) {
   return (b.position - a.position) / (b.time_s - a.time_s);
 }
 
 }  // namespace
 
+// The parabola through three rows weights each chord with the length of the other interval. At the
+// ends its slope is twice the chord minus the inner slope, and two rows have only their chord.
 std::vector<AxisVector> rates(std::span<const PvtRow> rows) {
   const std::size_t n = rows.size();
   std::vector<AxisVector> rates(n, AxisVector::Zero(rows.front().position.size()));
@@ -257,7 +267,7 @@ std::vector<PvtRow> pvt_rows(const Path& path) {
 
 namespace {
 
-/// How far one position is from another, mm, spindles left out.
+/// Distance between two positions, mm, spindles excluded.
 double distance(const Chain& control, const AxisVector& a, const AxisVector& b, double lever) {
   double squared = 0.0;
   for (int j = 0; j < control.size(); ++j) {
@@ -269,7 +279,7 @@ double distance(const Chain& control, const AxisVector& a, const AxisVector& b, 
   return std::sqrt(squared);
 }
 
-/// A block in its equal parts, and how fast it begins and ends, mm/s.
+/// A block with its number of equal parts and its speed at start and end, mm/s.
 struct Parts {
   std::size_t block = 0, n = 1;
   double seconds = 0.0, first_speed = 0.0, last_speed = 0.0;
@@ -281,9 +291,11 @@ std::vector<Parts> parts_of(const Path& path, const Chain& control,
   double rows = 1.0;
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     const Block& block = path.blocks[i];
+    // Blocks without duration have no rows; a jump is covered by the cubic to the next row.
     if (!(block.end_s > block.start_s)) continue;
     Parts parts{i, chords_of(path, block, control, options.within), block.end_s - block.start_s};
     const double n = double(parts.n);
+    // Two additional rows stand beside the corners at the ends.
     rows += n + 2.0;
     if (rows > double(options.max_rows))
       throw BadInput(path.file, block.line, 0,
@@ -304,15 +316,16 @@ std::vector<Parts> parts_of(const Path& path, const Chain& control,
   return all;
 }
 
-/// Share of a block between a corner and the row beside it: the tool goes no farther than what is
-/// allowed in that time, at the higher speed of the two moves that meet.
+/// Returns the fraction of a block between a corner and the adjacent row: in that time the tool
+/// moves at most by `within`, at the higher speed of the two moves that meet.
 double beside(const Parts& parts, double speed_before, double speed_after, double within) {
   const double speed = std::max(speed_before, speed_after);
+  // At most a quarter of a part, so that the rows of both ends keep their order.
   const double most = 0.25 / double(parts.n);
   return speed > 0.0 ? std::min(most, within / speed / parts.seconds) : most;
 }
 
-/// Fractions of a block at which rows stand, ascending to 1.
+/// Fractions of a block at which rows stand, ascending, the last one 1.
 std::vector<double> row_fractions(const std::vector<Parts>& all, std::size_t i, double within) {
   const Parts& parts = all[i];
   const double before = i > 0 ? all[i - 1].last_speed : 0.0;
@@ -324,7 +337,7 @@ std::vector<double> row_fractions(const std::vector<Parts>& all, std::size_t i, 
   return u;
 }
 
-/// The Hermite cubic between two rows at a share of their time.
+/// Position on the Hermite cubic between two rows at fraction u of their time.
 AxisVector cubic_at(const PvtRow& a, const PvtRow& b, double u) {
   const double T = b.time_s - a.time_s;
   const AxisVector way = b.position - a.position;
@@ -337,7 +350,7 @@ AxisVector cubic_at(const PvtRow& a, const PvtRow& b, double u) {
 PvtConversion convert_to_pvt(const Path& path, const Chain& control,
                              const PvtConversionOptions& options) {
   PvtConversion made;
-  std::vector<std::size_t> block_of;  // of the stretch that ends at a row
+  std::vector<std::size_t> block_of;  // of the interval that ends at a row
   const std::vector<Parts> parts = parts_of(path, control, options);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const Block& block = path.blocks[parts[i].block];
@@ -347,6 +360,7 @@ PvtConversion convert_to_pvt(const Path& path, const Chain& control,
     }
     for (const double u : row_fractions(parts, i, options.within)) {
       const double time_s = u == 1.0 ? block.end_s : block.start_s + u * parts[i].seconds;
+      // Rows at the same time as the last are dropped: a file needs increasing times.
       if (!(time_s > made.rows.back().time_s)) continue;
       made.rows.push_back({time_s, axes_at(path, block, control, u), {}});
       block_of.push_back(parts[i].block);
@@ -358,6 +372,8 @@ PvtConversion convert_to_pvt(const Path& path, const Chain& control,
   for (std::size_t k = 1; k < made.rows.size(); ++k) {
     const PvtRow &a = made.rows[k - 1], &b = made.rows[k];
     const Block& block = path.blocks[block_of[k]];
+    // The deviation of a cubic from its curve is largest near its middle or quarters; the ends are
+    // exact.
     for (const double u : {0.25, 0.5, 0.75}) {
       const double time_s = a.time_s + u * (b.time_s - a.time_s);
       const double at = (time_s - block.start_s) / (block.end_s - block.start_s);

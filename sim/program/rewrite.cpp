@@ -21,10 +21,12 @@ using kinematics::AxisVector;
 using kinematics::Motion;
 using Points = std::vector<CorrectedPoint>;
 
-// Beyond it an arc's middle would hang on a centre that words place badly, and full circles would
-// not be distinguished from nothing.
+// Beyond 0.9 half turns the middle of an arc depends strongly on the rounding of its centre, and a
+// full circle could not be distinguished from no motion.
 constexpr double max_sweep = 0.9 * pi;
+// Steps of a word; below it rounding distorts the radius by more than 1 %.
 constexpr double min_radius_words = 50.0;
+// Steps of a word; the direction of a shorter chord is dominated by rounding.
 constexpr double min_chord_words = 20.0;
 
 void check_dense(const Path& path, std::span<const Points> dense) {
@@ -46,7 +48,8 @@ void check_dense(const Path& path, std::span<const Points> dense) {
   }
 }
 
-/// How far a point of the tool is off where the axes are off.
+/// Distance by which a point of the tool is off for given deviations of the axes: slides
+/// geometrically, rotations by their levers.
 class Measure {
  public:
   Measure(const std::vector<ControlledAxis>& axes, const AxisVector& lever)
@@ -65,7 +68,9 @@ class Measure {
   AxisVector lever_;
 };
 
-/// The last of first .. last that `fits` all the way, tried in growing strides; `first` is taken.
+/// Returns the last index of first .. last up to which `fits` holds, assuming that it holds at
+/// `first` and is monotone. Strides double until one fails, then bisection: the number of tests
+/// grows with the logarithm of the result.
 template <class Fits>
 std::size_t farthest(std::size_t first, std::size_t last, const Fits& fits) {
   std::size_t good = first, bad = last + 1;
@@ -87,15 +92,18 @@ AxisVector on_line(const CorrectedPoint& a, const CorrectedPoint& b, double u) {
   return a.at + (u - a.u) / (b.u - a.u) * (b.at - a.at);
 }
 
+// Coordinates in the plane of an arc.
 Vector2d in_plane(const Arc& arc, const AxisVector& q) { return {q[arc.first], q[arc.second]}; }
 
-/// The circle through two corrected points of an arc whose centre lies nearest to the arc's own,
-/// moved as they are; none where it would not survive the rounding of its words.
+/// The circle through two corrected points whose centre is closest to the original centre displaced
+/// like the points. Returns nothing if the arc would not survive the rounding of its words.
 std::optional<Arc> corrected_arc(const Arc& arc, const CorrectedPoint& a, const CorrectedPoint& b,
                                  double word_mm) {
   const double sweep = arc.sweep * (b.u - a.u);
   const Vector2d start = in_plane(arc, a.at), end = in_plane(arc, b.at), chord = end - start;
   if (std::abs(sweep) > max_sweep || chord.norm() < min_chord_words * word_mm) return std::nullopt;
+  // The centre follows the mean correction of the two ends, and is then projected onto the
+  // perpendicular bisector of the chord, where every centre lies.
   const Vector2d moved = arc.centre + 0.5 * (start - position(arc, a.u) + end - position(arc, b.u));
   const Vector2d along = chord.normalized();
   Arc between = arc_through(
@@ -107,18 +115,19 @@ std::optional<Arc> corrected_arc(const Arc& arc, const CorrectedPoint& a, const 
   return between;
 }
 
-/// Thins the points of one block of lines or an arc.
+/// Thins the points of one block of lines, or of one arc.
 class BlockThinner {
  public:
-  /// @param arc  if the block is one
+  /// `arc` is null unless the block is an arc.
   BlockThinner(const Points& dense, const Arc* arc, const Measure& measure,
                const ThinOptions& options)
       : dense_(dense), arc_(arc), measure_(measure), options_(options) {}
 
   Points run() {
     Points kept;
-    std::size_t last = 0;  // before the next jump
+    std::size_t last = 0;  // last point before the next jump
     for (std::size_t from = 0;;) {
+      // Points at the same time within the tolerance are one point: small jumps are smoothed.
       std::size_t next = from + 1;
       while (next < dense_.size() && is_near(from, next)) ++next;
       if (next == dense_.size()) return kept;
@@ -134,12 +143,12 @@ class BlockThinner {
   }
 
  private:
-  /// Points that a piece may reach.
+  /// Range of points that one part may reach.
   struct Range {
     std::size_t first = 0, last = 0;
   };
 
-  /// At the same instant and place.
+  /// Returns true for a point at the same time and, within the tolerance, the same position.
   bool is_near(std::size_t from, std::size_t k) const {
     return dense_[k].u == dense_[from].u &&
            measure_(dense_[k].at - dense_[from].at) <= options_.tolerance;
@@ -169,7 +178,8 @@ class BlockThinner {
     return true;
   }
 
-  /// Where an arc may end, so that none is longer than it may be and all are about as long.
+  /// Returns the last point at which an arc may end, so that none exceeds `max_sweep` and all have
+  /// about the same length.
   std::size_t last_of_arc(std::size_t from, std::size_t last) const {
     const double parts = std::ceil(std::abs(arc_->sweep) / max_sweep);
     std::size_t end = from + 1;
@@ -181,7 +191,8 @@ class BlockThinner {
     const std::size_t line =
         farthest(range.first, range.last, [&](std::size_t to) { return line_fits(from, to); });
     const std::size_t end = arc_ == nullptr ? line : last_of_arc(from, range.last);
-    // An arc too short to be one says nothing about longer ones: look beyond the line.
+    // An arc that is too short to be one says nothing about longer ones, so the search starts where
+    // the line ends.
     const std::size_t round =
         line < end ? farthest(line, end, [&](std::size_t to) { return arc_fits(from, to); }) : line;
     kept.push_back(line_to(round));
@@ -197,20 +208,20 @@ class BlockThinner {
   const ThinOptions& options_;
 };
 
-/// A place in a path.
+/// A position in a path: block and fraction.
 struct PathPosition {
   std::size_t block = 0;
   double u = 0.0;
 };
 
-/// Corrections of cubics, as rows at their times.
+/// Corrections of a path of cubics, as rows at their times.
 struct Changes {
   std::vector<PathPosition> places;
   std::vector<PvtRow> rows;
 };
 
-/// Of points at one instant the last within a block counts, but a block starts where the one before
-/// ended.
+/// Of several points at one instant within a block the last one counts; a block always starts where
+/// the previous one ended.
 Changes changes(const Path& path, std::span<const Points> dense) {
   Changes all;
   for (std::size_t i = 0; i < dense.size(); ++i) {
@@ -235,8 +246,8 @@ Changes changes(const Path& path, std::span<const Points> dense) {
   return all;
 }
 
-/// The correction that the cubic between two rows brings at an instant between them. The nominal
-/// part of a cubic that is cut up stays the same cubic.
+/// The correction at an instant, on the cubic between two rows. The nominal part needs no such
+/// term: a cubic that is split remains the same cubic.
 AxisVector on_cubic(const PvtRow& a, const PvtRow& b, double time_s) {
   const double duration = b.time_s - a.time_s, u = (time_s - a.time_s) / duration;
   const AxisVector way = b.position - a.position;
@@ -264,6 +275,7 @@ CorrectedPath thinned_cubics(const Path& path, std::span<const Points> dense,
   std::size_t end = 0;
   for (std::size_t from = 0; from + 1 < rows.size();) {
     if (end <= from) end = from + 1;
+    // A part may not extend beyond the end of its block, since ends of blocks are kept.
     while (places[end].u < 1.0) ++end;
     from = farthest(from + 1, end, [&](std::size_t to) { return fits(from, to); });
     keep(from);
@@ -283,11 +295,12 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
   const auto is_cubic = [](const Block& block) {
     return block.interpolation == Interpolation::Cubic;
   };
+  // Cubics join smoothly over the ends of blocks, so all are thinned together, with rates; other
+  // blocks are thinned one by one.
   if (!path.blocks.empty() && std::all_of(path.blocks.begin(), path.blocks.end(), is_cubic))
     return thinned_cubics(path, dense, measures[0], options.tolerance);
   CorrectedPath kept(dense.size());
-  std::optional<AxisVector>
-      stands;  // where the block before left the tool, in the same coordinates
+  std::optional<AxisVector> stands;  // end of the previous block, if in the same coordinates
   for (std::size_t i = 0; i < dense.size(); ++i) {
     const Block& block = path.blocks[i];
     if (i == 0) stands = block.start;
@@ -301,12 +314,13 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
     } else {
       Points points = dense[i];
       if (stands) points.insert(points.begin(), {0.0, *stands, {}, {}});
+      // Arcs in rotated planes are thinned as lines: NC text has no plane for them.
       const bool is_arc =
           block.interpolation == Interpolation::Arc && path.arcs[block.shape].turned < 0;
       kept[i] = BlockThinner(points, is_arc ? &path.arcs[block.shape] : nullptr,
                              measures[std::size_t(block.coordinates)], options)
                     .run();
-      // Between axes and tip the place is taken up again.
+      // After a change between axes and tip the position is stated again.
       if (!stands && kept[i].front().u > 0.0) kept[i].insert(kept[i].begin(), dense[i].front());
     }
     stands = dense[i].back().at;
@@ -369,11 +383,12 @@ RewrittenProgram rewritten_pvt(const Path& path,
     for (const CorrectedPoint& point : points) add(i, point.u, &point);
     if (points.empty()) add(i, 1.0, nullptr);
   }
+  // Rates not given with the correction are those of the parabola through its neighbours.
   const std::vector<AxisVector> extra = rates(correction);
   for (std::size_t k = 0; k < nominal.size(); ++k) {
     const AxisVector& rate = correction[k].velocity.size() > 0 ? correction[k].velocity : extra[k];
     for (Eigen::Index j = 0; j < nominal[k].position.size(); ++j) {
-      // A correction of zero must not cost the sign of a zero.
+      // Adding a correction of zero would turn -0 into +0.
       if (correction[k].position[j] != 0.0) nominal[k].position[j] += correction[k].position[j];
       if (rate[j] != 0.0) nominal[k].velocity[j] += rate[j];
     }
@@ -384,12 +399,14 @@ RewrittenProgram rewritten_pvt(const Path& path,
   return program;
 }
 
+// s, time given to a jump, such as the compensation of play
 constexpr double jump_s = 1e-3;
-constexpr double min_feed = 1e-9;     // that a control takes
-constexpr double unknown_way = 0.01;  // mm or deg
-constexpr double same_word = 1e-6;    // of a step
+constexpr double min_feed = 1e-9;  // per minute, smallest feed that a control accepts
+// mm or deg, assumed length of a move from an unknown position
+constexpr double unknown_way = 0.01;
+constexpr double same_word = 1e-6;  // of a step; tolerance for equal words after rounding
 
-/// NC text of a path, block by block.
+/// Writes a path as NC text, block by block.
 class NcRewriter {
  public:
   NcRewriter(const Path& path, const NcOptions& control, const RewriteOptions& options);
@@ -397,7 +414,7 @@ class NcRewriter {
   RewrittenProgram program();
 
  private:
-  /// Words of a point and its place in the block.
+  /// A point as rounded words, and its fraction of the block.
   struct Point {
     double u = 1.0;
     AxisVector words;  ///< mm and rad, without offsets
@@ -430,10 +447,10 @@ class NcRewriter {
   std::vector<NcItem> items_;
   const std::optional<ProgramZero> zero_;
   std::optional<Coordinates> mode_;
-  std::optional<AxisVector> stands_;  ///< words of where the tool stands, if they are known
+  std::optional<AxisVector> stands_;  ///< words of the current position, if known
   std::optional<bool> inch_, inverse_time_;
   std::string plane_ = "IJ";
-  std::size_t auxiliary_words_written_ = 0;  ///< said
+  std::size_t auxiliary_words_written_ = 0;  ///< number of words written so far
   double rpm_ = 0.0;
   const int spindle_;
 };
@@ -443,7 +460,7 @@ NcRewriter::NcRewriter(const Path& path, const NcOptions& control, const Rewrite
       control_(control),
       options_(options),
       zero_(program_zero(control)),
-      spindle_(spindle_of(control.axes)) {
+      spindle_(find_spindle(control.axes)) {
   say("(corrected program)");
   say("G17 G90 G91.1 G54");
   if (path.blocks.empty()) say("G49");
@@ -471,11 +488,13 @@ void NcRewriter::coordinates(const Block& block) {
   if (mode_ == block.coordinates) return;
   const bool first = !mode_;
   mode_ = block.coordinates;
+  // At the start the position is known. After a change of coordinates it depends on corrections
+  // that are not known here.
   stands_ = first ? std::optional(words(block.start)) : std::nullopt;
   if (mode_ == Coordinates::Axis) return say("G49");
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
-  const bool one = control_.control_of_h.size() == 1;  // of a tool table that has many
+  const bool one = control_.control_of_h.size() == 1;  // of a tool table with many tools
   say(fmt::format("G43.4 H{}", one ? control_.control_of_h.begin()->first
                                    : control_.tool_length.begin()->first));
 }
@@ -483,7 +502,8 @@ void NcRewriter::coordinates(const Block& block) {
 void NcRewriter::spindle(const Block& block) {
   if (spindle_ < 0 || !(block.end_s > block.start_s)) return;
   const double rate = (block.end[spindle_] - block.start[spindle_]) / (block.end_s - block.start_s);
-  // The angle is a sum of many turns; what its rounding leaves is no change of speed.
+  // The angle is a sum over many turns; the rounding that remains in its rate is no change of
+  // speed. 1e-5 rpm is far below what a spindle holds.
   const double rpm = std::round(rate / units::rpm * 1e6) / 1e6;
   if (std::abs(rpm - rpm_) <= 1e-5) return;
   rpm_ = rpm;
@@ -496,15 +516,17 @@ void NcRewriter::wait(double seconds, const Stretch& stretch) {
   program_.of_line.back() = stretch;
 }
 
-/// Step of a word: mm in millimetres and in inches, rad in degrees.
+/// Resolution of a word: mm (also under inches) and rad.
 double NcRewriter::step(int joint) const {
   if (control_.axes[std::size_t(joint)].motion != Motion::Linear) return options_.word_rad;
   if (inch_ != true) return options_.word_mm;
+  // 1e-9 keeps a resolution that is an exact power of ten inches from falling to the next lower
+  // one.
   return std::pow(10.0, std::floor(std::log10(options_.word_mm / units::inch) + 1e-9)) *
          units::inch;
 }
 
-/// What G54 adds to a word in the coordinates in force.
+/// Returns what G54 and the program zero add to a word in the coordinates in force.
 double NcRewriter::offset(int joint) const {
   const AxisVector& g54 = control_.work_offset[0];
   const char name = control_.axes[std::size_t(joint)].name;
@@ -513,6 +535,7 @@ double NcRewriter::offset(int joint) const {
   return (g54.size() > 0 ? g54[joint] : 0.0) + more;
 }
 
+// Rounds in the programmed unit (degrees, not radians), in which the words are written.
 AxisVector NcRewriter::words(const AxisVector& at) const {
   AxisVector words = at;
   for (int j = 0; j < int(words.size()); ++j) {
@@ -552,7 +575,8 @@ void NcRewriter::plane(std::string_view letters) {
   say(letters == "IJ" ? "G17" : letters == "KI" ? "G18" : "G19");
 }
 
-/// The arc to a point as its words say it, unless they leave a line of it.
+/// Returns the arc to a point as its rounded words define it. Returns nothing if they leave only a
+/// line.
 std::optional<Arc> NcRewriter::round(const Block& block, const Point& to) const {
   if (!to.centre || !stands_) return std::nullopt;
   const Arc& arc = path_.arcs[block.shape];
@@ -564,9 +588,11 @@ std::optional<Arc> NcRewriter::round(const Block& block, const Point& to) const 
     words.start[k] = (*stands_)[j];
     words.end[k] = to.words[j];
     const double centre = (*to.centre)[k] - offset(j);
+    // I J K are written relative to the start, so the offset is what is rounded.
     words.centre[k] = words.start[k] + std::round((centre - words.start[k]) / word) * word;
   }
-  constexpr double least = 5.0;  // words: what is smaller has lost its sense of turning
+  // Steps of a word; a smaller arc may have lost its sense of rotation by rounding.
+  constexpr double least = 5.0;
   if ((words.end - words.start).norm() < least * word ||
       (words.centre - words.start).norm() < least * word)
     return std::nullopt;
@@ -590,7 +616,8 @@ void NcRewriter::move(const Block& block, const Point& to, double seconds, const
   if (!move.rapid) {
     Way way = feed_distance(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
                             round ? &*round : nullptr);
-    // Where the tool stands by a correction that is not known here, it shall not creep.
+    // From an unknown position the length may be computed as nearly zero; the feed must not become
+    // a crawl.
     if (!stands_) way.length = std::max(way.length, unknown_way);
     move.feed = feed(way, seconds);
   }
@@ -599,18 +626,20 @@ void NcRewriter::move(const Block& block, const Point& to, double seconds, const
   stands_ = to.words;
 }
 
-/// Pieces that no longer move by a word give their time to the next, the last one waits.
+/// Writes the parts of a block. A part that no longer moves by one step gives its time to the next;
+/// the last one becomes a dwell.
 void NcRewriter::pieces(int index, const std::vector<CorrectedPoint>& points) {
   const Block& block = path_.blocks[std::size_t(index)];
   const bool rapid = block.interpolation == Interpolation::Rapid;
   const double duration = block.end_s - block.start_s;
-  double u = 0.0, taken = 0.0;  // taken: seconds that jumps had
+  double u = 0.0, taken = 0.0;  // s, time taken by jumps
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Point to{points[k].u, words(points[k].at), points[k].centre};
     const bool still = is_at_words(to.words);
     const Stretch stretch{index, u, to.u};
     if (to.u == u && !rapid) {
       if (still) continue;
+      // Half of the time to the next point at most, so that the motion that follows keeps some.
       const double rest = k + 1 < points.size() ? (points[k + 1].u - u) * duration : 2 * jump_s;
       const double seconds = std::min(jump_s, 0.5 * rest);
       taken += seconds;
@@ -628,11 +657,14 @@ void NcRewriter::pieces(int index, const std::vector<CorrectedPoint>& points) {
   }
 }
 
-/// Of an arc in a plane for which there is no word: half a step of a word from it at most.
+/// Splits an arc in a plane without a G code into chords that deviate by at most half a step of a
+/// word.
 std::vector<CorrectedPoint> NcRewriter::chords(const Block& block) const {
   const Arc& arc = path_.arcs[block.shape];
   const double radius = arc.radius + std::max(0.0, arc.growth);
+  // A chord of this angle has a sagitta of half a step.
   const double step = 2 * std::acos(1.0 - std::min(1.0, 0.5 * options_.word_mm / radius));
+  // The limit of 1e6 chords bounds memory.
   const int n = std::max(2, int(std::ceil(std::min(1e6, std::abs(arc.sweep) / step))));
   std::vector<CorrectedPoint> points;
   for (int k = 1; k <= n; ++k)
@@ -640,8 +672,8 @@ std::vector<CorrectedPoint> NcRewriter::chords(const Block& block) const {
   return points;
 }
 
-/// Parts of at most half a turn of an arc that ends near its start or beyond a whole turn: its end
-/// and centre alone state less than a whole turn.
+/// Splits an arc that ends near its start, or exceeds one turn, into parts of at most half a turn:
+/// end and centre alone define less than one whole turn.
 std::vector<CorrectedPoint> NcRewriter::half_turns(const Block& block) const {
   const Arc& arc = path_.arcs[block.shape];
   const int n = std::max(2, int(std::ceil(std::abs(arc.sweep) / pi - 1e-9)));
@@ -670,14 +702,17 @@ void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
     const Arc& arc = path_.arcs[block.shape];
     const Vector2d chord(block.end[arc.first] - block.start[arc.first],
                          block.end[arc.second] - block.start[arc.second]);
-    constexpr double near = 0.01;  // of the radius: the angle there is a hundredth of its digits
+    // Fraction of the radius: across so short a chord the direction of the end has two digits
+    // fewer.
+    constexpr double near = 0.01;
     if (std::abs(arc.sweep) > pi && chord.norm() < near * arc.radius)
       return pieces(index, half_turns(block));
     if (std::abs(arc.sweep) > 2 * pi) return pieces(index, half_turns(block));
   }
   CorrectedPoint end{1.0, block.end, {}, {}};
   if (block.interpolation == Interpolation::Arc) end.centre = path_.arcs[block.shape].centre;
-  // Onto whole words first, or what rounding moves would count as the way of a block that turns.
+  // Moves onto whole steps first. Otherwise the displacement by rounding would count as the length
+  // of a block that only rotates.
   if (!stands_ && block.interpolation != Interpolation::Rapid)
     return pieces(index, {{0.0, block.start, {}, {}}, end});
   pieces(index, {end});
@@ -687,7 +722,7 @@ RewrittenProgram NcRewriter::program() {
   write_auxiliary_words(path_.blocks.size());
   if (rpm_ != 0.0) say("M5");
   say("M2");
-  // More digits than the step has, so that the text adds no rounding of its own.
+  // More digits than the resolution has, so that the text adds no rounding of its own.
   program_.text =
       write_nc(items_, control_.axes,
                {.format = {11, 9},
@@ -702,6 +737,7 @@ RewrittenProgram NcRewriter::program() {
 RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
                            const NcOptions& control, const RewriteOptions& options) {
   check_corrected(path, corrected);
+  // Eleven decimals are written, so a finer resolution could not be represented.
   if (!(options.word_mm >= 1e-9) || !(options.word_rad >= 1e-9 * units::deg))
     throw std::invalid_argument("expected steps of words of at least 1e-9");
   if (!path.blocks.empty() && std::all_of(path.blocks.begin(), path.blocks.end(), is_cubic))

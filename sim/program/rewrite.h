@@ -11,77 +11,79 @@
 
 namespace abbe::sim::program {
 
-/// Where a block shall be at a fraction of its time, in the block's own coordinates.
+/// The corrected position at a fraction of a block's time, in the block's own coordinates.
 struct CorrectedPoint {
-  double u = 1.0;                         ///< in [0, 1]
-  kinematics::AxisVector at;              ///< (axes) mm and rad, offsets in, as Block::end
-  std::optional<Eigen::Vector2d> centre;  ///< mm, of the arc that ends here, in the plane of the
-                                          ///< block's own; none: a line
-  kinematics::AxisVector rate;  ///< (axes) mm/s and rad/s at which the correction changes, for
-                                ///< cubics; empty: as the neighbours say
+  double u = 1.0;             ///< in [0, 1]
+  kinematics::AxisVector at;  ///< (axes) mm and rad, offsets included, as Block::end
+  /// mm, centre of the arc that ends here, in the plane of the block's own arc; none: a line
+  std::optional<Eigen::Vector2d> centre;
+  /// (axes) mm/s and rad/s, rate of the correction, for cubics; empty: derived from the neighbours
+  kinematics::AxisVector rate;
 };
 
-/// Corrected points of a path, one list a block.
+/// Corrected points of a path, one list for each block.
 using CorrectedPath = std::vector<std::vector<CorrectedPoint>>;
 
+/// Tolerance and levers for thinning.
 struct ThinOptions {
   double tolerance = 1e-4;  ///< mm
-  /// (axes) mm that a point of the tool goes per rad of an axis, by Coordinates: in axis
-  /// coordinates how far tip and tool lie from its line, of a tip only how far the tool reaches
-  /// above it. Slides and spindles have none; empty: 0.
+  /// (axes) mm that a point of the tool moves per rad of an axis, indexed by Coordinates: in axis
+  /// coordinates the distance of tip and tool from the axis line, in tip coordinates only the
+  /// length of the tool above the tip. Linear axes and spindles have none. Empty: 0.
   std::array<kinematics::AxisVector, 2> lever;
-  double word_mm = 1e-4;  ///< mm, step of the words: arcs of a few steps become lines
+  double word_mm = 1e-4;  ///< mm, resolution of NC words: arcs of a few steps become lines
 };
 
-/// The fewest of densely given points, chosen one after the other, so that the blocks between them
-/// pass every point that is left out within the tolerance at its own time: lines, arcs of an arc's
-/// own sense where the correction changes little along them, Hermite cubics between cubics. The
-/// ends of blocks stay, rapids keep nothing else. Bound: |slides| + sum of lever * |turn| off <=
-/// tolerance at every dense point (between them the dense path is as it was given), before words
-/// are rounded.
-/// @param dense  one list a block, empty where nothing is corrected, u from 0 to 1. Of two points
-/// at
-///               one u the second is where a jump goes (an axis turns back), and a block that
-///               begins elsewhere than the one before ended begins with one; jumps within the
-///               tolerance are smoothed, and in cubics all are spread to the next point.
-/// @return as `rewritten` takes them: points at u = 0 only of a jump, in the first block, and where
-///         the coordinates have changed
-/// @throws std::invalid_argument if a list does not fit its block
+/// Selects from densely given points as few as possible, greedily one after the other, so that the
+/// blocks between them pass every omitted point within the tolerance at its own time. Blocks are
+/// lines, arcs of the original sense where the correction changes little along them, and Hermite
+/// cubics between cubics. The ends of blocks are kept; rapids keep nothing else. Bound: |slides| +
+/// sum of lever * |turn| deviate by at most the tolerance at every dense point (the dense path is
+/// taken as given between them), before words are rounded.
+/// `dense` has one list for each block, empty if nothing is corrected, with u from 0 to 1. Of two
+/// points at one u the second is the target of a jump (an axis reverses); a block that begins
+/// elsewhere than the previous one ended begins with a jump. Jumps within the tolerance are
+/// smoothed, and in cubics every jump is spread to the next point.
+/// The result is as `rewritten` takes it: points at u = 0 only for a jump, in the first block, and
+/// where the coordinates have changed. Throws std::invalid_argument if a list does not fit its
+/// block.
 CorrectedPath thinned(const Path& path, std::span<const std::vector<CorrectedPoint>> dense,
                       const NcOptions& control, const ThinOptions& options = {});
 
+/// Resolution of a rewritten program.
 struct RewriteOptions {
-  double word_mm = 1e-4;  ///< mm, step of the words of slides; in an inch program the power of ten
-                          ///< inches that is not above it
-  double word_rad = 1e-4 * 0.017453292519943295;  ///< rad, step of the words of turns
+  /// mm, resolution of slide positions; in an inch program the largest power of ten inches that is
+  /// not above it
+  double word_mm = 1e-4;
+  double word_rad = 1e-4 * 0.017453292519943295;  ///< rad, resolution of rotary positions
 };
 
-/// What a line of a rewritten program does: the stretch of a block of the original.
+/// The part of an original block that one line of the rewritten program covers.
 struct Stretch {
   int block = -1;  ///< -1: a line without motion
   double from = 0.0;
   double to = 0.0;  ///< fractions of the block's time
 };
 
+/// The rewritten program and the origin of its lines.
 struct RewrittenProgram {
   std::string text;
-  std::vector<Stretch> of_line;  ///< by line - 1
+  std::vector<Stretch> of_line;  ///< indexed by line - 1
 };
 
-/// The program again with corrected points, in its own dialect.
-/// NC: inches and inverse time where the source had them; lines and arcs through the points, at
-/// their times by an F of 9 digits; words round to the nearest step; rapids stay rapids;
-/// coordinates (G43.4), the spindle, dwells and words without motion (T M0 M1 M6 M7 M8 M9) stay. A
-/// jump takes a millisecond of what follows; what no longer moves by a word waits. Comments, N and
-/// H words are not kept: it is written under G54, and under the first H number or, of lengths that
-/// were added, G49. PVT: positions and velocities (the correction's own rate added) with the fewest
-/// digits that read back as the same bits; a point at u = 0 of the first block moves the start.
-/// @param corrected  one list a block, u increasing to 1 (twice the same: a jump; one at u = 0 is a
-///                   jump from where the tool stands); empty leaves the block's end
-/// @param control    as the program was read with
-/// @throws std::invalid_argument if a list does not fit its block, the words are below 1e-9, there
-/// is
-///         no H for G43.4, or cubics stand beside other blocks
+/// Writes the program again through corrected points, in its own dialect.
+/// NC: inches and inverse time as in the source; lines and arcs through the points, timed by an F
+/// of 9 digits; positions rounded to nearest; rapids stay rapids; coordinates (G43.4), spindle,
+/// dwells and auxiliary words (T M0 M1 M6 M7 M8 M9) are kept. A jump takes a millisecond from the
+/// motion that follows; a part that no longer moves by one step becomes a dwell. Comments, N and H
+/// words are not kept: the program is written under G54, and under the first H number or, if
+/// lengths were added, G49.
+/// PVT: positions and velocities (with the rate of the correction added) have the fewest digits
+/// that read back as the same bits. A point at u = 0 of the first block moves the start.
+/// `corrected` has one list for each block, u increasing to 1 (twice the same u: a jump; u = 0: a
+/// jump from the current position); an empty list keeps the end of the block. `control` must be the
+/// options with which the program was read. Throws std::invalid_argument if a list does not fit its
+/// block, the resolution is below 1e-9, G43.4 has no H, or cubics and other blocks are mixed.
 RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
                            const NcOptions& control, const RewriteOptions& options = {});
 

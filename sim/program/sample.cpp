@@ -22,30 +22,30 @@ using kinematics::AxisVector;
 using kinematics::great_circle_point;
 using kinematics::Motion;
 
-// An axis has moved once it is this far from where it last was seen to move: the rounding of a
-// control's arithmetic is no reversal.
+// An axis has moved once it is this far from where it was last detected to move. Smaller steps are
+// the rounding of the control's arithmetic and must not count as reversals.
 constexpr double motion_threshold_mm = 1e-9;
 constexpr double motion_threshold_rad = 1e-11;
-constexpr double same_place = 1e-9;  // mm or rad, rounding of a change between axes and tip
+constexpr double same_place = 1e-9;  // mm or rad, rounding of a conversion between axes and tip
 
-/// Tool in the workpiece.
+/// Tool position in the workpiece.
 struct Place {
   Eigen::Vector3d tip;
   Eigen::Vector3d direction;
 };
 
-/// At five equal steps of a stretch.
+/// Tool at the ends and at the three inner quarter points of a part of a block.
 using Places = std::array<Place, 5>;
 
-/// Bounds over a whole block of what moves, per unit of u and its powers.
+/// Bounds over a whole block of the motion per unit of u and its powers.
 struct Rates {
   double turn = 0.0;    ///< rad, sum over the rotary axes
-  double travel = 0.0;  ///< mm, speed of the slides or of the tip as programmed
+  double travel = 0.0;  ///< mm, path of the slides, or of the tip as programmed
   double fifth = 0.0;   ///< mm, fifth derivative of any point of the tool axis up to `reach`
-  double lever = 0.0;   ///< mm, sum of the distances of the tip from the rotary axes
+  double lever = 0.0;   ///< mm, sum of the distances of the tip from the rotary axis lines
 };
 
-/// Real roots of a u^2 + 2 b u + c.
+/// Real roots of a u^2 + 2 b u + c, in the form that does not subtract nearly equal numbers.
 std::vector<double> roots(double a, double b, double c) {
   const double discriminant = b * b - a * c;
   if (!(discriminant > 0.0)) return {};
@@ -56,9 +56,11 @@ std::vector<double> roots(double a, double b, double c) {
   return found;
 }
 
+// Rounds up; 1e-9 keeps a quotient that is whole up to rounding, and 1e9 keeps the result within
+// int.
 int whole_parts(double parts) { return int(std::ceil(std::clamp(parts - 1e-9, 1.0, 1e9))); }
 
-/// One block as the control runs it.
+/// Motion of one block as the control executes it.
 class Walk {
  public:
   Walk(const Path& path, const Block& block, const kinematics::Chain& control,
@@ -67,7 +69,7 @@ class Walk {
   AxisVector axes(double u) const;
   std::vector<double> breakpoints() const;
   int coarse_pieces(double part) const;
-  /// Steps that the stretch from ua to ub needs.
+  /// Returns the number of equal steps for the part from ua to ub.
   int steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const;
 
  private:
@@ -92,7 +94,7 @@ class Walk {
   bool tip_ = false;
   int x_ = -1, y_ = -1, z_ = -1;
   Rates rates_;
-  AxisVector qa_, qb_;  ///< ends, where the slides go straight between them
+  AxisVector qa_, qb_;  ///< slides at the ends, if they move in a straight line between them
   bool straight_ = false;
 };
 
@@ -107,6 +109,7 @@ Walk::Walk(const Path& path, const Block& block, const kinematics::Chain& contro
     x_ = *x, y_ = *y, z_ = *z;
   }
   set_rates();
+  // Without rotation the slides follow the tip linearly: they are solved at the two ends only.
   straight_ = tip_ && rates_.turn == 0.0 && block.interpolation != Interpolation::Arc &&
               block.interpolation != Interpolation::Cubic;
   if (straight_) {
@@ -115,7 +118,8 @@ Walk::Walk(const Path& path, const Block& block, const kinematics::Chain& contro
   }
 }
 
-/// Distance of the tip from the line of every rotary axis: a turn by 1 rad moves it 2 L sin(1/2).
+/// Sum of the distances of the tip from all rotary axis lines: a rotation by 1 rad displaces the
+/// tip by the chord 2 L sin(1/2).
 double Walk::sum_of_levers() const {
   const AxisVector q = axes(0.0);
   const Eigen::Vector3d tip = control_.tool_in_workpiece(q).translation();
@@ -153,14 +157,17 @@ void Walk::set_rates() {
     radius = std::max(arc.radius, arc.radius + arc.growth) + std::abs(arc.growth);
     rates_.travel += radius * sweep;
   }
+  // The travel of the block may lengthen the lever of each of two rotary axes.
   if (rates_.turn > 0.0) rates_.lever = sum_of_levers() + 2 * rates_.travel;
-  // (w + sqrt(w2) + cbrt(w3))^5 times 3 bounds the fifth Bell polynomial of a turn at rates w w2
-  // w3.
+  // (w + sqrt(w2) + cbrt(w3))^5 times 3 bounds the fifth Bell polynomial of a rotation with
+  // derivatives w, w2, w3.
   const double w = rates_.turn + std::sqrt(turn_second) + std::cbrt(turn_third);
   const double turned = 2 * (turn_second > 0.0 ? 3 : 1) * std::pow(w, 5);
   if (tip_) {
     rates_.fifth = options_.reach * turned + radius * std::pow(sweep, 5);
   } else {
+    // Leibniz rule for the fifth derivative of slide motion times rotation; 5, 10, 10 are binomial
+    // coefficients.
     rates_.fifth = (options_.reach + rates_.lever) * turned + radius * std::pow(sweep + w, 5) +
                    5 * rates_.travel * std::pow(w, 4) + 10 * second * std::pow(w, 3) +
                    10 * third * w * w;
@@ -181,16 +188,19 @@ AxisVector Walk::axes(double u) const {
 
 Place Walk::place(double u) const {
   AxisVector q = position(path_, block_, u);
+  // The rotation of the workpiece spindle is excluded from the chord error.
   if (options_.workpiece_spindle) q[*options_.workpiece_spindle] = 0.0;
-  // Under G43.4 the slides do not matter: they turn nothing, and the tip is as programmed.
+  // Under G43.4 the slides are not needed: they do not rotate the tool, and the tip is as
+  // programmed.
   const kinematics::Pose T_wt = control_.tool_in_workpiece(q);
   return {tip_ ? programmed_tip(q) : Eigen::Vector3d(T_wt.translation()), T_wt.linear().col(2)};
 }
 
-/// Where an axis turns back in the middle of a block, so that the reversal is met.
+/// Fractions of a block between which no axis reverses, so that reversals are sampled.
 std::vector<double> Walk::breakpoints() const {
   std::vector<double> u{0.0, 1.0};
   const auto add = [&](double at) {
+    // A reversal this close to an end of the block would only add an empty part.
     if (at > 1e-9 && at < 1 - 1e-9) u.push_back(at);
   };
   if (block_.interpolation == Interpolation::Arc)
@@ -201,7 +211,8 @@ std::vector<double> Walk::breakpoints() const {
     for (int j = 0; j < control_.size(); ++j) {
       if (is_spindle(j)) continue;
       const double c0 = cubic.start_velocity[j] * duration, c2 = cubic.end_velocity[j] * duration;
-      const double c1 = 3 * (block_.end[j] - block_.start[j]) - c0 - c2;  // Bezier, of the rate
+      // Bezier coefficient of the rate, a parabola.
+      const double c1 = 3 * (block_.end[j] - block_.start[j]) - c0 - c2;
       for (const double root : roots(c0 - 2 * c1 + c2, c1 - c0, c0)) add(root);
     }
   }
@@ -209,6 +220,8 @@ std::vector<double> Walk::breakpoints() const {
   return u;
 }
 
+// Bound of the rotation of the tool axis over a part: the peak rate is at most the largest mean
+// rate of a quarter plus the change of rate within it, turn^2 / 4.
 double Walk::turning(const Places& places, double part) const {
   double quickest = 0.0;
   for (std::size_t k = 1; k < places.size(); ++k)
@@ -217,15 +230,14 @@ double Walk::turning(const Places& places, double part) const {
   return 4 * quickest + 0.25 * turn * turn;
 }
 
-/// Bound of 8 n^2 times the distance between the true motion and n lines and great circles: second
-/// derivative of their difference, from its quartic through five instants and a bound of the rest.
+/// Bound of 8 n^2 times the distance between the true motion and n lines and great circles: the
+/// second derivative of their difference, from the quartic through five instants plus a bound of
+/// the remainder.
 double Walk::bend(const Places& places, double part) const {
-  static constexpr double second[5][3] = {// by finite differences, ends zero, step 1/4
-                                          {-104, 114, -56},
-                                          {-20, 6, 4},
-                                          {16, -30, 16},
-                                          {4, 6, -20},
-                                          {-56, 114, -104}};
+  // Finite differences of the quartic through five points, its ends zero, step 1/4 (12 h^2 =
+  // 12/16).
+  static constexpr double second[5][3] = {
+      {-104, 114, -56}, {-20, 6, 4}, {16, -30, 16}, {4, 6, -20}, {-56, 114, -104}};
   const Place &a = places.front(), &b = places.back();
   std::array<std::array<Eigen::Vector3d, 3>, 2> off;  // at the tip and at `reach`
   for (std::size_t k = 0; k < 3; ++k) {
@@ -240,10 +252,13 @@ double Walk::bend(const Places& places, double part) const {
     for (const auto& row : second)
       largest =
           std::max(largest, (row[0] * e[0] + row[1] * e[1] + row[2] * e[2]).norm() * 16.0 / 12.0);
+  // A parabola within 1 at five equidistant points stays below 1.13 between them. 0.03 bounds the
+  // remainder of the quartic's second derivative per unit of the fifth derivative.
   return 1.13 * (1 + 3 * rates_.turn * part) * largest + 0.03 * rates_.fifth * std::pow(part, 5);
 }
 
-/// So many that what five instants do not show is below a tenth of the tolerance.
+/// Number of parts such that the remainder, 0.03 of the fifth derivative, stays below a tenth of
+/// the tolerance (8 times which is the bound of `bend`), and no part rotates by more than 0.1 rad.
 int Walk::coarse_pieces(double part) const {
   const double unseen = std::pow(0.03 * rates_.fifth / (0.8 * options_.chord_tolerance), 0.2);
   return whole_parts(part * std::max(unseen, rates_.turn / 0.1));
@@ -253,6 +268,7 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
   const double part = ub - ua;
   const double turn = rates_.turn * part, travel = rates_.travel * part;
   double n = (tip_ ? travel : travel + rates_.lever * turn) / options_.max_step;
+  // Half of the second derivative: the largest step exceeds the mean step by at most that.
   double slide_bend = 0.5 * (rates_.lever * turn * turn + 2 * travel * turn);
   if (block_.interpolation == Interpolation::Arc) {
     const Arc& arc = path_.arcs[block_.shape];
@@ -282,7 +298,7 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
   return whole_parts(n);
 }
 
-/// Collects samples and counts which way the axes go.
+/// Collects samples and tracks the direction of each axis.
 class Recorder {
  public:
   Recorder(const Path& path, const kinematics::Chain& control, const SampleOptions& options)
@@ -305,9 +321,10 @@ class Recorder {
   const kinematics::Chain& control_;
   const SampleOptions& options_;
   Samples samples_;
-  AxisVector moved_;  ///< where each axis last was seen to move
+  AxisVector moved_;  ///< last position at which each axis was detected to move
 };
 
+// Called before the samples are made, so that no memory is taken for too many.
 void Recorder::expect(double more, int block) const {
   if (double(samples_.states.size()) + more > double(options_.max_samples))
     throw TooManySamples(path_.file, path_.blocks[std::size_t(block)].line, 0,
@@ -331,7 +348,8 @@ void Recorder::push(kinematics::AxisState state, int block) {
   samples_.block.push_back(block);
 }
 
-/// Notes the ways to q in `state`. @return true where a counted axis changes its way
+/// Updates the directions and strokes in `state` for a move to q. Returns true if an axis other
+/// than a spindle reverses or starts.
 bool Recorder::turn_back(const AxisVector& q, kinematics::AxisState& state) {
   bool turned = false;
   for (int j = 0; j < control_.size(); ++j) {
@@ -351,7 +369,7 @@ bool Recorder::turn_back(const AxisVector& q, kinematics::AxisState& state) {
   return turned;
 }
 
-/// The start of a block is the end of the one before, unless the program leaves a gap.
+/// Begins a block: the end of the previous block is reused unless the program leaves a gap.
 void Recorder::start(const AxisVector& q, double time_s, int block) {
   if (!samples_.states.empty()) {
     const kinematics::AxisState& last = samples_.states.back();
@@ -367,20 +385,23 @@ void Recorder::go(const AxisVector& q, double time_s, int block) {
     return;
   }
   kinematics::AxisState state = samples_.states.back();
+  // A reversal adds a second sample at the same position and time with the new direction, because
+  // play and friction jump there.
   if (turn_back(q, state)) push(state, block);
   state.q = q;
   state.time_s = time_s;
   push(std::move(state), block);
 }
 
-/// A piece of a block that is sampled in equal steps.
+/// A part of a block that is sampled in equal steps.
 struct StepRange {
-  double from, to;  // shares of the block
+  double from, to;  // fractions of the block
   int steps;
   const AxisVector& end;
 };
 
-/// The pieces of a block one after the other. @param expects  of so many steps, to refuse them
+/// Visits the parts of a block in order. `expects` is called with each number of steps beforehand,
+/// so that it can reject too many.
 template <class Expects, class Use>
 void for_each_step_range(const Walk& walk, const AxisVector& start, const Expects& expects,
                          const Use& use) {
@@ -421,7 +442,7 @@ void sample_block(const Path& path, int index, const kinematics::Chain& control,
       walk, start, [&](int steps) { recorder.expect(steps, index); }, record);
 }
 
-/// Refuses a path of more samples before one is made.
+/// Throws TooManySamples before any sample is made.
 void check_count(const Path& path, const kinematics::Chain& control, const SampleOptions& options,
                  double most) {
   double count = 0.0;
@@ -437,19 +458,20 @@ void check_count(const Path& path, const kinematics::Chain& control, const Sampl
   }
 }
 
-std::optional<int> spindle_of(const kinematics::Chain& control, const SampleOptions& options) {
+std::optional<int> find_spindle(const kinematics::Chain& control, const SampleOptions& options) {
   if (options.workpiece_spindle) return options.workpiece_spindle;
   for (int j = 0; j < control.size(); ++j)
     if (control.joints()[std::size_t(j)].motion == Motion::Spindle) return j;
   return std::nullopt;
 }
 
-/// The mean over the stretch that ends at a sample; the first of a program takes that of the
-/// stretch after it.
+/// The speed at a sample is the mean over the interval that ends there. The first sample of a
+/// program takes that of the interval that follows.
 void note_spindle_speed(Samples& samples, int spindle, bool begins) {
   std::vector<kinematics::AxisState>& states = samples.states;
   for (std::size_t i = 1; i < states.size(); ++i) {
     const double time = states[i].time_s - states[i - 1].time_s;
+    // A second sample at the same time (a reversal) takes the speed of the first.
     states[i].spindle_speed = time > 0.0
                                   ? std::abs(states[i].q[spindle] - states[i - 1].q[spindle]) / time
                                   : states[i - 1].spindle_speed;
@@ -471,7 +493,7 @@ Samples sample(const Path& path, const kinematics::Chain& control, const SampleO
   for (int i = options.goes_on ? 1 : 0; i < int(path.blocks.size()); ++i)
     sample_block(path, i, control, options, recorder);
   Samples samples = recorder.take();
-  if (const auto spindle = spindle_of(control, options))
+  if (const auto spindle = find_spindle(control, options))
     note_spindle_speed(samples, *spindle, !options.goes_on);
   return samples;
 }
@@ -481,15 +503,18 @@ std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
                             const std::function<void(double part)>& progress) {
   check_size(path, control);
   check_count(path, control, options, max_in_windows);
-  const std::optional<int> spindle = spindle_of(control, options);
+  // The samples of the windows are made once here to find their ends, and dropped window by window.
+  const std::optional<int> spindle = find_spindle(control, options);
   Recorder recorder(path, control, options);
   std::vector<Window> all{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
+    // Rare enough to cost nothing beside sampling.
     constexpr std::size_t progress_block_interval = 1000;  // blocks
     if (progress && i % progress_block_interval == 0)
       progress(double(i) / double(path.blocks.size()));
     all.back().last = i + 1;
+    // The last window ends with the path even if it is short.
     if (recorder.count() < most || all.back().last == path.blocks.size()) continue;
     Samples samples = recorder.take();
     if (spindle) note_spindle_speed(samples, *spindle, all.size() == 1);

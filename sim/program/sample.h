@@ -10,72 +10,77 @@
 
 namespace abbe::sim::program {
 
-/// How far the samples of a path go, for those of what follows it.
+/// State at the end of a sampled path, from which a following path continues.
 struct SamplingState {
-  kinematics::AxisState last;    ///< the last sample
-  kinematics::AxisVector moved;  ///< (n) where each axis was last seen to move
+  kinematics::AxisState last;  ///< the last sample
+  /// (n) last position of each axis at which it was detected to move
+  kinematics::AxisVector moved;
 };
 
+/// Tolerances and limits of sampling.
 struct SampleOptions {
-  double chord_tolerance = 5e-7;  ///< mm: any point of the tool axis up to `reach` above the tip
-                                  ///< lies this near to the line and great circle between samples
-  double reach = 20.0;            ///< mm, how far above the tip the tool cuts
-  double max_step = 1.0;          ///< mm of tip travel in the workpiece between samples
-  double max_turn = 0.02;         ///< rad of tool axis between samples
-  double max_axis_step = 1.0;  ///< mm or rad of any axis but the workpiece spindle, so that curves
-                               ///< of errors are seen
+  /// mm, largest distance of any point of the tool axis up to `reach` above the tip from the line
+  /// and great circle between samples
+  double chord_tolerance = 5e-7;
+  double reach = 20.0;     ///< mm, height above the tip up to which the tool cuts
+  double max_step = 1.0;   ///< mm of tip travel in the workpiece between samples
+  double max_turn = 0.02;  ///< rad of tool axis direction between samples
+  /// mm or rad of any axis except the workpiece spindle, so that error curves are resolved
+  double max_axis_step = 1.0;
   double max_spindle_turn = 6.283185307179586;  ///< rad of the workpiece spindle between samples
-  std::optional<double> max_nose_turn;   ///< rad of a tool spindle between samples, if its turning
-                                         ///< shall be seen
-  std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
-  kinematics::AxisState before = {};  ///< of a path that goes on from another: the ways and strokes
-                                      ///< of the axes so far
-  std::optional<SamplingState> goes_on = {};  ///< of a path whose first block is sampled: that
-                                              ///< block gives the last sample again and no other
-  std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
+  /// rad of a tool spindle between samples, if its rotation is to be resolved
+  std::optional<double> max_nose_turn;
+  /// Joint whose rotation is excluded from the chord error (turning).
+  std::optional<int> workpiece_spindle;
+  /// Directions and stroke counts of the axes at the start, for a path that continues another.
+  kinematics::AxisState before = {};
+  /// State to continue from if the first block is already sampled: that block yields only the last
+  /// sample again.
+  std::optional<SamplingState> goes_on = {};
+  /// More is an input error, raised before memory is allocated.
+  std::size_t max_samples = 50'000'000;
 };
 
-/// Commanded axes at instants. A reversal of an axis is sampled twice, before and after.
+/// Commanded axis positions at instants. An axis reversal is sampled twice, before and after.
 struct Samples {
-  std::vector<kinematics::AxisState> states;  ///< (n) commanded positions of the axes, with time,
-                                              ///< direction and stroke of every axis and speed of
-                                              ///< the spindle
-  std::vector<int> line;              ///< (n) program line of the block that ends or runs here
-  std::vector<int> block;             ///< (n) its index in the path
-  kinematics::AxisVector moved = {};  ///< (axes) where each was last seen to move
+  /// (n) commanded axis positions with time, direction and stroke of each axis and spindle speed
+  std::vector<kinematics::AxisState> states;
+  std::vector<int> line;   ///< (n) program line of the block that ends or runs at the sample
+  std::vector<int> block;  ///< (n) index of that block in the path
+  kinematics::AxisVector moved = {};  ///< (axes) last position at which each was detected to move
 };
 
-/// Blocks of a path that are sampled at once.
+/// A range of blocks of a path that is sampled at once.
 struct Window {
-  std::size_t first = 0, last = 0;            ///< blocks, the last left out
-  std::optional<SamplingState> goes_on = {};  ///< none of the first
+  std::size_t first = 0, last = 0;            ///< first block, and one past the last
+  std::optional<SamplingState> goes_on = {};  ///< empty for the first window
 };
 
-/// More samples than the options allow: still a refusal of the line where the last of them ends.
+/// Thrown for more samples than the options allow, at the line where the limit is exceeded.
 struct TooManySamples : BadInput {
   using BadInput::BadInput;
 };
 
-/// What the control commands the axes: programmed coordinates, under G43.4 turned into slide
-/// positions by the control's own chain.
-/// @throws BadInput naming the line if the slides cannot reach a tip or the samples are too many
+/// Samples what the control commands the axes: programmed coordinates, converted under G43.4 to
+/// slide positions by the control's own chain. Throws BadInput at the line if the slides cannot
+/// reach a tip or there are too many samples.
 Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});
 
-/// Samples of a path in windows at most: more would take days.
+/// The largest number of samples of a path in windows; more would take days.
 inline constexpr double max_in_windows = 1e9;
 
-/// A path in windows, each of which ends with the block that takes it to `most` samples; together
-/// they have the samples of the whole, to the bit, the last of each once more as the first of the
-/// next. In memory for one window and 300 bytes for each.
-/// @throws as `sample`; TooManySamples where a single window has more than options.max_samples, or
-///         all of them more than `max_in_windows`
+/// Splits a path into windows, each ending with the block that brings it to `most` samples.
+/// Together the windows have the samples of the whole path, bit for bit, with the last sample of
+/// each repeated as the first of the next. Needs the memory of one window and 300 bytes for each
+/// window. Throws as `sample` does, and TooManySamples if one window has more than
+/// options.max_samples or all together more than `max_in_windows`.
 std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
                             const SampleOptions& options, std::size_t most,
                             const std::function<void(double part)>& progress = {});
 
-/// The blocks of a window as a program of their own that goes on, of any but the first window with
-/// the block before.
+/// Returns the blocks of a window as a path of its own; for all windows but the first it begins
+/// with the preceding block.
 Path path_of(const Path& path, const Window& window);
 
 }  // namespace abbe::sim::program

@@ -16,16 +16,18 @@ using Eigen::Vector2d;
 using kinematics::AxisVector;
 using Piece = cutting::RevolvedProfile::Piece;
 
+// The same limit as for the points of a milling program.
 constexpr double most_rows = 2e7;
 
-/// Where the nose centre stands above a radius.
+/// Height of the nose centre above a radius.
 struct Height {
   double z = 0.0;
   double slope = 0.0;  ///< dz/dr
-  int touched = -1;    ///< which piece or corner of the profile
+  int touched = -1;    ///< index of the touched segment or corner of the profile
 };
 
-/// The curve of nose centres that touch the profile and cut into none of it.
+/// The curve of nose centres at which the nose touches the profile and gouges it nowhere: the upper
+/// envelope of the offsets of all segments and corners.
 class OffsetCurve {
  public:
   OffsetCurve(std::vector<Piece> pieces, double nose_radius) : a_(nose_radius) {
@@ -51,6 +53,7 @@ class OffsetCurve {
 std::optional<Height> OffsetCurve::on_line(const Piece& piece, double r) const {
   const Vector2d way = piece.to - piece.from;
   const double length = way.norm();
+  // Vertical segments have no height over a radius; their corners represent them.
   if (!(way.x() > 1e-12 * length)) return std::nullopt;
   const Vector2d out(-way.y() / length, way.x() / length);
   const double t = (r - piece.from.x() - a_ * out.x()) / way.x();
@@ -65,12 +68,15 @@ std::optional<Height> OffsetCurve::on_arc(const Piece& piece, double r) const {
   const Vector2d way = piece.to - piece.from, middle = 0.5 * (piece.from + piece.to);
   const Vector2d left = Vector2d(-way.y(), way.x()).normalized();
   const double sagitta_side = std::sqrt(std::max(0.0, rho * rho - 0.25 * way.squaredNorm()));
+  // Centre of the segment's arc, on the side given by the sign of its radius.
   const Vector2d centre = middle + (convex ? -sagitta_side : sagitta_side) * left;
   const double across = r - centre.x();
+  // A nose that is larger than a concave radius does not fit; its corners then carry the nose.
   if (offset <= 0.0 || std::abs(across) >= offset) return std::nullopt;
   const double up = (convex ? 1.0 : -1.0) * std::sqrt(offset * offset - across * across);
   const Vector2d foot = centre + rho / offset * Vector2d(across, up);
   const double bulge = (convex ? 1.0 : -1.0) * (foot - middle).dot(left);
+  // The foot must lie on the bulging side of the chord, i.e. on the segment itself.
   if (bulge < 0.0) return std::nullopt;
   return Height{centre.y() + up, -across / up};
 }
@@ -82,6 +88,7 @@ std::optional<Height> OffsetCurve::on_corner(const Vector2d& corner, double r) c
   return Height{corner.y() + up, -across / up};
 }
 
+// Of all offsets above a radius the highest one is free of gouging.
 std::optional<Height> OffsetCurve::at(double r) const {
   std::optional<Height> highest;
   const auto take = [&](std::optional<Height> height, int touched) {
@@ -98,10 +105,11 @@ std::optional<Height> OffsetCurve::at(double r) const {
   return highest;
 }
 
-/// The profile with a straight tangent beyond its rim.
+/// The profile extended along its tangent beyond the rim, where the cut begins.
 std::vector<Piece> add_run_in(std::vector<Piece> pieces, double length) {
   const Piece last = pieces.back();
   Vector2d tangent = (last.to - last.from).normalized();
+  // The tangent at the end of an arc is the chord rotated by half the sweep.
   if (last.arc_radius != 0.0) {
     const double half =
         std::asin(std::clamp((last.to - last.from).norm() / (2 * last.arc_radius), -1.0, 1.0));
@@ -112,10 +120,10 @@ std::vector<Piece> add_run_in(std::vector<Piece> pieces, double length) {
   return pieces;
 }
 
-/// The two slides of a turning machine, seen in the part's half plane.
+/// The two slides of a turning machine in the half plane of the part.
 struct Lathe {
   int spindle = 0, radial = -1, axial = -1;
-  double side = 1.0;  ///< where the tool stands at home
+  double side = 1.0;  ///< side of the axis on which the tool is at zero
   Eigen::Matrix2d slides_of =
       Eigen::Matrix2d::Identity();   ///< (radial, axial) slide positions of a nose centre (r, z)
   Vector2d home = Vector2d::Zero();  ///< nose centre at zero, (r signed, z)
@@ -146,6 +154,7 @@ Lathe lathe(const GeneratorContext& context) {
     AxisVector q = zero;
     q[j] = 1.0;
     const Eigen::Vector3d way = tip_m(q) - home;
+    // 0.7 of a unit step: a slide belongs to the direction to which it is closer than 45 deg.
     if (std::abs(way.z()) > std::max(0.7, std::abs(axial.z()))) axial = way, lathe.axial = j;
     if (way.head<2>().norm() > std::max(0.7, radial.head<2>().norm()))
       radial = way, lathe.radial = j;
@@ -165,7 +174,7 @@ Lathe lathe(const GeneratorContext& context) {
   return lathe;
 }
 
-/// The cut in time: the radius falls at a constant rate, then rests for one revolution.
+/// The cut over time: the radius falls at a constant rate, then rests for one revolution.
 struct Course {
   double r0 = 0.0, end = 0.0, rate = 0.0;  ///< mm, mm, mm/s
   double arrival_s = 0.0, end_s = 0.0, blend_s = 0.0;
@@ -181,12 +190,13 @@ Course course(const Spiral& spiral, double rim) {
   course.rate = spiral.feed_per_revolution * spiral.spindle_speed / (2 * std::numbers::pi);
   course.arrival_s = (course.r0 - course.end) / course.rate;
   course.end_s = course.arrival_s + 2 * std::numbers::pi / spiral.spindle_speed;
+  // At most 1 ms, and less than half an interval so that blends do not overlap.
   course.blend_s = std::min(0.25 * spiral.interval, 1e-3);
   return course;
 }
 
-/// Instants of the rows: every interval, and close around each change of what the nose touches and
-/// around the arrival, where a cubic alone would cut the corner.
+/// Times of the rows: every interval, and close to each change of the touched segment and to the
+/// arrival, where a cubic alone would round the corner.
 std::vector<double> instants(const Course& course, const OffsetCurve& curve, double interval) {
   std::vector<double> corners{course.arrival_s};
   const auto touched = [&](double t) {
@@ -198,6 +208,7 @@ std::vector<double> instants(const Course& course, const OffsetCurve& curve, dou
     double a = k * interval, b = std::min((k + 1) * interval, course.end_s);
     const int at_a = touched(a);
     if (at_a == touched(b)) continue;
+    // Bisection down to the spacing of doubles.
     for (int i = 0; i < 60; ++i) {
       const double middle = 0.5 * (a + b);
       (touched(middle) == at_a ? a : b) = middle;
@@ -207,6 +218,7 @@ std::vector<double> instants(const Course& course, const OffsetCurve& curve, dou
   std::vector<double> times;
   for (int k = 0; k <= n; ++k) {
     const double t = std::min(k * interval, course.end_s);
+    // Regular rows this close to a corner would disturb the pair of rows beside it.
     const bool near = std::any_of(corners.begin(), corners.end(), [&](double corner) {
       return std::abs(t - corner) <= 1.5 * course.blend_s;
     });
@@ -219,6 +231,7 @@ std::vector<double> instants(const Course& course, const OffsetCurve& curve, dou
   times.push_back(course.end_s);
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end(),
+                          // Two corners may ask for the same row.
                           [&](double a, double b) { return b - a < 0.1 * course.blend_s; }),
               times.end());
   return times;
@@ -246,10 +259,11 @@ std::vector<PvtRow> rows(const Spiral& spiral, const OffsetCurve& curve, const C
   return rows;
 }
 
-/// Lines from row to row under G93, so that each takes the time that the row says.
+/// Lines from row to row under G93, so that each takes the time of its row.
 std::string nc_text(const Spiral& spiral, const std::vector<PvtRow>& rows, const Lathe& lathe,
                     const GeneratorContext& context) {
   const std::vector<ControlledAxis> axes = controlled_axes(context.control);
+  // One millimetre above the start, along the spindle axis.
   const Vector2d lift = lathe.rates(0.0, 1.0);
   AxisVector above = rows.front().position;
   above[lathe.radial] += lift.x();
@@ -279,18 +293,19 @@ void check(const Spiral& spiral, double rim) {
     throw std::invalid_argument("expected at most 2e7 rows");
 }
 
-/// The nose alone is followed, so it is what has to touch: everywhere the edge reaches no farther
-/// than its circle towards the design.
+/// Only the nose circle is followed, so it must be what touches: nowhere may the edge reach beyond
+/// its circle towards the design.
 void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, const Lathe& lathe,
                 double rim) {
   constexpr int places = 2000;
   for (int i = 0; i <= places; ++i) {
     const double r = rim * i / places;
     const std::optional<Height> height = curve.at(r);
-    if (!height) continue;  // refused where it is asked for
+    if (!height) continue;  // reported by `rows` when it is needed
     const Vector2d down = Vector2d(lathe.side * height->slope, -1.0).normalized();
     const Vector2d way = lathe.tool_of * down;
     const double beyond = way.dot(cutting::extreme_point(profile, way)) - profile.radius;
+    // 1e-6 mm: one nanometre, the numerical floor of the residual map.
     if (beyond > 1e-6)
       throw std::invalid_argument(fmt::format(
           "expected an insert that touches with its nose, seen an edge that reaches {:.3g} mm "

@@ -22,6 +22,7 @@ namespace abbe::python {
 namespace {
 
 std::string toml(const py::handle& value) {
+  // bool comes before int, since Python's bool is an int
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
   if (py::isinstance<py::str>(value)) return sim::to_toml_value(value.cast<std::string>());
   if (py::isinstance<py::int_>(value)) return py::str(value);
@@ -35,7 +36,8 @@ std::string toml(const py::handle& value) {
                                    std::string(py::str(py::type::of(value)))));
 }
 
-/// A callback that is let go of with Python's lock held, whoever does it last.
+/// Returns the callback with a deleter that holds Python's lock, as the last owner may be a thread
+/// without it.
 std::shared_ptr<py::object> shared(const py::object& callback) {
   return {new py::object(callback), [](py::object* held) {
             const py::gil_scoped_acquire lock;
@@ -43,29 +45,32 @@ std::shared_ptr<py::object> shared(const py::object& callback) {
           }};
 }
 
-/// What one thread at a time reports, and not more often than anybody can read.
+/// Reports from one thread at a time, at most 20 times a second.
 struct Reporter {
   std::shared_ptr<py::object> callback;
   std::mutex mutex;
   std::string stage;
-  std::chrono::steady_clock::time_point said{};
+  std::chrono::steady_clock::time_point said{};  // time of the last report
 
   void report(const std::string& text, double fraction) {
     constexpr std::chrono::milliseconds min_between(50);
-    // who waited here for Python's lock could hold up the thread that has it
+    // A thread that waited here for Python's lock could block the thread that holds it, so a report
+    // is dropped instead.
     const std::unique_lock lock(mutex, std::try_to_lock);
     if (!lock) return;
     const auto now = std::chrono::steady_clock::now();
+    // a new stage is always reported, a step of the same one only after the interval
     if (fraction >= 0.0 && text == stage && now - said < min_between) return;
     if (fraction >= 0.0) stage = text;
     said = now;
     const py::gil_scoped_acquire python;
+    // Ctrl-C sets a flag in Python; it is checked here, where long work reports
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     if (!callback->is_none()) (*callback)(text, fraction);
   }
 };
 
-/// An exception of Python whose class outlives the interpreter, as pybind11's own do.
+/// Creates a Python exception whose class outlives the interpreter, as those of pybind11 do.
 PyObject* new_exception_class(py::module_& module, const char* name, PyObject* base,
                               const char* text) {
   PyObject* made =
@@ -90,6 +95,7 @@ py::object make_exception(const BadInput& fault) {
 void translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);
+    // derived classes first, as the first handler that fits is taken
   } catch (const sim::BadScene& input_errors) {
     py::object made = py::handle(bad_scene)(input_errors.what());
     py::list all;
@@ -118,6 +124,7 @@ std::vector<sim::Override> overrides(const py::object& set) {
   if (set.is_none()) return all;
   const py::object pairs = py::isinstance<py::dict>(set) ? set.attr("items")() : set;
   for (const py::handle pair : pairs) {
+    // a text of two letters is a sequence of length 2 too
     if (!py::isinstance<py::sequence>(pair) || py::isinstance<py::str>(pair) || py::len(pair) != 2)
       throw py::type_error("set: expected a dict, or pairs such as (\"errors.scale\", 2), seen " +
                            std::string(py::repr(pair)));
@@ -134,6 +141,7 @@ sim::Progress progress(const py::object& callback) {
 }
 
 py::object to_python(const nlohmann::ordered_json& json) {
+  // as text: json.loads makes the same objects as reading the file would
   return py::module_::import("json").attr("loads")(sim::json_text(json));
 }
 
@@ -165,7 +173,7 @@ using sim::compensation::PlugInTask;
 
 Eigen::MatrixXd answer(const py::function& function, const PlugInTask& task,
                        const PlugInBatch& batch) {
-  // copies, since Python may keep what it is given
+  // copies, since Python may keep them
   const py::object answered =
       function(std::make_shared<PlugInTask>(task), std::make_shared<PlugInBatch>(batch));
   using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
@@ -195,6 +203,7 @@ sim::CaseDescription compensator_case(const py::function& function, const std::s
                                : std::string(py::str(py::type::of(function).attr("__name__")));
   sim::CaseDescription description = sim::plug_in_case(name == "<lambda>" ? "lambda" : name);
   description.plug_in = description.name;  // there is no file
+  // released with Python's lock held, as the last owner may be a thread without it
   const std::shared_ptr<py::function> held(new py::function(function), [](py::function* one) {
     const py::gil_scoped_acquire lock;
     delete one;
@@ -264,6 +273,7 @@ void define_compensators(py::module_& module) {
           [](const py::object& self) {
             const auto& T = self.cast<const PlugInBatch&>().T_wt;
             constexpr py::ssize_t size = sizeof(double);
+            // rows of 12 numbers seen as 3 x 4, without a copy
             return view(T.data(), {T.rows(), 3, 4}, {12 * size, 4 * size, size}, self);
           },
           "(n, 3, 4) where the tool should be: tip [:, :, 3], axis [:, :, 2]")

@@ -13,10 +13,11 @@
 #include "sim/scene/cases.h"
 #include "sim/scene/document.h"
 
-/// Arrays of NumPy that look at the memory of a result: nothing is copied, nothing can be written,
-/// and the owner lives as long as they do.
+/// Conversions between C++ and Python. Arrays are NumPy views of the memory of a result: nothing is
+/// copied or writable, and the owner lives as long as they do.
 namespace abbe::python {
 
+/// Returns a view of data in memory that `owner` keeps alive.
 template <typename T>
 pybind11::array view(const T* data, std::vector<pybind11::ssize_t> shape,
                      std::vector<pybind11::ssize_t> strides, pybind11::handle owner) {
@@ -25,13 +26,13 @@ pybind11::array view(const T* data, std::vector<pybind11::ssize_t> shape,
   return array;
 }
 
-/// (n) numbers.
+/// Returns a view of (n) numbers.
 template <typename T>
 pybind11::array view(const std::vector<T>& values, pybind11::handle owner) {
   return view(values.data(), {pybind11::ssize_t(values.size())}, {sizeof(T)}, owner);
 }
 
-/// A column, or a matrix in the order in which it is stored.
+/// Returns a view of a column, or of a matrix in its storage order.
 template <typename Matrix>
 requires requires(const Matrix& m) { m.innerStride(); }
 pybind11::array view(const Matrix& matrix, pybind11::handle owner) {
@@ -46,7 +47,7 @@ pybind11::array view(const Matrix& matrix, pybind11::handle owner) {
                 owner);
 }
 
-/// (n x 4 x 4) poses.
+/// Returns a view of (n x 4 x 4) poses.
 inline pybind11::array view(const std::vector<kinematics::Pose>& poses, pybind11::handle owner) {
   constexpr pybind11::ssize_t size = sizeof(double);
   const double* data = poses.empty() ? nullptr : poses.front().data();
@@ -54,29 +55,31 @@ inline pybind11::array view(const std::vector<kinematics::Pose>& poses, pybind11
               {sizeof(kinematics::Pose), size, 4 * size}, owner);
 }
 
-// What Python says in words of abbe, and back.
+// Conversion of arguments and results
 
-/// {"errors.scale": 2.0, "part.vertices": 20000}, or a list of such pairs, as `--set` has them.
-/// @throws pybind11::type_error for a value that TOML has not
+/// Returns the overrides of a dict such as {"errors.scale": 2.0, "part.vertices": 20000}, or of a
+/// list of such pairs, as `--set` takes them.
+/// @throws pybind11::type_error for a value that TOML does not have
 std::vector<sim::Override> overrides(const pybind11::object& set);
 
-/// A callback `progress(text, fraction)`, below zero a remark, or None. In either case Ctrl-C ends
-/// the work, and what the callback raises does.
+/// Returns the progress function of a callback `progress(text, fraction)`, with a remark if the
+/// fraction is below zero, or of None. In both cases Ctrl-C ends the work, as does an exception of
+/// the callback.
 sim::Progress progress(const pybind11::object& callback);
 
-/// A dict of dicts, lists and numbers.
+/// Returns a dict of dicts, lists and numbers.
 pybind11::object to_python(const nlohmann::ordered_json& json);
 
-/// The file that a name means, which may be one of the library.
+/// Returns the file of a name, which may be one of the library.
 std::filesystem::path scene_file(const std::filesystem::path& name);
 
-/// Registers what abbe throws.
+/// Registers the exceptions of abbe.
 void define_exceptions(pybind11::module_& module);
 
-/// A case that Python computes: `function(task, batch)` returns (samples x joints) corrections, or
-/// (samples x 6) deviations.
+/// Returns a case computed by Python: `function(task, batch)` returns (samples x joints)
+/// corrections, or (samples x 6) deviations.
 /// @param answers  "correction" or "deviation"
-/// @throws pybind11::value_error for another word, or a function without a usable name
+/// @throws pybind11::value_error for any other value, or a function without a usable name
 sim::CaseDescription compensator_case(const pybind11::function& function,
                                       const std::string& answers);
 

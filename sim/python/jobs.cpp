@@ -48,7 +48,7 @@ struct Compared {
     py::dict all;
     for (const sim::Compared& one : cases->cases)
       all[py::str(one.verdict.cut.name)] =
-          Result{{cases, one.job}, {cases, &one.verdict}};  // each keeps all of them
+          Result{{cases, one.job}, {cases, &one.verdict}};  // each result keeps all of them alive
     return all;
   }
 };
@@ -69,13 +69,15 @@ void save(const Result& result, const std::filesystem::path& folder,
       throw py::value_error(
           fmt::format("formats: expected some of {}, seen \"{}\"", fmt::join(known, ", "), one));
   const bool tracked = result.verdict->cut.track.has_value();
+  // checked before the folder is made
   if (sim::retention_for(formats) == Retention::Track && !tracked)
     throw py::value_error("expected a result cut with track=True to save its track");
+  // other Python threads run while files are written
   const py::gil_scoped_release free;
   sim::Permissions permissions;
   permissions.command = "import abbe";
   permissions.force = force;
-  const sim::ResultFolder into(folder, sim::writer_of(result.job->scene, permissions));
+  const sim::ResultFolder into(folder, sim::make_writer(result.job->scene, permissions));
   sim::Verdict verdict = *result.verdict;
   verdict.stock = sim::stock_check(*result.job, verdict);
   sim::write_program(into, *result.job);
@@ -84,9 +86,10 @@ void save(const Result& result, const std::filesystem::path& folder,
 
 constexpr int picture_width = 900;  // px
 
-/// Empty where abbe was built without pictures.
+/// Returns the map as a PNG file; empty if abbe was built without pictures.
 py::bytes picture(const Result& result, int width) {
   if (width < 1 || width > 10000) throw py::value_error("width: expected 1 to 10000 pixels");
+  // the lock is released for the drawing and held again for the Python object
   std::string png;
   {
     const py::gil_scoped_release free;
@@ -184,6 +187,7 @@ void define_result(py::module_& module) {
           "track",
           [](const Result& r) -> py::object {
             if (!r.verdict->cut.track) return py::none();
+            // a copy, since the view needs an owner of its own
             return py::cast(std::make_shared<sim::ToolTrack>(*r.verdict->cut.track));
           },
           "where the tool was; None unless it was cut with track=True")
@@ -249,9 +253,10 @@ namespace {
 using sim::Job;
 using sim::Retention;
 
-/// A job and what was changed in its scene, for machines with other errors.
+/// A job and the changes to its scene, for machines with other errors.
 struct PreparedJob {
-  std::shared_ptr<Job> job;  ///< read alone, but for the plug-ins that are typed and so trusted
+  std::shared_ptr<Job> job;  ///< only read, except for plug-ins that the user typed and thereby
+                             ///< trusted
   std::vector<sim::Override> overrides;
 };
 using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
@@ -273,6 +278,7 @@ PreparedJob prepare(const std::filesystem::path& scene, const py::object& set, b
 
 PreparedJob replace_errors(const PreparedJob& prepared, const py::object& set) {
   std::vector<sim::Override> all = prepared.overrides;
+  // a later value of a key replaces the earlier one
   for (sim::Override& one : overrides(set)) {
     std::erase_if(all, [&](const sim::Override& old) { return old.path == one.path; });
     all.push_back(std::move(one));
@@ -289,6 +295,7 @@ Result cut(const PreparedJob& prepared, const py::object& which, const std::stri
   const std::shared_ptr<Job>& job = prepared.job;
   const Retention keep = track ? Retention::Track : Retention::Map;
   const sim::Progress report = progress(callback);
+  // a function or callable object is a compensator; anything else is the name of a case
   std::optional<sim::CaseDescription> compensator;
   bool error_free = false;
   if (py::isinstance<py::function>(which) || PyCallable_Check(which.ptr()) != 0) {
@@ -297,6 +304,7 @@ Result cut(const PreparedJob& prepared, const py::object& which, const std::stri
     const std::string name = py::str(which);
     error_free = name == "error_free";
     if (!error_free && name != "uncompensated") compensator = sim::parse_case(name);
+    // a plug-in given by name was typed by the user, which is enough to trust it
     if (compensator) sim::trust(job->scene, *compensator);
   }
   const py::gil_scoped_release free;
@@ -304,7 +312,7 @@ Result cut(const PreparedJob& prepared, const py::object& which, const std::stri
   return judged(job, sim::cut(*job, compensator, report, keep));
 }
 
-/// (n x axes) positions of an array, or of one row.
+/// Returns (n x axes) positions from an array, or from a single row.
 Rows positions(const Rows& q, Eigen::Index axes) {
   if (q.ndim() == 1 && q.shape(0) == axes) return Rows(q.attr("reshape")(1, axes));
   if (q.ndim() != 2 || q.shape(1) != axes)
@@ -325,6 +333,7 @@ py::tuple poses(const std::filesystem::path& file, const Rows& given, const py::
     idle = std::make_unique<const sim::IdleMachine>(
         sim::idle_machine(sim::read_scene(scene_file(file), all)));
   }
+  // checked with the lock held, as it touches Python objects
   const Rows q = positions(given, idle->machine.nominal.size());
   auto made = std::make_unique<Poses>();
   {
@@ -339,6 +348,7 @@ py::tuple poses(const std::filesystem::path& file, const Rows& given, const py::
     }
   }
   const Poses& both = *made;
+  // both arrays share one owner
   const py::capsule owner(made.release(), [](void* held) { delete static_cast<Poses*>(held); });
   return py::make_tuple(view(both.nominal, owner), view(both.actual, owner));
 }
@@ -349,6 +359,7 @@ py::object compare(const std::filesystem::path& scene, const py::object& set,
   sim::RunOptions options = options_of(set, trust, callback);
   if (track) options.formats.emplace_back(sim::saved_track);
   for (const py::object& one : compensators) {
+    // a path is a plug-in, anything else must be a function
     if (py::isinstance<py::str>(one) || py::hasattr(one, "__fspath__"))
       options.plug_ins.push_back(one.cast<std::filesystem::path>());
     else
@@ -398,6 +409,8 @@ void define_job(py::module_& module) {
             const auto& states = job.samples.states;
             const double* data = states.empty() ? nullptr : states.front().q.data();
             return view(data, {py::ssize_t(states.size()), job.machine.nominal.size()},
+                        // a view with the stride of the sample, of which only the positions are
+                        // seen
                         {sizeof(kinematics::AxisState), sizeof(double)}, self);
           },
           "(samples, axes) as the program commands them, mm and rad")
@@ -490,6 +503,7 @@ py::object identify(const std::vector<path>& readings, const std::string& method
   std::optional<nlohmann::ordered_json> json;
   {
     const py::gil_scoped_release free;
+    // files are written only if `out` is named
     json = sim::to_json(out ? sim::identify(readings, options, report)
                             : sim::identified(readings, options, report));
   }

@@ -8,21 +8,22 @@
 
 #include "sim/commands/scene_runs.h"
 
+/// The classes and functions of the module.
 namespace abbe::python {
 
-/// One case judged, with the job that it was cut of.
+/// A judged case with its job.
 struct Result {
   std::shared_ptr<const sim::Job> job;
   std::shared_ptr<const sim::Verdict> verdict;
 };
 
-/// A case alone, as `abbe run` judges it.
+/// Judges a single case, as `abbe run` does.
 Result judged(std::shared_ptr<const sim::Job> job, sim::Cut cut);
 
 /// Registers Track, Result and Comparison.
 void define_results(pybind11::module_& module);
 
-/// A comparison as Python has it.
+/// Returns a comparison as a Python object.
 pybind11::object comparison_to_python(sim::CaseResults cases);
 
 /// Registers Job, `prepare`, `pose` and `compare`.

@@ -19,12 +19,14 @@ namespace py = pybind11;
 namespace abbe::python {
 namespace {
 
-/// The program that belongs to this module: beside it in a build, else where it is installed.
+/// Finds the program of this module: beside it in a build, otherwise where it is installed. It
+/// loads plug-ins in shared libraries.
 void find_program() {
   Dl_info here{};
   if (::dladdr(reinterpret_cast<const void*>(&find_program), &here) == 0) return;
   std::error_code failure;
   const auto folder = std::filesystem::canonical(here.dli_fname, failure).parent_path();
+  // an installed module finds the program relative to its own folder
   for (const auto& file : {folder / "abbe", folder / ABBE_PROGRAM_FROM_MODULE})
     if (std::filesystem::is_regular_file(file, failure))
       return sim::name_program_file(std::filesystem::canonical(file));
@@ -32,6 +34,7 @@ void find_program() {
 
 void limit(const std::optional<int>& threads, const std::optional<double>& memory_gb) {
   using tbb::global_control;
+  // TBB's limit lasts as long as the object does
   static std::unique_ptr<global_control> held;
   if (threads && *threads < 1) throw py::value_error("threads: expected at least 1");
   if (memory_gb && !(*memory_gb > 0.0)) throw py::value_error("memory_gb: expected more than 0");

@@ -48,7 +48,7 @@ std::string list(const VectorXd& numbers, double unit) {
   return "[" + text + "]";
 }
 
-/// The keys of a curve's shape.
+/// Writes the keys of a curve's shape.
 class ShapeKeys {
  public:
   ShapeKeys(std::string& text, const Units& unit) : text_(text), unit_(unit) {}
@@ -75,6 +75,8 @@ class ShapeKeys {
   }
   void operator()(const errors::DirectionalTables& shape) {
     kind("up_down");
+    // The tables for both directions are written as inline tables, so that each curve stays one
+    // TOML table.
     const std::string outer = std::exchange(text_, {});
     rows(shape.up);
     const std::string up = std::exchange(text_, {});
@@ -87,6 +89,7 @@ class ShapeKeys {
 
  private:
   [[noreturn]] static void refuse() {
+    // chance cannot be corrected
     throw std::invalid_argument("a belief cannot hold a curve that depends on chance");
   }
   static std::string to_single_line(std::string text) {
@@ -118,6 +121,7 @@ class ShapeKeys {
   void rows(const errors::Table& shape) {
     line(std::string("q_") + unit_.position_word, list(shape.q, unit_.position));
     values("value", shape.value);
+    // defaults are not written
     if (shape.between == errors::Between::Spline) line("between", "\"spline\"");
     if (shape.outside == errors::Outside::Hold) line("outside", "\"hold\"");
   }
@@ -139,6 +143,7 @@ void write_covariance(std::string& text, const errors::GeometricErrors& belief) 
   const errors::Covariance& covariance = belief.covariance;
   const auto m = Eigen::Index(covariance.of.size());
   if (m == 0) return;
+  // rounding may leave a tiny negative variance
   const VectorXd sigma = covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
   text +=
       "\n# standard uncertainties in um and urad; correlation: lower triangle row by row\n"
@@ -148,6 +153,7 @@ void write_covariance(std::string& text, const errors::GeometricErrors& belief) 
     const errors::Coefficient& number = covariance.of[std::size_t(i)];
     const bool angle = belief.elements[std::size_t(number.element)].name.is_angle();
     text += (i ? ", " : "") + to_toml_value(errors::name_of(number, belief.elements));
+    // correlations need no units, unlike covariances between um and urad
     uncertainties +=
         fmt::format("{}{}", i ? ", " : "", sigma[i] / (angle ? units::urad : units::um));
     for (Eigen::Index k = 0; k < i; ++k) {
@@ -166,7 +172,7 @@ std::string to_errors_file(const errors::GeometricErrors& belief, const std::vec
                            const std::vector<std::string>& comments) {
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
-  // single lines must come before the first table
+  // keys of the top level must come before the first table
   std::string tables;
   for (const Element& element : belief.elements) {
     const Units unit = units_of(element.name, joints);

@@ -23,6 +23,7 @@ constexpr std::size_t width = 8;
 
 using Row = std::array<double, width>;
 
+// Reads a row of readings of a part.
 Row read_row(std::string_view line, int number, const std::string& file) {
   const std::vector<Cell> cells = cells_of(line, ',', width);
   const auto refuse = [&](int column, const std::string& expected, const std::string& seen) {
@@ -36,6 +37,7 @@ Row read_row(std::string_view line, int number, const std::string& file) {
     if (!x) refuse(cells[i].column, "a number within +-1e9", in_quotes(cells[i].text));
     row[i] = *x;
   }
+  // 1e-9: the normals are written with all their digits
   if (std::abs(std::hypot(row[3], row[4], row[5]) - 1.0) > 1e-9)
     refuse(cells[3].column, "a normal of length 1", in_quotes(line));
   return row;
@@ -50,6 +52,7 @@ std::string to_text(const PartReadingsFile& file) {
       first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
       to_toml_value(file.part), r.sigma / units::um, r.deviation.size(), columns);
   for (Eigen::Index i = 0; i < r.deviation.size(); ++i) {
+    // fmt writes a double with the fewest digits that read back to its bits
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.points_w(i, k));
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.normals_w(i, k));
     text += fmt::format("{},{}\n", r.deviation[i] / units::um, r.time_s[i]);
@@ -65,6 +68,8 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   std::string head;
   Lines lines(text);
   auto line = lines.next();
+  // Comment lines form the TOML head. A blank replaces each '#', so that columns in messages are
+  // those of the file.
   for (; line && line->starts_with('#'); line = lines.next())
     head += " " + std::string(line->substr(1)) + "\n";
   if (!line || *line != columns)
@@ -86,6 +91,7 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   while ((line = lines.next()))
     if (line->find_first_not_of(" \t") != std::string_view::npos)
       rows.push_back(read_row(*line, lines.number(), file));
+  // the number of rows in the head reveals a file that was cut off
   if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
     throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", stated_rows),
                    fmt::format("{}: the file was cut off or changed", rows.size()));
@@ -122,6 +128,7 @@ using metrology::Readings;
 using metrology::SetUp;
 
 constexpr std::string_view first_line = "# abbe_readings = 1";
+// Limits on size and counts keep a wrong file from using up the memory.
 constexpr std::size_t max_bytes = std::size_t(256) << 20;
 constexpr int max_rows = 1000000000;
 constexpr std::size_t max_set_ups = 10000, max_channels = 250000, max_sensors = 1000;
@@ -144,9 +151,9 @@ double position_unit(const Joint& joint) { return is_slide(joint) ? 1.0 : units:
 const char* position_word(const Joint& joint) { return is_slide(joint) ? "mm" : "deg"; }
 const char* reading_unit(const Channel& channel) { return channel.is_angle() ? "rad" : "mm"; }
 
-// ---------------------------------------------------------------- writing
+// Writing
 
-/// Lines of the head.
+/// Writes the lines of the head.
 class Head {
  public:
   template <typename... Args>
@@ -156,7 +163,7 @@ class Head {
     text_ += '\n';
   }
   void number(const char* key, double value) { line("{} = {}", key, value); }
-  /// What is at its default is not said.
+  /// Writes a number unless it has its default 0.
   void put_nonzero_number(const char* key, double value) {
     if (value != 0.0) number(key, value);
   }
@@ -205,6 +212,7 @@ void write_channel(Head& head, const Channel& channel) {
   head.vector("point_of_mm", channel.point_of);
   head.vector("point_in_mm", channel.point_in);
   head.vector("direction", channel.direction_in);
+  // only a mirror has a normal
   if (channel.quantity == Quantity::Mirror) head.vector("normal", channel.normal_of);
   head.put_nonzero_number(angle ? "noise_rad" : "noise_mm", channel.noise);
   head.put_nonzero_number(angle ? "resolution_rad" : "resolution_mm", channel.resolution);
@@ -225,6 +233,7 @@ void write_set_up(Head& head, const SetUp& set_up) {
   for (const Channel& channel : set_up.channels) write_channel(head, channel);
 }
 
+// The head holds everything needed to identify errors from the readings, and nothing of the truth.
 std::string head_of(const Readings& readings) {
   Head head;
   head.line("{}", first_line.substr(2));
@@ -248,9 +257,10 @@ std::string columns_of(const std::vector<Joint>& joints, const std::vector<std::
   return text;
 }
 
-// ---------------------------------------------------------------- reading
+// Reading
 
 Pose read_pose(TableReader& reader, const std::string& key) {
+  // three rows of the pose; the fourth is 0 0 0 1
   const Eigen::VectorXd numbers = reader.numbers(key, 12);
   Pose T = Pose::Identity();
   if (numbers.size() == 12)
@@ -275,6 +285,7 @@ Joint read_joint(const Node& node, InputErrors& input_errors) {
   joint.direction_b = reader.vector("direction");
   joint.point_b = reader.vector("point_mm");
   const Eigen::VectorXd travel = reader.numbers(is_slide(joint) ? "travel_mm" : "travel_deg", 2);
+  // without two numbers the reader has already recorded the error
   if (travel.size() == 2) {
     joint.min = travel[0];
     joint.max = travel[1];
@@ -312,6 +323,7 @@ Channel read_channel(const Node& node, InputErrors& input_errors) {
                                                           {"angle", Quantity::Angle}});
   channel.of = read_body(reader, "of");
   channel.in = read_body(reader, "in");
+  // a channel between two points of one body would read nothing
   if (channel.of == channel.in) reader.refuse("in", "another body than that of `of`", "the same");
   channel.point_of = reader.vector("point_of_mm");
   channel.point_in = reader.vector("point_in_mm");
@@ -352,6 +364,7 @@ kinematics::Chain read_machine(TableReader& reader) {
   std::vector<Joint> joints;
   const Pose T_bw = read_pose(reader, "T_bw_mm"), T_bt = read_pose(reader, "T_bt_mm");
   for (const Node* node : reader.tables("joint"))
+    // one more than allowed, so that the chain reports the surplus
     if (joints.size() <= kinematics::max_joints)
       joints.push_back(read_joint(*node, reader.input_errors()));
   if (reader.input_errors().empty()) {
@@ -361,16 +374,18 @@ kinematics::Chain read_machine(TableReader& reader) {
       reader.input_errors().add(reader.place(), "a machine that makes a chain", fault.what());
     }
   }
+  // after an error the chain is not used
   return kinematics::Chain({}, Pose::Identity(), Pose::Identity());
 }
 
-/// The head of a file and how many rows it says are below it; 0: it does not say.
+/// The head of a file, and the number of rows that it states; 0: none stated.
 struct ReadingsHeader {
   Readings readings;
   int rows = 0;
 };
 
-/// The head, whose lines are the leading ones with a #, so that places are those of the file.
+/// Reads the head, i.e. the leading lines with a #. Lines are kept, so that locations in messages
+/// are those of the file.
 ReadingsHeader read_head(std::string_view text, const std::string& file) {
   std::string toml;
   Lines lines(text);
@@ -401,7 +416,7 @@ ReadingsHeader read_head(std::string_view text, const std::string& file) {
   return {{std::move(plan), std::move(nominal), {}, {}, {}}, rows};
 }
 
-/// Reader of the rows below the head.
+/// Reads the rows below the head.
 class Rows {
  public:
   Rows(std::string_view text, const std::string& file, Readings& readings)
@@ -428,6 +443,7 @@ class Rows {
     if (!next()) lines_.refuse(1, "a line with the names of the columns", "the end of the file");
     const auto& joints = readings_.nominal.joints();
     const std::string wanted = columns_of(joints, {});
+    // The columns of the axes are fixed by the head; only temperatures may follow.
     if (!line_.starts_with(wanted))
       lines_.refuse(1, "columns that begin with " + wanted, in_quotes(line_));
     const std::string_view rest = line_.substr(wanted.size());
@@ -464,6 +480,7 @@ class Rows {
     measurement.channel = channels.empty()
                               ? lines_.whole_number_in(cells[1], -1, -1)
                               : lines_.whole_number_in(cells[1], 0, int(channels.size()) - 1);
+    // limits of an int in the file, far above any real run
     measurement.run = lines_.whole_number_in(cells[2], 0, 1000000);
     measurement.target = lines_.whole_number_in(cells[3], 0, 1000000000);
     measurement.state.time_s = lines_.number_in(cells[4]);
@@ -471,6 +488,7 @@ class Rows {
     for (std::size_t j = 0; j < n; ++j) {
       measurement.state.q[Eigen::Index(j)] =
           lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
+      // direction and stroke are kept, as reversal depends on them
       measurement.state.direction[j] = std::int8_t(lines_.whole_number_in(cells[6 + 3 * j], -1, 1));
       measurement.state.stroke[j] = lines_.whole_number_in(cells[7 + 3 * j], 0, 1000000000);
     }
@@ -486,6 +504,7 @@ class Rows {
   void read_value(const Cell& value, const Cell& unit, std::string_view wanted) {
     const bool none = value.text.empty();
     const bool first = readings_.plan.measurements.empty();
+    // either every row has a reading or none has
     if (none != wanted.empty() || (!first && none != values_.empty()))
       lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
                     in_quotes(value.text));

@@ -7,43 +7,48 @@
 #include "errors/metrology/part.h"
 #include "errors/metrology/readings.h"
 
+/// Readings of instruments as text files.
 namespace abbe::sim {
 
-/// Readings of a part as a file holds them.
+/// Readings of a part as stored in a file.
 struct PartReadingsFile {
   std::string instrument;
   std::string kind;  ///< "cmm", "touch_probe"
-  std::string part;  ///< title of the scene and case it was cut in
+  std::string part;  ///< title of the scene, and the case in which the part was cut
   errors::metrology::PartReadings readings;
 };
 
-/// Text: a head of TOML in lines that begin with "# ", then one row a point: x_mm, y_mm, z_mm on
-/// the design, normal nx, ny, nz, deviation_um, time_s. Numbers are as short as reads back the same
-/// bits, the deviation within one ulp.
+/// Returns the text of readings of a part: a head of TOML in lines that begin with "# ", then a row
+/// for each point: x_mm, y_mm, z_mm on the design, normal nx, ny, nz, deviation_um, time_s. Numbers
+/// have the fewest digits that read back to the same bits; the deviation reads back within one ulp.
 std::string to_text(const PartReadingsFile& file);
 
-/// @param file  what refusals call it
-/// @throws BadInput, BadScene
+/// Reads the text of readings of a part.
+/// @param file  name in messages
+/// @throws BadInput, BadScene  for errors in a row or in the head
 PartReadingsFile read_part_readings(std::string_view text, const std::string& file);
 
-/// Whether a text is one of these.
+/// Returns true if a text holds readings of a part.
 bool is_part_readings_text(std::string_view text);
 
-/// Readings as text: a head of TOML in lines that begin with "# " which says all that there is to
-/// know (instrument, nominal machine, every set-up and channel with what is known of its
-/// alignment), then one row a reading: set_up, channel, run, target, time_s, the axes as commanded
-/// with way and stroke, reading and its unit (mm, rad), temperatures. No truth. Numbers are as
-/// short as reads back the same bits; of rotary positions, in degrees, within one ulp.
+/// Returns the text of readings: a head of TOML in lines that begin with "# " with all that is
+/// known (instrument, nominal machine, every set-up and channel with what is known of its
+/// alignment), then a row for each reading: set_up, channel, run, target, time_s, the commanded
+/// axes with direction and stroke, the reading and its unit (mm, rad), temperatures. It contains
+/// nothing of the truth. Numbers have the fewest digits that read back to the same bits; rotary
+/// positions, in degrees, read back within one ulp.
 std::string to_text(const errors::metrology::Readings& readings);
 
-/// Reads that text. @param file  what refusals call it
-/// @throws BadScene with every fault of the head, BadInput with line and column of a row
+/// Reads the text of readings.
+/// @param file  name in messages
+/// @throws BadScene with every error of the head, BadInput with line and column of a row
 errors::metrology::Readings read_readings(std::string_view text, const std::string& file);
 
-/// The same from a file, at most 256 MiB. @throws BadInput also if it is no readable regular file
+/// Reads readings from a file of at most 256 MiB.
+/// @throws BadInput also if it is not a readable regular file
 errors::metrology::Readings read_readings_file(const std::filesystem::path& file);
 
-/// Whether a text is one of these.
+/// Returns true if a text holds readings.
 bool is_readings_text(std::string_view text);
 
 }  // namespace abbe::sim

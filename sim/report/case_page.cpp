@@ -39,21 +39,20 @@ namespace abbe::sim {
 
 using std::filesystem::path;
 
-/// The maps of cases as they were cut, with the regions of the part and the stretches of the first
-/// case's program.
+/// Returns the maps of cases as they were cut, with the regions of the part and the time intervals
+/// of the first case's program.
 /// @param cases    at least one
-/// @param figures  of them, as comparison.json has them
+/// @param figures  of the cases, as in comparison.json
 PartMaps compared_maps(const std::vector<Compared>& cases, const nlohmann::ordered_json& figures);
 
-/// A case that was saved: its figures, with its name, and the folder that may hold its map.
+/// A saved case: its figures, with its name, and the folder that may hold its map.
 struct SavedCase {
   nlohmann::ordered_json figures;
   std::filesystem::path folder;
 };
 
-/// The maps that `run` or `compare` left as residual.vtp. Regions are not in such files, nor are
-/// they invented: that the scene of a case has some is among what is left out, and so are cases
-/// without a file.
+/// Returns the maps that `run` or `compare` wrote as residual.vtp. Such files hold no regions:
+/// regions of the scene are noted as an omission, and so are cases without a file.
 /// @throws BadInput for a file that is damaged or holds more than a page can
 PartMaps saved_maps(const std::vector<SavedCase>& cases);
 
@@ -64,6 +63,7 @@ using nlohmann::ordered_json;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double ms = 1e-3;
 
+/// Returns the time intervals in which the program runs each line.
 LineIntervals stretches_of(const Job& job) {
   LineIntervals all;
   for (const Job& part : parts_of(job)) {
@@ -71,14 +71,14 @@ LineIntervals stretches_of(const Job& job) {
     for (std::size_t k = 0; k < samples.line.size(); ++k) {
       if (k > 0 && samples.line[k] == samples.line[k - 1]) continue;
       all.line.push_back(samples.line[k]);
-      // a sample belongs to what ends there
+      // A sample belongs to the line that ends there.
       all.begin_ms.push_back(int(std::lround(samples.states[k > 0 ? k - 1 : 0].time_s / ms)));
     }
   }
   return all;
 }
 
-/// The map of what a region of the part holds, the rest not judged.
+/// Returns the map of one region of the part, with the rest not judged.
 cutting::Surface within_region(const cutting::Surface& surface, const cutting::Triangles& triangles,
                                const std::vector<int>& region, int number) {
   cutting::Surface inside = surface;
@@ -90,6 +90,7 @@ cutting::Surface within_region(const cutting::Surface& surface, const cutting::T
     inside.residual[Eigen::Index(k)] = nan;
   }
   for (Eigen::Index t = 0; t < inside.within.size(); ++t)
+    // A triangle across the border of a region belongs to neither side.
     for (const int corner : triangles.row(t))
       if (is_out[std::size_t(corner)]) inside.within[t] = nan;
   std::erase_if(inside.gouges,
@@ -97,6 +98,7 @@ cutting::Surface within_region(const cutting::Surface& surface, const cutting::T
   return inside;
 }
 
+/// Returns the figures of one region, um; null where there are none.
 ordered_json region_statistics(const cutting::Statistics& s) {
   const auto um = [](const std::optional<double>& mm) {
     return mm ? ordered_json(*mm / units::um) : ordered_json();
@@ -112,7 +114,7 @@ ordered_json region_statistics(const cutting::Statistics& s) {
           {"in", s.conformance ? ordered_json(s.conformance->in) : ordered_json()}};
 }
 
-/// The region of every vertex and the figures of all, of cases that are among the maps.
+/// Adds the region of every vertex, and the figures of all regions for the cases among the maps.
 void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
                  const cutting::Design& design) {
   const Job& job = *cases.front()->job;
@@ -163,10 +165,12 @@ namespace {
 using namespace html;
 using nlohmann::ordered_json;
 
+/// Returns a JSON value as text; null as a dash.
 std::string plain(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.is_null() ? "–" : value.dump();
 }
 
+/// Adds the time series of every case that is among the maps.
 void add_time_series(PageData& data, const std::vector<Compared>& cases) {
   for (std::size_t number = 0; number < data.index["cases"].size(); ++number)
     for (const Compared& one : cases)
@@ -174,11 +178,11 @@ void add_time_series(PageData& data, const std::vector<Compared>& cases) {
         add_case_time_series(data, one, number);
 }
 
-/// A still picture of every map, for a browser that cannot turn one, and for paper.
+/// Returns a still picture of every map, for browsers that cannot turn one, and for print.
 std::string pictures(const std::vector<Compared>& cases) {
   constexpr int width_px = 900;
   std::vector<std::string> png(cases.size());
-  // one is prepared and another compressed while a third is drawn
+  // One picture is prepared and another compressed while a third is drawn.
   tbb::parallel_for(std::size_t(0), cases.size(), [&](std::size_t i) {
     png[i] = map_png(*cases[i].job, cases[i].verdict, width_px);
   });
@@ -193,6 +197,7 @@ std::string pictures(const std::vector<Compared>& cases) {
   return text.empty() ? "" : "<section id=\"pictures\">" + text + "</section>";
 }
 
+/// Returns the verdicts on tolerances, and the limits that cases exceed, as a list.
 std::string verdicts(const std::vector<Compared>& cases) {
   std::vector<std::string> lines;
   for (const Compared& one : cases) {
@@ -205,6 +210,7 @@ std::string verdicts(const std::vector<Compared>& cases) {
   return list(lines);
 }
 
+/// Returns direction and point of every axis as a list.
 std::string machine_section(const Job& job) {
   std::vector<std::string> lines;
   for (const kinematics::Joint& joint : job.machine.nominal.joints()) {
@@ -217,6 +223,8 @@ std::string machine_section(const Job& job) {
   return list(lines);
 }
 
+/// Returns the text below the maps: request, axes, verdicts, warnings, versions and the command to
+/// repeat it.
 std::string words(const std::vector<Compared>& cases, const ordered_json& json,
                   const std::vector<std::string>& left_out, const PageOptions& asked) {
   const Job& job = *cases.front().job;
@@ -250,6 +258,7 @@ std::string words(const std::vector<Compared>& cases, const ordered_json& json,
 
 }  // namespace
 
+/// Pictures and maps are made in parallel: both take seconds and share nothing but the cases.
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
                        const PageOptions& asked) {
   const Job& job = *cases.front().job;
@@ -274,7 +283,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
 
 namespace {
 
-/// What a file of a map must be besides a field to stand in a page.
+/// Throws an input error if a map cannot be shown on a page.
 void check_fits(const path& file, const render::Field& field, const CaseMap& one) {
   if (field.design.triangles.rows() == 0)
     throw BadInput(file.string(), 0, 0, "the triangles of a part", "none");
@@ -282,22 +291,25 @@ void check_fits(const path& file, const render::Field& field, const CaseMap& one
     throw BadInput(file.string(), 0, 0, "a map that a page can hold", *what + " beyond that");
 }
 
-/// The figures and the map of a case are written together; one of another case is refused.
+/// Throws an input error if a map does not belong to the figures: both are written together.
 void check_has_figures(const path& file, const render::Tally& counts,
                        const nlohmann::ordered_json& figures) {
-  // a file has the vertices; where points between them count as well, theirs stand apart
+  // The file holds the vertices; if sampled points count as well, the figures of the vertices are
+  // separate.
   const auto vertices = figures.find("at_vertices_um");
-  const bool length_mismatch_text = vertices != figures.end() && vertices->is_object();
-  const auto& written = (length_mismatch_text ? *vertices : figures.at("residual_um")).at("max");
+  const bool apart = vertices != figures.end() && vertices->is_object();
+  const auto& written = (apart ? *vertices : figures.at("residual_um")).at("max");
   const double highest = counts.highest_um;
   if (!written.is_number() || counts.cut == 0) return;
   const double wanted = written.get<double>();
+  // The file and the JSON are rounded differently: 1 nm, or 1e-5 of a large value.
   if (std::abs(highest - wanted) > 1e-3 + 1e-5 * std::abs(wanted))
     throw BadInput(file.string(), 0, 0,
                    fmt::format("the map of the figures, which reaches {:.6g} um", wanted),
                    fmt::format("one that reaches {:.6g} um", highest));
 }
 
+/// Returns true if the file exists; a folder that cannot be read is an input error.
 bool is_there(const path& file) {
   std::error_code fault;
   const bool found = std::filesystem::exists(file, fault);
@@ -305,6 +317,7 @@ bool is_there(const path& file) {
   return found;
 }
 
+/// Adds a saved map to the page after checking that it belongs to the figures.
 void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
   render::Field field = render::read_residual(file);
   const render::Tally counts = render::tally(field, 0.0);
@@ -323,6 +336,7 @@ void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
   add_case(maps, field.design, std::move(map));
 }
 
+/// Returns true if the scene saved with a case has regions.
 bool has_regions(const SavedCase& one) {
   const path scene = one.folder / "scene.toml";
   return is_there(scene) &&
@@ -366,13 +380,14 @@ namespace {
 using nlohmann::ordered_json;
 using std::filesystem::path;
 
-/// The file that has the figures.
+/// Returns the file that holds the figures of a folder.
 path figures_file(const path& folder) {
   const path comparison = folder / "comparison.json";
   return std::filesystem::exists(comparison) ? comparison : folder / "summary.json";
 }
 
-/// What compare called a folder of its own.
+/// Returns the folder that `compare` wrote for a case. A name from a file must not lead outside the
+/// results.
 path saved_case_folder(const path& folder, const std::string& name) {
   const path inside = path(name).lexically_normal();
   if (inside.empty() || inside == "." || inside.is_absolute() || *inside.begin() == "..")
@@ -380,7 +395,7 @@ path saved_case_folder(const path& folder, const std::string& name) {
   return folder / inside;
 }
 
-/// The cases of the JSON; a summary is of one, which lies in the folder itself.
+/// Returns the cases of the JSON; a summary describes one case, in the folder itself.
 std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder) {
   std::vector<SavedCase> cases;
   if (!json.contains("cases")) {
@@ -399,6 +414,7 @@ std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder)
   return cases;
 }
 
+/// Returns the table of the figures of all cases.
 ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
   const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs"};
   std::vector<PageColumn> columns{{label_text("case"), ""}};
@@ -416,17 +432,18 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
   return table_block("figures", label_text("figures"), columns, rows);
 }
 
-/// Pictures of the folder and of its cases, that of the comparison first.
+/// Returns the pictures of the folder and of its cases, the picture of the comparison first.
 std::vector<path> saved_pictures(const path& folder) {
   std::vector<path> files = saved_files(folder);
   std::erase_if(files, [](const path& file) { return file.extension() != ".png"; });
+  // Paths with fewer parts come first.
   std::ranges::sort(files, {}, [](const path& file) {
     return std::pair(std::distance(file.begin(), file.end()), file);
   });
   return files;
 }
 
-/// Words of the JSON.
+/// Returns the page with the texts of the JSON.
 FiguresPage saved_page_header(const ordered_json& json) {
   FiguresPage page;
   page.title = json.at("scene").get<std::string>();
@@ -448,13 +465,14 @@ FiguresPage saved_page_header(const ordered_json& json) {
   return page;
 }
 
-/// What was saved, as far as it is text.
+/// The saved results as far as they are text.
 struct Saved {
   FiguresPage page;
   std::vector<SavedCase> cases;
   ordered_json tolerance_um;
 };
 
+/// Reads the JSON of a folder, and the scene to be offered for download.
 Saved read_saved(const path& folder) {
   const path file = figures_file(folder);
   Saved saved;
@@ -471,7 +489,7 @@ Saved read_saved(const path& folder) {
   return saved;
 }
 
-/// Pictures of a block as they stand in a page of maps.
+/// Returns the section of the pictures for a page of maps.
 std::string section_of(const ordered_json& block) {
   if (block.is_null()) return "";
   std::string text = "<section id=\"pictures\" class=\"saved\">";
@@ -484,7 +502,7 @@ std::string section_of(const ordered_json& block) {
   return text + "</section>";
 }
 
-/// Of every case whose part has a tolerance.
+/// Returns the verdicts of all cases whose part has a tolerance.
 std::string verdicts(const std::vector<SavedCase>& cases) {
   std::vector<std::string> lines;
   for (const SavedCase& one : cases) {
@@ -496,6 +514,7 @@ std::string verdicts(const std::vector<SavedCase>& cases) {
   return html::label("verdicts", "h2") + html::list(lines);
 }
 
+/// Returns the packed maps. Too large a value in a saved file is an input error.
 PageData data_of(const Saved& saved, const PartMaps& maps, const path& folder) {
   try {
     return maps_data(maps, saved.tolerance_um);
@@ -504,6 +523,7 @@ PageData data_of(const Saved& saved, const PartMaps& maps, const path& folder) {
   }
 }
 
+/// Returns the page with maps to turn; without any map the figures stand alone.
 std::string maps_page_html(const Saved& saved, PageData data, const ordered_json& pictures) {
   MapsPage page{saved.page.title,
                 saved.page.language,

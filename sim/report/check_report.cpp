@@ -20,7 +20,7 @@ namespace {
 using kinematics::AxisState;
 using kinematics::Joint;
 
-/// Where an error motion is stated: on the line on which it was measured, if one is given.
+/// Returns where an error motion is stated: on the line on which it was measured, if one is given.
 std::string place_of(const errors::GeometricModel& model,
                      const errors::GeometricModel::Bound& bound, const Joint& joint) {
   std::string place = "the joint's point";
@@ -33,6 +33,7 @@ std::string place_of(const errors::GeometricModel& model,
   return place;
 }
 
+/// Returns an element with its value and slope at zero of its axis; a table need not contain zero.
 Description::Element described(const errors::GeometricModel& model,
                                const errors::GeometricModel::Bound& bound,
                                const kinematics::Chain& chain) {
@@ -63,7 +64,7 @@ Description::Element described(const errors::GeometricModel& model,
   return element;
 }
 
-/// Nodes that a function of temperatures looks at.
+/// Adds the nodes on which a function of temperatures depends.
 void add_nodes(std::vector<std::string>& names, const errors::ThermalFunction& function,
                const errors::ThermalNetwork& network) {
   for (const auto& term : function.terms) {
@@ -73,6 +74,8 @@ void add_nodes(std::vector<std::string>& names, const errors::ThermalFunction& f
   }
 }
 
+/// Returns the thermal network with its time constants, which are the inverse decay rates of its
+/// modes.
 Description::Heat described(const Truth::Heat& truth, const ThermalDescription& thermal,
                             const kinematics::Chain& chain) {
   const errors::ThermalNetwork& network = truth.run.network;
@@ -105,8 +108,10 @@ Description::Heat described(const Truth::Heat& truth, const ThermalDescription& 
   return heat;
 }
 
+/// Returns the stiffness along x, y and z of the tool, half way through the program.
 std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
+  // Pushed and pulled, so that all other deviations cancel; 1 N stays in the linear range.
   constexpr double force = 1.0;  // N
   const auto tip = [&](int axis, double newton) {
     errors::Load load;
@@ -118,6 +123,7 @@ std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
     const kinematics::Pose pushed = tip(axis, force), pulled = tip(axis, -force);
     const double gives =
         pulled.linear().col(axis).dot(pushed.translation() - pulled.translation()) / 2;
+    // Below 1e-12 mm per N the difference is rounding: that direction is rigid.
     if (gives > 1e-12) stiffness[std::size_t(axis)] = force / gives * units::um;
   }
   return stiffness;
@@ -169,33 +175,35 @@ using kinematics::Joint;
 using kinematics::Motion;
 using nlohmann::ordered_json;
 
-// ---- words and units of both
-
+/// Returns the kind of an axis: slide, turn or nose.
 const char* way_of(const Joint& joint) {
   return joint.motion == Motion::Linear   ? "slide"
          : joint.motion == Motion::Rotary ? "turn"
                                           : "nose";
 }
 
+/// Returns the side of an axis, which decides the sign of its commands.
 const char* carried_by(const Joint& joint) {
   return joint.side == kinematics::Side::Workpiece ? "workpiece" : "tool";
 }
 
-/// A limit of travel in mm or degrees; none where the axis is unlimited.
+/// Returns a travel limit in mm or degrees; empty if the axis is unlimited.
 std::optional<double> limit(const Joint& joint, double q) {
   if (std::abs(q) >= 1e9) return std::nullopt;
   return q / (joint.motion == Motion::Linear ? 1.0 : units::deg);
 }
 
+/// Returns the unit in which an element is stated, and its name below.
 double unit_of(const errors::ElementName& name) {
   return name.is_angle() ? units::urad : units::um;
 }
 const char* word_of(const errors::ElementName& name) { return name.is_angle() ? "urad" : "um"; }
 
+/// Returns the axis along or about which an element acts: components 0 to 2 are translations, 3 to
+/// 5 rotations.
 char direction_of(const errors::ElementName& name) { return char('X' + name.component() % 3); }
 
-// ---- JSON
-
+/// Returns an axis; a spindle has no travel.
 ordered_json axis_json(const Joint& joint) {
   ordered_json axis = {{"name", std::string(1, joint.name)},
                        {"moves", way_of(joint)},
@@ -211,6 +219,7 @@ ordered_json axis_json(const Joint& joint) {
   return axis;
 }
 
+/// Returns the effect of a location element: bodies moved, changed angles, displacement of the tip.
 ordered_json location_json(const errors::ElementName& name, const LocationEffect& effect) {
   const char* displaces[] = {"frame", "carried", "axis"};
   ordered_json angles = ordered_json::object(), tip = ordered_json::array();
@@ -227,6 +236,7 @@ ordered_json location_json(const errors::ElementName& name, const LocationEffect
           {"tip_moved", tip}};
 }
 
+/// Returns an element with units in its keys: um or urad, slopes per mm or per rad.
 ordered_json element_json(const Description::Element& one) {
   const std::string word = word_of(one.name);
   ordered_json element = {{"name", errors::to_string(one.name)}};
@@ -261,6 +271,7 @@ ordered_json heat_json(const Description::Heat& heat) {
           {"sensors", sensors}};
 }
 
+/// Returns the cut of the nominal machine; without forces its material is null.
 ordered_json cut_json(const Description::NominalCut& cut) {
   ordered_json material, source;
   if (cut.material) {
@@ -276,6 +287,7 @@ ordered_json cut_json(const Description::NominalCut& cut) {
           {"crash_lines", cut.crash_lines}};
 }
 
+/// Returns the programs that a scene would run, and whether they are trusted.
 ordered_json programs_json(const std::vector<ProgramTrust>& programs) {
   ordered_json all = ordered_json::array();
   for (const ProgramTrust& one : programs)
@@ -286,8 +298,7 @@ ordered_json programs_json(const std::vector<ProgramTrust>& programs) {
   return all;
 }
 
-// ---- text
-
+/// Returns the numbered bodies and, below them, the low-order body array.
 std::string bodies_text(const kinematics::BodyArray& array) {
   std::string bodies = "bodies   ", parents = "parents  ";
   for (std::size_t i = 0; i < array.body.size(); ++i) {
@@ -315,6 +326,7 @@ std::string axis_text(const Joint& joint) {
                      carried_by(joint), triple(joint.direction_b), triple(joint.point_b), travel);
 }
 
+/// Returns one line for an element: value and slope at zero, and where it is stated.
 std::string element_text(const Description::Element& one) {
   const auto text = [&](const std::optional<double>& number, const std::string& per) {
     return number ? fmt::format("{:.4g} {}{}", *number / unit_of(one.name), word_of(one.name), per)
@@ -326,7 +338,7 @@ std::string element_text(const Description::Element& one) {
                      slope, one.location ? one.location->meaning : one.stated_at);
 }
 
-/// "EC0Y turns X workpiece by -40 urad about Z; angle X-Y +40 urad; tip in um: ..."
+/// Returns "EC0Y turns X workpiece by -40 urad about Z; angle X-Y +40 urad; tip in um: ...".
 std::string location_text(const errors::ElementName& name, const LocationEffect& effect) {
   std::string bodies, angles, tip;
   for (const std::string& body : effect.bodies) bodies += " " + body;
@@ -334,7 +346,7 @@ std::string location_text(const errors::ElementName& name, const LocationEffect&
   if (effect.displaces == kinematics::DisplacedPart::Carried) bodies += ", which it carries,";
   for (const LocationEffect::Angle& angle : effect.angles)
     angles += fmt::format("; angle {} {:+.4g} urad", angle.between, angle.change / units::urad);
-  const auto um = [](double mm) {  // what two poses cannot tell is no motion
+  const auto um = [](double mm) {  // less than 1e-6 um is rounding of two poses
     return std::abs(mm / units::um) < 1e-6 ? 0.0 : mm / units::um;
   };
   for (const LocationEffect::Tip& one : effect.tip)
@@ -368,6 +380,7 @@ std::string stiffness_text(const std::array<std::optional<double>, 3>& stiffness
   return text + " N/um\n";
 }
 
+/// Returns the cut of the nominal machine, with the lines of its first crash.
 std::string cut_text(const Description::NominalCut& cut) {
   std::string text = fmt::format(
       "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
@@ -380,6 +393,7 @@ std::string cut_text(const Description::NominalCut& cut) {
   return text;
 }
 
+/// Returns part and regions; where regions overlap, the last one decides.
 std::string part_text(const Description::Part& part) {
   std::string text = fmt::format("\npart     {}: {} vertices, {:.4g} mm^2\n", escaped(part.name),
                                  part.vertices, part.area);
@@ -404,6 +418,7 @@ std::string program_text(const Description& d) {
   return text;
 }
 
+/// Returns the programs that a scene would run; a check runs none of them.
 std::string programs_text(const std::vector<ProgramTrust>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
@@ -460,7 +475,7 @@ ordered_json to_json(const Description& d) {
 }
 
 std::string to_text(const Description& d) {
-  // what a person looks for first stands first: `check` shows so many lines and no more
+  // The most important facts come first: `check` prints a limited number of lines.
   std::string text = fmt::format("{}\nmachine  {}\ncode     {}\n", escaped(d.scene),
                                  escaped(d.machine), d.structural_code);
   text += part_text(d.part);

@@ -32,10 +32,12 @@ using errors::metrology::FigureGroup;
 using errors::metrology::TestResult;
 using nlohmann::ordered_json;
 
-std::string make_field_key(const Figure& figure) {
+/// Returns the key of a figure: its name with its unit.
+std::string make_key(const Figure& figure) {
   return figure.unit.empty() ? figure.name : figure.name + "_" + figure.unit;
 }
 
+/// Returns the value of a figure; an estimate keeps its standard uncertainty.
 ordered_json value_of(const Figure& figure) {
   return std::visit(
       [](const auto& value) -> ordered_json {
@@ -52,9 +54,10 @@ ordered_json value_of(const Figure& figure) {
       figure.value);
 }
 
+/// Puts figures and, nested, groups of figures into an object.
 void put(ordered_json& json, const std::vector<Figure>& figures,
          const std::vector<FigureGroup>& groups) {
-  for (const Figure& figure : figures) json[make_field_key(figure)] = value_of(figure);
+  for (const Figure& figure : figures) json[make_key(figure)] = value_of(figure);
   for (const FigureGroup& group : groups) {
     ordered_json inner = ordered_json::object();
     put(inner, group.figures, group.groups);
@@ -62,6 +65,7 @@ void put(ordered_json& json, const std::vector<Figure>& figures,
   }
 }
 
+/// Returns all tests; the diagonals of a test are nested in it.
 ordered_json tests_json(const std::vector<TestResult>& tests) {
   ordered_json all = ordered_json::array();
   for (const TestResult& test : tests) {
@@ -73,6 +77,7 @@ ordered_json tests_json(const std::vector<TestResult>& tests) {
   return all;
 }
 
+/// Returns one line of text for a figure; estimates show their standard uncertainty.
 std::string line(const Figure& figure, const std::string& label) {
   if (const auto* number = std::get_if<double>(&figure.value))
     return fmt::format("{:<40} {:>12.4f}\n", label, *number);
@@ -87,12 +92,12 @@ std::string line(const Figure& figure, const std::string& label) {
   return fmt::format("{:<40} {:>12}\n", label, single_lined(value_of(figure)).dump());
 }
 
+/// Returns figures and, indented, groups of figures as lines of text.
 std::string lines(const std::vector<Figure>& figures, const std::vector<FigureGroup>& groups,
                   std::size_t indent) {
   const std::string margin(indent, ' ');
   std::string text;
-  for (const Figure& figure : figures)
-    text += line(figure, margin + escaped(make_field_key(figure)));
+  for (const Figure& figure : figures) text += line(figure, margin + escaped(make_key(figure)));
   for (const FigureGroup& group : groups)
     text += margin + escaped(group.name) + "\n" + lines(group.figures, group.groups, indent + 2);
   return text;
@@ -146,11 +151,12 @@ constexpr std::size_t max_panels = 12;  // of one picture
 double unit_of(bool angle) { return angle ? units::urad : units::um; }
 const char* word_of(bool angle) { return angle ? "µrad" : "µm"; }
 
+/// Returns a figure for a picture; empty if the test does not have it.
 std::string figure(const char* name, const std::optional<double>& value, bool angle) {
   return value ? fmt::format("{} {:.2f} {}", name, *value / unit_of(angle), word_of(angle)) : "";
 }
 
-/// Mean of one way of approach with its band of 2 s, over the runs themselves.
+/// Adds the mean of one direction of approach with its 2 s band, over the single runs.
 void add_approach(render::Panel& panel, const char* name, const VectorXd& target,
                   const Eigen::MatrixXd& runs,
                   const std::optional<metrology::OneWayPositioning>& way, double unit, int colour) {
@@ -169,6 +175,7 @@ void add_approach(render::Panel& panel, const char* name, const VectorXd& target
   panel.series.push_back({"", x, y, {}, {}, render::Mark::Points, colour});
 }
 
+/// Returns the panel of a positioning test with its figures by ISO 230-2.
 render::Panel panel_of(const std::string& name, const metrology::PositionRuns& runs, bool angle,
                        bool is_positioning, const std::string& x_label, double x_unit) {
   const metrology::Positioning p = metrology::positioning(runs);
@@ -183,7 +190,7 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
   return panel;
 }
 
-/// Name of a test with what was taken out of it.
+/// Returns the name of a test with what was removed from it.
 std::string title_of(const metrology::AxisTest& test) {
   if (test.what == metrology::AxisTest::TestKind::Straightness)
     return test.name + ", less its line";
@@ -193,6 +200,7 @@ std::string title_of(const metrology::AxisTest& test) {
   return test.name;
 }
 
+/// Returns a panel for every axis test and every diagonal.
 std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
   std::vector<render::Panel> panels;
   for (const metrology::AxisTest& test : tests.axes)
@@ -206,11 +214,13 @@ std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
   return panels;
 }
 
-/// A sense about a centre; one that goes all the way round ends where it began.
+/// Returns one sense of rotation about a centre; a full turn is closed at its first point.
 render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& trace,
                             const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
   VectorXd angle = trace.angle;
   VectorXd deviation = trace.radius.array() - runs.nominal_radius;
+  // The eccentricity of the centre is subtracted to the first order, as the deviations are small
+  // against the radius.
   for (Index i = 0; i < deviation.size(); ++i)
     deviation[i] -= centre.x() * std::cos(angle[i]) + centre.y() * std::sin(angle[i]);
   if (metrology::is_full_turn(angle)) {
@@ -222,6 +232,7 @@ render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& tr
   return {name, angle, deviation / units::um};
 }
 
+/// Draws both senses of a circular test about the centre that its standard prescribes.
 void write_circle(const std::filesystem::path& file, const metrology::CircleTest& test,
                   const std::string& from) {
   const metrology::Circular circle = metrology::circular(test.runs);
@@ -250,12 +261,15 @@ void write_circle(const std::filesystem::path& file, const metrology::CircleTest
   render::write_polar(file, traces, options);
 }
 
+/// Draws the log of a drift test over time.
 void write_drift(const std::filesystem::path& file, const metrology::DriftTest& test,
                  const std::string& from) {
   std::vector<render::Panel> panels;
   const VectorXd& time_s = test.log.time_s;
+  // Above two hours the axis is labelled in hours.
   const bool long_log = time_s[time_s.size() - 1] - time_s[0] > 7200.0;
   const VectorXd x = (time_s.array() - time_s[0]) / (long_log ? 3600.0 : 60.0);
+  // Displacements and tilts have panels of their own, because their units differ.
   for (const bool angle : {false, true}) {
     render::Panel panel{angle ? "tilts" : "displacements",
                         long_log ? "time / h" : "time / min",
@@ -274,7 +288,7 @@ void write_drift(const std::filesystem::path& file, const metrology::DriftTest& 
   render::write_curves(file, panels, options);
 }
 
-/// A name of a set-up as part of a file's name.
+/// Returns the name of a set-up as a part of a file name.
 std::string file_name_part(std::string name) {
   for (char& c : name)
     if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '+') c = '_';
@@ -289,6 +303,7 @@ std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folde
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::string& name, const auto& draw) {
     std::string file = name + ".png";
+    // Two tests may have the same name.
     for (int k = 2; std::find(files.begin(), files.end(), folder.path() / file) != files.end(); ++k)
       file = fmt::format("{}-{}.png", name, k);
     files.push_back(folder.path() / file);
@@ -351,6 +366,7 @@ constexpr Index max_drift_points = 2000;
 double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }
 const char* chart_unit_name(bool is_angle) { return is_angle ? "µrad" : "µm"; }
 
+/// Returns values as a list; JSON has no NaN, so missing values are null.
 ordered_json list_of(const VectorXd& values) {
   ordered_json list = ordered_json::array();
   for (const double value : values)
@@ -358,9 +374,7 @@ ordered_json list_of(const VectorXd& values) {
   return list;
 }
 
-// --- the figures
-
-/// Names of nested figures with their values, "causes: radius_um".
+/// Collects nested figures with names such as "causes: radius_um".
 void flatten(const ordered_json& json, const std::string& within,
              std::vector<std::pair<std::string, ordered_json>>& figures) {
   for (const auto& [key, value] : json.items()) {
@@ -383,7 +397,7 @@ void flatten(const ordered_json& json, const std::string& within,
   }
 }
 
-/// A table of all tests by one standard: figures down, tests across.
+/// Returns a table of all tests by one standard: figures down, tests across.
 ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::size_t number) {
   std::vector<PageColumn> columns{{label_text("figure"), ""}};
   std::vector<std::string> names;
@@ -409,7 +423,7 @@ ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::
                      tests.front()->at("standard").get<std::string>(), columns, rows);
 }
 
-/// At most so many tests stand beside each other.
+/// Adds the tables of all standards; tests beyond the maximum across go into another table.
 void add_standards(ordered_json& blocks, const ordered_json& tests) {
   constexpr std::size_t max_across = 8;
   std::vector<std::string> standards;
@@ -437,6 +451,7 @@ void add_standards(ordered_json& blocks, const ordered_json& tests) {
     }
 }
 
+/// Adds the ranges of temperatures during the readings.
 void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
   if (!evaluation.contains("temperatures")) return;
   ordered_json rows = ordered_json::array();
@@ -454,9 +469,7 @@ void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
                                rows));
 }
 
-// --- charts of what was evaluated
-
-/// One way of approach: its mean with the band of 2 s, and every run.
+/// Adds one direction of approach: its mean with the 2 s band, and every run.
 void add_approach_series(ordered_json& panel, const char* name, const VectorXd& target,
                          const Eigen::MatrixXd& runs,
                          const std::optional<metrology::OneWayPositioning>& way, double unit,
@@ -477,6 +490,7 @@ void add_approach_series(ordered_json& panel, const char* name, const VectorXd& 
   panel["series"].push_back(points);
 }
 
+/// Returns the panel of one axis or diagonal over the position.
 ordered_json position_panel(const std::string& name, const metrology::PositionRuns& runs,
                             bool is_angle, const PageText& x, double x_unit) {
   const metrology::Positioning p = metrology::positioning(runs);
@@ -507,7 +521,7 @@ void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
-/// A sense about a centre; one that goes all the way round ends where it began.
+/// Returns one sense of rotation about a centre; a full turn is closed at its first point.
 ordered_json circle_series(const char* name, const metrology::CircularTrace& trace,
                            double nominal_radius, const Eigen::Vector2d& centre) {
   ordered_json series;
@@ -524,6 +538,7 @@ ordered_json circle_series(const char* name, const metrology::CircularTrace& tra
   return series;
 }
 
+/// Adds the circular tests as polar charts.
 void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
   ordered_json block = page_block("polar", "circles", label_text("circles"));
   block["unit"] = "µm";
@@ -549,6 +564,7 @@ void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
+/// Adds the drift tests over time, thinned, because a log may have thousands of readings.
 void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   ordered_json block = page_block("panels", "drifts", label_text("drifts"));
   block["columns"] = 2;
@@ -568,7 +584,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
           ordered_json line =
               series_of(test.log.names[c], list_of(hours(few)),
                         list_of(test.log.values.col(Index(c))(few) / chart_unit(is_angle)), "line");
-          line["colour"] = c;  // the same in both panels
+          line["colour"] = c;  // the same sensor has the same colour in both panels
           panel["series"].push_back(line);
         }
       if (!panel["series"].empty()) block["panels"].push_back(panel);
@@ -577,6 +593,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
+/// Adds the deviations of a part's points as a histogram.
 void add_part(ordered_json& blocks, const PartReadingsFile& part) {
   ordered_json block = page_block("histogram", "part", label_text("part_deviations"));
   block["x"] = label_text("deviation_read");
@@ -590,6 +607,7 @@ void add_part(ordered_json& blocks, const PartReadingsFile& part) {
   blocks.push_back(block);
 }
 
+/// Returns the page as far as the JSON of an evaluation has it: tables, temperatures, warnings.
 FiguresPage evaluation_document(const ordered_json& evaluation) {
   FiguresPage page;
   page.title = evaluation.at("file").get<std::string>();

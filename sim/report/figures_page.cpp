@@ -30,6 +30,7 @@ PageText phrase(const std::vector<PageText>& words) {
 
 const ordered_json& figure_in(const ordered_json& json) {
   const auto is_number = [](const ordered_json& one) { return one.is_number() || one.is_null(); };
+  // An estimate is drawn with its interval.
   const bool is_banded = json.is_object() && json.size() == 3 && json.contains("value") &&
                          json.contains("low") && json.contains("high") &&
                          std::all_of(json.begin(), json.end(), is_number);
@@ -94,13 +95,15 @@ namespace {
 
 using nlohmann::ordered_json;
 
+/// Returns the labels of both kinds of pages, since charts use both.
 std::vector<ReportLabel> all_labels() {
   std::vector<ReportLabel> all(report_labels().begin(), report_labels().end());
   all.insert(all.end(), chart_labels().begin(), chart_labels().end());
   return all;
 }
 
-/// Words of the blocks are { label } or text; a label that is missing would stop the page.
+/// Throws if a block uses an unknown label, at which the script of the page would stop. Labels of
+/// blocks are { label } or text.
 void check_labels(const ordered_json& json, const std::set<std::string>& known) {
   if (json.is_object() && json.contains("label")) {
     const auto key = json.at("label").get<std::string>();
@@ -110,6 +113,7 @@ void check_labels(const ordered_json& json, const std::set<std::string>& known) 
     for (const ordered_json& one : json) check_labels(one, known);
 }
 
+/// Returns a list item with which a file can be saved from the page.
 std::string download(const PageFile& file) {
   const std::string name = html::html_escaped(file.name);
   return "<li><a download=\"" + name + "\" href=\"data:application/octet-stream;base64," +

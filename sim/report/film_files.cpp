@@ -25,8 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A path as ffmpeg takes it for a numbered list of pictures.
-std::string numbered_name(const fs::path& folder) {
+/// Returns the numbered file name of the frames as ffmpeg takes it; it reads % as a pattern.
+std::string numbered(const fs::path& folder) {
   std::string text;
   for (const char c : fs::absolute(folder).string())
     text += c == '%' ? std::string("%%") : std::string(1, c);
@@ -50,6 +50,7 @@ std::optional<fs::path> find_executable(const std::string& program) {
 
 std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEncoding& encoding,
                                          const fs::path& film) {
+  // Common players decode no other pixel format than yuv420p.
   std::vector<std::string> command{ffmpeg,
                                    "-hide_banner",
                                    "-loglevel",
@@ -61,11 +62,12 @@ std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEn
                                    "-start_number",
                                    "1",
                                    "-i",
-                                   numbered_name(encoding.frames),
+                                   numbered(encoding.frames),
                                    "-frames:v",
                                    std::to_string(encoding.count),
                                    "-pix_fmt",
                                    "yuv420p"};
+  // faststart puts the index first, so that a browser can play the film while it loads.
   const std::vector<std::string> h264{"-c:v", "libx264", "-preset",   "veryfast",
                                       "-crf", "20",      "-movflags", "+faststart"};
   const std::vector<std::string> vp9{"-c:v",      "libvpx-vp9", "-deadline", "realtime",
@@ -95,6 +97,7 @@ std::string shell_text(const std::vector<std::string>& command) {
 }
 
 void encode(const std::vector<std::string>& command, const std::function<void()>& waiting) {
+  // A day: encoding is limited only so that it ends at all.
   constexpr double max_s = 86400.0;
   compensation::ChildProcess child(command, {}, waiting);
   try {
@@ -113,6 +116,7 @@ namespace fs = std::filesystem;
 
 std::string frame_name(std::size_t frame) { return fmt::format("frame_{:05d}.png", frame + 1); }
 
+/// Returns true for the name of a frame: only such files of an earlier film are removed.
 bool is_frame(const std::string& name) {
   return name.size() == std::string("frame_00001.png").size() && name.starts_with("frame_") &&
          name.ends_with(".png") &&
@@ -120,7 +124,8 @@ bool is_frame(const std::string& name) {
                      [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/// What an earlier film left, so that a shorter one is not mixed with it, nor one that is stopped.
+/// Removes the files of an earlier film, so that a shorter or an interrupted film is not mixed with
+/// them.
 void remove_earlier(const ResultFolder& folder, const ResultFolder& frames) {
   for (const char* film : {"film.mp4", "film.webm"}) remove_file(folder / film);
   std::vector<std::string> names;
@@ -131,7 +136,8 @@ void remove_earlier(const ResultFolder& folder, const ResultFolder& frames) {
   for (const std::string& name : names) remove_file(frames / name);
 }
 
-/// The stock of the next frame is cut and the last frame is packed while one is drawn.
+/// Writes all frames: while one is drawn, the stock of the next is cut and the last one is
+/// compressed.
 void write_frames(const ResultFolder& frames, ProgramFilm& program, const Progress& progress) {
   const std::size_t n = program.frames();
   render::Film film(program.setting());
@@ -153,6 +159,7 @@ void write_frames(const ResultFolder& frames, ProgramFilm& program, const Progre
   written.get();
 }
 
+/// Encodes the frames under a temporary name; an interrupt ends ffmpeg.
 void write_encoded(const ResultFile& film, const std::string& ffmpeg, const FilmEncoding& encoding,
                    const Progress& progress) {
   if (progress) progress("encode", 0.0);
@@ -161,7 +168,7 @@ void write_encoded(const ResultFile& film, const std::string& ffmpeg, const Film
       encode(encoder_command(ffmpeg, encoding, temporary), stop_if_interrupted);
     });
   } catch (const OutputFailure&) {
-    stop_if_interrupted();  // then that is what it failed by
+    stop_if_interrupted();  // an interrupt is the cause of the failure
     throw;
   }
 }

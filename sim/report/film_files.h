@@ -13,48 +13,49 @@
 
 namespace abbe::sim {
 
-/// The frames of a film, frame_00001.png and so on, and what makes one file of them.
+/// The frames of a film, frame_00001.png and so on, to be encoded as one file.
 struct FilmEncoding {
-  std::filesystem::path frames;  ///< their folder
+  std::filesystem::path frames;  ///< folder of the frames
   std::size_t count = 0;
   double fps = 25.0;
 };
 
-/// A program as the shell would find it on the PATH; none without one.
+/// Returns the path of a program on the PATH; empty if there is none.
 std::optional<std::filesystem::path> find_executable(const std::string& program);
 
-/// How ffmpeg is called; the ending of `film` chooses the format: .mp4 (H.264) or .webm (VP9).
-/// @param ffmpeg  the program
+/// Returns the command line of ffmpeg; the extension of `film` selects the format: .mp4 (H.264) or
+/// .webm (VP9).
+/// @param ffmpeg  path of the program
 std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEncoding& encoding,
                                          const std::filesystem::path& film);
 
-/// The same for a person to type.
+/// Returns the command line quoted for a shell.
 std::string shell_text(const std::vector<std::string>& command);
 
-/// Runs it to its end, without a shell.
-/// @param waiting  called again and again meanwhile; may throw, then it is ended
-/// @throws std::runtime_error with its last words if it fails
+/// Runs a command to its end, without a shell.
+/// @param waiting  called repeatedly meanwhile; if it throws, the command is ended
+/// @throws std::runtime_error with the last output of the command if it fails
 void encode(const std::vector<std::string>& command, const std::function<void()>& waiting);
 
-/// What is made of a film.
+/// Request of `abbe animate`.
 struct FilmRequest {
   FilmPlan plan;
   FilmOptions options;
-  std::string format = "mp4";  ///< "mp4", "webm", or "none": the frames alone
+  std::string format = "mp4";  ///< "mp4", "webm", or "none": frames only
 };
 
-/// What became of it.
+/// Result of writing a film.
 struct FilmOutcome {
-  std::filesystem::path frames;  ///< their folder
+  std::filesystem::path frames;  ///< folder of the frames
   std::size_t count = 0;
-  std::optional<std::filesystem::path> film;  ///< none without ffmpeg
-  std::string notice;  ///< where it could not be made: the command that would
+  std::optional<std::filesystem::path> film;  ///< empty without ffmpeg
+  std::string notice;  ///< if it could not be encoded: the command that would do it
 };
 
 /// Writes frames/frame_00001.png and so on and film.mp4 or film.webm; those of an earlier film are
 /// removed first.
 /// @param progress  shows two stages, "frames" and "encode"
-/// @throws OutputFailure, Interrupted; BadInput where pictures are not built
+/// @throws OutputFailure, Interrupted; BadInput if the program was built without pictures
 FilmOutcome write_film(const ResultFolder& folder, const FilmSource& cut,
                        const FilmRequest& request, const Progress& progress = {});
 

@@ -23,6 +23,8 @@ namespace {
 
 using errors::identification::CurveReadings;
 
+/// Returns the panel of one identified curve over its readings; 1.96 standard deviations are its 95
+/// % band.
 render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nominal) {
   const bool angle = curve.element.is_angle();
   const double unit = angle ? units::urad : units::um;
@@ -48,7 +50,7 @@ render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nomi
   return panel;
 }
 
-/// The names of these files without their folders, as many as a line of the picture holds.
+/// Returns the names of files without their folders, as many as fit on one line of the picture.
 std::string names_of(const std::vector<std::filesystem::path>& files) {
   std::string names;
   for (std::size_t k = 0; k < files.size(); ++k) {
@@ -86,19 +88,21 @@ namespace {
 using errors::identification::CurveReadings;
 using nlohmann::ordered_json;
 
-constexpr Eigen::Index max_curve_readings = 1500;  // of the readings of one element
+constexpr Eigen::Index max_curve_readings = 1500;  // readings of one element that are drawn; more
+                                                   // only slow the page
 
 std::string page_unit(const std::string& unit) {
   return unit == "um" ? "µm" : unit == "urad" ? "µrad" : unit;
 }
 
-/// To a ten-thousandth of the largest, as nobody sees more in a chart.
+/// Returns values rounded to a ten-thousandth of the largest, which is below the resolution of a
+/// chart and makes the page smaller.
 ordered_json drawn(const Eigen::VectorXd& values) {
   const double largest = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0.0;
   const double step = largest > 0.0 ? std::pow(10.0, std::floor(std::log10(largest)) - 4.0) : 1.0;
   ordered_json list = ordered_json::array();
   for (const double value : values) {
-    // the text of the rounded number is short
+    // The text of the rounded number is parsed, because it is short.
     if (std::isfinite(value))
       list.push_back(ordered_json::parse(fmt::format("{:.6g}", std::round(value / step) * step)));
     else
@@ -107,8 +111,7 @@ ordered_json drawn(const Eigen::VectorXd& values) {
   return list;
 }
 
-// --- tables, from the report alone
-
+/// Returns the table of the fit's figures; each method reports its own.
 ordered_json findings_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
   for (const char* key : {"count", "hours", "unknowns", "found", "reduced_chi_square",
@@ -123,6 +126,7 @@ ordered_json findings_block(const ordered_json& report) {
                      {{label_text("figure"), ""}, {label_text("value"), ""}}, rows);
 }
 
+/// Returns the table of readings files, with their residuals if the fit is given.
 ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
   std::vector<PageColumn> columns{{label_text("file"), ""},    {label_text("instrument"), ""},
                                   {label_text("kind"), ""},    {label_text("fit_count"), ""},
@@ -150,7 +154,7 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
   return table_block("readings", label_text("readings_title"), columns, rows);
 }
 
-/// "EX0C -1.00, EY0C 0.20"
+/// Returns "EX0C -1.00, EY0C 0.20".
 std::string hidden_by(const ordered_json& confounded) {
   std::string text;
   for (const auto& [name, share] : confounded.at("hidden_by").items())
@@ -158,7 +162,8 @@ std::string hidden_by(const ordered_json& confounded) {
   return text;
 }
 
-/// Every number; one that no reading determines says what hides it.
+/// Returns the table of all coefficients; a coefficient that no reading determines shows what hides
+/// it.
 ordered_json numbers_block(const ordered_json& report) {
   const auto mark_of = [&](const std::string& name) -> PageText {
     for (const ordered_json& one : report.at("confounded"))
@@ -197,6 +202,7 @@ ordered_json numbers_block(const ordered_json& report) {
   return block;
 }
 
+/// Returns the coefficients that were not identified, with those that hide them.
 ordered_json confounded_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
   for (const ordered_json& one : report.at("confounded")) {
@@ -213,6 +219,7 @@ ordered_json confounded_block(const ordered_json& report) {
   return block;
 }
 
+/// Returns the readings that were left out as outliers, with their residuals.
 ordered_json outliers_block(const ordered_json& report) {
   if (!report.contains("outliers") || report.at("outliers").empty()) return {};
   ordered_json rows = ordered_json::array();
@@ -228,6 +235,7 @@ ordered_json outliers_block(const ordered_json& report) {
       {{label_text("file"), ""}, {label_text("row"), ""}, {label_text("residual_sd"), ""}}, rows);
 }
 
+/// Returns the orders that cross-validation chose.
 ordered_json orders_block(const ordered_json& report) {
   if (!report.contains("orders")) return {};
   ordered_json rows = ordered_json::array();
@@ -241,7 +249,7 @@ ordered_json orders_block(const ordered_json& report) {
                      {{label_text("element"), ""}, {label_text("chosen_order"), ""}}, rows);
 }
 
-/// A row for every sensor of { sensor: number } with its uncertainty.
+/// Adds a row with its uncertainty for every sensor of { sensor: number }.
 void add_slopes(ordered_json& rows, const PageText& name, const std::string& unit,
                 const ordered_json& values, const ordered_json& uncertainties) {
   for (const auto& [sensor, value] : values.items()) {
@@ -256,7 +264,8 @@ void add_slopes(ordered_json& rows, const PageText& name, const std::string& uni
   }
 }
 
-/// How numbers follow temperatures, of every method that says so.
+/// Returns the table of the dependence of coefficients on temperatures, for every method that has
+/// one.
 ordered_json sensor_slopes_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
   if (report.contains("per_K"))
@@ -287,7 +296,7 @@ ordered_json sensor_slopes_block(const ordered_json& report) {
                      rows);
 }
 
-/// Slopes of a composite over its starts, each with its standard error twice to either side.
+/// Returns the slopes of a composite over its starts, with 1.96 standard errors to either side.
 ordered_json starts_block(const ordered_json& report) {
   if (!report.contains("composite")) return {};
   ordered_json block = page_block("panels", "starts", label_text("slopes_by_start"));
@@ -315,7 +324,7 @@ ordered_json starts_block(const ordered_json& report) {
   return block;
 }
 
-/// What heat adds to the elements over a day.
+/// Returns the contribution of heat to the elements over a day.
 ordered_json day_block(const ordered_json& report) {
   if (!report.contains("thermal")) return {};
   const ordered_json& day = report.at("thermal");
@@ -336,8 +345,7 @@ ordered_json day_block(const ordered_json& report) {
   return block;
 }
 
-// --- charts that only the fit itself has
-
+/// Returns the chart of one identified curve with its 95 % band and its readings.
 ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& nominal) {
   const bool is_angle = curve.element.is_angle();
   const double unit = is_angle ? units::urad : units::um;
@@ -377,6 +385,7 @@ ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal)
   return block;
 }
 
+/// Returns the histogram of residuals in standard deviations: all of them, and those of every file.
 ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   ordered_json block = page_block("histogram", "residuals", label_text("residuals"));
   block["x"] = label_text("residual_sd");
@@ -395,6 +404,7 @@ ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   }
   if (count == 0) return {};
   block["series"].push_back({{"name", label_text("all_readings")}, {"values", drawn(all)}});
+  // More files would make the list of the chart unusable.
   if (fit.residual_sd.size() > 1 && fit.residual_sd.size() <= 24)
     for (std::size_t f = 0; f < fit.residual_sd.size(); ++f)
       if (fit.residual_sd[f].size() > 0)
@@ -403,8 +413,7 @@ ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   return block;
 }
 
-// --- the page
-
+/// Builds the page from the report, and from the fit itself if it is still in memory.
 FiguresPage identification_document(const ordered_json& report, const Identified* identified) {
   const ChainFit* fit = identified ? std::get_if<ChainFit>(&identified->fit) : nullptr;
   FiguresPage page;
@@ -431,6 +440,7 @@ FiguresPage identification_document(const ordered_json& report, const Identified
   return page;
 }
 
+/// Adds a file for download if it still exists.
 void add_file(FiguresPage& page, const std::filesystem::path& file) {
   if (std::filesystem::exists(file))
     page.files.push_back({file.filename().string(), read_text(file, max_saved_bytes)});

@@ -14,22 +14,24 @@
 
 namespace abbe::sim {
 
-/// A sheet of every identified curve over its readings (from these files, named below it) with its
-/// 95 % band; nothing is written where the program was built without VTK. @throws OutputFailure
+/// Writes a sheet of every identified curve with its 95 % band over its readings; their files are
+/// named below it. Writes nothing if the program was built without VTK.
+/// @throws OutputFailure
 void write_curves_picture(const ResultFile& file,
                           const std::vector<errors::identification::CurveReadings>& curves,
                           const kinematics::Chain& nominal,
                           const std::vector<std::filesystem::path>& readings);
 
-/// The page of an identification: its numbers with their uncertainties, the curve of every element
-/// with its band of 95 % and the readings behind it, residuals, what is confounded. The files that
-/// it was written to must be there.
-/// @throws BadInput where the belief cannot be read
+/// Returns the page of an identification: its coefficients with their uncertainties, the curve of
+/// every element with its 95 % band and its readings, residuals, confounded coefficients. The files
+/// to which it was written must exist.
+/// @throws BadInput if the belief cannot be read
 FiguresPage identify_page(const Identified& identified);
 
-/// The page of its report NAME.json. Curves and residuals are not in it, and its warnings say so.
-/// @throws BadInput naming the file, what was expected and what was seen, if it is no report of an
-///         identification
+/// Returns the page of an identification's report NAME.json. Curves and residuals are left out, and
+/// a warning says so.
+/// @throws BadInput naming the file, what was expected and what was found, if it is not the report
+/// of an identification
 FiguresPage identify_page(const std::filesystem::path& report);
 
 }  // namespace abbe::sim

@@ -26,33 +26,33 @@
 #include "sim/scene/error_tables.h"
 #include "sim/scene/toml.h"
 
-/// What was identified in the units in which report, text and belief file state it.
 namespace abbe::sim {
 
 inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
 
-std::string machine_of(const Identified& identified);  ///< "w b X Y Z C A s t"
-std::string method_of(const Identified& identified);   ///< in a few words
+std::string machine_of(const Identified& identified);  ///< structural code: "w b X Y Z C A s t"
+std::string method_of(const Identified& identified);   ///< short name of the method
 std::size_t readings_of(const Identified& identified);
-double machine_hours(const Identified& identified);  ///< on a real machine
+double machine_hours(const Identified& identified);  ///< time that the readings take on a real
+                                                     ///< machine
 
-/// A number of a geometric belief, um or urad.
+/// A coefficient of a geometric belief, um or urad.
 struct ParameterEstimate {
   std::string name;     ///< "EXX[2]"
   std::string element;  ///< "EXX"
   std::string unit;
   double value = 0.0;
-  std::optional<double> standard_uncertainty;  ///< none of a number that was not found
+  std::optional<double> standard_uncertainty;  ///< empty for a coefficient that was not identified
 };
 std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief);
 
-/// A term over a day in um or urad, of a slope um/m or urad/m.
+/// A thermal term over a day in um or urad; a slope in um/m or urad/m.
 struct TermEstimate {
   std::string name;  ///< "EXX slope"
   std::string unit;
   Eigen::VectorXd at_epochs;  ///< (epochs)
   double range = 0.0;
-  double standard_uncertainty = 0.0;  ///< at an epoch, mean of all
+  double standard_uncertainty = 0.0;  ///< at one epoch, mean over all
   double constant = 0.0;
   Eigen::VectorXd per_K;           ///< (sensors)
   Eigen::VectorXd standard_error;  ///< (sensors)
@@ -60,12 +60,13 @@ struct TermEstimate {
 };
 TermEstimate term_estimate(const RegressedTerm& term);
 
-/// How a number of a step diagonal follows the sensors, in um/K, um/m/K or urad/K.
+/// Dependence of a coefficient of a step diagonal on the sensors, in um/K, um/m/K or urad/K.
 struct TrendEstimate {
   std::string name;
   std::string unit;
   Eigen::VectorXd per_K;                 ///< (sensors)
-  Eigen::VectorXd standard_uncertainty;  ///< (sensors) empty where no start is to spare
+  Eigen::VectorXd standard_uncertainty;  ///< (sensors) empty if there are no more starts than
+                                         ///< unknowns
 };
 std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit);
 
@@ -73,7 +74,7 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double per_metre = 1000.0;  // mm: slopes of a day are numbers over a metre
+constexpr double per_metre = 1000.0;  // mm: slopes of a day are stated over one metre
 
 }  // namespace
 
@@ -149,7 +150,7 @@ std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
   if (!fit.trend) return figures;
   for (std::size_t v = 0; v < fit.trend->names.size(); ++v) {
     const bool is_length = fit.trend->is_length[v];
-    const double unit = is_length ? units::um : um_per_m;  // slopes are um/m, squareness urad
+    const double unit = is_length ? units::um : um_per_m;  // slopes are um/m, squareness is urad
     figures.push_back({fit.trend->names[v],
                        is_length ? "um/K" : "um/m/K or urad/K",
                        fit.trend->per_K.row(Index(v)) / unit,
@@ -165,13 +166,13 @@ namespace {
 using Eigen::Index;
 using errors::identification::element_of_number;
 
-/// A line an element: every number found with its standard uncertainty.
+/// Returns a line for every element with all its coefficients and their standard uncertainties.
 std::string numbers_text(const errors::GeometricErrors& belief) {
   if (belief.elements.empty()) return "";
   std::string text = "\nelements in um and urad, with their standard uncertainty", element;
   for (const ParameterEstimate& one : parameter_estimates(belief)) {
     const std::optional<double>& u = one.standard_uncertainty;
-    if ((u ? *u : std::abs(one.value)) <= 0.0) continue;  // held at its place
+    if ((u ? *u : std::abs(one.value)) <= 0.0) continue;  // fixed by convention
     if (one.element != element) {
       element = one.element;
       text += fmt::format("\n{:<5}", element);
@@ -184,10 +185,11 @@ std::string numbers_text(const errors::GeometricErrors& belief) {
   return text + "\n";
 }
 
-/// What hides a number: others by name, the zeros and places of set-ups counted only.
+/// Returns the coefficients that hide one, by name; zeros and positions of set-ups are only
+/// counted.
 std::string confounders_text(const errors::identification::Confounded& one) {
   std::string with;
-  std::set<std::string> set_ups;  // several starts share their names
+  std::set<std::string> set_ups;  // several starts use the same names
   for (const auto& [other, share] : one.with) {
     if (other.find(": ") != std::string::npos)
       set_ups.insert(other);
@@ -200,7 +202,8 @@ std::string confounders_text(const errors::identification::Confounded& one) {
   return with;
 }
 
-/// "ECS cos 1 to 500 urad (10)": how badly a number is known, and by how much machines differ.
+/// Returns "ECS cos 1 to 500 urad (10)": the uncertainty of a coefficient, and the typical
+/// deviation of machines.
 std::string weak_parameter_text(const errors::identification::Confounded& one) {
   const double unit = errors::identification::shown_unit(one.name);
   return fmt::format("{} to {:.2g} {} ({:.2g})", escaped(one.name), *one.standard_deviation / unit,
@@ -208,8 +211,8 @@ std::string weak_parameter_text(const errors::identification::Confounded& one) {
                      errors::identification::typical_deviation(element_of_number(one.name)) / unit);
 }
 
-/// Numbers that were not found: those that others hide, then those that no reading depends on,
-/// counted by element.
+/// Returns the coefficients that were not identified: those hidden by others, those determined too
+/// poorly, then those that no reading depends on, counted by element.
 std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
   std::map<std::string, int> unobservable;
   std::string text, weak;
@@ -233,6 +236,7 @@ std::string confounded_text(const std::vector<errors::identification::Confounded
   return text;
 }
 
+/// Returns the composite fit of one axis: cold curve, slopes of the starts, slopes by temperature.
 std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
   const errors::identification::CompositeFit& fit = axis.fit;
   std::string text =
@@ -256,6 +260,7 @@ std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>&
   return text;
 }
 
+/// Returns the results of a composite belief and the scene keys that use its two files.
 std::string text_of(const Identified& identified, const CompositeFits& fit) {
   std::string text;
   for (const CompositeAxis& axis : fit.axes) text += axis_text(axis, fit.sensors);
@@ -264,6 +269,7 @@ std::string text_of(const Identified& identified, const CompositeFits& fit) {
                             escaped(identified.files.thermal->string()));
 }
 
+/// Returns the thermal terms of a day with the trained range of every sensor.
 std::string text_of(const Identified&, const ThermalDay& day) {
   std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
   for (const RegressedTerm& term : day.terms) {
@@ -281,18 +287,20 @@ std::string text_of(const Identified&, const ThermalDay& day) {
   return text;
 }
 
-/// How a number follows a sensor.
+/// Dependence of a coefficient on one sensor.
 struct Trend {
   std::string name, sensor, unit;
   double value = 0.0;
-  std::optional<double> u;  ///< standard uncertainty; unknown where no start is to spare
-  /// Of what is looked at first: how often its uncertainty it is, first of all where that is
-  /// unknown.
+  std::optional<double> u;  ///< standard uncertainty; empty if there are no more starts than
+                            ///< unknowns
+  /// Returns the value in standard uncertainties, by which trends are sorted; unknown uncertainties
+  /// come first.
   double weight() const {
     return !u ? HUGE_VAL : (*u > 0.0 ? std::abs(value) / *u : (value != 0.0 ? HUGE_VAL : 0.0));
   }
 };
 
+/// Returns the dependence of every coefficient on every sensor.
 std::vector<Trend> trends_of(const StepDiagonalFit& fit) {
   std::vector<Trend> trends;
   for (const TrendEstimate& one : trend_estimates(fit))
@@ -303,7 +311,7 @@ std::vector<Trend> trends_of(const StepDiagonalFit& fit) {
   return trends;
 }
 
-/// The trends that stand out most of their uncertainty, all of a few; the others are counted.
+/// Returns the most significant trends; the others are counted.
 std::string trends_text(const StepDiagonalFit& fit) {
   constexpr std::size_t most = 12;
   std::vector<Trend> trends = trends_of(fit);
@@ -390,12 +398,13 @@ Json confounded_json(const std::vector<errors::identification::Confounded>& list
   return result;
 }
 
-/// What every method reports, confounded and numbers.
+/// Adds the findings of every method: confounded coefficients and all estimates.
 void add_findings(Json& report, const Identified& identified) {
   report["confounded"] = confounded_json(identified.confounded);
   report["numbers"] = numbers_json(identified.belief);
 }
 
+/// Adds the results of a fit on the exact chain.
 void add(Json& report, const Identified& identified, const ChainFit& fit) {
   if (fit.orders) report["orders"] = *fit.orders;
   report["method"] = method_of(identified);
@@ -414,6 +423,7 @@ void add(Json& report, const Identified& identified, const ChainFit& fit) {
   report["warnings"] = identified.warnings;
 }
 
+/// Adds the results of the published step-diagonal method.
 void add(Json& report, const Identified& identified, const StepDiagonalFit& fit) {
   report["method"] = method_of(identified);
   report["found"] = identified.belief.covariance.of.size();
@@ -437,6 +447,7 @@ void add(Json& report, const Identified& identified, const StepDiagonalFit& fit)
   report["per_K"] = list;
 }
 
+/// Returns the composite fit of one axis. dT is zero at the temperatures of start 1.
 Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
   const errors::identification::CompositeFit& fit = axis.fit;
   Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
@@ -467,6 +478,7 @@ Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensor
   return json;
 }
 
+/// Adds the results of a composite belief with its two files.
 void add(Json& report, const Identified& identified, const CompositeFits& fit) {
   report["method"] = method_of(identified);
   add_findings(report, identified);
@@ -478,6 +490,8 @@ void add(Json& report, const Identified& identified, const CompositeFits& fit) {
   report["warnings"] = identified.warnings;
 }
 
+/// Returns a thermal term; a variance inflation factor (vif) far above 1 marks sensors that cannot
+/// be told apart.
 Json term_json(const RegressedTerm& term, const std::vector<std::string>& sensors) {
   const TermEstimate figures = term_estimate(term);
   Json per_K = Json::object();
@@ -496,6 +510,7 @@ Json term_json(const RegressedTerm& term, const std::vector<std::string>& sensor
           {"at_epochs", std::vector<double>(figures.at_epochs.begin(), figures.at_epochs.end())}};
 }
 
+/// Returns the thermal terms of a day; an epoch is stated by its middle.
 Json day_json(const ThermalDay& day) {
   Json json, trained = Json::object(), terms = Json::array(), hours = Json::array();
   if (day.chosen) json["choice"] = choice_json(day.chosen->choice, day.chosen->logged);
@@ -556,7 +571,7 @@ void add_sources(Comments& comments, const Identified& identified) {
     comments.push_back("from " + to_toml_value(one.file.string()));
 }
 
-/// The belief with the curves of which nothing is known, at zero, behind its own.
+/// Returns the belief with the unidentified curves, at zero, after its own.
 errors::GeometricErrors completed(const Identified& identified) {
   errors::GeometricErrors errors = identified.belief;
   for (const errors::Element& element : identified.unidentified) {
@@ -569,7 +584,8 @@ errors::GeometricErrors completed(const Identified& identified) {
   return errors;
 }
 
-/// What hides a number, without unknowns of set-ups, which no machine has.
+/// Returns the unidentified coefficients with those that hide them, without unknowns of set-ups,
+/// which are not properties of the machine.
 std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
   std::vector<UnidentifiedNumber> numbers;
   for (const auto& confounded : identified.confounded) {
@@ -584,6 +600,8 @@ std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
   return numbers;
 }
 
+/// Returns the errors file of a belief. Its head says what was not identified, so that zeros are
+/// not taken for results.
 std::string geometric_text(const Identified& identified) {
   Comments comments{"Belief about a machine, " + made_by(), basis(identified)};
   add_sources(comments, identified);
@@ -598,6 +616,8 @@ std::string geometric_text(const Identified& identified) {
   return text + to_errors_file(completed(identified), identified.nominal.joints());
 }
 
+/// Returns the thermal belief of a day. Its head states the trained range, outside which it is
+/// held.
 std::string day_text(const Identified& identified, const ThermalDay& day) {
   Comments comments{"What heat does to a machine, by temperatures; " + made_by(), basis(identified),
                     "Changes of temperature count from the first row that a control reads."};

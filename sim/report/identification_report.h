@@ -8,17 +8,17 @@
 
 namespace abbe::sim {
 
-/// What was identified, as a person reads it; foreign text in it stays on its line.
+/// Returns the identification as text; every foreign text stays on one line.
 std::string identify_text(const Identified& identified);
 
-/// The report beside a belief file; its keys are a promise to scripts.
+/// Returns the report beside a belief file; its keys are stable for scripts.
 nlohmann::ordered_json to_json(const Identified& identified);
 
-/// The belief file of what was identified, its head saying from what: an errors file (belief_file),
-/// of a day a thermal belief (thermal_belief).
+/// Returns the belief file of an identification, with its sources at its head: an errors file
+/// (belief_file), or for the readings of a day a thermal belief (thermal_belief).
 std::string belief_text(const Identified& identified);
 
-/// The file of the thermal half of a composite.
+/// Returns the file of the thermal half of a composite belief.
 std::string thermal_half_text(const Identified& composite);
 
 }  // namespace abbe::sim

@@ -14,6 +14,7 @@ namespace abbe::sim {
 
 namespace {
 
+/// Returns a range as text; empty if it is unlimited.
 std::string range_of(const Range& range) {
   const double huge = std::numeric_limits<double>::max();
   const bool below = range.min > -huge, above = range.max < huge;
@@ -28,6 +29,7 @@ std::string range_of(const Range& range) {
   return text;
 }
 
+/// Returns values as "a", "b" or "c".
 std::string or_joined(const std::vector<Word>& words) {
   std::string text;
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -37,6 +39,7 @@ std::string or_joined(const std::vector<Word>& words) {
   return text;
 }
 
+/// Returns the allowed values of a key as text.
 std::string value_of(const Key& key) {
   using Kind = Key::Kind;
   const std::string file = key.or_file ? " or file" : "";
@@ -45,6 +48,7 @@ std::string value_of(const Key& key) {
     case Kind::Number:
       return range.empty() ? "number" : range;
     case Kind::Whole:
+      // Ranges up to 2^53 or 2^63 only state what a number can hold.
       return key.range.max > 1e15 ? fmt::format("whole number ≥ {:.12g}", key.range.min)
                                   : "whole number, " + range;
     case Kind::Boolean:
@@ -67,13 +71,14 @@ std::string value_of(const Key& key) {
   return "";
 }
 
+/// Returns the unit that the name of a key ends in.
 std::string key_unit(const Key& key) {
   const bool has_one = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers ||
                        key.kind == Key::Kind::NumberOrNumbers;
   return has_one && key_stem(key.name) != key.name ? unit_name(key.name) : "";
 }
 
-/// What the words of a key mean, where that is said.
+/// Returns the meanings of the values of a key, if they are stated.
 std::string words_text(const Key& key) {
   std::string text;
   for (const Word& word : key.words)
@@ -86,18 +91,20 @@ std::string joined(const std::string& path, const std::string& name) {
   return path.empty() ? name : path + "." + name;
 }
 
-/// Words that bring the same keys.
+/// Values of an enumeration that enable the same keys.
 struct ValueGroup {
   std::vector<std::string> words;
   std::vector<Key> keys;
 };
 
+/// Returns true if two lists have the same keys with the same meaning.
 bool are_equivalent(const std::vector<Key>& a, const std::vector<Key>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Key& x, const Key& y) {
     return x.name == y.name && x.sentence == y.sentence && x.fallback == y.fallback;
   });
 }
 
+/// Returns the values of a key, grouped by the keys that they enable.
 std::vector<ValueGroup> groups_of(const Key& key) {
   std::vector<ValueGroup> groups;
   for (const Word& word : key.words) {
@@ -112,7 +119,7 @@ std::vector<ValueGroup> groups_of(const Key& key) {
   return groups;
 }
 
-/// `kind = "a" or "b"`, or which it is not where these are fewer.
+/// Returns `kind = "a" or "b"`, or the values that it must not have if these are fewer.
 std::string condition_text(const Key& key, const ValueGroup& group) {
   std::vector<Word> own, others;
   for (const Word& word : key.words) {
@@ -133,18 +140,18 @@ class Rows {
   std::vector<KeyRow> rows;
 
  private:
-  static constexpr std::size_t max_in_a_row = 7;  // words; more have rows of their own
+  static constexpr std::size_t max_in_a_row = 7;  // values in one row; more get rows of their own
 
   void add(const Key& key, const std::string& path, const std::string& when) {
     const std::string own = joined(path, key.name);
-    const bool length_mismatch_text = key.words.size() > max_in_a_row;
-    const std::string words = length_mismatch_text ? "" : words_text(key);
+    const bool apart = key.words.size() > max_in_a_row;
+    const std::string words = apart ? "" : words_text(key);
     std::string sentence = key.sentence;
     if (!words.empty()) sentence += (sentence.empty() ? "" : ": ") + words;
-    rows.push_back({own, when, key.required, key_unit(key),
-                    length_mismatch_text ? "a word" : value_of(key), key.fallback, sentence});
+    rows.push_back({own, when, key.required, key_unit(key), apart ? "a word" : value_of(key),
+                    key.fallback, sentence});
     for (const Word& word : key.words)
-      if (length_mismatch_text)
+      if (apart)
         rows.push_back({own + " = \"" + word.word + "\"", when, false, "", "", "", word.sentence});
     add(key.keys, own, "");
     for (const ValueGroup& group : groups_of(key))
@@ -152,6 +159,7 @@ class Rows {
   }
 };
 
+/// Returns true if a key has the name, or its pattern matches it.
 bool has_key_name(const Key& key, const std::string& name) {
   if (key.name == name) return true;
   return !key.pattern.empty() && matches(name, key.pattern);
@@ -169,11 +177,11 @@ std::vector<std::string> parts_of(std::string_view path) {
 
 struct Found {
   Key key;
-  std::string path;  ///< of its table
+  std::string path;  ///< path of its table
   std::string when;
 };
 
-/// Keys of that name, also those that words bring.
+/// Finds keys of a name, including keys that a value enables.
 void find(const std::vector<Key>& keys, const std::string& name, const Found& in,
           std::vector<Found>& found) {
   for (const Key& key : keys) {
@@ -183,6 +191,7 @@ void find(const std::vector<Key>& keys, const std::string& name, const Found& in
   }
 }
 
+/// Returns all keys at a path: values of an enumeration may enable different keys of one name.
 std::vector<Found> found_at(const std::vector<Key>& keys, std::string_view path) {
   std::vector<Found> here{{{}, "", ""}};
   here.front().key.keys = keys;
@@ -192,13 +201,14 @@ std::vector<Found> found_at(const std::vector<Key>& keys, std::string_view path)
       const std::string own = joined(one.path, one.key.name);
       find(one.key.keys, part, {{}, own, ""}, next);
     }
+    // A number that is no key is the index of a list.
     const bool index = part.find_first_not_of("0123456789") == std::string::npos;
     if (!next.empty() || !index) here = std::move(next);
   }
   return here;
 }
 
-/// Keys of that name anywhere below.
+/// Finds keys of a name at any level below.
 void find_anywhere(const std::vector<Key>& keys, const std::string& name, const Found& in,
                    std::vector<Found>& found) {
   for (const Key& key : keys) {
@@ -240,12 +250,14 @@ std::vector<Key> keys_at(const std::vector<Key>& keys, std::string_view path) {
 
 std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view question) {
   std::vector<Found> found = found_at(keys, question);
+  // A bare name that is no key at the top may be one at any level.
   if (found.empty() && question.find('.') == std::string_view::npos)
     find_anywhere(keys, std::string(question), {}, found);
   std::vector<KeyRow> rows;
   for (const Found& one : found) {
     std::vector<KeyRow> own = key_rows({one.key}, one.path);
     own.front().when = one.when;
+    // The same key of several values becomes one row with all its conditions.
     const auto like = std::find_if(rows.begin(), rows.end(), [&](const KeyRow& row) {
       return row.path == own.front().path && row.value == own.front().value &&
              row.fallback == own.front().fallback && row.sentence == own.front().sentence;
@@ -264,9 +276,11 @@ using Json = nlohmann::ordered_json;
 
 Json schema_object(const std::vector<Key>& keys);
 
+/// Adds the limits of a number.
 void add_range(Json& to, const Range& range) {
   const double huge = std::numeric_limits<double>::max();
   const auto bound = [&](const char* name, double value) {
+    // Integers are written without exponent; beyond 1e15 a double no longer has every integer.
     if (std::abs(value) < 1e15 && value == std::round(value))
       to[name] = std::int64_t(value);
     else
@@ -276,12 +290,14 @@ void add_range(Json& to, const Range& range) {
   if (range.max < huge) bound(range.open_max ? "exclusiveMaximum" : "maximum", range.max);
 }
 
+/// Returns the schema of an enumeration with the descriptions of its values.
 Json enumeration_schema(const Key& key) {
   Json words = Json::array(), sentences = Json::array();
   for (const Word& word : key.words) {
     words.push_back(word.word);
     sentences.push_back(word.sentence);
   }
+  // Taplo shows the descriptions of the values.
   return {{"enum", words}, {"x-taplo", {{"docs", {{"enumValues", sentences}}}}}};
 }
 
@@ -291,6 +307,7 @@ Json number_of(const Key& key, const char* type) {
   return number;
 }
 
+/// Returns the schema of a list of numbers; a list of any length has at least one.
 Json numbers_of(const Key& key) {
   Json list{{"type", "array"}, {"items", {{"type", "number"}}}};
   list["minItems"] = std::max(key.size, 1);
@@ -303,6 +320,7 @@ Json table_of(const Key& key) {
   const Json table = schema_object(key.keys);
   if (key.kind == Key::Kind::Table) return key.or_file ? Json{{"anyOf", {file, table}}} : table;
   const Json one = key.or_file ? Json{{"anyOf", {file, table}}} : table;
+  // A list of tables may be a single table, as in the readers.
   Json any = Json::array({table, {{"type", "array"}, {"items", one}}});
   if (key.or_file) any.push_back(file);
   return {{"anyOf", any}};
@@ -343,7 +361,7 @@ Json schema_property(const Key& key) {
   return property;
 }
 
-/// All keys of a table, those that words bring too.
+/// Collects all keys of a table, including those that values enable.
 void collect(const std::vector<Key>& keys, std::vector<const Key*>& all) {
   for (const Key& key : keys) {
     all.push_back(&key);
@@ -351,12 +369,14 @@ void collect(const std::vector<Key>& keys, std::vector<const Key*>& all) {
   }
 }
 
+/// Returns all keys of a table in one list.
 std::vector<const Key*> collected(const std::vector<Key>& keys) {
   std::vector<const Key*> all;
   collect(keys, all);
   return all;
 }
 
+/// Adds a property. A key with different meanings for different values allows each of them.
 void add_property(Json& properties, const std::string& name, Json property) {
   if (!properties.contains(name)) {
     properties[name] = std::move(property);
@@ -368,7 +388,8 @@ void add_property(Json& properties, const std::string& name, Json property) {
   }
 }
 
-/// Names that a pattern such as "(um|urad)_per_K" has; the pattern itself if it has others.
+/// Returns the names that match a pattern such as "(um|urad)_per_K"; the pattern itself if it has
+/// no alternatives.
 std::vector<std::string> names_of(const std::string& pattern) {
   const std::size_t open = pattern.find('('), close = pattern.find(')');
   if (open == std::string::npos || close < open) return {pattern};
@@ -380,7 +401,7 @@ std::vector<std::string> names_of(const std::string& pattern) {
   return names;
 }
 
-/// That a key is there.
+/// Returns the condition that a key is present.
 Json schema_presence(const Key& key) {
   Json any = Json::array();
   for (const std::string& name : names_of(key.pattern.empty() ? key.name : key.pattern))
@@ -388,7 +409,7 @@ Json schema_presence(const Key& key) {
   return any.size() == 1 ? any.front() : Json{{"anyOf", any}};
 }
 
-/// Required keys, exactly one of those that exclude each other, and what words ask.
+/// Adds required keys, exactly one key of a group of alternatives, and the requirements of values.
 void add_requirements(Json& to, const std::vector<Key>& keys, const std::set<std::string>& shared) {
   Json required = Json::array(), all = Json::array();
   std::map<std::string, Json> either;
@@ -405,6 +426,7 @@ void add_requirements(Json& to, const std::vector<Key>& keys, const std::set<std
       std::set<std::string> known = shared;
       for (const Key& one : keys) known.insert(one.name);
       for (const Key* one : collected(word.keys)) known.insert(one->name);
+      // A key that only another value enables must be absent.
       Json then = Json::object();
       for (const std::string& name : brought)
         if (!known.contains(name)) then["properties"][name] = false;
@@ -421,6 +443,7 @@ void add_requirements(Json& to, const std::vector<Key>& keys, const std::set<std
   if (!all.empty()) to["allOf"] = all;
 }
 
+/// Returns the schema of a table. Keys that are not listed are errors, as in the readers.
 Json schema_object(const std::vector<Key>& keys) {
   Json object{{"type", "object"}, {"additionalProperties", false}};
   object["properties"] = Json::object();

@@ -10,36 +10,37 @@
 
 namespace abbe::sim {
 
-/// A key as a row of a table that people read.
+/// A key as a row of a reference table.
 struct KeyRow {
-  std::string path;  ///< from the section: "ring.name"
-  std::string when;  ///< word that brings it: `surface = "disc"`; empty: always
+  std::string path;  ///< path from the section: "ring.name"
+  std::string when;  ///< value of another key that enables it: `surface = "disc"`; empty: always
+                     ///< enabled
   bool required = false;
   std::string unit;      ///< "mm"; empty: none
-  std::string value;     ///< what it may be: "> 0", "3 numbers", "\"zigzag\" or \"one_way\""
-  std::string fallback;  ///< what stands in; empty: nothing
+  std::string value;     ///< allowed values: "> 0", "3 numbers", "\"zigzag\" or \"one_way\""
+  std::string fallback;  ///< default; empty: none
   std::string sentence;
 };
 
-/// Rows of keys and of those of their tables, in order.
-/// @param path  of the table that has them; empty at the top
+/// Returns rows of keys and of the keys of their tables, in order.
+/// @param path  of the table that has the keys; empty at the top
 std::vector<KeyRow> key_rows(const std::vector<Key>& keys, const std::string& path = "");
 
-/// Rows that a question means: a dotted path from the top ("part.ring.name"), in which a list may
-/// have an index, or the bare name of a key anywhere. A table answers with its keys. Empty if there
-/// is none.
+/// Returns the rows that match a query: a dotted path from the top ("part.ring.name"), in which a
+/// list may have an index, or the bare name of a key at any level. A table matches with its keys.
+/// Empty if nothing matches.
 std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view question);
 
-/// Rows as `abbe explain` prints them: key, unit, range, default, sentence.
+/// Returns rows as `abbe explain` prints them: key, unit, range, default, sentence.
 std::string to_text(const std::vector<KeyRow>& rows);
 
-/// The keys of the table at a dotted path; empty if there is none.
+/// Returns the keys of the table at a dotted path; empty if there is none.
 std::vector<Key> keys_at(const std::vector<Key>& keys, std::string_view path);
 
-/// JSON Schema (draft 7) of a file whose top has these keys, for editors: completion, sentences and
-/// a mark where something is wrong. It holds types, ranges, required keys, the keys that a word
-/// brings, and units by the names of keys; what keys ask of each other beyond that `abbe check`
-/// knows.
+/// Returns the JSON Schema (draft 7) of a file with these keys, for completion, descriptions and
+/// error marks in editors. It holds types, ranges, required keys, the keys that an enumeration
+/// value enables, and units by the names of keys; `abbe check` tests the relations between keys
+/// beyond that.
 nlohmann::ordered_json schema(const std::vector<Key>& keys, const std::string& title);
 
 }  // namespace abbe::sim

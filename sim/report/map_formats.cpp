@@ -20,7 +20,7 @@
 #include "kinematics/units.h"
 #include "sim/files/program_file.h"
 
-/// Numbers as the bytes of a binary file, least first.
+/// Appends numbers in little-endian order, as binary formats require.
 namespace abbe::sim {
 
 template <class T>
@@ -80,16 +80,17 @@ std::vector<std::pair<std::string, std::string>> fact_texts(const MapFacts& fact
 
 namespace {
 
-/// A size or a place, which this form of the archive has in 32 bits.
+/// Returns a size or an offset, which this form of the archive stores in 32 bits.
 std::uint32_t checked_uint32(std::size_t size) {
-  // the highest value stands for "see the 64 bits"
+  // The highest value means that a 64-bit field follows.
   if (size >= std::numeric_limits<std::uint32_t>::max())
     throw std::length_error("a zip archive without 64-bit sizes ends at 4 GiB");
   return std::uint32_t(size);
 }
 
-/// What stands of an entry both before its data and in the directory.
+/// Returns the part of an entry's header that its data and the directory share.
 std::string common_header(const ZipEntry& entry, const std::string& packed) {
+  // Deflate needs version 2.0; 0x21 is 1980-01-01, so that equal entries give equal bytes.
   constexpr std::uint16_t version = 20, flags = 0, deflate = 8, time = 0, date = 0x21;
   std::string head;
   for (const std::uint16_t word : {version, flags, deflate, time, date}) append(head, word);
@@ -106,12 +107,14 @@ std::string common_header(const ZipEntry& entry, const std::string& packed) {
 
 std::string deflate_bytes(const std::string& bytes, DeflateHeader head) {
   z_stream stream{};
+  // zlib's defaults: 32 kB window, memory level 8.
   constexpr int window = 15, memory = 8;
   const int bits = head == DeflateHeader::Zlib ? window : -window;
   if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, bits, memory,
                      Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::runtime_error("zlib does not start");
   std::string packed(::deflateBound(&stream, checked_uint32(bytes.size())), '\0');
+  // zlib reads the input only, but its interface is not const.
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
   stream.avail_in = uInt(bytes.size());
   stream.next_out = reinterpret_cast<Bytef*>(packed.data());
@@ -131,10 +134,10 @@ std::string zip_archive(const std::vector<ZipEntry>& entries) {
     const std::uint32_t at = checked_uint32(archive.size());
     archive.append("PK\x03\x04").append(head).append(entry.name).append(packed);
     directory.append("PK\x01\x02");
-    append(directory, std::uint16_t(20));  // made by version 2.0, on no system in particular
+    append(directory, std::uint16_t(20));  // made by version 2.0, on no particular system
     directory += head;
     for (int word = 0; word < 3; ++word)
-      append(directory, std::uint16_t(0));  // comment, disk, kind
+      append(directory, std::uint16_t(0));  // comment, disk, type
     append(directory, std::uint32_t(0));    // attributes
     append(directory, at);
     directory += entry.name;
@@ -151,8 +154,9 @@ std::string zip_archive(const std::vector<ZipEntry>& entries) {
 
 namespace {
 
+/// Returns the header of a PLY file with the facts as comments.
 std::string ply_file_header(const ResultMap& map) {
-  // `quality_range` of another type than float MeshLab does not take for a quality
+  // MeshLab recognises `quality` only if it is a float.
   std::string head =
       "ply\nformat binary_little_endian 1.0\n"
       "comment residual map of abbe; quality is the residual in um, nan where not cut\n";
@@ -169,6 +173,8 @@ std::string ply_file_header(const ResultMap& map) {
              map.design.triangles.rows());
 }
 
+/// Returns the machined surface; an uncut vertex stays on the design, because its height is
+/// unknown.
 cutting::Points machined(const ResultMap& map) {
   cutting::Points points = map.design.vertices;
   for (Eigen::Index i = 0; i < points.rows(); ++i)
@@ -177,7 +183,8 @@ cutting::Points machined(const ResultMap& map) {
   return points;
 }
 
-/// The 80 bytes before the triangles: ASCII, and no "solid" in front, which marks a text.
+/// Returns the 80 bytes before the triangles: ASCII, not beginning with "solid", which marks a text
+/// file.
 std::string stl_file_header(const std::string& what) {
   std::string head = fmt::format("abbe {}, {}", version(), what);
   for (char& c : head)
@@ -228,15 +235,16 @@ std::string to_stl(const cutting::Points& vertices, const cutting::Triangles& tr
 
 namespace {
 
-/// The sign of what is no number is left out.
+/// Returns NaN without a sign, so that it prints the same on every computer.
 double plain(double x) { return std::isnan(x) ? std::abs(x) : x; }
 
-/// An array as NumPy's format 1.0 has it: magic, version, length of the head, head, data.
-/// @param type   as NumPy names it: "<f8"
-/// @param shape  as Python writes a tuple: "(7, 3)"
+/// Returns an array in NumPy's format 1.0: magic, version, length of the header, header, data.
+/// @param type   NumPy's name: "<f8"
+/// @param shape  a Python tuple: "(7, 3)"
 std::string npy(const std::string& type, const std::string& shape, std::string_view data) {
   std::string head =
       fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}", type, shape);
+  // NumPy aligns data to 64 bytes; magic, version and length take the first 10.
   constexpr std::size_t before = 10, aligned = 64;
   head.append(aligned - 1 - (before + head.size()) % aligned, ' ');
   head += '\n';
@@ -262,14 +270,14 @@ std::string npy_column(const std::string& type, const Values& values) {
              bytes_of(values.data(), Eigen::Index(values.size())));
 }
 
-/// A text without shape: four bytes a character.
+/// Returns a scalar text: four bytes a character.
 std::string npy_text(const std::string& ascii) {
   std::string data;
   for (const char c : ascii) append(data, std::uint32_t(c));
   return npy(fmt::format("<U{}", ascii.size()), "()", data);
 }
 
-/// Only ASCII is one unit a character.
+/// Returns the facts as ASCII, in which a character is one code unit.
 std::string npy_facts(const MapFacts& facts) {
   return npy_text(
       to_json(facts).dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace));

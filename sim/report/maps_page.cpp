@@ -24,9 +24,10 @@ constexpr double max_residual_step_um = 2e-3, min_residual_step_um = 1e-3;  // r
 constexpr int cut_time_step_ms = 20;
 constexpr double ms = 1e-3;
 
-/// 1 nm, or a two-thousandth of a map that spans less than 2 um; 2 nm where that saves 16 bits.
+/// Returns the step of a residual: 1 nm, or a two-thousandth of a map that spans less than 2 um; 2
+/// nm if the map then fits into 16 bits.
 double residual_step(const Eigen::VectorXd& residual_um) {
-  const double step = step_for_16_bits(residual_um);  // a 65534th of what it spans
+  const double step = step_for_16_bits(residual_um);  // a 65534th of the span
   if (step > max_residual_step_um) return min_residual_step_um;
   return std::max(step, std::min(min_residual_step_um, 32.0 * step));
 }
@@ -34,18 +35,18 @@ double residual_step(const Eigen::VectorXd& residual_um) {
 /// A column from which others may be predicted.
 struct Column {
   std::string name;
-  double step = 0.0;  ///< 0: its numbers are the values
+  double step = 0.0;  ///< 0: the numbers are the values
   Eigen::VectorXi numbers;
 };
 
-/// What the maps of a page share.
+/// Data shared by all maps of a page.
 struct SharedColumns {
   MeshWalk walk;
-  std::map<int, int> midst;                        ///< of each line in cut_time_step; or empty
+  std::map<int, int> midst;  ///< of each line, in steps of cut_time_step_ms; or empty
   std::vector<Column> residual, form, line, time;  ///< of the maps so far
 };
 
-/// Packs the numbers of all vertices, predicted from one of `others` where that helps.
+/// Packs the numbers of all vertices, predicted from one of `others` if that saves bytes.
 Column add_column(PageData& data, const SharedColumns& shared, const Column& column,
                   const std::vector<Column>& others) {
   PageArray array{column.name, true, {}};
@@ -64,13 +65,14 @@ Column add_column(PageData& data, const SharedColumns& shared, const Column& col
   return {column.name, column.step, packed.numbers.col(0)};
 }
 
+/// Returns a column in the order of the mesh traversal, in steps.
 Column quantized_column(const std::string& name, const Eigen::VectorXd& values, double step,
                         const SharedColumns& shared) {
   return {name, step, numbers_of(values(shared.walk.order), step, {0.0})};
 }
 
-/// The instants at which the lines of the program are half done, where a line runs once the first
-/// time; the page makes the same table of the same numbers.
+/// Returns the times at which the lines of the program are half done, for the first run of each;
+/// the page computes the same table from the same numbers.
 std::map<int, int> line_midpoint_times(PageData& data, const LineIntervals& stretches) {
   const auto& [line, begin_ms] = stretches;
   if (line.empty()) return {};
@@ -90,6 +92,8 @@ std::map<int, int> line_midpoint_times(PageData& data, const LineIntervals& stre
   return midst;
 }
 
+/// Adds line and time of cutting. The time is predicted from the middle of its line's run, which is
+/// known to the page.
 void add_times(PageData& data, const CaseMap& map, const std::string& number,
                SharedColumns& shared) {
   Column line{"line" + number, 0.0, Eigen::VectorXi(map.residual_um.size())};
@@ -107,6 +111,8 @@ void add_times(PageData& data, const CaseMap& map, const std::string& number,
       others));
 }
 
+/// Adds the layers of a case; each is predicted from the same layer of earlier cases, which differ
+/// little.
 void add_layers(PageData& data, const CaseMap& map, bool has_form, SharedColumns& shared) {
   const std::string number = std::to_string(data.index["cases"].size());
   const double step = residual_step(map.residual_um);
@@ -121,6 +127,7 @@ void add_layers(PageData& data, const CaseMap& map, bool has_form, SharedColumns
       {{"name", map.name}, {"step_nm", 1e3 * step}, {"stats", map.shown}});
 }
 
+/// Adds the mesh. Its vertices are in the order of the traversal, so that neighbours are close.
 void add_mesh(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
   data.index["vertices"] = maps.vertices.rows();
   data.index["triangles"] = maps.triangles.rows();
@@ -129,6 +136,7 @@ void add_mesh(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
   add(data, {"position", true, {}}, pack_values(vertices, step_for_16_bits(vertices), {&walk, {}}));
 }
 
+/// Adds the region of every vertex.
 void add_regions(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
   data.index["regions"] = maps.regions;
   if (maps.regions.empty()) return;
@@ -137,12 +145,15 @@ void add_regions(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
   add(data, {"region", true, {}}, pack_numbers(numbers(walk.order), {&walk, {}}));
 }
 
+/// Returns true if a design has the mesh of the page.
 bool has_mesh(const PartMaps& maps, const cutting::Design& design) {
+  // 1 nm is far above the rounding of a change of frame.
   return maps.vertices.rows() == design.vertices.rows() &&
          maps.triangles.rows() == design.triangles.rows() && maps.triangles == design.triangles &&
          (maps.vertices - design.vertices).cwiseAbs().maxCoeff() < 1e-6;
 }
 
+/// Returns true if all values can be packed with the step.
 bool fits(const Eigen::VectorXd& values, double step) {
   return std::ranges::all_of(values, [&](double value) {
     return std::isnan(value) || std::abs(value) <= step * max_packed;
@@ -202,14 +213,17 @@ namespace {
 using compensation::TimeSeries;
 using nlohmann::ordered_json;
 
+// A hundredth of a mm or degree is below a pixel of the page.
 constexpr double motion_tolerance = 0.01;  // mm and degrees
 constexpr double motion_step = 1e-3;       // the same
 constexpr double spindle_tolerance = 1.0;  // degrees
 constexpr double time_step_s = 1e-3;
 constexpr double body_step_mm = 0.01;
+// A rotation is packed as the displacement at a radius of 1 m.
 constexpr double track_fraction = 0.02, min_track_step = 5e-5;  // mm, and rad by the metre
 constexpr double signal_fraction = 1.0 / 500.0;
 
+/// Adds a body of the machine, except the part, which the map shows.
 void add_body(PageData& data, const SolidBody& body, int tool) {
   if (body.kind == SolidBody::Kind::Part || body.mesh.vertices.rows() == 0) return;
   ordered_json& bodies = data.index["machine"]["bodies"];
@@ -220,7 +234,7 @@ void add_body(PageData& data, const SolidBody& body, int tool) {
   add(data, {"facet" + number}, pack_numbers(body.mesh.triangles));
   bodies.push_back(
       {{"on", body.carrier == "w" ? "f" : body.carrier},
-       {"tool", tool},  // -1: it is there always
+       {"tool", tool},  // -1: always present
        {"opacity", hides ? 0.35 : 1.0},
        {"colour", is_machine ? std::vector{0.62, 0.68, 0.76} : std::vector{0.45, 0.50, 0.55}}});
 }
@@ -230,6 +244,7 @@ bool is_tool_body(const SolidBody& body) {
          body.kind == SolidBody::Kind::Cutter;
 }
 
+/// Adds the bodies of the machine and of every tool.
 void add_bodies(PageData& data, const Job& job) {
   data.index["machine"]["bodies"] = ordered_json::array();
   const std::span<const Job> parts = parts_of(job);
@@ -241,7 +256,7 @@ void add_bodies(PageData& data, const Job& job) {
         add_body(data, body, -1);
 }
 
-/// Commanded axes along the parts of a job, in mm and degrees.
+/// Returns the commanded axes along the parts of a job, in mm and degrees.
 TimeSeries motion_of(const Job& job) {
   Eigen::Index count = 0, row = 0;
   for (const Job& part : parts_of(job)) count += Eigen::Index(part.samples.states.size());
@@ -259,13 +274,14 @@ TimeSeries motion_of(const Job& job) {
   return course;
 }
 
+/// Adds the motion of the axes, thinned to the tolerance of the page.
 void add_motion(PageData& data, const Job& job) {
   const TimeSeries course = motion_of(job);
   Eigen::VectorXd tolerance = Eigen::VectorXd::Constant(course.value.cols(), motion_tolerance);
   for (int j = 0; j < int(tolerance.size()); ++j)
     if (is_spindle(job.machine, j)) tolerance[j] = spindle_tolerance;
   TimeSeries few = compensation::thinned(course, tolerance);
-  // a spindle turns so far that it needs a coarser step
+  // A spindle turns so far that it needs a coarser step.
   const Eigen::VectorXd coarser = tolerance / motion_tolerance;
   for (Eigen::Index j = 0; j < few.value.cols(); ++j) few.value.col(j) /= coarser[j];
   PackedColumns packed = pack_values(few.value, motion_step);
@@ -277,6 +293,7 @@ void add_motion(PageData& data, const Job& job) {
   add(data, {"t"}, pack_values(few.time_s, time_step_s));
 }
 
+/// Returns the tool changes with the poses of the tools.
 ordered_json tools_of(const Job& job) {
   ordered_json tools = ordered_json::array();
   for (const Job& part : parts_of(job)) {
@@ -289,7 +306,7 @@ ordered_json tools_of(const Job& job) {
   return tools;
 }
 
-/// A signal or a clearance by its name.
+/// Adds a signal or a clearance by its name.
 void add_signal(PageData& data, std::size_t number, const std::string& name,
                 const Eigen::VectorXd& time_s, const Eigen::VectorXd& value) {
   if (time_s.size() < 2) return;
@@ -304,11 +321,12 @@ void add_signal(PageData& data, std::size_t number, const std::string& name,
   all.push_back({{"name", name}, {"key", key}});
 }
 
+/// Adds all signals of a case as functions of time.
 void add_signals(PageData& data, const Signals& signals, std::size_t number) {
   const auto time = std::ranges::find(signals.columns, "time_s");
   if (time == signals.columns.end()) return;
   const Eigen::VectorXd time_s = signals.rows.col(time - signals.columns.begin());
-  std::vector<Eigen::Index> rows;  // the history before the program has no place on its slider
+  std::vector<Eigen::Index> rows;  // the history before the program is not on its slider
   for (Eigen::Index row = 0; row < time_s.size(); ++row)
     if (time_s[row] >= 0.0 && (rows.empty() || time_s[row] >= time_s[rows.back()]))
       rows.push_back(row);
@@ -318,6 +336,7 @@ void add_signals(PageData& data, const Signals& signals, std::size_t number) {
                  signals.rows(rows, Eigen::Index(c)));
 }
 
+/// Adds the smallest clearance of every block as steps over time.
 void add_clearance(PageData& data, const Collisions& collisions, std::size_t number) {
   std::vector<double> time, value;
   for (const BlockClearance& block : collisions.blocks) {
@@ -332,6 +351,7 @@ void add_clearance(PageData& data, const Collisions& collisions, std::size_t num
              Eigen::Map<const Eigen::VectorXd>(value.data(), count));
 }
 
+/// Adds the deviation of the tool along the program.
 void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
   TimeSeries course{track.time_s, Eigen::MatrixXd(track.time_s.size(), 6)};
   course.value << track.actual_tip - track.nominal_tip,
@@ -397,8 +417,8 @@ namespace {
 using namespace html;
 using nlohmann::ordered_json;
 
-/// The figures of every case from the numbers of comparison.json, which stand whole beside those
-/// that are seen.
+/// Returns the table of figures of every case. The unrounded numbers of comparison.json are kept in
+/// attributes beside the displayed ones.
 std::string figures_table(const ordered_json& cases, const PageData& data) {
   const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs"};
   std::map<std::string, double> step_nm;
@@ -427,7 +447,7 @@ std::string figures_table(const ordered_json& cases, const PageData& data) {
   return text + "</tbody></table>";
 }
 
-/// The figures of every region of the part by case; empty where it has none.
+/// Returns the table of figures of every region by case; empty if the part has no regions.
 std::string regions_table(const PageData& data) {
   const ordered_json& regions = data.index["regions"];
   if (regions.empty()) return "";

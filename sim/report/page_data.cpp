@@ -19,12 +19,13 @@ namespace abbe::sim {
 
 using nlohmann::ordered_json;
 
-/// How likely a binary choice is 0, learnt at two rates from the choices made so far.
+/// Probability that a bit is 0, in units of 2^-16, estimated at two rates from the bits so far: the
+/// fast one follows changes, the slow one is more exact.
 struct Chance {
   std::uint16_t fast = 1u << 15, slow = 1u << 15;
 };
 
-/// What numbers of one kind have been like: the bit length of their magnitude by a context, their
+/// Adaptive model of numbers of one kind: the bit length of their magnitude by a context, their
 /// signs and the two bits below the leading one.
 struct NumberModel {
   static constexpr int contexts = 24;
@@ -33,23 +34,24 @@ struct NumberModel {
   std::array<std::array<Chance, 4>, 32> leading;
 };
 
-/// Binary choices in as few bytes as their chances allow. A page decodes them by the same models.
-/// Source: the carry-propagating coder of Martin 1979, as the LZMA specification describes it.
+/// Range coder: writes bits in nearly as few bytes as their probabilities allow. A page decodes
+/// them with the same models.
+/// Source: the carry-propagating coder of Martin 1979, as in the LZMA specification.
 class RangeEncoder {
  public:
   void bit(Chance& chance, bool one);
 
-  /// The lowest `count` bits, each as likely 0 as 1.
+  /// Writes the lowest `count` bits, each with probability 1/2.
   void bits(std::uint32_t value, int count);
 
-  /// The lowest `count` bits by a tree of 2^count chances, the highest bit first.
+  /// Writes the lowest `count` bits with a tree of 2^count probabilities, the highest bit first.
   void tree(Chance* chances, std::uint32_t value, int count);
 
-  /// A whole number with |number| < 2^31.
-  /// @return the bit length of its magnitude, the context of its neighbours
+  /// Writes an integer with |number| < 2^31.
+  /// @return the bit length of its magnitude, which is the context of its neighbours
   int number(NumberModel& model, int context, std::int64_t number);
 
-  /// All that was coded; the encoder is then used up.
+  /// Returns all bytes; the encoder cannot be used afterwards.
   std::string finished();
 
  private:
@@ -59,7 +61,8 @@ class RangeEncoder {
   std::uint64_t low_ = 0;
   std::uint32_t range_ = 0xffffffffu;
   std::uint8_t cache_ = 0;
-  std::uint64_t pending_ = 1;  ///< the byte of the cache and those of 0xff that a carry may change
+  std::uint64_t pending_ = 1;  ///< number of bytes that a carry may still change: the cache and
+                               ///< following 0xff
   std::string bytes_;
 };
 
@@ -77,6 +80,7 @@ void RangeEncoder::shift_low() {
 }
 
 void RangeEncoder::narrow() {
+  // The range keeps at least 24 bits, so that 15-bit probabilities never vanish.
   while (range_ < 1u << 24) {
     range_ <<= 8;
     shift_low();
@@ -84,6 +88,7 @@ void RangeEncoder::narrow() {
 }
 
 void RangeEncoder::bit(Chance& chance, bool one) {
+  // The two 16-bit estimates are averaged to 15 bits.
   const std::uint32_t zero = (range_ >> 15) * ((std::uint32_t(chance.fast) + chance.slow) >> 2);
   if (one) {
     low_ += zero;
@@ -130,19 +135,20 @@ int RangeEncoder::number(NumberModel& model, int context, std::int64_t number) {
 }
 
 std::string RangeEncoder::finished() {
+  // Five bytes flush the cache and the 32 bits of `low_`.
   for (int k = 0; k < 5; ++k) shift_low();
-  return bytes_.substr(1);  // the first is the cache as it stood, 0
+  return bytes_.substr(1);  // the first byte is the initial cache, 0
 }
 
 namespace {
 
 using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-/// What lies beyond an edge of the border: nothing, a vertex not met before, that before or after
-/// the edge on the border, or another one.
+/// Vertex beyond a border edge: none, a new one, the one before or after the edge on the border, or
+/// any other.
 enum class Beyond : std::uint32_t { Nothing, New, Before, After, Other };
 
-/// A vertex of the border and its edge to the next.
+/// A border vertex with its edge to the next one.
 struct Edge {
   int vertex = 0, opposite = 0;
   int next = 0, previous = 0;
@@ -171,6 +177,7 @@ class MeshTraversal {
       for (std::size_t next = 0; next < waiting_.size(); ++next) conquer(waiting_[next]);
       waiting_.clear();
     }
+    // Vertices without a triangle come last.
     for (std::size_t v = 0; v < number_.size(); ++v)
       if (number_[v] < 0) meet(int(v), before());
     walk_.code = coder_.finished();
@@ -183,6 +190,7 @@ class MeshTraversal {
     return {last, last, last};
   }
 
+  // Gives a vertex its new number and stores the vertices that predict it.
   int meet(int old, const std::array<int, 3>& known) {
     walk_.order.push_back(old);
     walk_.known.push_back(known);
@@ -191,6 +199,7 @@ class MeshTraversal {
     return number_[std::size_t(old)] = int(walk_.order.size()) - 1;
   }
 
+  // Adds an edge to the border and to the queue.
   int add(const Edge& edge) {
     edges_.push_back(edge);
     waiting_.push_back(int(edges_.size()) - 1);
@@ -202,16 +211,19 @@ class MeshTraversal {
     edges_[std::size_t(b)].previous = a;
   }
 
+  // Puts an edge back into the queue after its neighbourhood changed.
   void wait(int i) {
     Edge& edge = edges_[std::size_t(i)];
     if (!edge.waits) waiting_.push_back(i);
     edge.waits = true;
   }
 
+  // Writes a vertex that is already known by its distance from the newest one.
   void encode_other(int vertex) {
     coder_.number(number_model_, 0, int(walk_.order.size()) - 1 - vertex);
   }
 
+  // Begins a connected part with a triangle.
   void start(Eigen::Index t) {
     is_done_[std::size_t(t)] = true;
     std::array<int, 3> v;
@@ -226,7 +238,7 @@ class MeshTraversal {
     for (const int one : v) ++triangles_at_[std::size_t(one)];
   }
 
-  /// The old number of what lies beyond the edge from `from` to `to`; -1: nothing.
+  /// Returns the old number of the vertex beyond the edge from `from` to `to`; -1 if there is none.
   int beyond(int from, int to) {
     const int a = int(walk_.order[std::size_t(to)]), b = int(walk_.order[std::size_t(from)]);
     for (int k = first_[std::size_t(a)]; k < first_[std::size_t(a) + 1]; ++k) {
@@ -241,7 +253,10 @@ class MeshTraversal {
     return -1;
   }
 
+  // Writes the kind of the vertex beyond an edge. Its model depends on the valences at both ends
+  // and on the preceding kind.
   void code(Beyond what, int from, int to) {
+    // Triangles at a vertex say how likely the next one closes its fan; more than 7 are rare.
     const int many = 8;
     const auto at = [&](int v) { return std::min(many - 1, triangles_at_[std::size_t(v)]); };
     auto& model = models_[std::size_t((at(from) * many + at(to)) * 5) + std::size_t(last_)];
@@ -249,6 +264,7 @@ class MeshTraversal {
     last_ = what;
   }
 
+  // Adds the triangle beyond an edge of the border, if there is one.
   void conquer(int i) {
     const Edge edge = edges_[std::size_t(i)];
     edges_[std::size_t(i)].waits = false;
@@ -272,7 +288,8 @@ class MeshTraversal {
     open(i, w);
   }
 
-  /// The edges `kept` and `gone` became one, from `kept` to `next`, with the corner `opposite` it.
+  /// Joins the edges `kept` and `gone` into one, from `kept` to `next`, with the corner `opposite`
+  /// it.
   void close(int gone, int kept, int next, int opposite) {
     edges_[std::size_t(gone)].is_open = false;
     edges_[std::size_t(kept)].opposite = opposite;
@@ -283,7 +300,7 @@ class MeshTraversal {
       wait(kept);
   }
 
-  /// Vertex w comes between the ends of edge i; the border is parted where it was on it already.
+  /// Inserts vertex w between the ends of edge i; the border splits if w was on it already.
   void open(int i, int w) {
     const Edge edge = edges_[std::size_t(i)];
     const int n = edge.next, e = edges_[std::size_t(n)].vertex, there = at_[std::size_t(w)];
@@ -298,12 +315,12 @@ class MeshTraversal {
   }
 
   const Triangles& triangles_;
-  std::vector<int> first_, around_;  ///< triangles at each vertex
-  std::vector<int> number_;          ///< new one of each old vertex, -1: not met
+  std::vector<int> first_, around_;  ///< triangles at each vertex, by index ranges
+  std::vector<int> number_;          ///< new number of each old vertex, -1: not yet met
   std::vector<bool> is_done_;
   std::vector<Edge> edges_;
   std::vector<int> waiting_;
-  std::vector<int> at_, triangles_at_;  ///< (new numbers) the last edge from it; triangles so far
+  std::vector<int> at_, triangles_at_;  ///< (new numbers) last edge from it; triangles so far
   MeshWalk walk_;
   RangeEncoder coder_;
   NumberModel number_model_;
@@ -324,6 +341,7 @@ struct ColumnRange {
   double low = std::numeric_limits<double>::infinity(), high = -low;
 };
 
+/// Returns the range of the values that are not NaN; zero without any.
 ColumnRange range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
   ColumnRange range;
   for (const double value : values) {
@@ -334,7 +352,7 @@ ColumnRange range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return range.low > range.high ? ColumnRange{0.0, 0.0} : range;
 }
 
-/// Which numbers are known where row k is coded.
+/// Returns the rows that are known when row k is coded.
 std::array<int, 3> known_at(const MeshWalk* walk, int k) {
   if (walk) return walk->known[std::size_t(k)];
   return {k - 1, k - 1, std::max(0, k - 2)};
@@ -353,7 +371,7 @@ std::int64_t combined(Prediction by, const int* x, const std::array<int, 3>& at)
   return 0;
 }
 
-/// How a column is predicted.
+/// Prediction of a column.
 struct Way {
   Prediction by = Prediction::Parallelogram;
   const int* reference = nullptr;
@@ -367,7 +385,7 @@ std::int64_t predicted(const Way& way, const int* x, int k, const MeshWalk* walk
   return std::clamp<std::int64_t>(number, -max_packed, max_packed);
 }
 
-/// About how many bits a column takes.
+/// Returns an estimate of the bits of a column.
 double bits_of(const Way& way, const std::vector<int>& x, const PackOptions& options) {
   double bits = 0.0;
   for (int k = 0; k < int(x.size()); ++k)
@@ -376,7 +394,8 @@ double bits_of(const Way& way, const std::vector<int>& x, const PackOptions& opt
   return bits;
 }
 
-/// A missing number stands, for those after it, for what was predicted of itself.
+/// Returns the numbers with every missing one replaced by its prediction, from which later ones are
+/// predicted.
 std::vector<int> filled(const Eigen::Ref<const Eigen::VectorXi>& numbers, const Way& way,
                         const PackOptions& options) {
   std::vector<int> x(numbers.begin(), numbers.end());
@@ -386,6 +405,7 @@ std::vector<int> filled(const Eigen::Ref<const Eigen::VectorXi>& numbers, const 
   return x;
 }
 
+/// Writes a column.
 /// @return the numbers as `filled`
 std::vector<int> code(RangeEncoder& coder, const Eigen::Ref<const Eigen::VectorXi>& numbers,
                       const Way& way, const PackOptions& options, bool has_missing) {
@@ -395,6 +415,8 @@ std::vector<int> code(RangeEncoder& coder, const Eigen::Ref<const Eigen::VectorX
   std::vector<int> length(x.size(), 0);
   for (int k = 0; k < int(x.size()); ++k) {
     std::array<int, 3> at{};
+    // The magnitude of a difference resembles that of its neighbours, so their mean length is its
+    // context.
     int context = 0;
     if (k > 0) {
       at = known_at(options.walk, k);
@@ -414,16 +436,16 @@ std::vector<int> code(RangeEncoder& coder, const Eigen::Ref<const Eigen::VectorX
   return x;
 }
 
-/// A way, and the number of its reference.
+/// A prediction with the index of its reference.
 struct Candidate {
   Way way;
   int reference = -1;
 };
 
-/// The way that takes the fewest bits, by the first numbers of the column.
+/// Returns the prediction that takes the fewest bits for the first numbers of the column.
 Candidate best_predictor(const Eigen::Ref<const Eigen::VectorXi>& numbers,
                          const PackOptions& options) {
-  constexpr Eigen::Index enough = 1 << 15;
+  constexpr Eigen::Index enough = 1 << 15;  // numbers represent the whole column
   const auto first = numbers.head(std::min(enough, numbers.size()));
   std::vector<Candidate> candidates;
   for (int r = -1; r < int(options.references.size()); ++r)
@@ -481,6 +503,8 @@ PackedColumns pack_values(const Eigen::MatrixXd& values, double step, const Pack
   std::vector<double> offset;
   for (const auto& column : values.colwise()) {
     const ColumnRange range = range_of(column);
+    // The offset is the middle of the range, so that signed 16 bits suffice. Both ends are halved
+    // before the sum, which could overflow.
     offset.push_back(range.low / 2.0 + range.high / 2.0);
   }
   PackedColumns packed = pack_numbers(numbers_of(values, step, offset), options);
@@ -495,6 +519,7 @@ double step_for_16_bits(const Eigen::MatrixXd& values) {
     const ColumnRange range = range_of(values.col(column));
     half = std::max(half, range.high / 2.0 - range.low / 2.0);
   }
+  // Numbers from -32767 to 32767 about the middle of the range.
   return half > 0.0 ? half / 32767.0 : 1.0;
 }
 

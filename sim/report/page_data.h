@@ -12,99 +12,104 @@
 
 namespace abbe::sim {
 
-/// The triangles of a mesh in an order in which nearly every one shares an edge with one before it,
-/// and the vertices in the order in which they are first met. Vertices without a triangle stand
-/// last.
+/// A traversal of a mesh: its triangles in an order in which nearly every one shares an edge with
+/// an earlier one, and its vertices in the order of their first occurrence. Vertices without a
+/// triangle come last.
 struct MeshWalk {
-  std::vector<Eigen::Index> order;        ///< (n) old number of each
-  std::vector<std::array<int, 3>> known;  ///< (n) new numbers of vertices met before: the edge over
-                                          ///< which the walk came and the corner opposite it; the
-                                          ///< one before, three times, where it came over none
-  std::string code;                       ///< from which a page makes the triangles, range coded
+  std::vector<Eigen::Index> order;  ///< (n) old number of each vertex
+  /// (n) new numbers of earlier vertices: the edge over which the traversal came and the corner
+  /// opposite it; the preceding vertex three times if it came over no edge.
+  std::vector<std::array<int, 3>> known;
+  std::string code;  ///< range-coded description from which a page rebuilds the triangles
 };
 
-/// @param triangles  any corners: holes, several parts, edges of more than two triangles; a
-/// triangle
-///                   keeps its sense and may begin at another of its corners
+/// Traverses a mesh.
+/// @param triangles  any mesh: holes, several parts, edges of more than two triangles; a triangle
+/// keeps its orientation and may begin at another corner
 /// @param vertices   their number
 /// Source: the edge conquest of Gumhold and Strasser 1998 and the valences of Touma and Gotsman
-///         1998, without their splits of the border.
+/// 1998, without their splits of the border.
 MeshWalk mesh_walk(const Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>& triangles,
                    Eigen::Index vertices);
 
-// Numbers packed into the text of a page: each is predicted from those before it, and how far
-// it lies from that is range coded and written in base64. render/report/unpack.js unpacks it.
+// Numbers packed into the text of a page: each number is predicted from earlier ones, and the
+// difference is range coded and written in base64. render/report/unpack.js unpacks it.
 
-/// From what a number is predicted: those at the vertices a and b of an edge met before and c
-/// opposite it, or in a sequence of the one before, twice, and the one before that.
+/// Prediction of a number: from its values at the vertices a and b of an earlier edge and c
+/// opposite it; in a sequence a and b are the preceding number and c the one before it.
 enum class Prediction {
   Parallelogram,  ///< a + b - c
   Middle,         ///< (a + b) / 2, rounded down
-  Reference,      ///< nothing but the reference
+  Reference,      ///< the reference only
 };
 
-/// Columns of whole numbers, packed one after the other; a value is offset + step times its number.
+/// Columns of integers, packed one after the other; a value is offset + step times its number.
 struct PackedColumns {
   Eigen::Index rows = 0, columns = 0;
-  std::vector<double> offset, step;  ///< (columns); empty where the numbers are the values
-  std::vector<Prediction> by;        ///< (columns)
-  int reference = -1;                ///< which of those offered was taken; -1: none
+  std::vector<double> offset, step;  ///< (columns); empty if the numbers are the values
+  std::vector<Prediction> by;        ///< (columns) prediction of each
+  int reference = -1;                ///< index of the reference that was used; -1: none
   bool has_missing = false;
-  Eigen::MatrixXi numbers;  ///< as coded, with what was predicted in place of missing ones
+  Eigen::MatrixXi numbers;  ///< as coded, with the prediction in place of missing numbers
   std::string text;         ///< base64
 };
 
-/// The number that stands for NaN.
+/// The number that represents NaN.
 inline constexpr int missing = -2147483647 - 1;
 
-/// No number to be packed is larger.
+/// Largest number that can be packed.
 inline constexpr int max_packed = 1 << 29;
 
+/// Options of packing.
 struct PackOptions {
   const MeshWalk* walk = nullptr;  ///< rows are its vertices in its order; null: a sequence
-  /// (rows) offered to a single column: numbers without missing ones, each like those to be packed
-  /// to within a change that is smooth over the mesh.
+  /// References (rows) for a single column: numbers without missing ones that differ from the
+  /// packed ones by a smooth function over the mesh.
   std::vector<const Eigen::VectorXi*> references = {};
 };
 
-/// Whole numbers (n x m), `missing` among them, as they are.
-/// @throws std::invalid_argument if one is too large
+/// Packs integers (n x m), `missing` among them, exactly.
+/// @throws std::invalid_argument if a number is too large
 PackedColumns pack_numbers(const Eigen::MatrixXi& numbers, const PackOptions& options = {});
 
-/// The numbers of values (n x m): the nearest to (value - offset) / step, `missing` for NaN.
-/// @throws std::invalid_argument if the step is not positive, a value is infinite, or a number too
-///         large
+/// Returns the numbers of values (n x m): the nearest to (value - offset) / step, `missing` for
+/// NaN.
+/// @throws std::invalid_argument if the step is not positive, a value is infinite, or a number is
+/// too large
 Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
                            const std::vector<double>& offset);
 
-/// Values (n x m) to within half a step.
+/// Packs values (n x m) to within half a step.
 /// @throws std::invalid_argument as `numbers_of`
 PackedColumns pack_values(const Eigen::MatrixXd& values, double step,
                           const PackOptions& options = {});
 
-/// The least step with which 16 bits suffice for every column; 1 where all values are one.
+/// Returns the smallest step with which 16 bits suffice for every column; 1 if all values are
+/// equal.
 double step_for_16_bits(const Eigen::MatrixXd& values);
 
-/// RFC 4648, padded.
+/// Returns bytes in base64 by RFC 4648, padded.
 std::string base64(std::string_view bytes);
 
-/// What a page holds besides words: the index of its arrays, and their texts.
+/// Binary data of a page: the index of its arrays, and their texts.
 struct PageData {
   nlohmann::ordered_json index;
   std::string blocks;
 };
 
+/// Adds a text under a name.
 void add_block(PageData& data, const std::string& name, const std::string& text);
 
-/// An array by its name.
+/// Description of an array.
 struct PageArray {
   std::string name;
   bool on_mesh = false;                      ///< rows are the vertices of the mesh
-  std::vector<std::string> references = {};  ///< what its packing was offered
+  std::vector<std::string> references = {};  ///< names of the arrays offered as references
 };
+/// Adds packed columns with their description in the index.
 void add(PageData& data, const PageArray& array, const PackedColumns& packed);
 
-/// A rigid pose, column after column.
+/// Returns a rigid pose, column by column.
 nlohmann::ordered_json to_json(const Eigen::Isometry3d& T);
 nlohmann::ordered_json to_json(const Eigen::Vector3d& v);
 

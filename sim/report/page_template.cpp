@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+// The files are embedded by the assembler, so that the browser files stay separate and no literal
+// of their size is compiled.
 #define ABBE_FILE(name, file)                                                                   \
   asm(".section .rodata\n.global " #name "\n" #name ":\n.incbin \"" ABBE_VIEWER_FOLDER "/" file \
       "\"\n.global " #name "_end\n" #name "_end:\n.byte 0\n.previous\n")
@@ -31,6 +33,7 @@ std::string_view viewer_style() { return {abbe_viewer_style, abbe_viewer_style_e
 std::string_view charts_page() { return {abbe_charts_page, abbe_charts_page_end}; }
 std::string_view charts_style() { return {abbe_charts_style, abbe_charts_style_end}; }
 
+/// The scripts stand in one element, so that one hash allows them.
 std::string viewer_script() {
   std::string all(abbe_words, abbe_words_end);
   all.append(abbe_viewer_unpack, abbe_viewer_unpack_end);
@@ -441,6 +444,7 @@ std::string html_escaped(std::string_view text) {
 
 std::string in_script(const ordered_json& json) {
   std::string out;
+  // "<" is escaped, so that no text can end the script element.
   for (const char c : json.dump(-1, ' ', false, ordered_json::error_handler_t::replace))
     out += c == '<' ? std::string("\\u003c") : std::string(1, c);
   return out;
@@ -475,6 +479,7 @@ std::string insert_labels(std::string_view page, std::span<const ReportLabel> la
   constexpr std::string_view begin = "data-label=\"", end = "\">";
   std::string text;
   for (;;) {
+    // A label ends its element's opening tag: the text of its language is inserted behind it.
     const std::size_t from = page.find(begin), key = from + begin.size(), to = page.find(end, from);
     if (from == std::string_view::npos) return text.append(page);
     text.append(page.substr(0, to + end.size()));

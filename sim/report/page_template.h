@@ -15,26 +15,26 @@
 
 namespace abbe::sim {
 
-/// Files of render/report, as they were when the program was built.
+/// Return files of render/report as they were when the program was built.
 std::string_view viewer_page();
 std::string_view viewer_style();
 std::string_view charts_page();
 std::string_view charts_style();
 
-/// The scripts of a page, words.js first.
+/// Return the scripts of a page, words.js first.
 std::string viewer_script();
 std::string charts_script();
 
-/// A word or sentence of a report, in both languages.
+/// A label or sentence of a report in both languages.
 struct ReportLabel {
-  std::string_view key;  ///< as the page and its script name it
+  std::string_view key;  ///< name in the page and its script
   std::string_view en, zh;
 };
 
-/// Every label of a report.
+/// Returns all labels of a report.
 std::span<const ReportLabel> report_labels();
 
-/// Every label of a page of tables and charts besides those of report_labels(); no key stands in
+/// Returns all labels of a page of tables and charts besides those of report_labels(); no key is in
 /// both.
 std::span<const ReportLabel> chart_labels();
 
@@ -42,32 +42,33 @@ std::span<const ReportLabel> chart_labels();
 
 namespace abbe::sim::html {
 
-// Text as it stands in a page.
+// Text for HTML pages.
 
+/// Returns a text with the special characters of HTML escaped.
 std::string html_escaped(std::string_view text);
 
-/// JSON as it may stand in a script.
+/// Returns JSON that can stand inside a script element.
 std::string in_script(const nlohmann::ordered_json& json);
 
-/// An element that the script of the page fills with the label, in the language that is shown.
+/// Returns an element that the script of the page fills with the label in the displayed language.
 std::string label(const char* key, const char* element = "span");
 
-/// A term and its description, as they stand in a <dl>.
+/// Returns a term and its description for a <dl>.
 std::string row(const char* key, const std::string& value);
 
-/// A <ul>, or that there is none.
+/// Returns lines as a <ul>, or a text that there are none.
 std::string list(const std::vector<std::string>& lines);
 
-/// {"key": {"en": ..., "zh": ...}}
+/// Returns {"key": {"en": ..., "zh": ...}}.
 nlohmann::ordered_json labels_json(std::span<const ReportLabel> labels);
 
-/// A page with the words of its labels in a language, "en" or "zh": a browser that runs no script
-/// shows them as they are.
-/// @throws std::out_of_range if a label is not among them
+/// Returns a page with the text of its labels in one language, "en" or "zh", which a browser
+/// without scripts shows.
+/// @throws std::out_of_range if a label is unknown
 std::string insert_labels(std::string_view page, std::span<const ReportLabel> labels,
                           const std::string& language);
 
-/// The page with what stands in it for {{name}}; what is put in is not looked at again.
+/// Returns the page with the values in place of {{name}}; inserted text is not searched again.
 /// @throws std::out_of_range if a name has no value
 std::string filled(std::string_view page, const std::map<std::string, std::string>& values);
 
@@ -75,10 +76,10 @@ std::string filled(std::string_view page, const std::map<std::string, std::strin
 
 namespace abbe::sim {
 
-// By which a page says which script may run in it: any other one, that a text smuggled in, may
-// not.
+// Hash of the script that may run in a page; the page forbids every other script, such as one
+// injected by a text.
 
-/// SHA-256 (FIPS 180-4) of bytes.
+/// Returns the SHA-256 (FIPS 180-4) of bytes.
 constexpr std::array<std::uint8_t, 32> sha256(std::string_view bytes) {
   using State = std::array<std::uint32_t, 8>;
   constexpr std::array<std::uint32_t, 64> k{
@@ -136,7 +137,8 @@ constexpr std::array<std::uint8_t, 32> sha256(std::string_view bytes) {
   return digest;
 }
 
-/// The source of a script as a Content-Security-Policy names it: 'sha256-...', quotes included.
+/// Returns the source of a script as a Content-Security-Policy names it: 'sha256-...', quotes
+/// included.
 inline std::string script_hash(std::string_view script) {
   const std::array<std::uint8_t, 32> digest = sha256(script);
   return "'sha256-" + base64({reinterpret_cast<const char*>(digest.data()), digest.size()}) + "'";

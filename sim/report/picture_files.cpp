@@ -30,25 +30,27 @@ cutting::Design design_m(const Job& job) {
   return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
 }
 
+/// Returns the map with its form.
 render::Field field_of(const Job& job, const Verdict& verdict) {
   render::Field field = render::field(design_m(job), verdict.aligned.surface);
   field.form_um = verdict.filtered / units::um;
   return field;
 }
 
-/// A length in the unit in which it reads best.
+/// Returns a length in the most readable unit.
 std::string length_text(double mm) {
   if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
   return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
 }
 
-/// Whether a map is too coarse to show what the tool left between its vertices.
+/// Returns true if a map is too coarse to show the texture between its vertices.
 bool is_coarse(const Verdict& verdict) {
   return verdict.cut.interpolation &&
          verdict.cut.interpolation->unresolved > max_unresolved_fraction;
 }
 
-/// Then its form is drawn, which does not depend on the vertices where enough places carry it.
+/// Returns true if the form of a coarse map is drawn instead: it does not depend on the vertices if
+/// enough points carry it.
 bool shows_form_map(const Job& job, const Verdict& verdict) {
   return is_coarse(verdict) && cutting::resolves_form(job.design_w, job.scene.part.form_cutoff);
 }
@@ -57,22 +59,23 @@ std::string texture_height(const Verdict& verdict) {
   return length_text(verdict.texture ? verdict.texture->Sz : 0.0);
 }
 
-/// mm that a pixel of one of several maps covers, about.
+/// Returns the size of a pixel of one of several maps, about, mm.
 double panel_pixel_mm(const Job& job) {
   constexpr double panel_px = 350.0;  // wide
   const auto& vertices = job.design_w.vertices;
   return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).maxCoeff() / panel_px;
 }
 
-/// Whether the waves that sampling has resolved are finer than pixels.
+/// Returns true if the waves that sampling resolved are finer than pixels.
 bool is_finer_than_pixel(const Job& job, double pixel_mm) {
   if (!job.sampled || job.design_w.vertices.rows() <= job.sampled->given) return false;
   const double spacing = std::sqrt(job.design_w.area.sum() / double(job.design_w.vertices.rows()));
+  // A wave needs two samples and more than one pixel to be seen.
   return 2.0 * spacing < 1.5 * pixel_mm;
 }
 
-/// By how much a filtered map is off by chance where its places are at random, mm: the filter is a
-/// mean over so many of them.
+/// Returns the random error of a filtered map with random points, mm: the filter is a mean over
+/// many of them, and the error falls with the root of their number.
 double form_noise(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   if (surface.sampled_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
@@ -81,16 +84,17 @@ double form_noise(const Job& job, const Verdict& verdict) {
          std::sqrt(cutting::filter_values(job.scene.part.form_cutoff, density));
 }
 
+/// Returns the caption of a map that shows form only.
 std::string form_caption(const Job& job, const Verdict& verdict) {
   const double noise = form_noise(job, verdict);
   const std::string by_chance = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
-  // Texture is the map minus its form, so that this chance is in it: Sz is no lower bound then.
+  // Texture is the map minus its form and contains this random error, so Sz is no lower bound then.
   return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} {}",
                      job.scene.part.form_cutoff, by_chance, texture_height(verdict),
                      noise > 0.0 ? "with this chance in it" : "or more");
 }
 
-/// With the signs and units that a picture has.
+/// Returns a verdict with the signs and units of a picture.
 std::string shown_verdict(std::string text) {
   const auto replace = [&](const std::string& from, const std::string& to) {
     for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
@@ -101,15 +105,14 @@ std::string shown_verdict(std::string text) {
   return text;
 }
 
-/// Form is known at the vertices alone.
+/// Replaces the map by its form, which is known at the vertices only.
 void draw_form(render::Field& field) {
   field.deviation_um = field.form_um;
   field.within_um.resize(0);
 }
 
-/// The map in the part frame, so that the camera stands where the scene says, however the part is
-/// clamped.
-/// @param pixel_mm  about what a pixel covers: waves that are finer would only flicker; 0: drawn
+/// Returns the map in the part frame, so that the view does not depend on the clamping.
+/// @param pixel_mm  size of a pixel, about: finer waves would only flicker; 0: they are drawn
 render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pixel_mm = 0.0) {
   render::MapPicture picture;
   picture.field = field_of(job, verdict);
@@ -139,19 +142,19 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   return picture;
 }
 
-/// Compared cases say how far they brought the machine's part down.
+/// Returns the reduction of the machine's part of the map by a compensator.
 std::string reduction_text(const Compared& one, const std::vector<Compared>& cases) {
   if (!one.uncompensated) return "";
   const auto& before = cases[*one.uncompensated].verdict.machine;
   const auto& after = one.verdict.machine;
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
   const double change = 100.0 * (*after->rms / *before->rms - 1.0);
-  // a true minus: at a hyphen the line might break
+  // A minus sign instead of a hyphen, at which the line might break.
   return fmt::format("machine {} RMS, {}{:.1f} %", length_text(*after->rms),
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 
-/// Form and texture of a case, without what its caption says of them already.
+/// Returns form and texture of a case, unless its caption states them already.
 std::string form_texture_line(const Job& job, const Verdict& verdict) {
   if (shows_form_map(job, verdict) || !verdict.form_part || !verdict.form_part->pv ||
       !verdict.texture)
@@ -162,17 +165,18 @@ std::string form_texture_line(const Job& job, const Verdict& verdict) {
              : form + ", texture Sz " + texture_height(verdict);
 }
 
-/// A time as people say it: hours where it is long.
+/// Returns a time in s, or in hours if it is long.
 std::string time_text(double time_s) {
   return std::abs(time_s) >= 600.0 ? fmt::format("{:.4g} h", time_s / 3600.0)
                                    : fmt::format("{:.4g} s", time_s);
 }
 
-/// Temperatures of all nodes over history and program.
+/// Draws the temperatures of all nodes over history and program.
 void write_temperatures(const std::filesystem::path& file, const Job& job) {
   const errors::ThermalRun& run = job.truth.heat->run;
   const double from = run.knots.front().time_s, to = run.knots.back().time_s;
   constexpr int points = 600;
+  // Hours above 2 h, minutes above 5 min.
   const double unit = to - from > 2 * 3600.0 ? 3600.0 : (to - from > 300.0 ? 60.0 : 1.0);
   std::vector<render::ProfileSeries> series;
   for (const errors::ThermalNode& node : run.network.nodes)
@@ -193,7 +197,7 @@ void write_temperatures(const std::filesystem::path& file, const Job& job) {
   render::write_profile(file, series, options);
 }
 
-/// An instant, and the temperatures then of all nodes on which an element depends.
+/// Returns a time with the temperatures of all nodes on which an element depends.
 std::string instant_text(const Truth::Heat& heat, int joint, const errors::ElementName& name,
                          double time_s) {
   std::set<int> nodes;
@@ -219,7 +223,7 @@ std::string instant_text(const Truth::Heat& heat, int joint, const errors::Eleme
   return nodes.empty() ? text : text + " °C";
 }
 
-/// One element over its range or the travel of its axis, at several instants.
+/// Draws one element over its range or the travel of its axis, at several times.
 void write_element(const std::filesystem::path& file, const Job& job,
                    const ThermalDescription::Plot& plot) {
   const kinematics::Chain& chain = job.machine.nominal;
@@ -229,6 +233,7 @@ void write_element(const std::filesystem::path& file, const Job& job,
   const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
   const bool slide = joint.motion == kinematics::Motion::Linear;
   const double turn = 2 * pi;
+  // An unlimited axis is drawn over one turn, or over 2 m to either side.
   const double widest = slide ? 2000.0 : turn;
   const double from = plot.range ? plot.range->front() : std::max(joint.min, -widest);
   const double to = plot.range ? plot.range->back() : std::min(joint.max, widest);
@@ -247,7 +252,7 @@ void write_element(const std::filesystem::path& file, const Job& job,
         const kinematics::JointDeviation d = deviations(job.truth, state).joints[std::size_t(j)];
         one.y[i] = (plot.element.location ? d.location : d.motion)[plot.element.component()] /
                    (plot.element.is_angle() ? units::urad : units::um);
-      } catch (const std::out_of_range&) {  // beyond a table: the curve ends there
+      } catch (const std::out_of_range&) {  // outside a table: the curve ends there
         one.y[i] = std::numeric_limits<double>::quiet_NaN();
       }
     }
@@ -266,7 +271,7 @@ void write_element(const std::filesystem::path& file, const Job& job,
 
 const std::string element_ending = "-temperatures.png";
 
-/// Pictures of elements that an earlier run left and this one does not draw.
+/// Removes pictures of elements that an earlier run wrote and this one does not.
 void remove_older(const ResultFolder& folder, const std::set<std::string>& drawn) {
   std::vector<std::string> older;
   std::error_code none;
@@ -293,8 +298,8 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
   const auto shows = [&](const char* stage, double fraction) {
     if (progress) progress(stage, fraction);
   };
-  // first: while the files are compressed by another thread there is one core for it, and the map
-  // that follows takes all
+  // The histogram is drawn first: while another thread compresses the files of the case, one core
+  // is left for it, and the map that follows uses all cores.
   shows("draw", 0.0);
   write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
     render::HistogramOptions options;
@@ -342,6 +347,7 @@ std::string map_png(const Job& job, const Verdict& verdict, int width) {
                           render::PngPurpose::Size);
 }
 
+/// Writes the pictures of the stock, or removes older ones if none was tracked.
 void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   const std::shared_ptr<const StockCheck> check =
       verdict.stock ? verdict.stock : stock_check(job, verdict);
@@ -353,7 +359,7 @@ void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verd
   write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
     render::write_stock(file, field, stock_facts(*check));
   });
-  // of a blank that was cut away as a whole there is nothing to draw
+  // A blank that was cut away completely cannot be drawn.
   if (field.mesh.triangles.rows() == 0) return remove_file(folder / "stock.png");
   write_file(folder / "stock.png", [&](const std::filesystem::path& file) {
     render::write_stock_picture(file, stock_picture(job, verdict, *check, field));
@@ -403,7 +409,7 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
 void write_check_picture(const ResultFile& file, const Job& job) {
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::MachineOptions options;
-    // a turned part is looked in the face
+    // A turned part is viewed from the front.
     if (job.machine.workpiece_spindle) options.from = Eigen::Vector3d(1.0, -0.8, 0.6);
     render::write_machine(temporary, machine_picture(job), options);
   });

@@ -43,6 +43,7 @@ std::string rows_text(const char* name, const kinematics::Pose& T) {
   return text;
 }
 
+/// Returns T_nominal^-1 T_actual.
 kinematics::Pose error_of(const TipPose& pose) {
   return kinematics::error_transform(pose.nominal, pose.actual);
 }
@@ -85,12 +86,14 @@ using nlohmann::ordered_json;
 
 constexpr std::string_view json_start = "{\n  \"abbe_poses\": 1,";
 
-/// `"key": value,` lines of an object within an object.
+/// Returns the `"key": value,` lines of an object, for insertion into another object.
 std::string members(const ordered_json& object) {
   const std::string text = json_text(object);
   return text.substr(2, text.size() - 5);  // without the braces and their line ends
 }
 
+/// Writes a table row by row, because a grid may have millions of poses. JSON is therefore written
+/// in parts: head, rows, summary.
 PoseStatistics write_table_rows(std::FILE* stream, const std::string& name, const PoseTable& table,
                                 const PoseList& poses, TableFormat format,
                                 const std::vector<std::string>& warnings, ProgressLine* progress) {
@@ -122,7 +125,7 @@ PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
                                const std::vector<std::string>& warnings, ProgressLine* progress) {
   const std::string name = file.path().string();
   PoseStatistics statistics;
-  std::exception_ptr refused;  // not a fault of the file
+  std::exception_ptr refused;  // a failure of the poses, not of the file
   const auto write = [&](const std::filesystem::path& temporary) {
     const auto fail = [&] {
       throw OutputFailure(name + ": cannot be written: " + std::strerror(errno));
@@ -134,6 +137,8 @@ PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
     } catch (const OutputFailure&) {
       throw;
     } catch (...) {
+      // write_file removes the temporary file for an OutputFailure; the real reason is thrown
+      // below.
       refused = std::current_exception();
       throw OutputFailure("refused");
     }
@@ -198,6 +203,7 @@ Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
   return points.row(Eigen::Index(i)).transpose() / unit;
 }
 
+/// Returns a pose of the grid with its axes and errors.
 ordered_json place(const VolumetricMap& map, std::size_t pose) {
   const PoseList& poses = map.grid.poses;
   ordered_json json{{"pose", pose + 1}};
@@ -209,13 +215,14 @@ ordered_json place(const VolumetricMap& map, std::size_t pose) {
   return json;
 }
 
+/// Returns true if the grid varies an axis.
 bool runs(const PoseGrid& grid, int joint) {
   for (const PoseGrid::Run& run : grid.runs)
     if (run.joint == joint) return true;
   return false;
 }
 
-/// "X -300 .. 300 mm (11), Y ..."
+/// Returns "X -300 .. 300 mm (11), Y ...".
 std::string grid_text(const IdleMachine& idle, const PoseGrid& grid) {
   std::string text;
   for (const PoseGrid::Run& run : grid.runs) {
@@ -226,7 +233,7 @@ std::string grid_text(const IdleMachine& idle, const PoseGrid& grid) {
   return text;
 }
 
-/// "A = 0 deg, C = 0 deg"
+/// Returns the positions of the axes that the grid does not vary: "A = 0 deg, C = 0 deg".
 std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
   std::string text;
   for (std::size_t c = 0; c < grid.poses.columns.size(); ++c) {
@@ -240,19 +247,20 @@ std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
 
 #if ABBE_RENDER
 
-/// What a picture shows.
+/// Data of a volumetric picture.
 struct Shown {
   const VolumetricMap& map;
   const VolumetricSummary& summary;
   const std::vector<std::string>& warnings;
 };
 
+/// Returns the name of the machine, or of the scene if it has none.
 std::string name_of(const IdleMachine& idle) {
   const std::string& name = idle.scene.machine.name;
   return name.empty() ? idle.scene.file.stem().string() : name;
 }
 
-/// With a true minus sign, as pictures have it.
+/// Returns the text with true minus signs.
 std::string typeset(std::string text) {
   for (std::size_t at = 0; (at = text.find('-', at)) != std::string::npos;)
     text.replace(at, 1, "\u2212");
@@ -264,14 +272,17 @@ std::string three(const Vector3d& v) {
                      render::figure(v.z()));
 }
 
+/// Returns the line of figures for a picture.
 std::string figures_line(const Shown& shown) {
   const PoseStatistics& s = shown.summary.all;
   const Vector3d at = row(shown.map.nominal, s.worst, 1.0);
+  // Adding 0.0 turns -0 into 0.
   return typeset(fmt::format("max {} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {}, RMS {}",
                              render::figure(s.max_um), at.x() + 0.0, at.y() + 0.0, at.z() + 0.0,
                              render::figure(s.p95_um), render::figure(s.rms_um)));
 }
 
+/// Returns the caption: convention, grid, volumetric error, warnings.
 std::vector<std::string> caption(const IdleMachine& idle, const Shown& shown) {
   std::string where = grid_text(idle, shown.map.grid);
   if (const std::string standing = standing_text(idle, shown.map.grid); !standing.empty())
@@ -286,6 +297,7 @@ std::vector<std::string> caption(const IdleMachine& idle, const Shown& shown) {
   return lines;
 }
 
+/// Draws a grid of one axis as curves over its position.
 void write_single_run_curves(const std::filesystem::path& file, const IdleMachine& idle,
                              const Shown& shown) {
   const VolumetricMap& map = shown.map;
@@ -315,6 +327,7 @@ void write_single_run_curves(const std::filesystem::path& file, const IdleMachin
   render::write_curves(file, {of_tip, of_axis}, options);
 }
 
+/// Draws the grid in space; a single axis is drawn as curves.
 void write_picture(const std::filesystem::path& file, const IdleMachine& idle, const Shown& shown) {
   if (shown.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, shown);
   render::VolumePicture picture;
@@ -327,6 +340,7 @@ void write_picture(const std::filesystem::path& file, const IdleMachine& idle, c
   render::write_volume_map(file, picture);
 }
 
+/// Writes the grid with the positions of the axes, which are the coordinates of an error table.
 void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
   std::vector<render::GridArray> arrays{
       {"deviation_um", map.deviation / units::um},
@@ -342,7 +356,8 @@ void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
   render::write_structured_grid(file, map.nominal, map.grid.size, arrays);
 }
 
-/// The faces of a grid as triangles, outward; of a grid of one layer both sides are one face.
+/// Returns the outer faces of a grid as triangles with outward orientation; a grid with one layer
+/// has one face for both sides.
 cutting::Triangles faces_of(const std::array<int, 3>& size) {
   const std::array<int, 3> stride{1, size[0], size[0] * size[1]};
   std::vector<std::array<int, 3>> all;
@@ -350,6 +365,7 @@ cutting::Triangles faces_of(const std::array<int, 3>& size) {
     const std::size_t a = (d + 1) % 3, b = (d + 2) % 3;
     for (int end = 0; end < std::min(2, size[d]); ++end) {
       const int base = end == 0 ? 0 : (size[d] - 1) * stride[d];
+      // Exchanged directions at the two ends make both faces point outwards.
       const int i_step = end == 0 ? stride[b] : stride[a], i_size = end == 0 ? size[b] : size[a];
       const int j_step = end == 0 ? stride[a] : stride[b], j_size = end == 0 ? size[a] : size[b];
       for (int i = 0; i + 1 < i_size; ++i)
@@ -366,6 +382,7 @@ cutting::Triangles faces_of(const std::array<int, 3>& size) {
   return faces;
 }
 
+/// Writes the outer faces of the grid for ParaView.
 void write_faces(const std::filesystem::path& file, const VolumetricMap& map) {
   std::vector<std::string> names{"deviation_um", "direction_urad"};
   std::vector<Eigen::VectorXd> values{map.deviation.rowwise().norm() / units::um,

@@ -11,51 +11,53 @@
 
 namespace abbe::sim {
 
-/// `T_wt_nominal`, `T_wt_actual` (4x4 row lists, mm), `deviation_mm`, `direction_rad`, `E`
-/// (T_nominal^-1 T_actual), `columns` (what is wished beside, by its heads in a table of poses),
-/// `warnings`.
+/// Returns `T_wt_nominal`, `T_wt_actual` (4x4 row lists, mm), `deviation_mm`, `direction_rad`, `E`
+/// (T_nominal^-1 T_actual), `columns` (the additional columns requested, by their heads in a table
+/// of poses), `warnings`.
 nlohmann::ordered_json to_json(const PoseResult& pose);
 
-/// The same for people.
+/// Returns the same as text.
 std::string to_text(const PoseResult& pose);
 
 inline constexpr const char* pose_convention =
     "actual minus nominal in the workpiece frame, the machine standing still, no datum set";
 
-/// Writes a table of poses under a temporary name that is renamed: CSV, or JSON as `poses_json`.
-/// @throws OutputFailure; BadInput and Interrupted as write_poses, and then nothing is left of it
+/// Writes a table of poses under a temporary name, then renames it: CSV or JSON, as `print_poses`.
+/// @throws OutputFailure; BadInput and Interrupted as write_poses, after which no file is left
 PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
                                const PoseList& poses, TableFormat format,
                                const std::vector<std::string>& warnings,
                                ProgressLine* progress = nullptr);
 
-/// Prints the same on standard output as it is computed. @throws OutputFailure
+/// Prints the same on standard output as it is computed.
+/// @throws OutputFailure
 PoseStatistics print_poses(const PoseTable& table, const PoseList& poses, TableFormat format,
                            const std::vector<std::string>& warnings,
                            ProgressLine* progress = nullptr);
 
-/// `poses`, `deviation_um` {`max`, `p95`, `rms`}, `worst`, `direction_urad` {`max`, `worst`}.
+/// Returns `poses`, `deviation_um` {`max`, `p95`, `rms`}, `worst`, `direction_urad` {`max`,
+/// `worst`}.
 nlohmann::ordered_json to_json(const PoseStatistics& statistics, const PoseList& poses);
 std::string to_text(const PoseStatistics& statistics, const PoseList& poses);
 
-/// The format that a name asks for.
+/// Returns the format for a file name.
 /// @throws OutputFailure unless it ends in .csv or .json
 TableFormat pose_file_format(const std::filesystem::path& file);
 
-/// What is said of a volumetric map: `machine`, `convention`, `grid`, `standing`, `poses`,
+/// Returns the results of a volumetric map: `machine`, `convention`, `grid`, `standing`, `poses`,
 /// `deviation_um` {`max`, `p95`, `rms`, `mean`}, `worst`, `direction_urad`, `volumetric_error`,
 /// `worst_pair`.
 nlohmann::ordered_json to_json(const IdleMachine& idle, const VolumetricMap& map,
                                const VolumetricSummary& summary);
 
-/// The same for people.
+/// Returns the same as text.
 std::string to_text(const IdleMachine& idle, const VolumetricMap& map,
                     const VolumetricSummary& summary);
 
-/// Writes `volumetric.csv` and, where the program was built with VTK, `volumetric.vts` (structured
+/// Writes `volumetric.csv` and, if the program was built with VTK, `volumetric.vts` (structured
 /// grid; point data deviation_um, direction_urad, rotation_urad, deviation_norm_um and the
 /// positions of the axes), `volumetric.vtp` (its outer faces; deviation_um and direction_urad by
-/// length, deviation_x_um and so on) and `volumetric.png`, which shows the warnings too.
+/// length, deviation_x_um and so on) and `volumetric.png`, which also shows the warnings.
 /// @throws OutputFailure
 void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
                             const VolumetricMap& map, const VolumetricSummary& summary,

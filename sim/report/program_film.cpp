@@ -30,6 +30,7 @@ FilmPlan film_plan(const FilmInterval& stretch, double seconds, double fps) {
   FilmPlan plan{stretch, {}, fps};
   const auto n = std::max(1L, std::lround(seconds * fps));
   for (long k = 0; k < n; ++k) {
+    // The last frame is exactly the end, without rounding.
     const double u = n > 1 ? double(k) / double(n - 1) : 1.0;
     plan.time_s.push_back(k + 1 == n ? stretch.end_s
                                      : stretch.begin_s + u * (stretch.end_s - stretch.begin_s));
@@ -45,6 +46,7 @@ std::string speed_text(const FilmPlan& plan) {
   const double times = speed_factor(plan);
   const auto number = [](double x) { return fmt::format("{:.{}f}", x, x < 10.0 ? 1 : 0); };
   if (!(times > 0.0)) return "a moment of the program";
+  // Within 5 % of real time no factor is printed.
   if (times >= 1.05) return number(times) + " × faster than real time";
   if (times <= 1.0 / 1.05) return number(1.0 / times) + " × slower than real time";
   return "in real time";
@@ -54,6 +56,7 @@ namespace {
 
 constexpr std::size_t max_line_bytes = 200;  // bytes
 
+/// Returns lines of text, shortened to what fits into a caption.
 std::vector<std::string> text_lines(std::istream& in) {
   std::vector<std::string> lines;
   for (std::string line; std::getline(in, line);) {
@@ -64,6 +67,8 @@ std::vector<std::string> text_lines(std::istream& in) {
   return lines;
 }
 
+/// Returns the lines of a program file; empty if it cannot be read, since the film only quotes
+/// them.
 std::vector<std::string> read_program_lines(const std::filesystem::path& file) {
   constexpr std::uintmax_t largest = std::uintmax_t(256) << 20;  // more is not worth its memory
   std::error_code failure;
@@ -129,28 +134,31 @@ constexpr render::Colour slide_colour{0.78, 0.82, 0.88}, turn_colour{0.93, 0.84,
 
 enum Look : std::uint8_t { raw_style, fresh_style, crash_style };
 
+/// Returns the program that a part of the job runs in this case.
 const program::Path& part_path(const FilmSource& cut, std::size_t part) {
   return path_of(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
+/// Returns the target poses of a part of the job.
 const std::vector<Pose>& nominal_poses(const FilmSource& cut, std::size_t part) {
   return target_poses(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
-/// With the spindle that turns the workpiece turned back.
+/// Returns the pose of the tool with the workpiece spindle turned back.
 Pose at_rest(const Job& part, const AxisVector& q, const Pose& T_wt) {
   if (!part.machine.workpiece_spindle) return T_wt;
   const int spindle = *part.machine.workpiece_spindle;
   return slow_pose(spindle_line(part.truth.actual, spindle), q[spindle], T_wt);
 }
 
-/// The last sample at or before an instant; the first where there is none.
+/// Returns the last sample at or before an instant; the first sample if there is none.
 std::size_t sample_until(const program::Samples& samples, double time_s) {
   const auto after =
       std::ranges::upper_bound(samples.states, time_s, {}, &kinematics::AxisState::time_s);
   return std::size_t(std::max<std::ptrdiff_t>(after - samples.states.begin(), 1) - 1);
 }
 
+/// Returns a body with colour and opacity; `close` bodies also appear in the view of the part.
 render::FilmBody looking(const render::Colour& colour, double opacity, bool close) {
   render::FilmBody body;
   body.colour = colour;
@@ -159,7 +167,7 @@ render::FilmBody looking(const render::Colour& colour, double opacity, bool clos
   return body;
 }
 
-/// A plain shape as a mesh.
+/// Returns a simple shape as a mesh; chords of cylinders deviate by 0.1 % of their radius.
 cutting::ClosedMesh shape_mesh(const render::Body& body) {
   if (const auto* block = std::get_if<render::BlockShape>(&body.shape))
     return cutting::box_mesh(block->size);
@@ -169,8 +177,9 @@ cutting::ClosedMesh shape_mesh(const render::Body& body) {
   return cutting::revolved_mesh(profile, 1e-3 * cylinder.radius);
 }
 
-/// (n x 2) Corners of a profile, its arcs as chords.
+/// Returns the corners of a profile, arcs as chords. (n x 2)
 Eigen::MatrixX2d chords_of(const cutting::EdgeProfile& profile) {
+  // A nose of 180 degrees in 16 chords deviates by 0.5 % of its radius.
   constexpr int of_arc = 16;
   std::vector<Eigen::Vector2d> corners;
   for (const cutting::OutlinePiece& piece : profile.pieces) {
@@ -188,7 +197,8 @@ Eigen::MatrixX2d chords_of(const cutting::EdgeProfile& profile) {
   return outline;
 }
 
-/// A turning tool, which has no body of its own: its nose below the rake plane, and a bar.
+/// Returns the body of a turning tool, which the scene does not describe: its nose below the rake
+/// plane, and a bar.
 std::vector<cutting::ClosedMesh> turning_tool(const cutting::Nose& nose, double length) {
   const double radius = nose.profile ? 0.5 * nose.profile->outer_radius : nose.radius;
   const double thickness = std::clamp(0.02 * length, 0.4 * radius, 2.0 * radius);
@@ -206,7 +216,7 @@ std::vector<cutting::ClosedMesh> turning_tool(const cutting::Nose& nose, double 
           cutting::moved(cutting::box_mesh({width, width, length}), behind)};
 }
 
-/// Corners of the box around points.
+/// Returns the corners of the bounding box of points.
 cutting::Points corners_of(const cutting::Points& points) {
   cutting::Points corners(8, 3);
   const Eigen::RowVector3d low = points.colwise().minCoeff(), high = points.colwise().maxCoeff();
@@ -246,7 +256,7 @@ void ProgramFilm::add_moments() {
   const auto parts = parts_of(cut_.job);
   std::vector<std::vector<std::size_t>> at(parts.size());
   for (const double time : plan_.time_s) {
-    std::size_t p = 0;  // the last that has begun by then; one may be without a sample
+    std::size_t p = 0;  // the last part that has begun; one may be without samples
     for (std::size_t i = 0; i < parts.size(); ++i) {
       const auto& states = of_part(cut_.commands, i).samples.states;
       if (!states.empty() && (states.front().time_s <= time || i == 0)) p = i;
@@ -271,7 +281,8 @@ void ProgramFilm::add_moments() {
     moment.T_wt = at_rest(part, state.q, actual);
     moment.T_wt_nominal = at_rest(part, state.q, nominal);
     const auto off = deviations(part.truth, state, load_at(cut_.process, state.time_s)).joints;
-    if (const auto spindle = spindle_of(part.machine)) state.q[*spindle] = 0.0;
+    // Between two frames a spindle turns many times, so it is drawn at rest.
+    if (const auto spindle = find_spindle(part.machine)) state.q[*spindle] = 0.0;
     moment.carriers_b = carrier_poses(part.truth.actual, state.q, off);
   }
 }
@@ -363,6 +374,8 @@ Vector3d ProgramFilm::nominal_tip(std::size_t part, std::size_t sample) const {
 
 ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t part) {
   const program::Samples& samples = of_part(cut_.commands, part).samples;
+  // A 300th of the part is one or two pixels of a frame; a pass ends when it is longer than the
+  // part, so that passes can be thinned one by one.
   const double size = part_size(), step = size / 300.0, longest = 1.2 * size;
   constexpr double sharp = 0.2;  // rad
   TracedSamples traced;
@@ -383,7 +396,7 @@ ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t part) {
     const double moved = fed ? (now - last).norm() : 0.0;
     const bool begins = !fed || length > longest;
     if (!begins && moved < step && kinematics::angle_between(way, now - last) < sharp) continue;
-    if (begins && fed) take(i);  // where a pass ends the next one begins
+    if (begins && fed) take(i);  // a pass ends where the next one begins
     if (begins) ++trace_.passes;
     take(i);
     length = begins ? 0.0 : length + moved;
@@ -507,6 +520,7 @@ std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s
   const program::Block& block =
       part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])];
   const auto& states = samples.states;
+  // The speed is that of one block: its neighbour sample must be in the same block.
   std::size_t before = moment.sample, after = std::min(moment.sample + 1, states.size() - 1);
   if (samples.block[after] != samples.block[before] && before > 0) after = before--;
   const double duration = states[after].time_s - states[before].time_s;

@@ -13,103 +13,107 @@
 #include "sim/cut/stock_replay.h"
 #include "sim/program/path.h"
 
-/// Which moments of a program a film shows.
+/// Films of a program: the interval and the frames, the machine and the stock in each of them.
 namespace abbe::sim {
 
-/// Lines of a program, both ends with them.
+/// Lines of a program, both ends included.
 struct LineRange {
   int first = 1, last = 1;
 };
 
-/// A part of a program in time, s.
+/// A time interval of a program, s.
 struct FilmInterval {
   double begin_s = 0.0, end_s = 0.0;
 };
 
-/// From the beginning of the first block on these lines of the program itself, not of its
-/// subprograms, to the end of the last one; without lines all of it. None where there is no block.
+/// Returns the interval from the start of the first block on these lines of the program itself, not
+/// of its subprograms, to the end of the last one; without lines the whole program. Empty if the
+/// lines have no block.
 std::optional<FilmInterval> interval_of_lines(const program::Path& path,
                                               const std::optional<LineRange>& lines);
 
+/// Frames of a film.
 struct FilmPlan {
   FilmInterval stretch;
-  std::vector<double> time_s;  ///< (frames) of the program, rising evenly; the last is the end
+  std::vector<double> time_s;  ///< (frames) time in the program, evenly spaced; the last is the end
   double fps = 25.0;
 };
 
-/// round(seconds * fps) frames, at least one, spread evenly from the beginning to the end.
+/// Returns a plan of round(seconds * fps) frames, at least one, spread evenly from begin to end.
 FilmPlan film_plan(const FilmInterval& stretch, double seconds, double fps);
 
-/// How many times faster than the machine the film runs; 0 for a stretch that takes no time.
+/// Returns the ratio of machine time to film time; 0 for an interval of no duration.
 double speed_factor(const FilmPlan& plan);
 
-/// "12.3 × faster than real time"
+/// Returns the ratio as text: "12.3 × faster than real time".
 std::string speed_text(const FilmPlan& plan);
 
-/// A program as it was cut, to be filmed; what it refers to outlives the film.
+/// A program as it was cut, to be filmed; everything it refers to must outlive the film.
 struct FilmSource {
   const Job& job;
   const Commands& commands;
-  const Process& process;  ///< of [cutting], with its stock; else empty
-  /// When vertices of the design were cut; null with [cutting].
+  const Process& process;  ///< with [cutting] and its stock; else empty
+  /// Times at which vertices of the design were cut; null with [cutting].
   const cutting::Surface* surface = nullptr;
 };
 
+/// Size and magnification of a film.
 struct FilmOptions {
   int width = 1280;  ///< px
   int height = 720;  ///< px
-  /// Of the errors of the tool and its path; 1: the path is not drawn; none: a round one, by which
-  /// the largest is about a twentieth of the part.
+  /// Magnification of the errors of the tool and its path; 1: the path is not drawn; empty: a round
+  /// factor that shows the largest error as about a twentieth of the part.
   std::optional<double> magnification = 1.0;
 };
 
-/// The text of a program line by line, to be looked up.
+/// Source lines of a program, to be looked up.
 class ProgramText {
  public:
-  /// Of the program that commands run; without words where its files cannot be read.
+  /// Reads the program that the commands run; without text if its files cannot be read.
   ProgramText(const Job& job, const Commands& commands);
 
-  /// The words of a block on one line, control characters spelt out; empty where they are not
+  /// Returns the text of the line of a block, control characters spelt out; empty if it is not
   /// known.
   std::string of(const program::Block& block) const;
 
  private:
-  std::vector<std::vector<std::string>> files_;  ///< as `Block::file` counts them
+  std::vector<std::vector<std::string>> files_;  ///< by `Block::file`
 };
 
-/// The film of a program: the machine with its bodies where the actual axes are, errors and forces
-/// included, its tool where its errors, magnified, take it, and the stock that is left, or on the
-/// design what is cut. Spindles are drawn at rest: between two frames they turn many times.
+/// The film of a program: the machine with its bodies at the actual axis positions, errors and
+/// forces included, its tool at its magnified deviation, and the remaining stock, or the cut
+/// vertices of the design. Spindles are drawn at rest: they turn many times between two frames.
 class ProgramFilm {
  public:
-  /// @throws BadInput as `bodies_of`, and where a table of the errors is left
+  /// @throws BadInput as `job_bodies`, or if an axis leaves a table of the errors
   ProgramFilm(const FilmSource& cut, FilmPlan plan, const FilmOptions& options = {});
 
   const render::FilmSetting& setting() const { return setting_; }
   std::size_t frames() const { return plan_.time_s.size(); }
 
-  /// One frame; with [cutting] they must be asked for in rising order.
+  /// Returns one frame; with [cutting] frames must be requested in rising order.
   render::FilmState state(std::size_t frame);
-  /// mm^3, of the stock as it is now; 0 without [cutting].
+  /// Returns the volume of the stock at the last frame, mm^3; 0 without [cutting].
   double volume() const { return stock_ ? stock_->volume() : 0.0; }
 
  private:
-  /// What a frame shows: a sample of a part of the job.
+  /// Sample of the job that a frame shows.
   struct Moment {
     std::size_t part = 0, sample = 0;
-    kinematics::Pose T_wt;  ///< where the tool is, the workpiece spindle turned back
+    kinematics::Pose T_wt;  ///< pose of the tool, the workpiece spindle turned back
     kinematics::Pose T_wt_nominal;
     double error = 0.0;  ///< mm, of the tip
     std::vector<kinematics::Pose> carriers_b;
   };
-  /// What moves a body of the setting.
+  /// Carrier of a body of the setting.
   struct Actor {
-    int frame = 0;                         ///< its carrier
-    std::optional<std::size_t> part = {};  ///< to whose tool it belongs; none: to the machine
+    int frame = 0;                         ///< index of its carrier
+    std::optional<std::size_t> part = {};  ///< part of the job whose tool it belongs to; empty: the
+                                           ///< machine
     kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of its carrier
-    bool cuts = false;                                  ///< the part of a tool that does
+    bool cuts = false;                                  ///< the cutting part of a tool
   };
-  /// The path of the tip at feed, in passes.
+  /// Path of the tip in feed moves, by passes.
   struct Trace {
     struct Point {
       double time_s;

@@ -37,18 +37,19 @@ const char* unit_name(const kinematics::Joint& joint) {
   return joint.motion == Motion::Linear ? "mm" : "deg";
 }
 
-/// The highest speed of an axis, mm/s or rad/s.
+/// Returns the maximum speed of an axis, mm/s or rad/s.
 double limit_of(const ProgramInspection& alone, const kinematics::Joint& joint) {
   return joint.motion == Motion::Linear ? alone.description.rapid_speed
                                         : alone.description.rapid_turn;
 }
 
 bool has_limits(const kinematics::Joint& joint) {
+  // Unlimited axes have limits of 1e9 or more.
   constexpr double no_limit = 1e8;
   return joint.max - joint.min < no_limit;
 }
 
-/// The kinds of moves at feed together.
+/// Returns the sum of all moves at feed: lines, arcs and cubics.
 MoveFigures feed_of(const program::PathFigures& figures) {
   MoveFigures sum;
   for (const MoveFigures* one : {&figures.lines, &figures.arcs, &figures.cubics}) {
@@ -64,15 +65,15 @@ std::size_t moves_of(const program::PathFigures& figures) {
   return figures.blocks - figures.dwells.count;
 }
 
-/// Name of a work offset as the control of the program has it.
+/// Returns the name of a work offset in the dialect of the program.
 std::string offset_name(const ProgramInspection& alone, int number) {
-  if (number < 0) return "none";  // G53, G500, a table of times
+  if (number < 0) return "none";  // G53, G500, or a table of times
   for (const dialects::Dialect one : {dialects::Dialect::Siemens, dialects::Dialect::Heidenhain})
     if (alone.dialect == dialects::name_of(one)) return dialects::offset_name(one, number + 1);
   return dialects::offset_name(dialects::Dialect::LinuxCnc, number + 1);
 }
 
-/// "as FILE has them"
+/// Returns the source of the work offsets: "as FILE has them".
 std::string offsets_text(const ProgramInspection& alone) {
   if (!alone.offset_table.empty())
     return "as " + escaped(alone.offset_table.string()) + " has them";
@@ -84,6 +85,7 @@ std::string place_of(const ProgramInspection& alone, const ValueAtLine& at) {
   return program::line_text(alone.more_files, at.line, at.file);
 }
 
+/// Returns the time as programmed, and the time if no axis exceeds its maximum speed.
 std::string times_text(const ProgramInspection& alone) {
   const program::PathFigures& f = alone.figures;
   const MoveFigures feed = feed_of(f);
@@ -98,6 +100,7 @@ std::string times_text(const ProgramInspection& alone) {
       f.rapids.way);
 }
 
+/// Returns a line with the extents of a box; adding 0.0 turns -0 into 0.
 std::string box_text(const char* name, const Eigen::AlignedBox3d& box) {
   if (box.isEmpty()) return "";
   return fmt::format("{:<9} X {:.6g} .. {:.6g}, Y {:.6g} .. {:.6g}, Z {:.6g} .. {:.6g} mm\n", name,
@@ -105,6 +108,7 @@ std::string box_text(const char* name, const Eigen::AlignedBox3d& box) {
                      box.min().z() + 0.0, box.max().z());
 }
 
+/// Returns the range of radii of a turning program at feed.
 std::string radius_text(const ProgramInspection& alone) {
   const auto& range = alone.figures.radius_at_feed;
   if (!range) return "";
@@ -113,6 +117,8 @@ std::string radius_text(const ProgramInspection& alone) {
       (*range)[0], (*range)[1], 2 * (*range)[0], 2 * (*range)[1]);
 }
 
+/// Returns a table of the axes: range, travel left, and the highest speed at feed in percent of the
+/// limit.
 std::string axes_text(const ProgramInspection& alone) {
   std::string text =
       "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
@@ -123,6 +129,7 @@ std::string axes_text(const ProgramInspection& alone) {
     const double unit = unit_of(joint);
     const std::string left =
         has_limits(joint) ? fmt::format("{:.5g} {}", axis.left / unit, unit_name(joint)) : "-";
+    // Adding 0.0 turns -0 into 0.
     text += fmt::format("{:<5} {:<13} {:<13} {:<13} ", joint.name,
                         fmt::format("{:.7g}", axis.least.value / unit + 0.0),
                         fmt::format("{:.7g}", axis.most.value / unit + 0.0), left);
@@ -138,6 +145,8 @@ std::string axes_text(const ProgramInspection& alone) {
   return text;
 }
 
+/// Returns the pose nearest to a singular one, at which two rotary axes turn the tool about one
+/// line.
 std::string singular_text(const ProgramInspection& alone) {
   if (!alone.figures.singular)
     return "singular  no move at feed turns the tool by two rotary axes\n";
@@ -151,6 +160,8 @@ std::string singular_text(const ProgramInspection& alone) {
                      program::line_text(alone.more_files, pose.line, pose.file), at);
 }
 
+/// Returns the tools that are called, the comments of the program about their diameters, and the
+/// work offsets.
 std::string tools_text(const ProgramInspection& alone) {
   std::string text;
   for (const ProgramTool& tool : alone.tools)
@@ -175,6 +186,7 @@ std::string tools_text(const ProgramInspection& alone) {
   return text + "\n";
 }
 
+/// Returns the NC words of one use with their counts.
 std::string words_text(const ProgramInspection& alone, Use use, const char* name) {
   std::string text;
   for (const dialects::UsedWord& word : alone.words)
@@ -182,6 +194,7 @@ std::string words_text(const ProgramInspection& alone, Use use, const char* name
   return text.empty() ? "" : fmt::format("{:<9}{}\n", name, text);
 }
 
+/// Returns the unknown words that were skipped, with their counts.
 std::string skipped_text(const ProgramInspection& alone) {
   std::string text;
   for (const dialects::SkippedWord& word : alone.skipped)
@@ -223,6 +236,7 @@ ordered_json to_json(const MoveFigures& moves) {
           {"way_mm", moves.way}};
 }
 
+/// Returns a box by axes; null if nothing moves.
 ordered_json to_json(const Eigen::AlignedBox3d& box) {
   if (box.isEmpty()) return nullptr;
   ordered_json json;
@@ -254,6 +268,7 @@ ordered_json axes_json(const ProgramInspection& alone) {
   return axes;
 }
 
+/// Returns the pose nearest to a singular one; null if the tool is not turned by two rotary axes.
 ordered_json singular_json(const ProgramInspection& alone) {
   if (!alone.figures.singular) return nullptr;
   const program::SingularPose& pose = *alone.figures.singular;
@@ -264,6 +279,7 @@ ordered_json singular_json(const ProgramInspection& alone) {
   return {{"angle_deg", pose.angle / units::deg}, {"line", pose.line}, {"axes", at}};
 }
 
+/// Returns the nearest pass of a pole, at which a rotary axis turns fast.
 ordered_json pole_json(const ProgramInspection& alone) {
   if (!alone.figures.pole) return nullptr;
   const program::NearPole& pole = *alone.figures.pole;
@@ -284,6 +300,7 @@ ordered_json tools_json(const ProgramInspection& alone) {
   return tools;
 }
 
+/// Returns all NC words used, and those skipped, with their first lines.
 ordered_json words_json(const ProgramInspection& alone) {
   ordered_json words = ordered_json::array();
   for (const dialects::UsedWord& word : alone.words)
@@ -359,9 +376,10 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t max_events = 40;  // of the text
-constexpr std::size_t max_pairs = 12;   // of the text
+constexpr std::size_t max_events = 40;  // in the text
+constexpr std::size_t max_pairs = 12;   // in the text
 
+/// Returns line, time and, in a subprogram, the file.
 ordered_json position_json(const ProgramLocation& place,
                            const std::vector<std::string>& more_files) {
   ordered_json json = {{"line", place.line}, {"time_s", place.time_s}};
@@ -369,6 +387,7 @@ ordered_json position_json(const ProgramLocation& place,
   return json;
 }
 
+/// Returns a contact or near miss. The depth is null where it was not computed.
 ordered_json event_json(const Collision& one, const std::vector<std::string>& more_files) {
   ordered_json json = {{"kind", one.contact ? "contact" : "near_miss"},
                        {"a", one.a},
@@ -385,6 +404,7 @@ ordered_json event_json(const Collision& one, const std::vector<std::string>& mo
   return json;
 }
 
+/// Returns the blocks in which the clearance of a pair is known.
 const char* scope_name(ClearanceScope in_blocks) {
   switch (in_blocks) {
     case ClearanceScope::Always:
@@ -407,7 +427,7 @@ std::string position_text(const Eigen::Vector3d& place) {
   return fmt::format("({:.2f}, {:.2f}, {:.2f})", place.x(), place.y(), place.z());
 }
 
-/// Pairs that come nearest, without those that are left out or may touch.
+/// Returns the nearest pairs, without pairs that are left out or may touch.
 std::vector<Clearance> nearest_pairs(const Collisions& collisions) {
   std::vector<Clearance> pairs;
   for (const Clearance& one : collisions.clearances)
@@ -426,6 +446,7 @@ ordered_json to_json(const Collisions& all) {
     bodies.push_back(
         {{"name", one.name}, {"carried_by", one.carrier}, {"triangles", one.triangles}});
   for (const Collision& one : all.list) events.push_back(event_json(one, all.more_files));
+  // A pair that overlaps at the start, such as a carriage and its guide, has no clearance.
   for (const Clearance& one : all.clearances) {
     ordered_json json = {{"a", one.a}, {"b", one.b}, {"overlap_at_start", one.overlap_at_start}};
     if (std::isfinite(one.distance) && !one.overlap_at_start) {

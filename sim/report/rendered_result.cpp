@@ -22,10 +22,12 @@
 namespace abbe::sim {
 namespace {
 
+/// Returns the map file of a result.
 std::filesystem::path result_file(const std::filesystem::path& result) {
   return std::filesystem::is_directory(result) ? result / "residual.vtp" : result;
 }
 
+/// Returns the difference of two results of the same design. A vertex is cut only if both cut it.
 render::Field difference(render::Field a, const render::Field& b,
                          const std::filesystem::path& other) {
   if (a.deviation_um.size() != b.deviation_um.size())
@@ -39,6 +41,7 @@ render::Field difference(render::Field a, const render::Field& b,
   for (std::size_t i = 0; i < a.status.size(); ++i)
     a.status[i] = std::uint8_t(
         cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
+  // Sampled points can be subtracted only if both maps sampled the same points.
   if (a.sampled_within == b.sampled_within && a.within_um.size() == b.within_um.size()) {
     a.within_um -= b.within_um;
   } else {
@@ -49,13 +52,13 @@ render::Field difference(render::Field a, const render::Field& b,
     a.form_um -= b.form_um;
   else
     a.form_um.resize(0);
-  a.tolerance_um.resize(0, 2);  // of the one, not of a difference
+  a.tolerance_um.resize(0, 2);  // a tolerance applies to a map, not to a difference
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
 }
 
-/// A stretch of a profile, as long as one triangle: where, between which deviations, how long.
+/// Part of a profile inside one triangle.
 struct Stretch {
   double from, to;     ///< mm, along the line
   double first, last;  ///< um
@@ -67,8 +70,9 @@ Eigen::RowVector3d middle_of(const render::Field& field) {
   return 0.5 * (vertices.colwise().minCoeff() + vertices.colwise().maxCoeff());
 }
 
-/// The triangles of a map that a plane through the middle of the part cuts, in order of the file.
-/// @param across  axis to which the plane is square: 0 or 1
+/// Returns the triangles of a map that a plane through the centre of the part crosses, in file
+/// order.
+/// @param across  axis perpendicular to the plane: 0 or 1
 std::vector<Stretch> crossed_triangles(const render::Field& field, int across) {
   const double level = middle_of(field)[across];
   const auto& vertices = field.design.vertices;
@@ -93,6 +97,7 @@ std::vector<Stretch> crossed_triangles(const render::Field& field, int across) {
   return all;
 }
 
+/// Returns the segments of a line; for a radius every vertex is one, with the weight of its area.
 std::vector<Stretch> stretches_of(const render::Field& field, const std::string& line) {
   if (line == "x") return crossed_triangles(field, 1);
   if (line == "y") return crossed_triangles(field, 0);
@@ -104,7 +109,7 @@ std::vector<Stretch> stretches_of(const render::Field& field, const std::string&
   return all;
 }
 
-/// The line of a profile, in words.
+/// Returns the description of a profile's line.
 std::string line_description(const render::Field& field, const std::string& line) {
   if (line == "radius") return "the distance from the part's z axis, all around it";
   return line == "x"
@@ -112,8 +117,8 @@ std::string line_description(const render::Field& field, const std::string& line
              : fmt::format("y through the middle of the part, x = {:.3f} mm", middle_of(field).x());
 }
 
-/// A profile over the radius without the bins that no vertex is in: rings of vertices leave some
-/// empty, which is no gap of the part. Those that only uncut vertices are in stay.
+/// Returns a profile over the radius without empty bins: rings of vertices leave some bins empty,
+/// which are no gaps of the part. Bins that hold only uncut vertices stay.
 std::vector<render::ProfileSeries> without_empty_bins(const render::Field& field,
                                                       std::vector<render::ProfileSeries> all) {
   const Eigen::Index bins = all.front().x.size();
@@ -136,7 +141,8 @@ std::vector<render::ProfileSeries> without_empty_bins(const render::Field& field
   return all;
 }
 
-/// Lowest, mean and highest deviation in bins of a line: cusps make a single trace a scribble.
+/// Returns lowest, mean and highest deviation in bins along a line, because a single trace over
+/// cusps would be unreadable.
 std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
   constexpr int bins = 200;
   const std::vector<Stretch> stretches = stretches_of(field, line);
@@ -165,6 +171,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
     weight[k] += share;
   };
   for (const Stretch& one : stretches) {
+    // Four points per bin, so that a long triangle leaves no bin empty.
     const int parts = step > 0.0 ? 1 + int(4.0 * (one.to - one.from) / step) : 1;
     for (int i = 0; i < parts; ++i) {
       const double u = (i + 0.5) / parts;
@@ -175,7 +182,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
   return line == "radius" ? without_empty_bins(field, all) : all;
 }
 
-/// What the summary beside a result says of it, if there is one.
+/// Facts from the summary beside a result, if there is one.
 struct About {
   std::string title;
   std::string datum = "not known";
@@ -185,6 +192,7 @@ struct About {
   std::optional<Eigen::Vector3d> from, up;
 };
 
+/// Returns a list of numbers; empty if any entry is not a number.
 std::optional<Eigen::VectorXd> numbers_in(const nlohmann::json& json, const char* key) {
   if (!json.is_object() || !json.contains(key) || !json[key].is_array()) return std::nullopt;
   Eigen::VectorXd values(Eigen::Index(json[key].size()));
@@ -195,6 +203,8 @@ std::optional<Eigen::VectorXd> numbers_in(const nlohmann::json& json, const char
   return values;
 }
 
+/// Reads the summary beside a result. It is optional: a file that is damaged or incomplete is
+/// ignored.
 About about(const std::filesystem::path& result) {
   About known;
   known.title = result.parent_path().filename().string();
@@ -231,13 +241,15 @@ render::PictureFormat format_of(const std::string& word) {
                          : render::PictureFormat::Png;
 }
 
-/// @throws BadInput for colours of a tolerance that nobody gave
+/// Returns the options of a map.
+/// @throws BadInput for colours by tolerance if there is no tolerance
 render::MapOptions map_options(const RenderOptions& options, const About& known, bool tolerated) {
   render::MapOptions map;
   if (known.from) map.from = *known.from;
   if (known.up) map.up = *known.up;
   if (options.from) {
     map.from = *options.from;
+    // An own direction may be parallel to the up vector of the result, so z is up.
     map.up = Eigen::Vector3d::UnitZ();
   }
   if (options.size)
@@ -256,7 +268,7 @@ render::MapOptions map_options(const RenderOptions& options, const About& known,
   return map;
 }
 
-/// The line's profiles by ISO 21920.
+/// Returns the profiles of a line by ISO 21920.
 LineTexture texture_of(const RenderOptions& options, const std::filesystem::path& source,
                        const render::Field& field, const About& known) {
   const ProfiledMap map{field.design, field.deviation_um, field.sampled_within, field.within_um};
@@ -276,7 +288,7 @@ LineTexture texture_of(const RenderOptions& options, const std::filesystem::path
   return texture;
 }
 
-/// Waviness and the line that was taken away as form, over the line's coordinate.
+/// Returns the waviness with the line that was removed as form, over the coordinate of the line.
 render::ProfileSeries waviness_series(const LineTexture& texture) {
   constexpr Eigen::Index most = 2000;  // points of a curve
   const Eigen::VectorXd along = values_on_profile(texture, texture.trace.along);
@@ -291,7 +303,7 @@ render::ProfileSeries waviness_series(const LineTexture& texture) {
   return series;
 }
 
-/// A profile along a line instead of a map, and its parameters.
+/// Draws a profile along a line instead of a map, and writes its parameters.
 RenderOutcome render_profile(const RenderOptions& options, const std::filesystem::path& source,
                              const ResultFolder& folder, const render::Field& field,
                              const About& known) {
@@ -343,8 +355,9 @@ RenderOutcome render_result(const RenderOptions& options) {
       known.title += fmt::format(", {} minus {}", folder(source), folder(other));
     else
       known.title += ", minus " + taken;
-    known.tolerance.reset();  // it is not a difference that is tolerated
+    known.tolerance.reset();  // a tolerance applies to a map, not to a difference
   }
+  // The result itself is an input, which must not be overwritten.
   Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
   if (options.minus) writer.inputs.push_back(result_file(*options.minus));
   const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
@@ -364,7 +377,7 @@ RenderOutcome render_result(const RenderOptions& options) {
   }
   picture.field = std::move(field);
   const render::MapOptions map = map_options(options, known, picture.tolerance_um.rows() > 0);
-  // never the name of a picture that a run left there
+  // The name never equals that of a picture that a run wrote.
   const ResultFile drawn =
       folder / ((options.minus ? "difference." : "rendered.") + options.format);
   write_file(drawn,

@@ -14,32 +14,35 @@
 
 namespace abbe::sim {
 
+/// Options of `abbe render`.
 struct RenderOptions {
-  std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
-  std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
-  std::optional<std::string> line;         ///< profile along "x", "y" or "radius" instead of a map
-  LineTextureOptions texture;              ///< of that line
-  std::filesystem::path out;               ///< folder
-  std::optional<Eigen::Vector3d> from;     ///< direction to the eye; else that of the result
-  std::optional<double> range_um;          ///< else fitted
-  std::optional<Tolerance> bands;          ///< mm; else the tolerance of the result
+  std::filesystem::path result;                ///< a residual.vtp, or the folder that holds one
+  std::optional<std::filesystem::path> minus;  ///< another result, subtracted vertex by vertex
+  std::optional<std::string> line;  ///< "x", "y" or "radius": a profile along this line instead of
+                                    ///< a map
+  LineTextureOptions texture;       ///< for that line
+  std::filesystem::path out;        ///< folder
+  std::optional<Eigen::Vector3d> from;     ///< direction to the eye; empty: that of the result
+  std::optional<double> range_um;          ///< empty: fitted
+  std::optional<Tolerance> bands;          ///< mm; empty: the tolerance of the result
   std::optional<std::array<int, 2>> size;  ///< px
-  std::string colours;                     ///< "diverging", "cividis", "tolerance"; empty: by bands
+  std::string colours;  ///< "diverging", "cividis", "tolerance"; empty: "tolerance" with bands,
+                        ///< else "diverging"
   bool isolines = false;
-  std::string format = "png";  ///< or "svg", "pdf"
+  std::string format = "png";  ///< "png", "svg" or "pdf"
   Permissions permissions;
 };
 
-/// What was drawn.
+/// Files written, and the texture of a line.
 struct RenderOutcome {
   std::filesystem::path picture;
-  std::vector<std::filesystem::path> files;  ///< beside it
-  std::optional<LineTexture> texture;        ///< of a line
+  std::vector<std::filesystem::path> files;  ///< files beside the picture
+  std::optional<LineTexture> texture;        ///< for a line
 };
 
-/// Pictures of a finished result, or of a difference of two; of a line its profiles as well, as
+/// Draws a finished result, or the difference of two; for a line it also writes the profiles as
 /// profile-LINE.json and .csv.
-/// @throws BadInput, also where nothing of a line is cut; OutputFailure
+/// @throws BadInput, also if nothing on a line is cut; OutputFailure
 RenderOutcome render_result(const RenderOptions& options);
 
 }  // namespace abbe::sim

@@ -23,7 +23,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// What is to be written.
+/// The case to be written with the requested formats.
 struct SaveRequest {
   const Job& job;
   const Verdict& verdict;
@@ -31,11 +31,12 @@ struct SaveRequest {
   ResultMap map;
 };
 
+/// Returns the name of the file of a format.
 std::string map_file_name(const std::string& format) {
   return format == saved_track ? "track.npz" : "residual." + format;
 }
 
-/// The facts, the figures of the map and which files hold it.
+/// Returns the facts, the figures of the map and the files that hold it.
 nlohmann::ordered_json map_metadata_json(const SaveRequest& all) {
   nlohmann::ordered_json json = to_json(all.map.facts);
   const nlohmann::ordered_json figures = to_json(summary(all.job, all.verdict));
@@ -67,7 +68,7 @@ nlohmann::ordered_json map_metadata_json(const SaveRequest& all) {
 
 using Save = void (*)(const ResultFile&, const SaveRequest&);
 
-/// How each format is written; texts keep their bytes.
+/// Returns the writers of all formats.
 const std::map<std::string, Save>& savers() {
   static const std::map<std::string, Save> all = {
 #if ABBE_RENDER
@@ -132,13 +133,14 @@ void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& 
     if (std::ranges::find(formats, format) != formats.end())
       save(file, all);
     else
+      // A file of an earlier run would not belong to this case.
       remove_file(file);
   }
 }
 
 namespace {
 
-/// A file that only some cases have: where there is none, one of an earlier run goes.
+/// Writes a file that only some cases have; without a text the file of an earlier run is removed.
 void write_or_remove(const ResultFile& file, const std::string& text) {
   if (text.empty())
     remove_file(file);
@@ -146,6 +148,7 @@ void write_or_remove(const ResultFile& file, const std::string& text) {
     write_file(file, text);
 }
 
+/// Writes the collisions of a cut, or removes the file of an earlier run.
 void write_collisions(const ResultFile& file, const Cut& cut) {
   if (!cut.collisions) return remove_file(file);
   Collisions found = *cut.collisions;
@@ -153,7 +156,7 @@ void write_collisions(const ResultFile& file, const Cut& cut) {
   write_json(file, to_json(found));
 }
 
-/// The machined body; its picture and the file for ParaView are those of the pictures.
+/// Writes the machined body as STL; its picture and ParaView file are written with the pictures.
 void write_stock_mesh(const ResultFile& file, const Job& job, const Verdict& verdict) {
   if (!verdict.stock) return remove_file(file);
   write_file(file, to_stl(*verdict.stock, job, verdict));
@@ -168,7 +171,7 @@ void write_program(const ResultFolder& folder, const Job& job) {
 
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress) {
-  // what is written and what is drawn share only the mark of the folder, which has a lock
+  // Writing and drawing share only the manifest of the folder, which has a lock.
   std::future<void> files =
       std::async(std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
   write_case_pictures(folder, job, verdict, progress);
@@ -184,7 +187,7 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
   write_stock_mesh(folder / "stock.stl", job, verdict);
   write_collisions(folder / "collisions.json", verdict.cut);
   files.get();
-  // last, so that a summary stands for a finished case
+  // The summary is written last, so that its presence marks a finished case.
   write_json(folder / "summary.json", to_json(summary(job, verdict)));
 }
 

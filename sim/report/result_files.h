@@ -9,32 +9,33 @@
 
 namespace abbe::sim {
 
-/// The track of the tool, which must have been kept; in a file of its own, `track.npz`.
+/// Format name of the tool's track, which must have been kept; it is saved in a file of its own,
+/// `track.npz`.
 inline constexpr const char* saved_track = "track";
 
-/// Endings of the files in which a map can be saved, as `--save` names them; "vtp" where the
-/// program was built with VTK.
+/// Returns the extensions of the files in which a map can be saved, as `--save` names them; "vtp"
+/// only if the program was built with VTK.
 std::vector<std::string> map_formats();
 
-/// Those that are saved where nothing else is asked for.
+/// Returns the formats that are saved by default.
 std::vector<std::string> usual_map_formats();
 
-/// What must be kept of a cut for these.
+/// Returns the data that must be kept of a cut for these formats.
 Retention retention_for(const std::vector<std::string>& formats);
 
-/// Writes `residual.FORMAT` for each of the formats, and removes those of the others that an
+/// Writes `residual.FORMAT` for each of the formats, and removes files of other formats that an
 /// earlier run left.
 /// @param progress  shows one stage, "write"
 /// @throws OutputFailure, Interrupted
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                      const std::vector<std::string>& formats, const Progress& progress = {});
 
-/// `program.ngc` or `program.csv` of a generated program.
+/// Writes `program.ngc` or `program.csv` of a generated program.
 /// @throws OutputFailure
 void write_program(const ResultFolder& folder, const Job& job);
 
 /// Writes every file of one case into its folder.
-/// @param formats  of its map, of `map_formats`
+/// @param formats  of its map, from `map_formats`
 /// @throws OutputFailure, Interrupted
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress = {});

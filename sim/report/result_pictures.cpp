@@ -50,7 +50,7 @@ render::Facts stock_facts(const StockCheck& check) {
 
 namespace {
 
-/// A sum of a kind: "rest material 12.3 mm³ in 4 places".
+/// Returns the total of one kind: "rest material 12.3 mm³ in 4 places".
 std::string sum_text(const StockCheck& check, FindingKind kind) {
   const cutting::Findings::Sums& sums = check.findings.sums[std::size_t(kind)];
   if (sums.regions == 0) return fmt::format("no {}", name_of(kind));
@@ -58,6 +58,7 @@ std::string sum_text(const StockCheck& check, FindingKind kind) {
                      location_count_text(sums.regions));
 }
 
+/// Returns the depth of a finding with its sign: material left is positive.
 std::string depth_text(const Finding& one) {
   const std::string sign = one.kind == FindingKind::Rest    ? "+"
                            : one.kind == FindingKind::Gouge ? "−"
@@ -65,6 +66,7 @@ std::string depth_text(const Finding& one) {
   return fmt::format("{}{}{:.3g} mm", one.is_at_least ? "at least " : "", sign, one.depth);
 }
 
+/// Returns the caption: totals, limits, scale, omitted effects.
 std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck& check) {
   std::string sums =
       sum_text(check, FindingKind::Rest) + ", " + sum_text(check, FindingKind::Gouge);
@@ -87,7 +89,7 @@ std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck&
 
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field) {
-  constexpr int max_tried = 8;  // of a kind: the largest, of which those in view are shown
+  constexpr int max_tried = 8;  // of a kind: the largest findings; those in view are shown
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
   picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
@@ -148,6 +150,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     const bool is_met = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {
+      // The stock at the moment of the event, not the finished part.
       const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
       picture.part_vertices = cutting::moved(shape, T_b).vertices;
       picture.part_triangles = shape.triangles;
@@ -161,6 +164,7 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     body.shape = render::SolidShape{solid.mesh.vertices, solid.mesh.triangles};
     body.colour = is_met ? red : grey;
     body.opacity = is_met ? 1.0 : 0.35;
+    // The close view shows the two bodies and the tool.
     body.close = is_met || solid.frame == Carriers{part.truth.actual.size()}.tool();
     picture.bodies.push_back(std::move(body));
   }
@@ -177,9 +181,10 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
 
 namespace {
 
-/// The pairs that have the smallest clearance of any block: what meets, then what has it most.
+/// Returns the pairs that have the smallest clearance of any block: first by contacts, then by
+/// blocks.
 std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
-  std::map<int, std::pair<std::size_t, std::size_t>> count;  // of contacts, of blocks
+  std::map<int, std::pair<std::size_t, std::size_t>> count;  // number of contacts, number of blocks
   for (const BlockClearance& one : blocks) {
     if (one.pair < 0) continue;
     count[one.pair].first += one.at_least == 0.0;
@@ -191,7 +196,7 @@ std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
   return pairs;
 }
 
-/// Every block is a step from its beginning to its end.
+/// Returns the clearance as one step per block; blocks in which another pair is nearer are gaps.
 render::Series steps_of(const std::vector<BlockClearance>& blocks, int pair) {
   const auto n = Eigen::Index(blocks.size());
   render::Series series;
@@ -206,7 +211,8 @@ render::Series steps_of(const std::vector<BlockClearance>& blocks, int pair) {
   return series;
 }
 
-/// A point in every block with contact: some are too short to be seen as a step.
+/// Returns a point in every block with contact, because some blocks are too short to be seen as a
+/// step.
 render::Series contacts_of(const std::vector<BlockClearance>& blocks, int pair) {
   std::vector<double> middle;
   for (const BlockClearance& one : blocks)

@@ -15,7 +15,7 @@
 
 namespace abbe::sim {
 
-/// What a map comes to, as pictures print it.
+/// Returns the figures of a map for a picture, um.
 inline render::Figures figures(const cutting::Statistics& s) {
   const auto um = [](const std::optional<double>& mm) {
     return mm ? *mm / units::um : std::numeric_limits<double>::quiet_NaN();
@@ -23,34 +23,35 @@ inline render::Figures figures(const cutting::Statistics& s) {
   return {um(s.pv), um(s.rms), um(s.mean)};
 }
 
+/// Returns the percentages of the judged area in, over and under the tolerance, and not cut.
 inline render::ToleranceShares shares(const cutting::Conformance& c) {
   return {c.in, c.over, c.under, c.uncut};
 }
 
-/// The body as `stock.vtp` has it, in the workpiece frame.
+/// Returns the body as `stock.vtp` holds it, in the workpiece frame.
 render::StockField stock_field(const StockCheck& check);
 
-/// What `stock.vtp` says of itself.
+/// Returns the facts that `stock.vtp` states about itself.
 render::Facts stock_facts(const StockCheck& check);
 
-/// `stock.png`: in the part frame, as the map, with the three largest findings of each kind.
+/// Returns `stock.png`: in the part frame, like the map, with the three largest findings of each
+/// kind.
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field);
 
-/// The first contact, or else the pair that comes nearest of the near misses; null where there is
-/// neither.
+/// Returns the first contact, or else the nearest of the near misses; null if there is neither.
 const Collision* first_of(const Collisions& collisions);
 
-/// The machine with all its bodies at the moment of an event, the two in red, beside the part and
-/// the two alone.
+/// Returns the machine with all its bodies at the moment of an event, the two bodies in red, beside
+/// the part and the two bodies alone.
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event);
 
-/// The smallest clearance of every block over time, of the pairs that meet and of those that have
-/// it most; no series where no pair was looked at.
+/// Returns the smallest clearance of every block over time, for the pairs that meet and those that
+/// are nearest; no series if no pair was examined.
 render::Panel clearance_panel(const Collisions& collisions);
 
-/// Of what that is a lower bound, and which pairs it leaves out.
+/// Returns the caption: the quantity that the clearance bounds from below, and the pairs left out.
 std::vector<std::string> clearance_caption(const Collisions& collisions);
 
 }  // namespace abbe::sim

@@ -19,8 +19,7 @@ namespace identification = errors::identification;
 using Eigen::Index;
 using Json = nlohmann::ordered_json;
 
-// ---- ways to choose
-
+/// Return the names of measures, images and screenings as the scene has them.
 const char* word_of(const identification::SensorChoiceOptions& choice) {
   using identification::GreyKind;
   if (choice.similarity_measure == identification::SimilarityMeasure::Correlation)
@@ -50,6 +49,7 @@ const char* word_of(identification::Screening screening) {
   return screening == identification::Screening::Degree ? "degree" : "regression";
 }
 
+/// Returns the settings of a method; those that its measure does not use are null.
 Json method_json(const SensorChoiceGrade& graded) {
   const SensorChoiceDescription::Way& way = graded.way;
   const identification::SensorChoiceOptions& how = way.choice;
@@ -63,7 +63,7 @@ Json method_json(const SensorChoiceGrade& graded) {
           {"for", way.drifts.empty() ? Json("all displacements") : Json(way.drifts)}};
 }
 
-/// Where the degree of each displacement began; those that it left out by null.
+/// Returns the start of the degree's computation for each displacement; null for excluded ones.
 Json start_times_json(const std::vector<DegreeStart>& begins) {
   Json json = Json::object();
   for (const DegreeStart& one : begins)
@@ -73,8 +73,6 @@ Json start_times_json(const std::vector<DegreeStart>& begins) {
                                : Json(nullptr);
   return json;
 }
-
-// ---- what they chose, and what that is worth
 
 std::vector<std::string> names_of(const std::vector<int>& inputs,
                                   const std::vector<std::string>& names) {
@@ -87,7 +85,7 @@ Json spread_json(const identification::Spread& spread, double unit) {
   return {{"rms", spread.rms / unit}, {"max", spread.max / unit}};
 }
 
-/// Null of a model that is no regression.
+/// Returns the coefficients of a model; null if it is not a regression.
 Json model_json(const identification::ThermalFit& fitted, double unit) {
   if (!fitted.regression) return nullptr;
   const identification::Regression& regression = *fitted.regression;
@@ -101,6 +99,7 @@ Json model_json(const identification::ThermalFit& fitted, double unit) {
   return json;
 }
 
+/// Returns the drift that the model leaves on days that were not used for training.
 Json other_days_json(const std::vector<DayGrade>& days, double unit) {
   Json list = Json::array();
   for (const DayGrade& day : days) {
@@ -115,6 +114,7 @@ Json other_days_json(const std::vector<DayGrade>& days, double unit) {
   return list;
 }
 
+/// Returns a displacement or tilt. Channels without a model have only their name and range.
 Json channel_json(const ChannelGrade& channel, bool with_model) {
   const double unit = channel.angle ? units::urad : units::um;
   Json json{{"name", channel.name}, {"unit", channel.angle ? "urad" : "um"}};
@@ -132,6 +132,7 @@ Json channels_json(const SensorChoiceGrade& way, bool with_models) {
   return list;
 }
 
+/// Returns the results of random choices, against which a choice is judged.
 Json random_json(const identification::RandomChoices& random, double chosen) {
   return {{"subsets", random.rms_over_range.size()},
           {"p05", random.p05},
@@ -143,7 +144,7 @@ Json random_json(const identification::RandomChoices& random, double chosen) {
           {"beaten_by_the_choice", random.fraction_beaten}};
 }
 
-/// How far a choice depends on where it begins and on noise.
+/// Returns the dependence of a choice on its start and on noise.
 Json spread_json(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
   if (!way.spread) return nullptr;
   const identification::ChoiceSpread& spread = *way.spread;
@@ -160,7 +161,7 @@ Json spread_json(const SensorChoiceGrade& way, const std::vector<std::string>& s
           {"rank_from_to", ranks}};
 }
 
-/// A way with what it chose, and the figures of its channels without their models.
+/// Returns a method with its choice, and the figures of its channels without their models.
 Json strategy_json(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
   Json json{{"name", name_of(way.way)}, {"method", method_json(way)}};
   if (way.begins) json["method"]["begins"] = start_times_json(*way.begins);
@@ -209,6 +210,7 @@ std::string name_of(const SensorChoiceDescription::Way& way) {
 
 namespace {
 
+/// Returns the start of a displacement's degree: a drift within noise has none.
 std::string start_time_text(const DegreeStart& begin) {
   if (!begin.at)
     return fmt::format("    {} takes no part: it drifts within its noise\n",
@@ -218,7 +220,7 @@ std::string start_time_text(const DegreeStart& begin) {
       escaped(begin.channel), begin.at->since_start_s / 3600.0, begin.at->drift / units::um);
 }
 
-/// Empty for a tilt or where no model could be fitted.
+/// Returns the result for a displacement; empty for a tilt or if no model could be fitted.
 std::string displacement_text(const ChannelGrade& channel) {
   if (!channel.fitted.model || channel.angle) return "";
   std::string text = fmt::format("    {}: {:.3f} um on the day that chose", escaped(channel.name),
@@ -229,8 +231,8 @@ std::string displacement_text(const ChannelGrade& channel) {
   return text + "\n";
 }
 
-/// "8 (100 %, rank 1 to 2), 12 (64 %, rank 2 to 5)" of what is chosen by a tenth of the draws or
-/// more.
+/// Returns "8 (100 %, rank 1 to 2), 12 (64 %, rank 2 to 5)" for sensors chosen in at least a tenth
+/// of the draws.
 std::string spread_text(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
   constexpr double seldom = 0.1;
   if (!way.spread || way.spread->draws == 0) return "";
@@ -251,6 +253,7 @@ std::string spread_text(const SensorChoiceGrade& way, const std::vector<std::str
       spread.last_start, spread.draws, text, 100.0 * spread.same);
 }
 
+/// Returns the results of one method.
 std::string strategy_text(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
   std::string chosen;
   for (const std::string& name : way.chosen) chosen += (chosen.empty() ? "" : ", ") + escaped(name);
@@ -288,6 +291,7 @@ void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) 
   for (const DriftSeries& one : choice.series) {
     const double unit = one.angle ? units::urad : units::um;
     const bool training = one.day == choice.series.front().day;
+    // One column per day: the channels repeat from the first one on.
     if (one.channel == choice.series.front().channel && !training) ++days;
     const double rms =
         std::sqrt((one.read - one.predicted).squaredNorm() / double(one.read.size())) / unit;

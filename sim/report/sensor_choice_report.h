@@ -11,21 +11,22 @@
 
 namespace abbe::sim {
 
-/// `thermal.json`; its keys are a promise to scripts.
+/// Returns the contents of `thermal.json`; its keys are stable for scripts.
 nlohmann::ordered_json to_json(const ThermalChoice& choice);
 
-/// Degrees, falling, and groups of a choice from these sensors.
+/// Returns the degrees of the sensors in falling order, the threshold and the groups of a choice.
 nlohmann::ordered_json choice_json(const errors::identification::SensorChoice& choice,
                                    const std::vector<std::string>& sensors);
 
-/// The name that a way was given, else "deng, regression screening".
+/// Returns the given name of a method, else "deng, regression screening".
 std::string name_of(const SensorChoiceDescription::Way& way);
 
-/// The choices as a person reads them, a few lines each; foreign text in it stays on its line.
+/// Returns the choices as text, a few lines each; every foreign text stays on one line.
 std::string sensor_choices_text(const ThermalChoice& choice);
 
-/// Drift over time as it was read and as the chosen sensors predict it, a panel a channel and day;
-/// nothing is written where the program was built without VTK. @throws OutputFailure
+/// Draws the measured drift over time and its prediction from the chosen sensors, one panel for
+/// each channel and day. Writes nothing if the program was built without VTK.
+/// @throws OutputFailure
 void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice);
 
 }  // namespace abbe::sim

@@ -24,7 +24,8 @@ using nlohmann::ordered_json;
 constexpr std::array kinds{FindingKind::Rest, FindingKind::Gouge, FindingKind::Undercut};
 constexpr std::size_t said = 3;  // findings of a kind in the text
 
-/// Where the design is held against the part: with it the map is aligned, so is the body.
+/// Returns the design at the pose of the alignment; the body must be compared at the same pose as
+/// the map.
 cutting::Design compared_design(const Job& job, const Verdict& verdict) {
   if (job.scene.alignment == Alignment::None) return job.design_w;
   return cutting::transformed(
@@ -51,13 +52,16 @@ const Finding* deepest(const StockCheck& check, FindingKind kind) {
 
 std::string at_least(bool is) { return is ? "at least " : ""; }
 
+/// Returns the note about speckles: findings smaller than a cell of the grid, which its resolution
+/// explains.
 std::string speckle_text(const Findings::Sums& sums) {
   if (sums.speckles == 0) return "";
   return fmt::format("; {} too small for the dexels left out, up to {:.3g} mm", sums.speckles,
                      sums.speckle_depth);
 }
 
-/// Of places that the text leaves out. @param said  that it has
+/// Returns the text about the findings that are left out.
+/// @param said  number of findings in the text
 std::string more_text(const Findings::Sums& sums, std::size_t said) {
   if (sums.regions <= said) return "";
   const std::size_t unlisted = sums.regions - sums.listed;
@@ -66,6 +70,7 @@ std::string more_text(const Findings::Sums& sums, std::size_t said) {
   return text + "\n";
 }
 
+/// Returns a line for one kind of finding, with its three largest ones.
 std::string kind_text(const StockCheck& check, FindingKind kind) {
   const Findings::Sums& sums = finding_sums(check, kind);
   if (sums.regions == 0)
@@ -86,13 +91,14 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
   return text + more_text(sums, std::min(said, rows.size()));
 }
 
-/// What of the skin was not held against the design, in words; empty where all was.
+/// Returns the text about the part of the skin that was not compared; empty if all of it was.
 std::string excluded_text(const StockCheck& check) {
   const Findings& f = check.findings;
   const double all = f.compared + f.no_design + f.unresolved;
   if (!(all > 0.0)) return "";
   std::string text;
   const auto add = [&](double area, const char* what) {
+    // Less than 0.05 % is not worth a mention.
     if (!(area > 5e-4 * all)) return;
     text += fmt::format("{}{:.3g} % {}", text.empty() ? "" : ", ", 100.0 * area / all, what);
   };
@@ -102,9 +108,9 @@ std::string excluded_text(const StockCheck& check) {
   return text.empty() ? "" : "of the skin " + text + "\n";
 }
 
-/// Effects of a case that its stock does not show. Above the flank the stock takes off what the
-/// shank meets, the springing back of tool and part with it; and it is cut by a cutter that does
-/// not wear.
+/// Returns the effects of a case that its stock does not contain. Above the flank the stock removes
+/// what the shank meets, including the springback of tool and part; and it is cut by a cutter
+/// without wear.
 std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict) {
   const auto in_map = [&] {
     const auto& max = verdict.residual.max;
@@ -192,6 +198,7 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
   check->has_design = job.design_w.triangles.rows() > 0;
   check->left_out = omitted_effects(job, verdict);
   if (const auto& described = job.scene.cutting) {
+    // Undercuts are searched along the z axis of the part frame.
     check->limits.rest = described->rest;
     check->limits.gouge = described->gouge;
   }

@@ -18,11 +18,13 @@ namespace abbe::sim {
 
 namespace {
 
+/// Returns the figures that summary and comparison have in common.
 CaseStatistics figures_of(const Job& job, const Verdict& verdict) {
   CaseStatistics figures;
   figures.name = verdict.cut.name;
   figures.residual = verdict.residual;
   const cutting::Surface& surface = verdict.aligned.surface;
+  // The figures of the vertices are reported as well: the program may pass over them on purpose.
   if (surface.sampled_within == cutting::Surface::Within::Random)
     figures.at_vertices =
         cutting::statistics(cutting::at_vertices(surface), job.design_w, verdict.tolerance);
@@ -40,6 +42,7 @@ CaseStatistics figures_of(const Job& job, const Verdict& verdict) {
   return figures;
 }
 
+/// Returns the fall of a figure in percent; empty if it was zero or is missing.
 std::optional<double> fall(const std::optional<double>& before,
                            const std::optional<double>& after) {
   if (!before || !after || *before == 0.0) return std::nullopt;
@@ -66,12 +69,14 @@ std::optional<CaseStatistics::TextureReduction> texture_reduction(const Verdict&
                                           fall(before.texture->Sz, after.texture->Sz)};
 }
 
+/// Returns the deviation of a mesh's facets; empty for a part without a mesh.
 std::optional<Spread> facet_error(const cutting::Design& design) {
   if (design.facet_error.size() == 0 || design.facet_error.maxCoeff() <= 0.0) return std::nullopt;
   return Spread{std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())),
                 design.facet_error.maxCoeff()};
 }
 
+/// Returns the temperature of every node at the start and the end of the program.
 std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& run) {
   const Eigen::VectorXd start = errors::temperatures(run, 0.0);
   const Eigen::VectorXd end = errors::temperatures(run, run.knots.back().time_s);
@@ -81,7 +86,8 @@ std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& 
   return nodes;
 }
 
-/// What the reader assumes; first of all whose program it is, where signs told that.
+/// Returns the assumptions of the program's reader; first the dialect, if it was recognised by its
+/// content.
 std::vector<program::Assumption> assumptions_of(const Job& job) {
   std::vector<program::Assumption> assumptions = job.path.assumptions;
   if (job.path.read_as.find(", as ") != std::string::npos)
@@ -99,6 +105,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.scene = job.scene.title;
   s.seed = job.scene.seed;
   s.moves = job.path.motion_blocks;
+  // A program in windows is never sampled as a whole.
   s.samples = job.windows ? job.windows->samples : job.samples.states.size();
   s.unreached = job.unreached;
   s.figures = figures_of(job, verdict);
@@ -145,7 +152,8 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                  assumptions_of(job)};
   for (const Compared& one : cases) {
     const Verdict& verdict = one.verdict;
-    for (const std::string& warning : one.job->warnings)  // of a scene and all its variants once
+    // Warnings that variants share are reported once.
+    for (const std::string& warning : one.job->warnings)
       if (std::find(all.warnings.begin(), all.warnings.end(), warning) == all.warnings.end())
         all.warnings.push_back(warning);
     for (const std::string& warning : verdict.cut.warnings)
@@ -166,8 +174,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// ---- JSON
-
+/// Returns statistics in um; null where there are none.
 ordered_json statistics_um(const cutting::Statistics& s) {
   return {
       {"pv", number(s.pv, units::um)},
@@ -189,7 +196,7 @@ ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
   return {tolerance->lower / units::um, tolerance->upper / units::um};
 }
 
-/// Null where nothing is there.
+/// Returns null if there is no point.
 ordered_json place(const std::optional<Verdict::Place>& one) {
   if (!one) return {};
   return {{"residual_um", one->residual / units::um},
@@ -198,7 +205,8 @@ ordered_json place(const std::optional<Verdict::Place>& one) {
           {"line", one->line}};
 }
 
-/// Against the tolerance, shares of the judged area; null without one.
+/// Returns the conformance with the tolerance in percent of the judged area; null without a
+/// tolerance.
 ordered_json conformance(const CaseStatistics& one) {
   const auto& c = one.residual.conformance;
   if (!c) return {};
@@ -213,14 +221,14 @@ ordered_json conformance(const CaseStatistics& one) {
   return json;
 }
 
-/// Of the judged vertices.
+/// Returns the percentage of the judged vertices that are not cut.
 std::optional<double> uncut_percent(const cutting::Statistics& s) {
   const int judged = s.cut_vertices + s.uncut_vertices + s.gouged_vertices;
   if (judged == 0) return std::nullopt;
   return 100.0 * s.uncut_vertices / judged;
 }
 
-/// How many of the judged vertices are what.
+/// Returns the number of judged vertices by status.
 ordered_json vertex_counts(const cutting::Statistics& s) {
   return {
       {"vertices", s.vertices},
@@ -233,7 +241,7 @@ ordered_json vertex_counts(const cutting::Statistics& s) {
       {"outside_vertices", s.outside_vertices}};
 }
 
-/// What the machine does not reach of a generated program; null where it reaches all.
+/// Returns the unreached passes and points of a generated program; null if there are none.
 ordered_json unreached(const program::Unreached& u) {
   if (u.points == 0) return {};
   return {{"passes", u.passes},
@@ -247,8 +255,10 @@ ordered_json spread(const Spread& s, double unit) {
   return {{"rms", s.rms / unit}, {"max", s.max / unit}};
 }
 
+/// Returns the figures of the cutting process; torque in N m, from N mm.
 ordered_json cut_json(const CutStatistics& cut) {
   const ProcessTotals& all = cut.totals;
+  // The mean force is over the steps with a load.
   return {{"steps", cut.steps},
           {"removed_mm3", all.removed},
           {"force_max_N", all.force_max},
@@ -262,13 +272,14 @@ ordered_json cut_json(const CutStatistics& cut) {
           {"crash_lines", cut.crash_lines}};
 }
 
+/// Returns the displacement that the alignment removed, in um and urad.
 ordered_json alignment_json(const Summary::RemovedAlignment& alignment) {
   return {{"translation_um", numbers(alignment.displacement.head<3>() / units::um)},
           {"rotation_urad", numbers(alignment.displacement.tail<3>() / units::urad)},
           {"undetermined", alignment.undetermined}};
 }
 
-/// Height parameters of ISO 25178-2 of what is shorter than the cut-off.
+/// Returns the height parameters of ISO 25178-2 for wavelengths below the cut-off.
 ordered_json texture_um(const std::optional<errors::metrology::Areal>& t) {
   if (!t) return {};
   return {{"Sa", t->Sa / units::um}, {"Sq", t->Sq / units::um}, {"Sz", t->Sz / units::um},
@@ -276,7 +287,7 @@ ordered_json texture_um(const std::optional<errors::metrology::Areal>& t) {
           {"Sku", number(t->Sku)}};
 }
 
-/// How far linear interpolation between the vertices is off the map.
+/// Returns the error of linear interpolation between the vertices of the map.
 ordered_json interpolation(const std::optional<cutting::InterpolationError>& error) {
   if (!error) return {};
   return {{"probes", error->places},
@@ -287,7 +298,7 @@ ordered_json interpolation(const std::optional<cutting::InterpolationError>& err
           {"unresolved_percent", 100.0 * error->unresolved}};
 }
 
-/// How far errors bend the path that the cut takes as straight.
+/// Returns the deviation of the actual path from the chords between samples, which the cut uses.
 ordered_json chord_error(const ChordError& found) {
   if (found.looked_at == 0) return {};
   return {{"intervals", found.looked_at},
@@ -297,6 +308,8 @@ ordered_json chord_error(const ChordError& found) {
           {"step_mm", found.step}};
 }
 
+/// Returns the sampling of the part: its resolution, and the areas that are excluded from
+/// judgement.
 ordered_json sampling(const SampledSurface& sampled) {
   return {{"given_vertices", sampled.given},
           {"resolution_um", sampled.resolution / units::um},
@@ -310,7 +323,7 @@ ordered_json sampling(const SampledSurface& sampled) {
           {"run_out_area_mm2", sampled.excluded_area.lead_out}};
 }
 
-/// What the faces of a mesh were taken for.
+/// Returns the form that each face of a mesh was recognised as, with its deviation.
 ordered_json recognised(const std::vector<cutting::AnalyticPatch>& patches) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   ordered_json list = ordered_json::array();
@@ -321,6 +334,7 @@ ordered_json recognised(const std::vector<cutting::AnalyticPatch>& patches) {
   return list;
 }
 
+/// Returns the reductions by the compensator in percent; null for other cases.
 ordered_json reduction_percent(const CaseStatistics& one) {
   if (!one.residual_reduction) return nullptr;
   ordered_json json{{"pv", number(one.residual_reduction->pv)},
@@ -360,15 +374,13 @@ ordered_json case_json(const CaseStatistics& one) {
   return json;
 }
 
-// ---- text
-
-/// The head of a table of residuals.
+/// Returns the head of the table of residuals.
 std::string residual_header() {
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", "residual in um", "PV",
                      "RMS", "min", "max", "uncut %", "gouged");
 }
 
-/// A line of it, with how much of the part the figures leave out.
+/// Returns a row of the table, with the part of the area that its figures leave out.
 std::string residual_line(const CaseStatistics& one) {
   const cutting::Statistics& s = one.residual;
   const auto um = [](const std::optional<double>& mm) {
@@ -380,8 +392,8 @@ std::string residual_line(const CaseStatistics& one) {
                      s.gouged_vertices);
 }
 
-/// A line below it, where places at random between the vertices count in it: the program may run
-/// over the vertices on purpose.
+/// Returns a row for the vertices alone if the figures include random points between them: the
+/// program may pass over the vertices on purpose.
 std::string vertices_line(const CaseStatistics& one) {
   if (!one.at_vertices) return {};
   const cutting::Statistics& s = *one.at_vertices;
@@ -393,7 +405,7 @@ std::string vertices_line(const CaseStatistics& one) {
                      um(s.pv), um(s.rms), um(s.min), um(s.max));
 }
 
-/// A table of form and texture; the last column says how far a compensator brought the form down.
+/// Returns the table of form and texture; the last column is the change by the compensator.
 std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
   if (std::none_of(cases.begin(), cases.end(),
                    [](const CaseStatistics& one) { return one.form && one.form->rms; }))
@@ -421,13 +433,14 @@ std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
   return text;
 }
 
-/// The line below the table where the machine does not reach all of a generated program.
+/// Returns a line about passes of a generated program that the machine does not reach.
 std::string unreached_line(const program::Unreached& u) {
   if (u.points == 0) return {};
   return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n", u.passes,
                      u.all_passes, u.broken_passes);
 }
 
+/// Returns the RMS of the machine's part with its change; empty if there is no error-free map.
 std::string machine_text(const CaseStatistics& one) {
   if (!one.machine || !one.machine->rms) return {};
   std::string text = fmt::format("{:.6f}", *one.machine->rms / units::um);
@@ -436,7 +449,7 @@ std::string machine_text(const CaseStatistics& one) {
   return text;
 }
 
-/// A line a case with its verdict, empty without a tolerance.
+/// Returns the verdict on the tolerance of a case; empty without a tolerance.
 std::string verdict_line(const CaseStatistics& one) {
   const auto& c = one.residual.conformance;
   if (!c) return {};
@@ -450,7 +463,7 @@ std::string verdict_line(const CaseStatistics& one) {
   return fmt::format("{:<36} {}; {}\n", escaped(one.name), tolerance_verdict(c, one.worst), shares);
 }
 
-/// What is assumed of wear, and what it came to.
+/// Returns the assumptions about wear, and its amount at the end.
 ordered_json wear_json(const std::vector<WornTool>& tools) {
   ordered_json all = ordered_json::array();
   for (const WornTool& one : tools)

@@ -19,7 +19,8 @@ namespace abbe::sim {
 
 namespace {
 
-/// Of what the filter leaves out, vertices and places within triangles by their weights.
+/// Returns the texture parameters of the residual minus form, vertices and sampled points by their
+/// area.
 std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design,
                                                    const cutting::Surface& surface,
                                                    const Eigen::VectorXd& filtered) {
@@ -56,10 +57,10 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
   cutting::Surface form = surface;
   form.residual = parted.filtered;
   form.sampled_within = cutting::Surface::Within::None;
-  form.within.resize(0);  // smooth: its vertices stand for what is around them
+  form.within.resize(0);  // it is smooth, so its vertices represent their surroundings
   parted.form = cutting::statistics(form, job.design_w, tolerance);
-  // places at random of which too few carry the form are no texture of it: each stands beside the
-  // form of others
+  // Random points too few to carry the form have no texture: each is next to the form of distant
+  // ones.
   if (surface.sampled_within != cutting::Surface::Within::Random ||
       cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
     parted.texture = texture_of(job.design_w, surface, parted.filtered);
@@ -68,7 +69,7 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
 
 namespace {
 
-/// The vertex in the part frame, gouged there or cut.
+/// Returns a vertex in the part frame, gouged or cut.
 Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int vertex) {
   const Eigen::Vector3d p_w = job.design_w.vertices.row(vertex);
   Verdict::Place place{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
@@ -81,7 +82,7 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int ver
   return place;
 }
 
-/// The place within a triangle; its line is that of the nearest corner.
+/// Returns the sampled point of a triangle; its program line is that of the nearest corner.
 Verdict::Place location_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
   const cutting::Triangles& triangles = job.design_w.triangles;
   const Eigen::Vector3d p_w = cutting::value_at_place_within(
@@ -99,6 +100,7 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface,
                             : location_in_triangle(job, surface, sample.triangle);
 }
 
+/// Finds the extreme points. A gouge deeper than the band lies lower than any cut vertex.
 void find_extremes(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
@@ -113,7 +115,8 @@ void find_extremes(const Job& job, Verdict& verdict) {
     verdict.worst = location_in_triangle(job, surface, s.conformance->triangle);
 }
 
-/// A mesh whose facets sag by more than all that is found on it.
+/// Returns a warning if the facets of a mesh deviate from the exact surface by more than the PV
+/// found.
 std::string coarse_warning(const Job& job, const cutting::Statistics& residual) {
   if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
   const double facet_error = cutting::coarseness(job.design_w).facet_error;
@@ -124,11 +127,12 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
       facet_error / units::um, *residual.pv / units::um);
 }
 
-/// Returns a warning for a tolerance or limit that a number in another unit explains better than a
-/// machine: 250 times as wide as what the uncompensated machine does, or a 250th of it. Nothing is
-/// said of other cases, as a compensator may leave a thousandth, nor of a machine without errors.
+/// Returns a warning if a wrong unit explains a tolerance or limit better than the machine does: it
+/// is 250 times the PV of the uncompensated machine or more, or a 250th of it or less. Other cases
+/// get no warning, because a compensator may leave a thousandth, nor does a machine without errors.
 std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
-  constexpr double most = 250.0;  // a thousand is the unit; the rest is how good a machine may be
+  constexpr double most = 250.0;  // a wrong unit is a factor of 1000; a factor of 4 is left for the
+                                  // machine
   if (cut.case_name != "uncompensated" || !map.pv || !(cut.tip_error.max > 0.0)) return {};
   const double pv_um = *map.pv / units::um;
   const auto text = [&](const char* key, double width_um) -> std::string {
@@ -147,7 +151,7 @@ std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Sta
   return limit && *limit > 0.0 ? text("limits.pv_um", *limit) : "";
 }
 
-/// Mean radius of each ring of the part by area.
+/// Returns the mean radius of each ring of the part, weighted by area.
 std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& surface) {
   if (job.scene.part.rings.empty()) return {};
   const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
@@ -250,6 +254,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   std::vector<std::string> all;
   const auto look = [&](const char* what, const std::optional<double>& limit_um,
                         std::optional<double> value) {
+    // A limit that cannot be judged counts as exceeded.
     if (limit_um && !value)
       all.push_back(fmt::format(
           "{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
@@ -265,6 +270,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
                        limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||
                        limits.texture_sz_um;
+  // A gouge beyond the searched band is in no figure, so it is reported whatever the limits are.
   if (limited && s.deepest)
     all.push_back(fmt::format(
         "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "

@@ -24,6 +24,8 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
                "of a mesh: its size is meant, however small or large; else one below 1 mm, or that "
                "does not fit the travel or the program, is doubted")
       .check([](TableReader& reader, MeshFile& mesh) {
+        // Mesh errors found later name the position of the file name, because the mesh has none in
+        // the scene.
         if (const Node* file = reader.node().find("file")) mesh.place = file->place;
         std::error_code failure;
         if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure))
@@ -37,9 +39,12 @@ constexpr Range body_size{0.0, 100'000.0, true, false};  // mm
 constexpr Range scale_range{0.0, 1e6, true, false};
 
 void read_size(TableReader& reader, BoxShape& box) {
+  // A vector that failed to parse is already reported; a second message about its size would
+  // mislead.
   const std::size_t before = reader.input_errors().list().size();
   box.size = reader.vector("size_mm");
   const bool read = reader.has("size_mm") && reader.input_errors().list().size() == before;
+  // The negated comparison also rejects NaN.
   if (read && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
     reader.refuse("size_mm",
                   fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
@@ -67,6 +72,7 @@ Fields<ConeShape> cone_shape_fields() {
       .number(must("radius_above_mm"), &ConeShape::radius_above, radius, "at its upper end")
       .number(must("height_mm"), &ConeShape::height, body_size, "from its own z = 0 up")
       .check([](TableReader& reader, ConeShape& cone) {
+        // A cone with both radii zero encloses no volume; one zero radius makes a valid tip.
         if (reader.has("radius_below_mm") && reader.has("radius_above_mm") &&
             !(cone.radius_below + cone.radius_above > 0.0))
           reader.refuse("radius_above_mm", "one radius above 0 of a cone", "two of 0");
@@ -78,10 +84,11 @@ Fields<SphereShape> sphere_fields() {
                                       "about its middle");
 }
 
-/// Two lists of one length, as the columns of points.
+/// Reads two lists of equal length as the columns of points.
 Eigen::MatrixX2d read_points(TableReader& reader, const char* first, const char* second) {
   constexpr Eigen::Index max_points = 10000;
   const auto x = reader.maybe_numbers(first), y = reader.maybe_numbers(second);
+  // Both keys are tested before the return, so that one run reports both when both are missing.
   if (!reader.has(first)) reader.missing(first, "a list of numbers");
   if (!reader.has(second)) reader.missing(second, "a list of numbers");
   if (!x || !y) return Eigen::MatrixX2d(0, 2);
@@ -95,7 +102,8 @@ Eigen::MatrixX2d read_points(TableReader& reader, const char* first, const char*
   return points;
 }
 
-/// Two keys that state points. @param refused  says what is wrong with them; empty: nothing
+/// Returns the fields of two keys that together state a list of points.
+/// @param refused  returns a message that names the error of the points, or an empty text
 Fields<Eigen::MatrixX2d> point_fields(
     const char* first, const char* of_first, const char* second, const char* of_second,
     const std::function<std::string(const Eigen::MatrixX2d&)>& refused) {
@@ -105,6 +113,7 @@ Fields<Eigen::MatrixX2d> point_fields(
            make_numbers_key(must(second), 0, of_second)},
           [=](TableReader& reader, Eigen::MatrixX2d& points) {
             points = read_points(reader, first, second);
+            // An empty matrix means that read_points() has already reported the error.
             if (points.rows() == 0) return;
             if (const std::string fault = refused(points); !fault.empty())
               reader.refuse(second, fmt::format("{} and {} that make a body", first, second),
@@ -117,23 +126,29 @@ Fields<Eigen::MatrixX2d> point_fields(
           });
 }
 
-/// Why points are no profile; empty where they are.
+/// Returns a message that names the error of a profile, or an empty text for a valid one.
 std::string profile_fault(const Eigen::MatrixX2d& profile) {
+  // Comparisons are negated so that NaN is rejected as well.
   if (!(profile.col(0).minCoeff() >= 0.0)) return "a radius below 0";
   if (!(profile.col(0).maxCoeff() > 0.0)) return "no radius above 0";
   for (Eigen::Index i = 1; i < profile.rows(); ++i) {
+    // Equal heights are allowed, since they form a flat ring; falling heights would fold the
+    // surface.
     if (profile(i, 1) < profile(i - 1, 1))
       return fmt::format("heights that fall, {:g} mm after {:g} mm", profile(i, 1),
                          profile(i - 1, 1));
     if (profile.row(i) == profile.row(i - 1)) return "the same point twice";
+    // A segment on the axis has no area and would give degenerate faces.
     if (profile(i, 0) == 0.0 && profile(i - 1, 0) == 0.0) return "a piece on the axis";
   }
+  // A profile of a single height encloses no volume.
   if (!(profile(profile.rows() - 1, 1) > profile(0, 1))) return "one height";
   return {};
 }
 
 std::string outline_fault(const Eigen::MatrixX2d& outline) {
   try {
+    // The mesher applies its own tests, so the reader accepts exactly the outlines it can mesh.
     cutting::extruded_mesh(outline, 1.0);
     return {};
   } catch (const std::invalid_argument& fault) {

@@ -13,18 +13,18 @@
 
 namespace abbe::sim {
 
-/// A surface from a file: of a part, a blank, or a body.
+/// A surface read from a file, which describes a part, a blank or a body.
 struct MeshFile {
   std::filesystem::path file;
   double unit = 1.0;      ///< mm per unit of the file
-  bool any_size = false;  ///< its size is meant: no doubt is cast on the unit
-  bool open = false;      ///< a surface with a rim is meant
-  Place place = {};       ///< in the scene, where it is named
+  bool any_size = false;  ///< the size is intended, so no warning questions the unit
+  bool open = false;      ///< a surface with a rim is intended
+  Place place = {};       ///< the position in the scene file that names it
 };
 
-// What the machine, the tool and the clamping are made of: for pictures, and for what meets what.
+// Bodies of the machine, the tool and the clamping, used for pictures and for collision checks.
 
-struct BoxShape {                                  ///< about its middle
+struct BoxShape {                                  ///< centred on the origin
   Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< mm
 };
 struct CylinderShape {  ///< about z, on z = 0
@@ -36,7 +36,7 @@ struct ConeShape {            ///< about z, on z = 0
   double radius_above = 0.0;  ///< mm
   double height = 0.0;        ///< mm
 };
-struct SphereShape {    ///< about its middle
+struct SphereShape {    ///< centred on the origin
   double radius = 0.0;  ///< mm
 };
 struct RevolvedShape {             ///< about z
@@ -56,41 +56,43 @@ using BodyShape = std::variant<BoxShape, CylinderShape, ConeShape, SphereShape, 
 struct BodyDescription {
   std::string name;
   BodyShape shape;
-  kinematics::Pose T = kinematics::Pose::Identity();  ///< of its own frame in that of its carrier
+  kinematics::Pose T = kinematics::Pose::Identity();  ///< pose of the body's own frame in the frame
+                                                      ///< of its carrier
 };
 
 /// A part of the machine, such as its ram or its table.
 struct MachineBody {
-  std::optional<int> joint;  ///< that carries it; none: the bed
-  BodyDescription body;      ///< placed in the bed, axes at zero
+  std::optional<int> joint;  ///< the joint that carries the body; none for the bed
+  BodyDescription body;      ///< placed in the bed frame with all axes at zero
 };
 
-/// How a program is searched for collisions, and whether every run does it.
+/// Settings of the collision check, and the switch that makes every run perform it.
 struct CollisionDescription {
   bool on = false;
   bool stop = false;         ///< a run with a collision cuts nothing
-  double clearance = 1.0;    ///< mm, less is reported as a near miss
-  double gouge = 0.1;        ///< mm, deeper in the part than this is a collision of the tool
-  double resolution = 5e-3;  ///< mm, nearer than this is contact
+  double clearance = 1.0;    ///< mm; smaller distances are reported as a near miss
+  double gouge = 0.1;        ///< mm; a tool deeper in the part than this collides with it
+  double resolution = 5e-3;  ///< mm; bodies nearer than this are in contact
   struct Pair {
     std::string a, b;
   };
-  std::vector<Pair> ignore;  ///< bodies by name that may meet
+  std::vector<Pair> ignore;  ///< pairs of body names that may touch
 };
 
 struct KeyName;
 template <typename T>
 class Fields;
 
-/// `file` and `unit` of a mesh.
-/// @param file  name of the key, with what else may stand in its place
+/// Returns the fields `file` and `unit` of a mesh.
+/// @param file  name of the key, with the alternatives that may replace it
 Fields<MeshFile> mesh_file_fields(const KeyName& file);
 
-/// A body and its place in what carries it.
+/// Returns the fields of a body and of its placement on its carrier.
 Fields<BodyDescription> body_fields();
-/// The profile of a body of revolution: `radii_mm`, `heights_mm`. @param from  where heights count
+/// Returns the fields of a profile of revolution, `radii_mm` and `heights_mm`.
+/// @param from  the origin of the heights, in words for the manual
 Fields<Eigen::MatrixX2d> profile_fields(const char* from);
-/// `[collision]`
+/// Returns the fields of `[collision]`.
 const Fields<CollisionDescription>& collision_fields();
 
 }  // namespace abbe::sim

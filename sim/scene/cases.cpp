@@ -44,8 +44,8 @@ constexpr Words<Channel, 7> channels{{{"ideal", Channel::Ideal},
                                       {"table", Channel::Table},
                                       {"piezo", Channel::Piezo}}};
 
-/// The choice that a token names.
-/// @throws std::invalid_argument with what it could be
+/// Returns the choice that a token names.
+/// @throws std::invalid_argument with the values the token may take
 template <typename T, std::size_t n>
 T chosen(const Words<T, n>& words, const std::string& token, const char* what) {
   std::string list;
@@ -74,6 +74,7 @@ std::vector<std::string> split_case_name(const std::string& name) {
 }  // namespace
 
 bool is_folder_name(const std::string& name) {
+  // Bytes of 0x80 and above belong to UTF-8 letters, and a leading dot would hide the folder.
   return !name.empty() && name.size() <= 80 && name.front() != '.' && escaped(name) == name &&
          std::all_of(name.begin(), name.end(), [](unsigned char c) {
            return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
@@ -81,6 +82,7 @@ bool is_folder_name(const std::string& name) {
 }
 
 CaseDescription parse_case(const std::string& name) {
+  // Case names contain neither dots nor slashes, so either character marks a file.
   if (name.find_first_of("./") != std::string::npos) return plug_in_case(name);
   CaseDescription description;
   description.name = name;
@@ -99,8 +101,9 @@ CaseDescription parse_case(const std::string& name) {
 CaseDescription plug_in_case(const std::filesystem::path& file) {
   CaseDescription description;
   description.name = file.filename().string();
-  // with a slash it is a file wherever it is read again
+  // The absolute name contains a slash, so it is recognised as a file when the scene is read again
   description.plug_in = std::filesystem::absolute(file).lexically_normal();
+  // Both names are reserved for the reference cases that every comparison writes.
   if (description.name == "error_free" || description.name == "uncompensated")
     throw std::invalid_argument("expected another name for a plug-in than that of a case, seen \"" +
                                 description.name + "\"");
@@ -119,6 +122,8 @@ CaseDescription parse_plug_in_method(const std::string& words) {
   CaseDescription way;
   way.strategy = chosen(strategies, tokens[0], "strategy");
   way.channel = chosen(channels, tokens[1], "channel");
+  // A compensation table is filled one position at a time, and a plug-in can be such a table
+  // itself.
   if (way.channel == Channel::Table)
     throw std::invalid_argument(
         "expected another channel than table, which asks for one place "
@@ -133,14 +138,14 @@ std::string plug_in_method(const CaseDescription& plug_in) {
 
 namespace {
 
-/// A folder and what it is for.
+/// A folder and the case it holds.
 struct CaseFolder {
   std::string name;
-  std::string of;  ///< in words
+  std::string of;  ///< description of the case for messages
   Place place;
 };
 
-/// Of the cases of the scene, or of the name of a variant.
+/// Returns the position of the cases of the scene, for messages.
 Place place_of_cases(const Node& scene) {
   const Node* compare = scene.find("compare");
   const Node* cases = compare ? compare->find("cases") : nullptr;
@@ -158,6 +163,7 @@ Place place_of_variant(const Node& scene, std::size_t index) {
 std::vector<CaseFolder> listed(const Node& scene, const ComparedNames& names) {
   std::vector<CaseFolder> all;
   const Place cases = place_of_cases(scene);
+  // Every comparison writes these two cases, so their folders are taken in every scene.
   for (const char* name : {"error_free", "uncompensated"})
     all.push_back({name, fmt::format("the case \"{}\"", name), cases});
   for (const CaseDescription& one : names.cases)
@@ -178,6 +184,7 @@ std::vector<CaseFolder> listed(const Node& scene, const ComparedNames& names) {
 
 std::string case_folder(const std::string& variant, const std::string& case_name) {
   if (variant.empty()) return case_name;
+  // The uncompensated part of a variant has the variant's own name, because each variant has one.
   return case_name == "uncompensated" ? variant : variant + "-" + case_name;
 }
 
@@ -189,6 +196,7 @@ std::vector<std::string> case_folders(const ComparedNames& names) {
 
 void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors) {
   std::map<std::string, std::string> taken;
+  // Result files come first, so that the message calls the case the intruder and not the file.
   for (const char* name : result_names) taken.emplace(name, "a file of the results");
   for (const CaseFolder& one : listed(scene, names)) {
     const auto [other, is_new] = taken.emplace(one.name, one.of);
@@ -203,7 +211,7 @@ namespace {
 constexpr std::size_t max_variants = 1000;
 
 void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
-  const Node* list = reader.know("cases");
+  const Node* list = reader.accept_key("cases");
   if (list && !list->array()) reader.refuse("cases", "a list of case names", shown(*list));
   for (const Node& name : list && list->array() ? *list->array() : Node::Array{}) {
     if (!name.text()) {
@@ -213,6 +221,8 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
     }
     try {
       const CaseDescription one = parse_case(*name.text());
+      // The case is added although it is repeated: the scene is rejected in any event, and the
+      // checks that follow see the full list.
       const bool twice = std::any_of(cases.begin(), cases.end(),
                                      [&](const auto& other) { return other.name == one.name; });
       if (twice) reader.input_errors().add(name.place, "each case once", shown(name) + " again");
@@ -227,8 +237,9 @@ void read_set(TableReader& reader, Variant& variant) {
   const Node* set = reader.section("set");
   if (!set && !reader.has("set")) reader.missing("set", "a table of changes");
   if (!set) return;
-  for (const Change& change : set_changes(*set)) {
+  for (const Change& change : changes_from_set(*set)) {
     variant.set.push_back(make_override(change));
+    // A variant of variants would have no defined order of application.
     if (change.path.starts_with("variant"))
       reader.input_errors().add(change.value.place, "a path outside of variants", change.path);
   }
@@ -238,16 +249,18 @@ const Fields<Variant>& variant_fields() {
   static const Fields<Variant> fields =
       Fields<Variant>()
           .text(must("name"), &Variant::name, "of its folder and its row, each once")
-          .custom({make_field_key(
-                      must("set"), Key::Kind::Any,
-                      "changes by dotted path: `{ \"errors.scale\" = 2.0, part.vertices = 5000 "
-                      "}`; tried when the scene is read")},
-                  read_set, [](const Variant& variant, Node::Table& table) {
-                    Node::Table set;
-                    for (const Override& one : variant.set)
-                      put(set, one.path, parse_toml("v = " + one.value, "").find("v")->value);
-                    put(table, "set", std::move(set));
-                  });
+          .custom(
+              {make_key(must("set"), Key::Kind::Any,
+                        "changes by dotted path: `{ \"errors.scale\" = 2.0, part.vertices = 5000 "
+                        "}`; tried when the scene is read")},
+              read_set, [](const Variant& variant, Node::Table& table) {
+                Node::Table set;
+                for (const Override& one : variant.set)
+                  // The TOML parser turns the text of an override back into a node of the
+                  // proper type.
+                  put(set, one.path, parse_toml("v = " + one.value, "").find("v")->value);
+                put(table, "set", std::move(set));
+              });
   return fields;
 }
 
@@ -256,10 +269,9 @@ const Fields<Variant>& variant_fields() {
 const Fields<std::vector<CaseDescription>>& compare_fields() {
   static const Fields<std::vector<CaseDescription>> fields =
       Fields<std::vector<CaseDescription>>().custom(
-          {make_field_key(
-              "cases", Key::Kind::Texts,
-              "compensators beside the uncompensated part: belief, strategy and channel, "
-              "`\"fused-iterated-pulses\"`, or the file of one of your own")},
+          {make_key("cases", Key::Kind::Texts,
+                    "compensators beside the uncompensated part: belief, strategy and channel, "
+                    "`\"fused-iterated-pulses\"`, or the file of one of your own")},
           read_cases, [](const std::vector<CaseDescription>& cases, Node::Table& table) {
             Node::Array names;
             for (const CaseDescription& one : cases) names.push_back(Node{{}, one.name});
@@ -281,6 +293,7 @@ std::vector<Variant> read_variants(TableReader& scene) {
   for (const Node* node : list) {
     TableReader reader(*node, "variant", scene.input_errors());
     Variant variant = variant_fields().read(reader);
+    // Variant names become folders beside those of the two reference cases.
     const bool taken = variant.name == "error_free" || variant.name == "uncompensated" ||
                        std::any_of(variants.begin(), variants.end(), [&](const Variant& other) {
                          return other.name == variant.name;

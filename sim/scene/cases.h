@@ -14,17 +14,18 @@
 
 namespace abbe::sim {
 
-/// A compensator as the three choices of a case name, or one of the user's own.
+/// A compensator, described by the three choices of a case name or by a plug-in of the user.
 struct CaseDescription {
   std::string name;  ///< "perfect-iterated-ideal", "mine.py"
   enum class Belief {
-    Perfect,     ///< the truth without its random parts
-    Identified,  ///< geometric errors, from readings
-    Thermal,     ///< what heat adds, from temperatures
-    Composite,   ///< both (Yang 2012)
-    Force,       ///< what the cut bends, from current, dynamometer or a model of the force
-    Part,        ///< what was measured of a part that was cut before
-    Fused,       ///< all that the scene gives to believe, with one correction (Guo 2016)
+    Perfect,     ///< the true errors without their random parts
+    Identified,  ///< geometric errors estimated from readings
+    Thermal,     ///< thermal errors predicted from temperatures
+    Composite,   ///< geometric and thermal errors together (Yang 2012)
+    Force,       ///< deflection under the cutting force, known by current, dynamometer or force
+                 ///< model
+    Part,        ///< deviations measured on a part that was cut before
+    Fused,       ///< all beliefs that the scene states, with one correction (Guo 2016)
   } belief = Belief::Perfect;
   compensation::Strategy strategy = compensation::Strategy::Iterated;
   enum class Channel {
@@ -36,22 +37,23 @@ struct CaseDescription {
     Table,
     Piezo
   } channel = Channel::Ideal;
-  std::filesystem::path plug_in;  ///< then belief and strategy are its own
-  /// Asked instead of the file, whose name then is a name alone.
+  std::filesystem::path plug_in;  ///< if set, the file supplies belief and strategy itself
+  /// Called instead of the file, whose name then serves only as a label.
   std::shared_ptr<const compensation::PlugInFunction> function = {};
 };
 
-/// Reads a case name "perfect-iterated-ideal"; one with a dot or slash is a plug-in's file.
-/// @throws std::invalid_argument naming the token and what it could be
+/// Returns the case of a name such as "perfect-iterated-ideal"; a name with a dot or slash is the
+/// file of a plug-in.
+/// @throws std::invalid_argument naming the token and the values it may take
 CaseDescription parse_case(const std::string& name);
 
-/// The case of a plug-in's file, called by its name with extension.
-/// @throws std::invalid_argument if that name cannot be a folder's
+/// Returns the case of a plug-in file, named after the file with its extension.
+/// @throws std::invalid_argument if that name cannot be a folder name
 CaseDescription plug_in_case(const std::filesystem::path& file);
 
-/// Strategy and channel by which a plug-in's corrections are made and brought, "iterated-pulses";
-/// and back.
-/// @throws std::invalid_argument naming the token and what it could be; for tables
+/// Converts the strategy and channel of a plug-in's corrections, such as "iterated-pulses", from
+/// and to text.
+/// @throws std::invalid_argument naming the token and the values it may take; also for tables
 CaseDescription parse_plug_in_method(const std::string& words);
 std::string plug_in_method(const CaseDescription& plug_in);
 
@@ -60,18 +62,18 @@ class TableReader;
 template <typename T>
 class Fields;
 
-/// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
+/// Returns true for a name that a file or folder may have: letters, digits, blanks, _ - .
 bool is_folder_name(const std::string& name);
 
-/// `[compare]` and `[[variant]]`
+/// Fields and readers of `[compare]` and `[[variant]]`.
 const Fields<std::vector<CaseDescription>>& compare_fields();
 std::vector<Variant> read_variants(TableReader& scene);
 Node::Table written_variant(const Variant& variant);
 std::vector<Key> variant_keys();
 
-// The folders in which `compare` leaves its cases, and the files beside them.
+// Folders in which `compare` stores its cases, and the files beside them.
 
-/// Files that `run` and `compare` may leave in their folder.
+/// Files that `run` and `compare` may write to their folder.
 inline constexpr std::array result_names{
     "program.ngc",     "program.csv",    "scene.toml",    "summary.json",  "residual.vtp",
     "residual.ply",    "residual.stl",   "residual.csv",  "residual.npz",  "residual.json",
@@ -80,10 +82,11 @@ inline constexpr std::array result_names{
     "comparison.json", "comparison.png", "thermal.json",  "thermal.png",   "tolerance.png",
     "report.html"};
 
-/// Folder, and name in tables, of a case of a variant; of the scene itself if `variant` is empty.
+/// Returns the folder of a case of a variant, which is also its name in tables; with an empty
+/// `variant`, that of a case of the scene itself.
 std::string case_folder(const std::string& variant, const std::string& case_name);
 
-/// What is compared: the cases of the scene, then those of each variant.
+/// The compared cases: those of the scene, then those of each variant.
 struct ComparedNames {
   struct VariantCases {
     std::string name;
@@ -92,10 +95,11 @@ struct ComparedNames {
   std::vector<CaseDescription> cases;
   std::vector<VariantCases> variants;
 };
-/// All folders, without repetition of what is faulty.
+/// Returns all folders; repeated names appear again.
 std::vector<std::string> case_folders(const ComparedNames& names);
 
-/// Two cases in one folder, or a folder where a file will stand, each at its place in the scene.
+/// Reports two cases that share a folder, and a folder whose name a result file takes, each at its
+/// position in the scene.
 void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors);
 
 }  // namespace abbe::sim

@@ -19,6 +19,7 @@ namespace {
 using Force = BeliefDescription::Force;
 using From = Force::From;
 
+// A thermal belief is a small text; the limit keeps a wrong file from filling the memory.
 constexpr std::size_t max_thermal_belief_bytes = std::size_t(16) << 20;
 
 void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
@@ -27,6 +28,7 @@ void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
   TableReader thermal(*node, reader.name_of("thermal"), reader.input_errors());
   const std::string file = thermal.text("file");
   thermal.close();
+  // text() has already reported the missing file.
   if (file.empty()) return;
   belief.thermal_file = file;
   try {
@@ -38,6 +40,7 @@ void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
 }
 
 void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
+  // The coefficients stay in their file, so the written scene refers to it by name.
   if (!belief.thermal) return;
   Node::Table thermal;
   put(thermal, "file", belief.thermal_file.string());
@@ -45,42 +48,46 @@ void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
 }
 
 Key thermal_key() {
-  Key thermal = make_field_key("thermal", Key::Kind::Table,
-                               "what heat adds, by the temperatures that are read");
+  Key thermal =
+      make_key("thermal", Key::Kind::Table, "what heat adds, by the temperatures that are read");
   thermal.keys = {
-      make_field_key(must("file"), Key::Kind::Text,
-                     "what `abbe identify --method thermal` wrote, or `--method composite` as "
-                     "`NAME_thermal.txt`; its sensors must be those of the scene")};
+      make_key(must("file"), Key::Kind::Text,
+               "what `abbe identify --method thermal` wrote, or `--method composite` as "
+               "`NAME_thermal.txt`; its sensors must be those of the scene")};
   return thermal;
 }
 
-/// The scene of a training part and what measures it.
+/// Returns the fields of the training scene and the instrument that measures its part.
 Fields<Force> training_fields() {
   return Fields<Force>()
       .text(must("file"), &Force::training, "scene of that part")
       .text(must("instrument"), &Force::instrument, "of that scene, which measures it");
 }
 
-/// The keys that a way to the force brings.
-Fields<Force> fields_from(From from, const MachineDescription& machine) {
+/// Returns the keys that belong to one source of the force.
+Fields<Force> force_source_fields(From from, const MachineDescription& machine) {
   Fields<Force> fields;
+  // A modelled force carries no measurement noise, so it needs no smoothing.
   if (from != From::Model)
     fields.number("smoothing_ms", &Force::smoothing_s, non_negative,
                   "of what is read: the mean of the time just passed; 0: none");
   fields.whole("passes", &Force::passes, 1, 20,
                "runs from which is learnt, each corrected by what the last taught");
+  // The current yields a fitted deflection directly, so no compliance is needed with it.
   if (from == From::Current)
     return fields.table(must("training"), itself, training_fields(),
                         "the part from which a law is fitted, d = c1 x + c2 x², x the current "
                         "above that in air; the tool gives way by d along its own z");
-  Key compliance = make_field_key(must("compliance"), Key::Kind::Table,
-                                  "as `[compliance]`, as it is believed", compliance_keys());
+  Key compliance = make_key(must("compliance"), Key::Kind::Table,
+                            "as `[compliance]`, as it is believed", compliance_keys());
   compliance.or_file = true;
   return fields.custom(
       {compliance},
       [machine](TableReader& reader, Force& force) {
         if (const Node* node = reader.section("compliance"))
           force.compliance = read_compliance(*node, machine, reader.input_errors());
+        // The test separates a missing key from a key of the wrong type, which section() has
+        // reported.
         else if (!reader.has("compliance"))
           reader.missing("compliance", "a table or a file");
       },
@@ -90,7 +97,7 @@ Fields<Force> fields_from(From from, const MachineDescription& machine) {
 }
 
 Fields<Force> force_fields(const MachineDescription& machine) {
-  Key from = make_field_key(must("from"), Key::Kind::Text, "what the force is known by");
+  Key from = make_key(must("from"), Key::Kind::Text, "what the force is known by");
   const std::array ways{From::Current, From::Dynamometer, From::Model};
   from.words = {{"current", "read, `[signals]` must have it", {}},
                 {"dynamometer", "read, `[signals]` must have it", {}},
@@ -99,20 +106,22 @@ Fields<Force> force_fields(const MachineDescription& machine) {
                  "as `compliance` says",
                  {}}};
   for (std::size_t i = 0; i < ways.size(); ++i)
-    from.words[i].keys = fields_from(ways[i], machine).keys();
+    from.words[i].keys = force_source_fields(ways[i], machine).keys();
   return Fields<Force>().custom(
       {from},
       [from, ways, machine](TableReader& reader, Force& force) {
         const auto word = reader.word("from", words_of(from), true);
+        // An unknown word is already reported; the first source then stands in so that the other
+        // keys are read without follow-on errors.
         force.from = ways.front();
         for (std::size_t i = 0; i < ways.size(); ++i)
           if (word == from.words[i].word) force.from = ways[i];
-        force = fields_from(force.from, machine).read(reader, force);
+        force = force_source_fields(force.from, machine).read(reader, force);
       },
       [from, ways, machine](const Force& force, Node::Table& table) {
         for (std::size_t i = 0; i < ways.size(); ++i)
           if (force.from == ways[i]) put(table, "from", from.words[i].word);
-        append_entries(table, fields_from(force.from, machine).written(force));
+        append_entries(table, force_source_fields(force.from, machine).written(force));
       });
 }
 
@@ -126,15 +135,15 @@ Fields<BeliefDescription::Part> believed_part_fields() {
 
 Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
   using Description = BeliefDescription;
-  Key identified = make_field_key("identified", Key::Kind::Tables,
-                                  "geometric errors as `errors`; mostly what `abbe identify` wrote",
-                                  errors_keys());
+  Key identified =
+      make_key("identified", Key::Kind::Tables,
+               "geometric errors as `errors`; mostly what `abbe identify` wrote", errors_keys());
   identified.or_file = true;
   return Fields<Description>()
       .custom(
           {identified},
           [machine](TableReader& reader, Description& belief) {
-            if (const Node* node = reader.know("identified"))
+            if (const Node* node = reader.accept_key("identified"))
               belief.identified =
                   joined({read_errors(*node, machine, 0, reader.input_errors())}, machine);
           },
@@ -196,6 +205,7 @@ Fields<Description::Pulses> pulses_fields() {
       .number("cycle_ms", &Pulses::cycle_s, cycle_ms, "at which a pair may go in")
       .number("pulse_ms", &Pulses::pulse_s, cycle_ms,
               "that a pair takes, while both signals are low")
+      // A pulse longer than the cycle would still be low when the next pair goes in.
       .check([](TableReader& reader, Pulses& pulses) {
         if (pulses.pulse_s > pulses.cycle_s)
           reader.refuse("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
@@ -223,6 +233,7 @@ Fields<OriginShift> origin_fields() {
 Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& joints) {
   using compensation::ControlFormat;
   using Table = Description::Table;
+  // The fields address members of the options nested in the table description.
   const auto option = [](auto member) {
     return [member](auto& table) -> auto& { return table.options.*member; };
   };
@@ -267,7 +278,7 @@ void read_plug_in(TableReader& reader, Description& compensation) {
 }
 
 Key plug_in_key() {
-  return make_field_key(
+  return make_key(
       KeyName("plug_in").otherwise("iterated-ideal"), Key::Kind::Text,
       "strategy and channel of compensators of your own; the strategy is for those that "
       "answer deviations, any channel but `table`, which asks for one place at a time");

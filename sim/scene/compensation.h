@@ -17,35 +17,37 @@
 
 namespace abbe::sim {
 
-/// What a compensator is given to believe, by the tokens of a case.
+/// Knowledge given to a compensator, one member for each belief of a case name.
 struct BeliefDescription {
   std::optional<errors::GeometricErrors> identified;
   std::optional<compensation::ThermalBelief> thermal;
-  std::filesystem::path thermal_file;  ///< from which it was read
+  std::filesystem::path thermal_file;  ///< file from which `thermal` was read
   struct Force {
     enum class From { Current, Dynamometer, Model } from = From::Model;
-    errors::ComplianceErrors compliance;  ///< as it is believed; not from current
-    std::filesystem::path training;       ///< from current: scene of the part from which is learnt
-    std::string instrument;               ///< that measures that part
-    double smoothing_s = 0.0;             ///< of current or dynamometer
-    int passes = 2;                       ///< runs from which is learnt, each corrected by the last
+    errors::ComplianceErrors compliance;  ///< as believed; unused with From::Current
+    std::filesystem::path training;       ///< with From::Current: scene of the part that trains the
+                                          ///< law
+    std::string instrument;               ///< instrument that measures that part
+    double smoothing_s = 0.0;             ///< smoothing time of current or dynamometer
+    int passes = 2;                       ///< training runs, each corrected by the law of the
+                                          ///< previous run
   };
   std::optional<Force> force;
   struct Part {
-    std::string instrument;  ///< of the scene, that measures the part
+    std::string instrument;  ///< instrument of the scene that measures the part
     int passes = 1;          ///< parts that are cut and measured before the one that counts
   };
   std::optional<Part> part;
-  double scale = 1.0;  ///< of what identified and thermal say; 0: one that believes in nothing
+  double scale = 1.0;  ///< factor of identified and thermal; 0 disables both
 };
 
-/// Channels, strategies and their limits.
+/// Limits and parameters of strategies and channels.
 struct CompensationDescription {
   double rotary_bound = 0.1 * 0.017453292519943295;       ///< rad, default 0.1 deg
   double word_resolution = 1e-4;                          ///< mm, of a rewritten NC program
   double angle_resolution = 1e-4 * 0.017453292519943295;  ///< rad, the same for rotary words
   double path_tolerance = 0.0;  ///< mm, between the corrected path and that of the rewritten
-                                ///< blocks; 0: a word's resolution, of PVT 1 nm
+                                ///< blocks; 0 means the resolution of a word, 1 nm for PVT
   compensation::PositionLoop loop;
   struct Pulses {
     double count = 1e-3;                             ///< mm
@@ -57,9 +59,10 @@ struct CompensationDescription {
   compensation::OriginShift origin;
   struct Table {
     compensation::TableOptions options;
-    std::optional<compensation::ControlFormat> format;  ///< through a file of that control
-    std::optional<kinematics::AxisVector> reference;    ///< (joints) where the other axes stand;
-                                                        ///< none: the middle of the program
+    std::optional<compensation::ControlFormat> format;  ///< the table is exported to and read from
+                                                        ///< a file of this control
+    std::optional<kinematics::AxisVector> reference;    ///< (joints) positions of the other axes;
+                                                        ///< none means the middle of the program
   } table;
   compensation::Piezo piezo;
   CaseDescription plug_in;  ///< strategy and channel of plug-ins
@@ -67,13 +70,13 @@ struct CompensationDescription {
 
 struct Key;
 
-/// `[belief]`: what compensators are given to believe.
+/// Reads and writes `[belief]`, the knowledge given to compensators.
 BeliefDescription read_belief(const Node& table, const MachineDescription& machine,
                               InputErrors& input_errors);
 Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine);
 std::vector<Key> belief_keys();
 
-/// `[compensation]`: strategies and channels with their limits.
+/// Reads and writes `[compensation]`, the strategies and channels with their limits.
 CompensationDescription read_compensation(const Node& table,
                                           const std::vector<kinematics::Joint>& joints,
                                           InputErrors& input_errors);

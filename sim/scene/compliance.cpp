@@ -22,7 +22,8 @@ namespace abbe::sim {
 inline constexpr Range poisson_range{-1.0, 0.5, true, false};
 inline constexpr Range bar_diameter{1e-3, 1e5};  // mm
 
-/// `[compliance.workpiece]`: how the part gives way where it is touched.
+/// Returns the fields of `[compliance.workpiece]`, the compliance of the part at the point of
+/// contact.
 Fields<errors::ComplianceErrors> workpiece_fields();
 
 namespace {
@@ -35,20 +36,22 @@ using errors::WorkpiecePlate;
 void read_second_moment(TableReader& reader, WorkpieceBar& bar) {
   const auto diameter = reader.maybe_number("diameter_mm", bar_diameter);
   const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
+  // Either key determines the bending stiffness, so both together could contradict each other.
   if (diameter && second_moment) {
     reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
   } else if (!reader.has("diameter_mm") && !reader.has("second_moment_mm4")) {
     reader.missing("diameter_mm", "a number, or second_moment_mm4,");
   }
+  // Second moment of a solid round section, pi d^4 / 64.
   bar.second_moment = second_moment.value_or(pi * std::pow(diameter.value_or(0.0), 4) / 64.0);
 }
 
 Fields<WorkpieceBar> bar_fields() {
   Key diameter =
-      make_field_key(KeyName("diameter_mm").one_of("section"), Key::Kind::Number, "of a round bar");
+      make_key(KeyName("diameter_mm").one_of("section"), Key::Kind::Number, "of a round bar");
   Key second_moment =
-      make_field_key(KeyName("second_moment_mm4").one_of("section"), Key::Kind::Number,
-                     "in mm⁴, of a bar that is not round, the same about both axes across");
+      make_key(KeyName("second_moment_mm4").one_of("section"), Key::Kind::Number,
+               "in mm⁴, of a bar that is not round, the same about both axes across");
   diameter.range = bar_diameter;
   second_moment.range = positive;
   return Fields<WorkpieceBar>()
@@ -79,12 +82,14 @@ WorkpieceField read_csv_field(const std::filesystem::path& file) {
   std::error_code failure;
   if (!std::filesystem::is_regular_file(file, failure))
     throw BadInput(file.string(), 0, 0, "a file that can be read", "no such file");
+  // The size is checked before the file is loaded, so a wrong file cannot fill the memory.
   const std::uintmax_t size = std::filesystem::file_size(file, failure);
   if (failure || size > errors::max_field_bytes)
     throw BadInput(file.string(), 0, 0, "at most 64 MiB", std::to_string(size) + " bytes");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
+  // A read error in the middle of the file would otherwise leave a truncated field unnoticed.
   if (!in)
     throw BadInput(file.string(), 0, 0, "a file that can be read", "a failure while reading");
   return errors::read_compliance_field(text.view(), file.string());
@@ -93,6 +98,7 @@ WorkpieceField read_csv_field(const std::filesystem::path& file) {
 WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file) {
 #if ABBE_RENDER
   render::PointTensors read = render::read_vtu(file, "compliance_um_per_N");
+  // The file holds um/N and the models compute in mm/N.
   for (Eigen::Matrix3d& C : read.tensors) C *= units::um;
   return {std::move(read.points), std::move(read.tensors)};
 #else
@@ -111,8 +117,11 @@ void read_field(TableReader& reader, WorkpieceField& field) {
       field = read_vtu_field(file);
     else
       reader.refuse("file", "a field named .csv or .vtu", file.string());
+    // The readers return a new field, so the file name has to be set again.
     field.file = file.string();
   } catch (const BadInput& fault) {
+    // Without a line number the error concerns the file itself, and the key in the scene is the
+    // better position for it.
     if (fault.line == 0) {
       reader.refuse("file", fault.expected, file.string() + ": " + fault.seen);
     } else {
@@ -141,7 +150,7 @@ const Fields<WorkpieceCompliance>& kind_fields() {
   return fields;
 }
 
-/// The key whose word or number is to blame for a part that cannot be.
+/// Returns the key to which the error of an impossible part is attributed.
 const char* offending_key(const WorkpieceCompliance& part) {
   if (std::holds_alternative<WorkpieceField>(part)) return "file";
   return std::holds_alternative<WorkpiecePlate>(part) ? "normal" : "kind";
@@ -154,8 +163,10 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
   const std::size_t before = reader.input_errors().list().size();
   WorkpieceCompliance part = kind_fields().read(reader);
   reader.close();
+  // Validation of a partly read part would add misleading errors.
   if (reader.input_errors().list().size() != before) return;
   try {
+    // The physics module judges the part, so the scene accepts exactly what the models accept.
     errors::validate(part);
     errors.workpiece = std::move(part);
   } catch (const std::invalid_argument& fault) {
@@ -167,9 +178,8 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
 
 Fields<errors::ComplianceErrors> workpiece_fields() {
   return Fields<errors::ComplianceErrors>().custom(
-      {make_field_key(KeyName("workpiece").otherwise("stiff"), Key::Kind::Table,
-                      "the part where it is touched, in the workpiece frame",
-                      kind_fields().keys())},
+      {make_key(KeyName("workpiece").otherwise("stiff"), Key::Kind::Table,
+                "the part where it is touched, in the workpiece frame", kind_fields().keys())},
       read_workpiece_stiffness, [](const errors::ComplianceErrors& errors, Node::Table& table) {
         if (errors.workpiece) put(table, "workpiece", kind_fields().written(*errors.workpiece));
       });
@@ -184,16 +194,19 @@ using errors::MovingMass;
 using kinematics::Wrench;
 
 constexpr double standard_gravity = 9806.65;  // mm/s^2
-constexpr double softest_N_per_um = 1e-6;
-constexpr double softest_Nm_per_urad = 1e-9;
-constexpr double max_softness = 1e3;  // of a matrix, mm/N as 1e-6 N/um and rad/(N mm) likewise
+constexpr double min_stiffness_N_per_um = 1e-6;
+constexpr double min_stiffness_Nm_per_urad = 1e-9;
+constexpr double max_softness = 1e3;  // of a matrix, in mm/N (limit equal to 1e-6 N/um) and
+                                      // likewise in rad/(N mm)
 
-/// Compliances 1/k of three stiffnesses, zero where they are left out.
+/// Returns compliances 1/k of three stiffnesses, zero where the key is missing.
 /// @param least  in the unit of the key
 Eigen::Vector3d softness(TableReader& reader, const std::string& key, double least) {
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
   const auto k = reader.numbers_as_written(key, 3);
   if (!k) return c;
+  // A stiffness near zero would give an unbounded compliance, so the limit is checked before the
+  // inversion.
   if (k->minCoeff() < least) {
     reader.refuse(
         key,
@@ -208,6 +221,7 @@ Eigen::Vector3d softness(TableReader& reader, const std::string& key, double lea
 Compliance read_matrix(TableReader& reader) {
   const auto numbers = reader.maybe_numbers("matrix", 36);
   if (!numbers) return Compliance::Zero();
+  // The limit rejects matrices in the wrong unit before their eigenvalues are examined.
   if (numbers->cwiseAbs().maxCoeff() > max_softness) {
     reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_softness),
                   fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
@@ -224,33 +238,36 @@ Compliance read_matrix(TableReader& reader) {
   return C;
 }
 
-/// What gives way by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad` along axes turned by
-/// `turn_deg`, or by `matrix`.
+/// Reads a compliance stated by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad` along axes
+/// turned by `turn_deg`, or by `matrix`.
 Compliance read_stiffness(TableReader& reader) {
-  const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", softest_N_per_um);
+  const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", min_stiffness_N_per_um);
   const Eigen::Vector3d angular =
-      softness(reader, "turning_stiffness_Nm_per_urad", softest_Nm_per_urad);
+      softness(reader, "turning_stiffness_Nm_per_urad", min_stiffness_Nm_per_urad);
   const bool by_numbers =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (by_numbers && reader.has("matrix"))
     reader.refuse("matrix", "stiffnesses or a matrix", "both");
+  // A turn has no effect on the matrix, which is stated in the frame of the element.
   if (reader.has("turn_deg") && !by_numbers)
     reader.refuse("turn_deg", "stiffnesses that it turns", "none");
   const Eigen::Matrix3d R = read_turn(reader);
   Compliance C = Compliance::Zero();
+  // The stiffnesses act along the turned axes, hence the similarity transform into the element
+  // frame.
   C.topLeftCorner<3, 3>() = R * linear.asDiagonal() * R.transpose();
   C.bottomRightCorner<3, 3>() = R * angular.asDiagonal() * R.transpose();
   return C + read_matrix(reader);
 }
 
-/// What gives way at one place; it is written as its matrix.
+/// Returns the fields of one compliant element; they are written as the matrix.
 Fields<Compliance> element_stiffness_fields() {
   const auto stiffness = [](const char* name, const char* letters, double least) {
     return make_numbers_key(name, 3, fmt::format("{}, each at least {}", letters, least).c_str());
   };
   std::vector<Key> keys{
-      stiffness("stiffness_N_per_um", "[kx, ky, kz]", softest_N_per_um),
-      stiffness("turning_stiffness_Nm_per_urad", "[ka, kb, kc]", softest_Nm_per_urad)};
+      stiffness("stiffness_N_per_um", "[kx, ky, kz]", min_stiffness_N_per_um),
+      stiffness("turning_stiffness_Nm_per_urad", "[ka, kb, kc]", min_stiffness_Nm_per_urad)};
   for (Key& key : turn_fields().keys()) keys.push_back(std::move(key));
   keys.push_back(make_numbers_key(
       "matrix", 36,
@@ -260,6 +277,7 @@ Fields<Compliance> element_stiffness_fields() {
       .custom(
           std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
           [](const Compliance& C, Node::Table& table) {
+            // A rigid element is left out of the written scene, since rigid is the default.
             if (!C.isZero(0.0)) put_numbers(table, "matrix", C.reshaped<Eigen::RowMajor>(), 1.0);
           });
 }
@@ -275,6 +293,8 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
   if (!section) return;
   TableReader reader(*section, compliance.name_of("axis"), compliance.input_errors());
   for (const kinematics::Joint& joint : machine.joints) {
+    // The kinematics calls the spindle 's', whereas the scene file uses capital letters for all
+    // axes.
     const char letter = joint.name == 's' ? 'S' : joint.name;
     const std::string key(1, letter);
     const Node* node = reader.section(key);
@@ -282,17 +302,18 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
       errors.joints.push_back({letter, stiffness_fields().read_table(*node, reader.name_of(key),
                                                                      reader.input_errors())});
   }
+  // With an unreadable machine every axis would look unknown, so unknown keys are reported only
+  // with joints present.
   if (!machine.joints.empty()) reader.close();
 }
 
 Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
-  Key one =
-      make_field_key("<axis>", Key::Kind::Table,
+  Key one = make_key("<axis>", Key::Kind::Table,
                      "at the point of the axis, along the axes of its deviations; S is the spindle",
                      stiffness_fields().keys());
   one.pattern = "[A-Z]";
-  const Key axis = make_field_key(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
-                                  "stiffness of the carriages", {one});
+  const Key axis = make_key(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
+                            "stiffness of the carriages", {one});
   return Fields<ComplianceErrors>().custom(
       {axis},
       [machine](TableReader& reader, ComplianceErrors& errors) {
@@ -327,8 +348,10 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
     pieces.push_back(
         section_fields().read_table(*node, reader.name_of("section"), reader.input_errors()));
   reader.close();
+  // The cantilever formula needs all sections; a partial list would give a wrong compliance.
   if (pieces.empty() || reader.input_errors().list().size() != before) return;
   try {
+    // Sections add to the stated stiffness, because both lie in series between nose and tip.
     errors.tool += errors::stepped_cantilever(pieces);
   } catch (const std::invalid_argument& fault) {
     reader.refuse("section", "sections that can be", fault.what());
@@ -337,21 +360,21 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
 
 Fields<ComplianceErrors> tool_compliance_fields() {
   std::vector<Key> keys = stiffness_fields().keys();
-  keys.push_back(
-      make_field_key("section", Key::Kind::Tables,
-                     "round pieces from the tip to the clamp, which add to the stiffness",
-                     section_fields().keys()));
-  const Key tool = make_field_key(
+  keys.push_back(make_key("section", Key::Kind::Tables,
+                          "round pieces from the tip to the clamp, which add to the stiffness",
+                          section_fields().keys()));
+  const Key tool = make_key(
       KeyName("tool").otherwise("stiff"), Key::Kind::Table,
       "from the nose of the spindle to the tip, at the tip in the tool's frame", std::move(keys));
   return Fields<ComplianceErrors>().custom(
       {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
+        // Stiffness and sections are written together as one matrix.
         Node::Table own = stiffness_fields().written(errors.tool);
         if (!own.empty()) put(table, "tool", std::move(own));
       });
 }
 
-/// Each mass is bound alone, so that a refusal is reported where it stands.
+/// Binds each mass alone, so that an error is reported at its own position.
 void check_mass(TableReader& mass, const MovingMass& read, const MachineDescription& machine) {
   if (machine.joints.empty()) return;
   std::optional<kinematics::Chain> chain;
@@ -370,10 +393,9 @@ void check_mass(TableReader& mass, const MovingMass& read, const MachineDescript
 }
 
 Fields<MovingMass> mass_fields() {
-  const Key axis =
-      make_field_key(must("axis"), Key::Kind::Text,
-                     "letter of the axis that carries it, \"S\" the spindle, \"t\" the tool "
-                     "or \"w\" the part");
+  const Key axis = make_key(must("axis"), Key::Kind::Text,
+                            "letter of the axis that carries it, \"S\" the spindle, \"t\" the tool "
+                            "or \"w\" the part");
   return Fields<MovingMass>()
       .remark("name", "of the mass")
       .custom(
@@ -397,6 +419,7 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
     const MovingMass mass = mass_fields().read(reader);
     reader.close();
     if (reader.input_errors().list().size() != before) continue;
+    // The field keeps the first letter only, so the length is checked on the text itself.
     if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
       reader.refuse("axis", "one letter", axis);
       continue;
@@ -408,8 +431,8 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
 
 Fields<ComplianceErrors> masses_fields(const MachineDescription& machine) {
   return Fields<ComplianceErrors>().custom(
-      {make_field_key("mass", Key::Kind::Tables, "moving masses, for gravity and inertia",
-                      mass_fields().keys())},
+      {make_key("mass", Key::Kind::Tables, "moving masses, for gravity and inertia",
+                mass_fields().keys())},
       [machine](TableReader& reader, ComplianceErrors& errors) {
         read_masses(reader, machine, errors);
       },
@@ -424,7 +447,9 @@ Fields<ComplianceErrors> gravity_fields() {
           {make_numbers_key(KeyName("gravity").otherwise("off"), 3,
                             "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
           [](TableReader& reader, ComplianceErrors& errors) {
-            if (reader.know("gravity"))
+            // know() marks the key as known; without the key gravity stays off and no direction is
+            // demanded.
+            if (reader.accept_key("gravity"))
               errors.gravity_b = standard_gravity * reader.direction("gravity");
           },
           [](const ComplianceErrors& errors, Node::Table& table) {
@@ -438,6 +463,7 @@ Fields<ComplianceErrors> gravity_fields() {
 Fields<Wrench> clamping_fields() {
   Fields<Wrench> fields(Wrench::Zero());
   const std::array keys{"FX_N", "FY_N", "FZ_N", "MX_Nm", "MY_Nm", "MZ_Nm"};
+  // The six components share one array, so each key gets an accessor with its index.
   for (int i = 0; i < 6; ++i)
     fields.number(
         keys[std::size_t(i)], [i](auto& wrench) -> auto& { return wrench[i]; }, any_number,

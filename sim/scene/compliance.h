@@ -10,7 +10,7 @@ namespace abbe::sim {
 
 struct Key;
 
-/// `[compliance]`: joints, tool, fixture, workpiece, masses.
+/// Reads and writes `[compliance]`: joints, tool, fixture, workpiece and masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
                                          InputErrors& input_errors);
 Node::Table written_compliance(const errors::ComplianceErrors& errors,

@@ -58,12 +58,14 @@ constexpr Range step_range{0.0, 100.0, true, false};
 constexpr Range run_out_range{0.0, 1000.0};
 
 void refuse_flat(TableReader& reader, BoxBlank& box) {
+  // A missing corner is already reported, and its default would make the comparison meaningless.
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
   for (int i = 0; i < 3; ++i) {
     if (box.lower_k[i] < box.upper_k[i]) continue;
     reader.refuse("upper_mm",
                   fmt::format("cutting.upper_mm above cutting.lower_mm in {}", "xyz"[i]),
                   fmt::format("{} and {}", box.upper_k[i], box.lower_k[i]));
+    // One message suffices, since every direction has the same cause.
     return;
   }
 }
@@ -81,6 +83,7 @@ Fields<CylinderBlank> cylinder_fields() {
       .number(must("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
       .number(must("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
       .check([](TableReader& reader, CylinderBlank& blank) {
+        // Heights at their defaults are not compared, because the missing key is already reported.
         if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
           reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
                         fmt::format("{} and {}", blank.upper, blank.lower));
@@ -105,7 +108,7 @@ Fields<Corner> corner_fields() {
       .number(must("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
 }
 
-/// Corners of the blank over the spindle line, which may step but not go back.
+/// Reads the corners of the blank over the spindle line, which may step but not go back.
 void read_profile(TableReader& reader, TurnedBlank& blank) {
   if (!reader.has("profile")) reader.missing("profile", "a list of tables");
   const std::size_t before = reader.input_errors().list().size();
@@ -121,6 +124,7 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
     const Corner corner = corner_fields().read(table);
     const Eigen::Index k = Eigen::Index(i);
     blank.profile.row(k) << corner.along, corner.radius;
+    // The first corner has no predecessor, so it is compared with itself.
     const double before_mm = k > 0 ? blank.profile(k - 1, 0) : corner.along;
     if (table.has("along_mm") && corner.along < before_mm) {
       table.refuse("along_mm", fmt::format("along_mm of at least {}, the corner before", before_mm),
@@ -129,6 +133,7 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
     table.close();
   }
   const Eigen::Index last = blank.profile.rows() - 1;
+  // Corners of equal position enclose no volume; other errors have been reported already.
   if (last > 0 && reader.input_errors().list().size() == before &&
       !(blank.profile(last, 0) > blank.profile(0, 0))) {
     reader.refuse("profile", "corners at two places or more for cutting.profile", "one place");
@@ -136,9 +141,9 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
 }
 
 Fields<TurnedBlank> turned_fields() {
-  const Key profile = make_field_key(must("profile"), Key::Kind::Tables,
-                                     fmt::format("its corners, 2 to {}", max_corners).c_str(),
-                                     corner_fields().keys());
+  const Key profile =
+      make_key(must("profile"), Key::Kind::Tables,
+               fmt::format("its corners, 2 to {}", max_corners).c_str(), corner_fields().keys());
   return Fields<TurnedBlank>().custom({profile}, read_profile,
                                       [](const TurnedBlank& blank, Node::Table& table) {
                                         std::vector<Corner> corners;
@@ -148,7 +153,7 @@ Fields<TurnedBlank> turned_fields() {
                                       });
 }
 
-/// The blank, which must be one for the lathe under a turning tool, and only there.
+/// Returns the fields of the blank, which must be a turned one under a turning tool and only there.
 Fields<CuttingDescription> blank_fields(Operation operation) {
   const Fields<CuttingDescription> blank = Fields<CuttingDescription>().kinds(
       must("blank"), &CuttingDescription::blank,
@@ -163,6 +168,7 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
       [blank, operation](TableReader& reader, CuttingDescription& cutting) {
         const std::size_t before = reader.input_errors().list().size();
         cutting = blank.read(reader, std::move(cutting));
+        // An unreadable blank still holds its default kind, which says nothing about the tool.
         if (reader.input_errors().list().size() != before) return;
         const bool turning = operation == Operation::Turning;
         const bool turned = std::holds_alternative<TurnedBlank>(cutting.blank);
@@ -180,6 +186,7 @@ Fields<Flutes> flutes_fields() {
   Flutes usual;
   usual.helix = 30.0 * units::deg;
   return Fields<Flutes>(usual)
+      // Keys that the file leaves out fall back to these defaults and not to those of the struct.
       .then([usual](Flutes& flutes) { flutes = usual; })
       .whole("flutes", &Flutes::count, 1, 100, "milling: of the cutter")
       .number("helix_deg", &Flutes::helix, helix_range, "milling: + right-hand")
@@ -192,18 +199,18 @@ Fields<Flutes> flutes_fields() {
             "milling: of the spindle");
 }
 
-/// What a nose does not have: flutes and dexels.
+/// Returns the keys of milling only, since turning has neither flutes nor dexels.
 Fields<CuttingDescription> milling_fields() {
-  Key directions =
-      make_field_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
-                     "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
-                     "to it) or 3");
+  Key directions = make_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
+                            "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
+                            "to it) or 3");
   directions.range = {1, 3};
   return Fields<CuttingDescription>()
       .custom(
           {directions},
           [](TableReader& reader, CuttingDescription& cutting) {
             const auto seen = reader.maybe_integer("directions", 1, 3);
+            // Two of three directions would leave one family of faces unresolved.
             if (seen == 2) reader.refuse("directions", "1 or 3 for cutting.directions", "2");
             cutting.three_directions = seen != 1;
           },
@@ -218,8 +225,8 @@ Fields<CuttingDescription> milling_fields() {
 
 Fields<CuttingDescription> memory_fields() {
   constexpr std::int64_t max_MiB = std::int64_t(1) << 24;
-  Key most = make_field_key("max_MiB", Key::Kind::Whole,
-                            "milling: of dexels; more is refused with the estimate");
+  Key most = make_key("max_MiB", Key::Kind::Whole,
+                      "milling: of dexels; more is refused with the estimate");
   most.range = {1, double(max_MiB)};
   most.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
   return Fields<CuttingDescription>().custom(
@@ -234,6 +241,7 @@ Fields<CuttingDescription> memory_fields() {
 }
 
 Fields<CuttingDescription> fields_of(Operation operation) {
+  // A turned blank is stored as a profile, so the memory limit of dexels does not apply to it.
   const auto has_dexels = [](const CuttingDescription& cutting) {
     return !std::holds_alternative<TurnedBlank>(cutting.blank);
   };
@@ -253,6 +261,7 @@ Fields<CuttingDescription> fields_of(Operation operation) {
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
+  // Both sets of fields are built once, because the manual and every scene ask for them again.
   static const Fields<CuttingDescription> milling = fields_of(Operation::Milling),
                                           turning = fields_of(Operation::Turning);
   return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;

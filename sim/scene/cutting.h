@@ -12,38 +12,40 @@
 
 namespace abbe::sim {
 
-/// The blank, what is cut with which forces, and how finely that is followed.
+/// The blank, the cutting forces and the resolution of the cutting simulation.
 struct CuttingDescription {
   struct OffsetBlank {       ///< of a milled design, raised along its normals
     double allowance = 0.0;  ///< mm
-    double floor = 0.0;      ///< mm, z of the part frame below
+    double floor = 0.0;      ///< mm, z of the lower end in the part frame
   };
-  struct TurnedBlank {  ///< radius over the spindle line, from the part's origin
+  struct TurnedBlank {  ///< radius over the spindle line, from the origin of the part
     Eigen::Matrix<double, Eigen::Dynamic, 2> profile;  ///< (n x 2) mm: along, radius
   };
   using Blank =
       std::variant<cutting::BoxBlank, cutting::CylinderBlank, OffsetBlank, MeshFile, TurnedBlank>;
-  Blank blank;           ///< in the part's frame
-  double spacing = 0.5;  ///< mm of dexels; of a turned blank along the line
+  Blank blank;           ///< in the part frame
+  double spacing = 0.5;  ///< mm, of dexels; of a turned blank along the line
   bool three_directions = true;
   std::size_t max_bytes = std::size_t(2) << 30;
-  std::optional<cutting::CuttingCoefficients> material;  ///< none: stock alone, no forces
+  std::optional<cutting::CuttingCoefficients> material;  ///< none: material removal only, without
+                                                         ///< forces
   cutting::Flutes flutes;
-  double step = 0.5;        ///< mm of tip travel between two looks at the engagement (milling)
-  double tolerance = 1e-6;  ///< mm, to which deflection and force agree
-  int max_iterations = 30;  ///< of one step
-  double rest = 0.05;       ///< mm, material left on the part beyond this is a finding
-  double gouge = 0.05;      ///< mm, and cut deeper than this
+  double step = 0.5;        ///< mm of tip travel between two evaluations of the engagement
+                            ///< (milling)
+  double tolerance = 1e-6;  ///< mm, tolerance to which deflection and force agree
+  int max_iterations = 30;  ///< per step
+  double rest = 0.05;       ///< mm; a part with more material left than this is a finding
+  double gouge = 0.05;      ///< mm; a deeper cut into the part than this is a finding
 };
 
 struct Key;
 
-/// `[material]`: cutting coefficients with their source.
+/// Reads and writes `[material]`, cutting coefficients with their source.
 cutting::CuttingCoefficients read_material(const Node& table, InputErrors& input_errors);
 Node::Table written_material(const cutting::CuttingCoefficients& material);
 std::vector<Key> material_keys();
 
-/// `[cutting]`: blank, flutes, how finely the cut is followed; the material is a section apart.
+/// Reads and writes `[cutting]`: blank, flutes and resolution; the material is a separate section.
 CuttingDescription read_cutting(const Node& table, const ToolDescription& tool,
                                 InputErrors& input_errors);
 Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool);

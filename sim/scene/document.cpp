@@ -18,8 +18,8 @@ namespace {
 
 using std::filesystem::path;
 
-// A section that may be the name of a file instead of a table: its dotted path, and the folder of
-// the library in which its own kind is.
+// A section that may be the name of a file instead of a table: its dotted path, and the library
+// folder of its kind.
 struct SectionFile {
   const char* dotted;
   const char* kind;
@@ -35,7 +35,8 @@ constexpr std::array sections_in_files{SectionFile{"machine", "machines"},
                                        SectionFile{"belief.identified", "beliefs"},
                                        SectionFile{"belief.force.compliance", "errors"}};
 
-// What stands at a dotted path below a table, its keys themselves dotted or not; null if nothing.
+// Returns the node at a dotted path below a table, with dotted or nested keys; null if there is
+// none.
 Node* at_path(Node& node, std::string_view dotted) {
   if (Node* whole = node.find(dotted)) return whole;
   const std::size_t dot = dotted.find('.');
@@ -52,14 +53,14 @@ std::string_view last_component(std::string_view dotted) {
   return dotted.substr(dotted.rfind('.') + 1);  // npos + 1 is 0
 }
 
-// The name of a file becomes its absolute path; anything but a text stays.
+// Replaces the name of a file by its absolute path; values other than texts stay.
 void make_absolute(Node& node, const char* kind, const path& folder, InputErrors& input_errors) {
   if (const std::string* name = node.text())
     node.value =
         absolute(locate_file({*name, node.place, kind}, folder, input_errors).string(), "");
 }
 
-// Every key `file` of the format names a data file.
+// Makes every key `file` absolute, since the format uses that key for data files only.
 void make_data_files_absolute(Node& node, const path& folder, InputErrors& input_errors) {
   if (Node::Array* array = node.array()) {
     for (Node& element : *array) make_data_files_absolute(element, folder, input_errors);
@@ -75,7 +76,7 @@ void make_data_files_absolute(Node& node, const path& folder, InputErrors& input
   }
 }
 
-// A variant is applied later and from elsewhere, so the files it names are made absolute, not read.
+// A variant is applied later and from another folder, so its files are made absolute and not read.
 void make_section_files_absolute(Node& set, const path& folder, InputErrors& input_errors) {
   for (const auto& [dotted, kind] : sections_in_files) {
     Node* section = at_path(set, dotted);
@@ -100,8 +101,9 @@ void refuse_missing(const Node& section, const path& file, const char* kind, con
 void read_section_file(Node& section, const char* kind, const path& folder,
                        InputErrors& input_errors) {
   const std::size_t before = input_errors.list().size();
-  // as the reader of the scene would type it: beside the scene, not from the root
+  // Names are relative to the folder of the scene, as the user writes them, and not to the root
   const path file = locate_file({*section.text(), section.place, kind}, folder, input_errors);
+  // A name that cannot be resolved is reported already.
   if (input_errors.list().size() > before) return;
   std::error_code failure;
   if (!std::filesystem::is_regular_file(file, failure)) {
@@ -109,6 +111,8 @@ void read_section_file(Node& section, const char* kind, const path& folder,
     return;
   }
   if (file.extension() != ".toml") {  // a program or a mesh itself
+    // The short form `program = "part.ngc"` becomes the long form with a `file` key, so that the
+    // readers handle one form only.
     Node named;
     named.place = section.place;
     named.value = absolute(file.string(), "");
@@ -117,6 +121,8 @@ void read_section_file(Node& section, const char* kind, const path& folder,
   }
   try {
     Node content = read_toml_file(file);
+    // Names inside the file count from the folder of that file, so they are resolved before it is
+    // merged into the scene.
     make_data_files_absolute(content, file.parent_path(), input_errors);
     section = std::move(content);
   } catch (const BadInput& fault) {
@@ -130,6 +136,7 @@ void read_section_files(Node& tree, const path& folder, InputErrors& input_error
     if (!section) continue;
     if (section->text()) read_section_file(*section, kind, folder, input_errors);
     const std::string_view last = last_component(dotted);
+    // These sections may be lists, and every element may be a file name of its own.
     if (section->array() && (last == "errors" || last == "identified" || last == "tool")) {
       for (Node& part : *section->array()) {
         if (part.text()) read_section_file(part, kind, folder, input_errors);
@@ -138,7 +145,7 @@ void read_section_files(Node& tree, const path& folder, InputErrors& input_error
   }
 }
 
-// A case with a dot or slash is the file of a plug-in.
+// Makes the files of plug-ins absolute; a case with a dot or slash is such a file.
 void make_plug_ins_absolute(Node& tree, const path& folder) {
   Node* cases = at_path(tree, "compare.cases");
   if (!cases || !cases->array()) return;
@@ -192,6 +199,7 @@ std::optional<std::size_t> index_of(const std::string& part) {
 
 void merge(Node& into, const Node& value) {
   Node::Table* table = into.table();
+  // Only tables merge key by key; any other value is replaced as a whole.
   if (!table || !value.table()) {
     into = value;
     return;
@@ -218,6 +226,7 @@ class TreeEditor {
     } else if (node.array()) {
       apply_to_list(node, depth);
     } else {
+      // A path cannot continue below a number or a text.
       input_errors_.add(change_.value.place,
                         fmt::format("a path to a value, {} has none below \"{}\"", change_.path,
                                     parts_[depth - 1]),
@@ -233,16 +242,19 @@ class TreeEditor {
                         "\"" + change_.path + "\"");
       return;
     }
+    // A missing section is created, so that an override can add one that the scene leaves out.
     if (!node.find(key)) {
       Node table;
       table.place = change_.value.place;
       table.value = Node::Table{};
       node.table()->push_back({key, change_.value.place, std::move(table)});
     }
+    // The node is looked up again, because push_back() may have moved the entries.
     apply(*node.find(key), depth + 1);
   }
 
-  /// "; tool.0 has number 1, tool.1 has number 2": of tables that have a number of their own.
+  /// Lists the tables that have a number of their own, as "; tool.0 has number 1, tool.1 has number
+  /// 2".
   std::string numbers_in(const Node::Array& list, std::size_t depth) const {
     const std::string path =
         fmt::format("{}", fmt::join(parts_.begin(), parts_.begin() + long(depth), "."));
@@ -264,6 +276,7 @@ class TreeEditor {
                         "an empty list");
       return;
     }
+    // An index takes precedence over a name.
     if (const auto index = index_of(parts_[depth])) {
       if (*index < list.size()) {
         apply(list[*index], depth + 1);
@@ -275,6 +288,7 @@ class TreeEditor {
       }
       return;
     }
+    // Names need not be unique, so every table of that name changes.
     bool named = false;
     for (Node& element : list) {
       const Node* name = element.find("name");
@@ -283,6 +297,7 @@ class TreeEditor {
       named = true;
     }
     if (named) return;
+    // Neither index nor name matched, so the path applies to every table of the list.
     for (Node& element : list) apply(element, depth);
   }
 
@@ -294,9 +309,10 @@ class TreeEditor {
 std::optional<Node> parsed_value(const std::string& text, const std::string& name) {
   try {
     const Node tree = parse_toml("value = " + text + "\n", name);
+    // More than one entry means that the text holds a further key behind its value.
     if (tree.table()->size() == 1) return tree.table()->front().node;
   } catch (const BadInput&) {
-    // perhaps a bare word
+    // may still be a bare word
   }
   return std::nullopt;
 }
@@ -320,15 +336,18 @@ void collect(const Node& table, const std::string& prefix, std::vector<Change>& 
 // @throws BadInput naming the override if its value is neither TOML nor a bare word
 Change parse_override(const Override& override) {
   const std::string name = override.path + "=" + override.value;
+  // An override from the command line has no file, so messages name the option itself.
   const Place place = override.place
                           ? *override.place
                           : Place{std::make_shared<const std::string>("--set " + name), 0, 0, true};
   const auto refuse = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(*place.file, place.line, place.column, expected, seen);
   };
+  // The editor recurses once per part, so the limit bounds the depth of the recursion.
   if (std::count(override.path.begin(), override.path.end(), '.') > 30)
     refuse("a path of at most 30 parts", "a longer one");
   Change change{override.path, {}};
+  // A line break could begin a second key.
   const bool one_line = override.value.find_first_of("\n\r") == std::string::npos;
   if (const auto value = one_line ? parsed_value(override.value, name) : std::nullopt) {
     change.value = *value;
@@ -337,6 +356,8 @@ Change parse_override(const Override& override) {
   } else {
     refuse("a TOML value for " + override.path, override.value);
   }
+  // All nodes of the value get the position of the override, because positions in the temporary
+  // text mean nothing to the user.
   set_place(change.value, place);
   return change;
 }
@@ -356,6 +377,7 @@ std::vector<SectionFileReference> section_files(const Node& as_written, const pa
       found.push_back({one.dotted, name.place,
                        locate_file({*name.text(), name.place, one.kind}, folder, input_errors)});
   };
+  // at_path() needs a mutable tree, so it works on a copy.
   Node tree = as_written;
   for (const SectionFile& one : sections_in_files) {
     const Node* section = at_path(tree, one.dotted);
@@ -372,7 +394,7 @@ std::vector<SectionFileReference> section_files(const Node& as_written, const pa
   return found;
 }
 
-std::vector<Change> set_changes(const Node& set) {
+std::vector<Change> changes_from_set(const Node& set) {
   std::vector<Change> changes;
   if (set.table()) collect(set, "", changes);
   return changes;
@@ -399,6 +421,7 @@ Node changed(Node tree, const std::vector<Change>& changes, const path& folder,
     make_data_files_absolute(one.value, folder, input_errors);
     if (last_component(one.path) == "file") make_absolute(one.value, "", folder, input_errors);
     TreeEditor(one, input_errors).apply(tree);
+    // A change may itself name a file, and later changes may address values inside that file.
     make_plug_ins_absolute(tree, folder);
     read_section_files(tree, folder, input_errors);
   }
@@ -422,23 +445,25 @@ namespace {
 
 constexpr std::size_t max_copied_bytes = std::size_t(256) << 20;
 
-/// Where a place stands in the text of its file.
+/// Returns the offset of a position in the text of its file.
 std::size_t offset_of(const std::string& text, const Place& place) {
   std::size_t at = 0;
   for (int line = 1; line < place.line; ++line) at = text.find('\n', at) + 1;
   return at + std::size_t(place.column - 1);
 }
 
-/// The text with the quoted name that begins at a place replaced.
+/// Returns the text with the quoted name at a position replaced.
 std::string renamed(std::string text, const Place& place, const std::string& name) {
   const std::size_t from = offset_of(text, place);
+  // The closing quote equals the opening one, single or double.
   const std::size_t to = text.find(text.at(from), from + 1);
   return text.replace(from + 1, to - from - 1, name);
 }
 
-/// The last part of a dotted section, numbered from its second file on.
+/// Returns the last part of a dotted section, numbered from its second file on.
 std::string name_of(const SectionFileReference& one, const std::vector<CopiedFile>& files) {
   std::string section = one.section;
+  // The name of `part.file` is the section, since every copied file would else be called "file".
   if (section.ends_with(".file")) section.resize(section.rfind('.'));
   section.erase(0, section.rfind('.') + 1);
   const std::string ending = one.file.extension().string();
@@ -461,12 +486,13 @@ std::vector<CopiedFile> scene_copy(const std::filesystem::path& scene) {
     std::vector<SectionFileReference> sections =
         section_files(tree, scene.parent_path(), input_errors);
     if (!input_errors.empty()) throw BadScene(input_errors.list());
+    // Sorted by position, so that the replacements below can run backwards through the text.
     std::ranges::sort(sections, {}, [](const SectionFileReference& one) {
       return std::tuple(one.place.line, one.place.column);
     });
     for (const SectionFileReference& one : sections)
       files.push_back({name_of(one, files), read_text(one.file, max_copied_bytes), one.file});
-    // from the last on, so that the places of the others still hold
+    // backwards, so that the positions of the earlier names remain valid
     for (std::size_t i = sections.size(); i-- > 0;)
       files.front().text = renamed(files.front().text, sections[i].place, files[i + 1].name);
   } catch (const BadInput& fault) {

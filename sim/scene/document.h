@@ -11,25 +11,25 @@ namespace abbe::sim {
 
 struct Place;
 
-/// A value of the scene changed by path: {"errors.scale", "2.0"}.
+/// A value of the scene changed by its path, such as {"errors.scale", "2.0"}.
 struct Override {
   std::string path;
   std::string value;                        ///< TOML text
-  std::shared_ptr<const Place> place = {};  ///< in a file; null: the user typed it
+  std::shared_ptr<const Place> place = {};  ///< position in a file; null if the user typed it
 
-  /// The same change, wherever it stands.
+  /// Returns true for the same change, whatever its position.
   friend bool operator==(const Override& a, const Override& b) {
     return a.path == b.path && a.value == b.value;
   }
 };
 
-/// A program that a scene or study would have run: a compensator of somebody's own.
+/// A program that a scene or study would run, namely a compensator supplied by the user.
 struct NamedProgram {
   std::filesystem::path program;  ///< absolute
-  std::filesystem::path file;     ///< that names it
+  std::filesystem::path file;     ///< the file that names the program
   int line = 0;
   int column = 0;
-  bool typed = false;  ///< by the user, on the command line
+  bool typed = false;  ///< true if the user gave it on the command line
 };
 
 struct Variant {
@@ -37,60 +37,61 @@ struct Variant {
   std::vector<Override> set;
 };
 
-// The text of a scene as one tree: sub-files read in, values changed by path.
+// The text of a scene as one tree, with its section files read in and values changed by path.
 
-/// A value put at a dotted path. A table merges into what is there, anything else replaces it.
+/// A value assigned to a dotted path. A table merges with the existing one; other values replace
+/// it.
 struct Change {
   std::string path;
-  Node value;  ///< carries the place that messages shall name
+  Node value;  ///< carries the position that messages name
 };
 
-/// The override that makes a change, with the place where it stands.
+/// Returns the override that makes a change, with the position of the change.
 Override make_override(const Change& change);
 
-/// The scene file with the sub-files of its sections read in and every data file named by absolute
-/// path. Faults of syntax and missing files are collected; a section whose file was refused stays
-/// the name of that file. Empty if the scene file itself was refused.
+/// Returns the scene file with the files of its sections read in and every data file named by its
+/// absolute path. Syntax errors and missing files are collected; a section whose file was rejected
+/// keeps the name of that file. Returns nothing if the scene file itself was rejected.
 std::optional<Node> read_tree(const std::filesystem::path& file, InputErrors& input_errors);
 
-/// A section of a scene that is a file of its own.
+/// A section of a scene that is stored in a file of its own.
 struct SectionFileReference {
-  std::string section;  ///< dotted: "belief.identified"; "part.file" of a mesh or a program
-  Place place;          ///< where its name stands
+  std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
+  Place place;          ///< the position of the file name
   std::filesystem::path file;
 };
 
-/// The sections, mesh and program that a scene as it is written leaves to files.
+/// Returns the sections, mesh and program that a scene, as written, takes from files.
 /// @param folder  of the scene
 std::vector<SectionFileReference> section_files(const Node& as_written,
                                                 const std::filesystem::path& folder,
                                                 InputErrors& input_errors);
 
-/// The tree with the changes made in their order, and the sub-files that they name read in. In a
-/// path a list takes an index, the `name` of one of its tables, or neither: then each table is
-/// changed.
-/// @param folder  paths in the changes are relative to it
+/// Returns the tree with the changes applied in order and the files that they name read in. In a
+/// path, a list takes an index, the `name` of one of its tables, or neither; with neither, every
+/// table is changed.
+/// @param folder  base of relative paths in the changes
 Node changed(Node tree, const std::vector<Change>& changes, const std::filesystem::path& folder,
              InputErrors& input_errors);
-/// The same by overrides, whose values are TOML, or a bare word where that can mean nothing else;
-/// one that is neither is a fault.
+/// Returns the same for overrides, whose values are TOML, or a bare word if that is unambiguous;
+/// any other value is an error.
 Node changed(Node tree, const std::vector<Override>& overrides, const std::filesystem::path& folder,
              InputErrors& input_errors);
 
-/// Changes that a variant's `set` table stands for, one for each value, with their places.
-std::vector<Change> set_changes(const Node& set);
+/// Returns the changes in the `set` table of a variant, one for each value, with their positions.
+std::vector<Change> changes_from_set(const Node& set);
 
-/// A file of a copied scene, and where its text is from.
+/// A file of a copied scene, with the origin of its text.
 struct CopiedFile {
   std::string name;
   std::string text;
   std::filesystem::path from;
 };
 
-/// A scene and the files of its sections as they would stand in a folder of their own:
-/// `scene.toml`, `machine.toml`, `program.ngc` and so on, each named after its section. Their texts
-/// are those of the originals, comments included, but for these names in the scene.
-/// @throws BadScene where a file cannot be read
+/// Returns a scene and the files of its sections as they would be stored in a folder of their own:
+/// `scene.toml`, `machine.toml`, `program.ngc` and so on, each named after its section. The texts
+/// equal the originals, comments included, except for these names in the scene.
+/// @throws BadScene if a file cannot be read
 std::vector<CopiedFile> scene_copy(const std::filesystem::path& scene);
 
 }  // namespace abbe::sim

@@ -31,9 +31,10 @@ Fields<Series> series_fields(const ElementUnits& unit) {
               "from where t is 0 to where it is 1");
 }
 
-// A and B of equal length; the shorter is filled with zeros.
+// Extends the shorter of A and B with zeros to the length of the other.
 void complete(TableReader& reader, errors::Fourier& fourier, const ElementUnits& unit) {
   const std::string a = "a" + unit.value, b = "b" + unit.value;
+  // One list is enough, since the other is zero; a curve with neither has no amplitude at all.
   if (!reader.has(a) && !reader.has(b)) reader.missing(a, "an array of numbers, or " + b + ",");
   const Eigen::Index n = std::max(fourier.a.size(), fourier.b.size());
   for (VectorXd* one : {&fourier.a, &fourier.b}) {
@@ -45,14 +46,14 @@ void complete(TableReader& reader, errors::Fourier& fourier, const ElementUnits&
 
 Fields<errors::Fourier> fourier_fields(const ElementUnits& unit) {
   using errors::Fourier;
-  // shorter than a thousandth of a mm or a degree no sampling follows
+  // no sampling resolves a period below a thousandth of a mm or a degree
   constexpr Range period{1e-3, 1e9};
-  const auto order_numbers = [](const std::string& key) { return KeyName(key).otherwise("zeros"); };
+  const auto orders_key = [](const std::string& key) { return KeyName(key).otherwise("zeros"); };
   return Fields<Fourier>()
       .number(must("period" + unit.position), &Fourier::period, period, "of order 1")
-      .numbers(order_numbers("a" + unit.value), &Fourier::a, 0,
+      .numbers(orders_key("a" + unit.value), &Fourier::a, 0,
                "of the cosines of orders 1, 2, ...; one of the two lists at least")
-      .numbers(order_numbers("b" + unit.value), &Fourier::b, 0, "of the sines of orders 1, 2, ...")
+      .numbers(orders_key("b" + unit.value), &Fourier::b, 0, "of the sines of orders 1, 2, ...")
       .check([unit](TableReader& reader, Fourier& fourier) { complete(reader, fourier, unit); });
 }
 
@@ -73,6 +74,7 @@ std::optional<Rows> rows_of_file(TableReader& reader, const ElementName& name) {
   if (!table) return std::nullopt;
   const auto found = std::find(table->elements.begin(), table->elements.end(), column);
   if (found == table->elements.end()) {
+    // The message goes to the key that chose the column.
     reader.refuse(reader.has("column") ? "column" : "file", "a table with the column " + wanted,
                   "none");
     return std::nullopt;
@@ -82,6 +84,7 @@ std::optional<Rows> rows_of_file(TableReader& reader, const ElementName& name) {
 
 std::optional<Rows> rows_as_written(TableReader& reader, const ElementUnits& unit) {
   Rows rows{reader.numbers("q" + unit.position), reader.numbers("value" + unit.value)};
+  // Positions and values form the rows together, so their numbers must match.
   if (rows.q.size() == rows.value.size()) return rows;
   reader.refuse("value" + unit.value, fmt::format("as many values as positions, {}", rows.q.size()),
                 fmt::format("{}", rows.value.size()));
@@ -94,8 +97,9 @@ errors::Table read_rows(TableReader& reader, const ElementName& name, const Elem
   auto rows = reader.has("file") ? rows_of_file(reader, name) : rows_as_written(reader, unit);
   if (!rows) return {};
   const bool missing = rows->q.isZero() && rows->value.isZero() && !reader.has(key);
-  if (missing) return {};  // which is reported
+  if (missing) return {};  // reported already
   try {
+    // The table is built by its own module, so the tests for rising positions are made once.
     return errors::make_table(std::move(rows->q), std::move(rows->value), how.between, how.outside);
   } catch (const std::invalid_argument& fault) {
     reader.refuse(key, "a table with rising positions and at least 2 rows", fault.what());
@@ -107,15 +111,15 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
   using errors::Table;
   const std::string q = "q" + unit.position, value = "value" + unit.value;
   Key file = table_file_key();
+  // `file` is an alternative to rows written in the scene.
   file.required = false;
   file.either = "rows";
   const std::vector<Key> keys{
-      make_field_key(KeyName(q).one_of("rows"), Key::Kind::Numbers,
-                     "positions of the axis, rising"),
-      make_field_key(value, Key::Kind::Numbers, "of the element, one for each position"),
+      make_key(KeyName(q).one_of("rows"), Key::Kind::Numbers, "positions of the axis, rising"),
+      make_key(value, Key::Kind::Numbers, "of the element, one for each position"),
       file,
-      make_field_key(KeyName("column").otherwise("the element's own"), Key::Kind::Text,
-                     "of the file, named as an element"),
+      make_key(KeyName("column").otherwise("the element's own"), Key::Kind::Text,
+               "of the file, named as an element"),
   };
   return interpolation_fields<Table>().custom(
       keys,
@@ -128,10 +132,12 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
       });
 }
 
-/// `seed`, else the one that is given.
+/// Returns the field `seed` with the given value as its default.
 template <typename T>
 Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
+      // The check runs before the key is read, so the derived seed remains where no key states
+      // another.
       .check([seed](TableReader&, T& shape) { shape.seed = seed; })
       .whole(KeyName("seed").otherwise("from the scene's"), &T::seed, 0,
              std::numeric_limits<std::int64_t>::max(), "curves of equal seed move together");
@@ -147,6 +153,7 @@ Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const 
       .number("highest_order", &Asynchronous::highest_order, positive,
               "of the cosines, per turn; at most 10000")
       .check([name, unit](TableReader& reader, Asynchronous&) {
+        // The orders count per turn, which a slide does not have.
         if (unit.position != "_deg")
           reader.refuse("kind", "\"asynchronous\" on an axis that turns", to_string(name));
       });
@@ -156,6 +163,7 @@ std::vector<Alternative<Shape>> shapes(const ElementName& name, const ElementUni
                                        std::uint64_t seed) {
   const Fields<errors::Table> rows = table_fields(name, unit);
   auto table = alternative<Shape>("table", rows, "values at positions");
+  // `detrend` belongs to the curve and not to the table, but the manual lists it with the table.
   for (const Key& key : detrend_fields<CurveEntry>().keys()) table.word.keys.push_back(key);
   return {
       alternative<Shape>(
@@ -196,10 +204,9 @@ std::vector<Alternative<Shape>> shapes(const ElementName& name, const ElementUni
 }  // namespace
 
 Key table_file_key() {
-  return make_field_key(
-      must("file"), Key::Kind::Text,
-      "CSV with the head `X EXX EYX EZX EAX EBX ECX`, mm and rad, positions in mm and "
-      "degrees; a head may give other units, `EXX_um`");
+  return make_key(must("file"), Key::Kind::Text,
+                  "CSV with the head `X EXX EYX EZX EAX EBX ECX`, mm and rad, positions in mm and "
+                  "degrees; a head may give other units, `EXX_um`");
 }
 
 std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
@@ -208,6 +215,7 @@ std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
   try {
     return errors::read_element_table_file(file);
   } catch (const BadInput& fault) {
+    // Without a line number the file as a whole is at fault, so the key gets the message.
     if (fault.line == 0) {
       reader.refuse("file", fault.expected, file + ": " + fault.seen);
     } else {
@@ -227,6 +235,7 @@ Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& uni
           .number("scale", &Curve::scale, any_number, "factor of the curve")
           .kinds(must("kind"), &Curve::shape, shapes(name, units, seed), "shape of the curve");
   const auto read_detrend = [](TableReader& reader, CurveEntry& to) {
+    // Only a table has a straight line that can be removed from it.
     if (std::holds_alternative<errors::Table>(to.curve.shape))
       to = detrend_fields<CurveEntry>().read(reader, std::move(to));
   };
@@ -234,6 +243,8 @@ Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& uni
 }
 
 std::vector<Key> curve_keys() {
+  // The keys appear with both units, because the manual describes curves of angles and lengths
+  // together.
   const std::vector<Key> keys = curve_fields({}, {"_um", "_mm"}, 0).keys();
   return with_other_unit(with_other_unit(keys, "um", "urad"), "mm", "deg");
 }
@@ -244,7 +255,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using errors::Element;
 
-/// The matrix as a file has it.
+/// The covariance matrix in the form of the file.
 struct Uncertainties {
   std::vector<errors::Coefficient> of;  ///< (m)
   VectorXd sigma;                       ///< (m) um or urad
@@ -268,6 +279,7 @@ std::vector<errors::Coefficient> known_numbers(TableReader& reader, const Node& 
   for (const Node& name : of.array() ? *of.array() : Node::Array{}) {
     const auto found = name.text() ? known.find(*name.text()) : known.end();
     if (found == known.end()) {
+      // A suggestion helps with long names such as `EXX screw pitch cos 1`.
       const auto meant = name.text() ? nearest(*name.text(), names) : std::nullopt;
       reader.input_errors().add(name.place, "a number of this file's curves such as \"EXX[1]\"",
                                 shown(name) + (meant ? " (did you mean " + *meant + "?)" : ""));
@@ -275,18 +287,19 @@ std::vector<errors::Coefficient> known_numbers(TableReader& reader, const Node& 
     }
     if (std::find(numbers.begin(), numbers.end(), found->second) != numbers.end())
       reader.input_errors().add(name.place, "each number once", shown(name) + " again");
+    // A repeated number is added nevertheless, so that the lengths of the following arrays agree.
     numbers.push_back(found->second);
   }
   return numbers;
 }
 
 Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
-  const auto read_of = [elements](TableReader& reader, Uncertainties& to) {
-    const Node* of = reader.know("of");
+  const auto read_uncertainties = [elements](TableReader& reader, Uncertainties& to) {
+    const Node* of = reader.accept_key("of");
     if (!of) reader.missing("of", "a list of names such as \"EXX[1]\"");
     if (of) to.of = known_numbers(reader, *of, elements);
   };
-  const auto write_of = [elements](const Uncertainties& from, Node::Table& to) {
+  const auto write_uncertainties = [elements](const Uncertainties& from, Node::Table& to) {
     Node::Array names;
     for (const errors::Coefficient& one : from.of)
       names.push_back(Node{{}, errors::name_of(one, elements)});
@@ -295,6 +308,7 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
   const auto read_matrix = [](TableReader& reader, Uncertainties& to) {
     const int m = int(to.of.size());
     to.sigma = reader.numbers("standard_uncertainty_um_urad", m);
+    // A single number has no correlation, and an empty list would not parse as one.
     if (m > 1) to.correlation = reader.maybe_numbers("correlation", m * (m - 1) / 2);
   };
   const auto write_matrix = [](const Uncertainties& from, Node::Table& to) {
@@ -302,19 +316,18 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
     if (from.correlation) put_numbers(to, "correlation", *from.correlation, 1.0);
   };
   return Fields<Uncertainties>()
-      .custom({make_field_key(
-                  must("of"), Key::Kind::Texts,
-                  "numbers of the file's curves: `EXX[2]` (order, or row of a table), `EXC cos "
-                  "1`, `EXX backlash`, `EC0Y`; of a named curve among several `EXX screw pitch "
-                  "cos 1`")},
-              read_of, write_of)
       .custom(
-          {make_field_key(
-               must("standard_uncertainty_um_urad"), Key::Kind::Numbers,
-               "one for each, >= 0, in um or urad as its element is; 0: zero by convention"),
-           make_field_key(KeyName("correlation").otherwise("none"), Key::Kind::Numbers,
-                          "lower triangle without the diagonal, row by row, m (m - 1)/2 numbers; a "
-                          "negative variance is refused")},
+          {make_key(must("of"), Key::Kind::Texts,
+                    "numbers of the file's curves: `EXX[2]` (order, or row of a table), `EXC cos "
+                    "1`, `EXX backlash`, `EC0Y`; of a named curve among several `EXX screw pitch "
+                    "cos 1`")},
+          read_uncertainties, write_uncertainties)
+      .custom(
+          {make_key(must("standard_uncertainty_um_urad"), Key::Kind::Numbers,
+                    "one for each, >= 0, in um or urad as its element is; 0: zero by convention"),
+           make_key(KeyName("correlation").otherwise("none"), Key::Kind::Numbers,
+                    "lower triangle without the diagonal, row by row, m (m - 1)/2 numbers; a "
+                    "negative variance is refused")},
           read_matrix, write_matrix);
 }
 
@@ -326,6 +339,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
   const std::size_t before = input_errors.list().size();
   auto [of, sigma, correlation] = covariance_fields(elements).read(reader);
   reader.close();
+  // The arrays below have consistent lengths only after an error-free reading.
   if (input_errors.list().size() != before) return {};
   if ((sigma.array() < 0.0).any())
     reader.refuse("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
@@ -335,6 +349,7 @@ errors::Covariance read_covariance(const Node& table, const std::vector<Element>
   Index at = 0;
   for (Index i = 0; i < m && correlation; ++i)
     for (Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[at++];
+  // A small negative eigenvalue is tolerated, since the numbers in the file are rounded.
   if (eigenvalues(R)[0] < -1e-9 * double(m))
     reader.refuse("correlation", "a correlation that can be (no negative variance)", "another");
   return {std::move(of), sigma.asDiagonal() * R * sigma.asDiagonal()};
@@ -351,10 +366,12 @@ Node::Table written_covariance(const errors::Covariance& covariance,
   Index at = 0;
   for (Index i = 0; i < m; ++i) {
     for (Index k = 0; k < i; ++k, ++at) {
+      // A number of zero variance has no defined correlation and stays at zero.
       const double most = sigma[i] * sigma[k];
       if (most > 0.0) correlation[at] = covariance.matrix(i, k) / most;
     }
   }
+  // An uncorrelated matrix is written without the key, which is its default.
   if (!correlation.isZero(0.0)) written.correlation = std::move(correlation);
   return covariance_fields(elements).written(written);
 }
@@ -382,11 +399,13 @@ UnidentifiedNumber read_number(const Node& node, InputErrors& input_errors) {
 
 std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors) {
   std::vector<UnidentifiedNumber> numbers;
+  // Several tables of errors form one section, so the numbers are collected over all of them.
   if (errors.array())
     for (const Node& table : *errors.array())
       for (UnidentifiedNumber& one : unidentified_numbers(table)) numbers.push_back(std::move(one));
   const Node* list = errors.table() ? errors.find(unidentified_name) : nullptr;
   for (const Node& node : list && list->array() ? *list->array() : Node::Array{}) {
+    // Errors are dropped here because the reader of the errors table reports them.
     InputErrors input_errors;
     UnidentifiedNumber number = read_number(node, input_errors);
     if (input_errors.empty()) numbers.push_back(std::move(number));
@@ -395,20 +414,20 @@ std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors) {
 }
 
 void read_unidentified(TableReader& reader) {
+  // The numbers are read for their errors only; studies read them again from the tree.
   for (const Node* node : reader.tables(unidentified_name))
     read_number(*node, reader.input_errors());
 }
 
 Key unidentified_key() {
-  Key key =
-      make_field_key(unidentified_name, Key::Kind::Tables,
+  Key key = make_key(unidentified_name, Key::Kind::Tables,
                      "numbers at 0 that the readings behind a belief could not tell, as `abbe "
                      "identify` writes them; a study asks for a prior of them");
-  key.keys = {make_field_key(must("number"), Key::Kind::Text, "`EY0A`, `EAX[1]`"),
-              make_field_key("hidden_by", Key::Kind::Texts,
-                             "numbers that took on a part of it, none: no reading feels it"),
-              make_field_key("amounts", Key::Kind::Numbers,
-                             "how much of each, um or urad a um or urad of the number")};
+  key.keys = {make_key(must("number"), Key::Kind::Text, "`EY0A`, `EAX[1]`"),
+              make_key("hidden_by", Key::Kind::Texts,
+                       "numbers that took on a part of it, none: no reading feels it"),
+              make_key("amounts", Key::Kind::Numbers,
+                       "how much of each, um or urad a um or urad of the number")};
   return key;
 }
 

@@ -13,35 +13,38 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
-/// The curves of error elements in a scene, and what tables of other sections share with them.
+/// The curves of error elements in a scene, and the fields that tables of other sections have in
+/// common with them.
 namespace abbe::sim {
 
-/// Units in which an element is written: "_um" or "_urad" of its value, "_mm" or "_deg" of its
-/// axis.
+/// Units in which an element is written: "_um" or "_urad" for its value, "_mm" or "_deg" for the
+/// position of its axis.
 struct ElementUnits {
   std::string value;
   std::string position;
 };
 
-/// A curve, and the line that is to be taken out of its table.
+/// A curve, and the line to be removed from its table.
 struct CurveEntry {
   errors::Curve curve;
   std::optional<errors::Detrend> detrend;
 };
 
-/// @param name  of the element, which is also the column of a file
-/// @param seed  of a random curve that has none of its own
+/// Returns the fields of a curve.
+/// @param name  element of the curve, which is also the column of a file
+/// @param seed  seed of a random curve that states none
 Fields<CurveEntry> curve_fields(const errors::ElementName& name, const ElementUnits& units,
                                 std::uint64_t seed);
 
-/// Keys of a curve of any element.
+/// Returns the keys of a curve of any element.
 std::vector<Key> curve_keys();
 
-/// `file`, a table in the form of volumetric compensation; none if it is missing or refused.
+/// Reads `file`, a table in the format of volumetric compensation; nothing if it is missing or
+/// rejected.
 std::optional<errors::ElementTable> read_table_file(TableReader& reader);
 Key table_file_key();
 
-/// `between` and `outside`.
+/// Returns the fields `between` and `outside`.
 template <typename T>
 Fields<T> interpolation_fields() {
   return Fields<T>()
@@ -55,7 +58,7 @@ Fields<T> interpolation_fields() {
             "what the table says beyond its range");
 }
 
-/// `argument` and `negate`.
+/// Returns the fields `argument` and `negate`.
 template <typename T>
 Fields<T> argument_fields() {
   return Fields<T>()
@@ -67,7 +70,7 @@ Fields<T> argument_fields() {
       .boolean("negate", &T::negate, "the source counted the values the other way");
 }
 
-/// `detrend`.
+/// Returns the field `detrend`.
 template <typename T>
 Fields<T> detrend_fields() {
   return Fields<T>().word(
@@ -78,33 +81,35 @@ Fields<T> detrend_fields() {
       "of the two slides, its offset is dropped");
 }
 
-// `covariance` of an errors table: how well its numbers are known.
+// `covariance` of an errors table, the uncertainty of its numbers.
 
-/// @param elements  whose numbers it names
+/// Reads `covariance`.
+/// @param elements  the elements whose numbers it names
 errors::Covariance read_covariance(const Node& table, const std::vector<errors::Element>& elements,
                                    InputErrors& input_errors);
 Node::Table written_covariance(const errors::Covariance& covariance,
                                const std::vector<errors::Element>& elements);
 std::vector<Key> covariance_keys();
 
-// `unidentified` of an errors table: numbers that the readings behind a belief do not determine.
+// `unidentified` of an errors table, the numbers that the readings behind a belief do not
+// determine.
 
-/// A number that stands at 0 because readings could not tell it.
+/// A number that is 0 because the readings could not determine it.
 struct UnidentifiedNumber {
   std::string number;  ///< "EY0A", "EAX[1]"
-  /// Numbers that took on so much (um or urad) of each unit (um or urad) by which it is not 0.
+  /// Numbers that absorbed so much (um or urad) for each unit (um or urad) of this number.
   std::vector<std::pair<std::string, double>> hidden_by;
 };
 
-/// Returns those that an errors table names, of a list of tables all together. What is malformed is
-/// left out: it is reported where the table is read.
+/// Returns the numbers that an errors table names, or a list of tables together. Malformed entries
+/// are skipped, since the reader of the table reports them.
 std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors);
 
-/// Checks the key where an errors table is read.
+/// Checks the key when an errors table is read.
 void read_unidentified(TableReader& reader);
 Key unidentified_key();
 
-/// One line a number, as a belief file has it.
+/// Returns one line per number, in the format of a belief file.
 std::string unidentified_lines(const std::vector<UnidentifiedNumber>& numbers);
 
 }  // namespace abbe::sim

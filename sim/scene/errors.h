@@ -12,30 +12,31 @@ namespace abbe::sim {
 
 struct Key;
 
+/// A section `[errors]` with its common factor.
 struct ErrorsSection {
   errors::GeometricErrors geometric;
   double scale = 1.0;
 };
-/// @param section  one table or a list of them; several add up
-/// @param machine  for the units of its axes and to bind each element to it, so that an element
-/// that
-///                 means nothing is refused where it stands
-/// @param seed     of the scene, from which repeatability without a seed of its own takes one
+/// Reads `errors`.
+/// @param section  one table or a list of them, whose elements add up
+/// @param machine  gives the units of the axes and binds each element, so that an element without
+/// meaning is rejected at its position
+/// @param seed     of the scene; repeatability without a seed of its own derives one from it
 ErrorsSection read_errors(const Node& section, const MachineDescription& machine,
                           std::uint64_t seed, InputErrors& input_errors);
-/// One table; what came from files stands in it.
+/// Returns one table, which includes the contents of files.
 Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine);
 std::vector<Key> errors_keys();
 
-/// `[[vibration]]`
+/// Reads and writes `[[vibration]]`.
 errors::Vibration read_vibration(const Node& table, const MachineDescription& machine,
                                  InputErrors& input_errors);
 Node::Table written_vibration(const errors::Vibration& vibration);
 std::vector<Key> vibration_keys();
 
-/// Tables of errors as one, each times its scale. Elements of one name become one; they stand in
-/// the order of the machine, whatever that of the tables is. What one table knows is not correlated
-/// with what another knows.
+/// Returns several tables as one, each multiplied by its scale. Elements of equal name are merged
+/// and ordered as on the machine, whatever the order of the tables. Numbers of different tables are
+/// uncorrelated.
 errors::GeometricErrors joined(std::vector<ErrorsSection> tables,
                                const MachineDescription& machine);
 

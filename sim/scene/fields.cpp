@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -10,20 +11,22 @@
 
 namespace abbe::sim {
 
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Joint;
 using kinematics::Motion;
 
 KeyName KeyName::otherwise(std::string text) const {
-  KeyName with = *this;
-  with.fallback = std::move(text);
-  return with;
+  KeyName key = *this;
+  key.fallback = std::move(text);
+  return key;
 }
 
 KeyName KeyName::one_of(std::string group) const {
-  KeyName with = *this;
-  with.either = std::move(group);
-  return with;
+  KeyName key = *this;
+  key.either = std::move(group);
+  return key;
 }
 
 KeyName must(KeyName key) {
@@ -31,8 +34,7 @@ KeyName must(KeyName key) {
   return key;
 }
 
-Key make_field_key(const KeyName& name, Key::Kind kind, const char* sentence,
-                   std::vector<Key> keys) {
+Key make_key(const KeyName& name, Key::Kind kind, const char* sentence, std::vector<Key> keys) {
   Key key;
   key.name = name.name;
   key.sentence = sentence;
@@ -45,22 +47,22 @@ Key make_field_key(const KeyName& name, Key::Kind kind, const char* sentence,
 }
 
 Key make_numbers_key(const KeyName& name, int size, const char* sentence) {
-  Key key = make_field_key(name, Key::Kind::Numbers, sentence);
+  Key key = make_key(name, Key::Kind::Numbers, sentence);
   key.size = size;
   return key;
 }
 
 std::set<std::string> words_of(const Key& key) {
   std::set<std::string> words;
-  for (const Word& one : key.words) words.insert(one.word);
+  for (const Word& word : key.words) words.insert(word.word);
   return words;
 }
 
 double in_unit(double value, double unit) {
   const double divided = value / unit;
-  const double few = std::strtod(fmt::format("{:.15g}", divided).c_str(), nullptr);
+  const double rounded = std::strtod(fmt::format("{:.15g}", divided).c_str(), nullptr);
   for (const double number :
-       {few, divided, std::nextafter(divided, infinity), std::nextafter(divided, -infinity)})
+       {rounded, divided, std::nextafter(divided, infinity), std::nextafter(divided, -infinity)})
     if (number * unit == value) return number;
   return divided;
 }
@@ -83,7 +85,7 @@ std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
 void accept_keys(TableReader& reader, const std::vector<Word>& words) {
   for (const Word& word : words)
     for (const Key& key : word.keys) {
-      reader.know(key.name);
+      reader.accept_key(key.name);
       accept_keys(reader, key.words);
     }
 }
@@ -109,25 +111,334 @@ std::string default_text(const Eigen::VectorXd& values) {
   return "[" + text + "]";
 }
 
+namespace fields_detail {
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
+// Fields of a nested struct are shared by the functions that read and write it: `std::function`
+// copies what it captures.
+std::shared_ptr<const FieldList> shared(FieldList fields) {
+  return std::make_shared<const FieldList>(std::move(fields));
+}
 
-double sine_of_right_angles(double degrees) {
+// `Member` is declared for the struct that is read into; callers of this one do not change it.
+const void* const_member(const Member& member, const void* value) {
+  return member(const_cast<void*>(value));
+}
+
+}  // namespace
+
+FieldList::FieldList(std::shared_ptr<const void> initial) : initial_(std::move(initial)) {}
+FieldList::FieldList(const FieldList& other) = default;
+FieldList::FieldList(FieldList&& other) noexcept = default;
+FieldList& FieldList::operator=(const FieldList& other) = default;
+FieldList& FieldList::operator=(FieldList&& other) noexcept = default;
+FieldList::~FieldList() = default;
+
+std::vector<Key> FieldList::keys() const {
+  std::vector<Key> keys;
+  for (const Field& field : fields_) keys.insert(keys.end(), field.keys.begin(), field.keys.end());
+  return keys;
+}
+
+void FieldList::read_into(TableReader& reader, void* to) const {
+  for (const Field& field : fields_) field.read(reader, to);
+}
+
+void FieldList::read_table_into(const Node& table, const std::string& where,
+                                InputErrors& input_errors, void* to) const {
+  TableReader reader(table, where, input_errors);
+  read_into(reader, to);
+  reader.close();
+}
+
+Node::Table FieldList::written_from(const void* from) const {
+  Node::Table table;
+  for (const Field& field : fields_)
+    if (field.write) field.write(from, table);
+  return table;
+}
+
+void FieldList::add(std::vector<Key>&& keys, Read&& read, Write&& write) {
+  fields_.push_back({std::move(keys), std::move(read), std::move(write)});
+}
+
+// The initial value is looked up only for a fallback: a member function such as
+// `std::get<Cutter>(tool.nominal)` may throw for a default struct, and such keys are required or
+// state their fallback.
+
+void FieldList::add_number(const KeyName& name, Member member, const NumberAccess& access,
+                           const Range& range, const char* sentence, double unit) {
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Number, sentence));
+  key->range = range;
+  if (!access.optional && !key->required && key->fallback.empty())
+    if (const auto value = access.get(const_member(member, initial())))
+      key->fallback = default_text(*value / unit);
+  add(
+      {*key},
+      [key, member, access, unit](TableReader& reader, void* to) {
+        const auto written = reader.number_as_written(key->name, key->range);
+        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
+        if (written)
+          access.set(member(to), *written * unit);
+        else if (key->required)
+          access.set(member(to), 1.0);  // harmless, so that reading goes on to the next error
+      },
+      [key, member, access, unit](const void* from, Node::Table& table) {
+        if (const auto value = access.get(const_member(member, from)))
+          put(table, key->name, in_unit(*value, unit));
+      });
+}
+
+void FieldList::add_integer(const KeyName& name, Member member, const IntegerAccess& access,
+                            std::int64_t min, std::int64_t max, const char* sentence) {
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Whole, sentence));
+  key->range = {double(min), double(max)};
+  if (!access.optional && !key->required && key->fallback.empty())
+    if (const auto value = access.get(const_member(member, initial())))
+      key->fallback = std::to_string(*value);
+  add(
+      {*key},
+      [key, member, access, min, max](TableReader& reader, void* to) {
+        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a whole number");
+        if (const auto value = reader.maybe_integer(key->name, min, max))
+          access.set(member(to), *value);
+      },
+      [key, member, access](const void* from, Node::Table& table) {
+        if (const auto value = access.get(const_member(member, from)))
+          put(table, key->name, *value);
+      });
+}
+
+void FieldList::add_boolean(const KeyName& name, Member member, const char* sentence) {
+  const auto get = [member](const void* from) {
+    return *static_cast<const bool*>(const_member(member, from));
+  };
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Boolean, sentence));
+  if (key->fallback.empty()) key->fallback = get(initial()) ? "true" : "false";
+  add(
+      {*key},
+      [key, member](TableReader& reader, void* to) {
+        bool& value = *static_cast<bool*>(member(to));
+        value = reader.boolean(key->name, value);
+      },
+      [key, get](const void* from, Node::Table& table) { put(table, key->name, get(from)); });
+}
+
+void FieldList::add_text(const KeyName& name, Member member, const TextAccess& access,
+                         const char* sentence) {
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
+  if (key->fallback.empty()) key->fallback = access.get(const_member(member, initial()));
+  add(
+      {*key},
+      [key, member, access](TableReader& reader, void* to) {
+        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a text");
+        void* value = member(to);
+        access.set(value, reader.text(key->name, access.get(value)));
+      },
+      [key, member, access](const void* from, Node::Table& table) {
+        std::string text = access.get(const_member(member, from));
+        if (!text.empty()) put(table, key->name, std::move(text));
+      });
+}
+
+void FieldList::add_texts(const KeyName& name, Member member, const char* sentence) {
+  using Texts = std::vector<std::string>;
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Texts, sentence));
+  add(
+      {*key},
+      [key, member](TableReader& reader, void* to) {
+        if (reader.accept_key(key->name))
+          *static_cast<Texts*>(member(to)) = reader.texts(key->name);
+      },
+      [key, member](const void* from, Node::Table& table) {
+        Node::Array texts;
+        for (const std::string& text : *static_cast<const Texts*>(const_member(member, from)))
+          texts.push_back(Node{{}, text});
+        if (!texts.empty()) put(table, key->name, std::move(texts));
+      });
+}
+
+void FieldList::add_remark(const KeyName& name, const char* sentence) {
+  add({make_key(name, Key::Kind::Text, sentence)},
+      [key = name.name](TableReader& reader, void*) { reader.text(key, ""); }, {});
+}
+
+void FieldList::add_enum(const KeyName& name, Member member, EnumAccess access,
+                         const char* sentence) {
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
+  for (const EnumLabel& label : access.labels)
+    key->words.push_back({label.word, label.sentence, {}});
+  if (!key->required && key->fallback.empty())
+    if (const auto index = access.get(const_member(member, initial())))
+      key->fallback = key->words[*index].word;
+  add(
+      {*key},
+      [key, member, set = std::move(access.set)](TableReader& reader, void* to) {
+        const std::optional<std::string> word =
+            reader.word(key->name, words_of(*key), key->required);
+        if (!word && key->required) set(member(to), 0);
+        for (std::size_t i = 0; i < key->words.size(); ++i)
+          if (word == key->words[i].word) set(member(to), i);
+      },
+      [key, member, get = std::move(access.get)](const void* from, Node::Table& table) {
+        if (const auto index = get(const_member(member, from)))
+          put(table, key->name, key->words[*index].word);
+      });
+}
+
+void FieldList::add_direction(const KeyName& name, Member member, const char* sentence) {
+  const auto get = [member](const void* from) -> const Vector3d& {
+    return *static_cast<const Vector3d*>(const_member(member, from));
+  };
+  const auto key = std::make_shared<Key>(make_numbers_key(name, 3, sentence));
+  if (!key->required && key->fallback.empty())
+    key->fallback = default_text(Eigen::VectorXd(get(initial())));
+  add(
+      {*key},
+      [key, member](TableReader& reader, void* to) {
+        Vector3d& direction = *static_cast<Vector3d*>(member(to));
+        direction =
+            key->required ? reader.direction(key->name) : reader.direction(key->name, direction);
+      },
+      [key, get](const void* from, Node::Table& table) {
+        put_numbers(table, key->name, get(from).normalized(), 1.0);
+      });
+}
+
+void FieldList::add_numbers(const KeyName& name, Member member, const VectorAccess& access,
+                            int size, const char* sentence) {
+  const auto key = std::make_shared<Key>(make_numbers_key(name, size, sentence));
+  if (!access.optional && !key->required && key->fallback.empty())
+    if (const auto values = access.get(const_member(member, initial())))
+      key->fallback = default_text(Eigen::VectorXd(*values / unit_of(name.name)));
+  add(
+      {*key},
+      [key, member, access](TableReader& reader, void* to) {
+        if (key->required)
+          access.set(member(to), reader.numbers(key->name, key->size));
+        else if (const auto values = reader.maybe_numbers(key->name, key->size))
+          access.set(member(to), *values);
+      },
+      [key, member, access](const void* from, Node::Table& table) {
+        if (const auto values = access.get(const_member(member, from)))
+          put_numbers(table, key->name, *values, unit_of(key->name));
+      });
+}
+
+void FieldList::add_table(const KeyName& name, Member member, const TableAccess& access,
+                          FieldList nested, const char* sentence) {
+  const auto fields = shared(std::move(nested));
+  const auto key =
+      std::make_shared<Key>(make_key(name, Key::Kind::Table, sentence, fields->keys()));
+  add(
+      {*key},
+      [key, member, access, fields](TableReader& reader, void* to) {
+        const Node* node = reader.section(key->name);
+        if (!node && key->required && !reader.has(key->name)) reader.missing(key->name, "a table");
+        if (!node) return;
+        fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
+                                access.make(member(to), fields->initial()));
+      },
+      [key, member, access, fields](const void* from, Node::Table& table) {
+        const void* value = access.get(const_member(member, from));
+        if (!value) return;
+        Node::Table entries = fields->written_from(value);
+        if (access.optional || !entries.empty()) put(table, key->name, std::move(entries));
+      });
+}
+
+void FieldList::add_tables(const KeyName& name, Member member, const ListAccess& access,
+                           FieldList nested, const char* sentence, Read read) {
+  const auto fields = shared(std::move(nested));
+  const auto key =
+      std::make_shared<Key>(make_key(name, Key::Kind::Tables, sentence, fields->keys()));
+  if (!read)
+    read = [key, member, access, fields](TableReader& reader, void* to) {
+      if (key->required && !reader.has(key->name)) reader.missing(key->name, "a list of tables");
+      for (const Node* node : reader.tables(key->name))
+        fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
+                                access.append(member(to), fields->initial()));
+    };
+  add({*key}, std::move(read), [key, member, access, fields](const void* from, Node::Table& table) {
+    const void* list = const_member(member, from);
+    Node::Array tables;
+    for (std::size_t i = 0; i < access.size(list); ++i)
+      tables.push_back(Node{{}, fields->written_from(access.get(list, i))});
+    if (!tables.empty()) put(table, key->name, std::move(tables));
+  });
+}
+
+void FieldList::add_all(Member member, FieldList nested) {
+  const auto fields = shared(std::move(nested));
+  add(
+      fields->keys(),
+      [member, fields](TableReader& reader, void* to) { fields->read_into(reader, member(to)); },
+      [member, fields](const void* from, Node::Table& table) {
+        append_entries(table, fields->written_from(const_member(member, from)));
+      });
+}
+
+void FieldList::add_conditional(std::function<bool(const void*)> condition, FieldList conditional) {
+  const auto fields = shared(std::move(conditional));
+  std::vector<Key> keys = fields->keys();
+  for (Key& key : keys) key.required = false;
+  add(
+      std::move(keys),
+      [condition, fields](TableReader& reader, void* to) {
+        if (condition(to)) fields->read_into(reader, to);
+      },
+      [condition, fields](const void* from, Node::Table& table) {
+        if (condition(from)) append_entries(table, fields->written_from(from));
+      });
+}
+
+void FieldList::add_alternatives(const KeyName& name, Member member,
+                                 std::vector<AlternativeAccess> alternatives,
+                                 const char* sentence) {
+  const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Text, sentence));
+  for (const AlternativeAccess& alternative : alternatives) key->words.push_back(alternative.word);
+  const auto accesses =
+      std::make_shared<const std::vector<AlternativeAccess>>(std::move(alternatives));
+  add(
+      {*key},
+      [key, member, accesses](TableReader& reader, void* to) {
+        const auto given = reader.word(key->name, words_of(*key), key->required);
+        // a wrong value does not tell which keys belong to it: accept those of every alternative
+        if (!given && reader.has(key->name)) return accept_keys(reader, key->words);
+        const std::string word = given.value_or(key->words.front().word);
+        for (const AlternativeAccess& alternative : *accesses)
+          if (alternative.word.word == word) alternative.read(reader, member(to));
+      },
+      [key, member, accesses](const void* from, Node::Table& table) {
+        for (const AlternativeAccess& alternative : *accesses) {
+          Node::Table entries;
+          if (!alternative.write(const_member(member, from), entries)) continue;
+          put(table, key->name, alternative.word.word);
+          return append_entries(table, std::move(entries));
+        }
+      });
+}
+
+}  // namespace fields_detail
+
+namespace {
+
+/// Sine of an angle in degrees, exact at multiples of 90.
+double exact_sine(double degrees) {
   const double turns = std::remainder(degrees, 360.0);
   if (turns == 0.0 || std::abs(turns) == 180.0) return 0.0;
   if (std::abs(turns) == 90.0) return std::copysign(1.0, turns);
   return std::sin(turns * units::deg);
 }
 
-Matrix3d turned(const Vector3d& degrees) {
+/// Rotation by a vector in degrees, exact for multiples of 90 about one axis.
+Matrix3d turn_rotation(const Vector3d& degrees) {
   for (int axis = 0; axis < 3; ++axis) {
     const int j = (axis + 1) % 3;
     const int k = (axis + 2) % 3;
     if (degrees[j] != 0.0 || degrees[k] != 0.0) continue;
-    const double s = sine_of_right_angles(degrees[axis]);
-    const double c = sine_of_right_angles(degrees[axis] + 90.0);
+    const double s = exact_sine(degrees[axis]);
+    const double c = exact_sine(degrees[axis] + 90.0);
     Matrix3d R = Matrix3d::Identity();
     R(j, j) = R(k, k) = c;
     R(k, j) = s;
@@ -137,18 +448,18 @@ Matrix3d turned(const Vector3d& degrees) {
   return kinematics::rotation(degrees * units::deg);
 }
 
-/// The vector that turns so, with few digits where they give the same bits.
-Vector3d turn_of(const Matrix3d& R) {
+/// Rotation vector in degrees; rounded to 1e-9 if the same bits follow from it.
+Vector3d turn_vector(const Matrix3d& R) {
   const Vector3d degrees = kinematics::rotation_vector(R) / units::deg;
-  const Vector3d few = (degrees * 1e9).array().round() / 1e9;
-  return turned(few) == R ? few : degrees;
+  const Vector3d rounded = (degrees * 1e9).array().round() / 1e9;
+  return turn_rotation(rounded) == R ? rounded : degrees;
 }
 
 Matrix3d read_turn_deg(TableReader& reader) {
-  constexpr double max_turn_deg = 3600.0;  // beyond, the last digits of the angle are its turns
+  constexpr double max_turn_deg = 3600.0;  // larger angles lose digits to whole turns
   const auto turn = reader.numbers_as_written("turn_deg", 3);
   if (!turn) return Matrix3d::Identity();
-  if (turn->cwiseAbs().maxCoeff() <= max_turn_deg) return turned(*turn);
+  if (turn->cwiseAbs().maxCoeff() <= max_turn_deg) return turn_rotation(*turn);
   reader.refuse("turn_deg", fmt::format("turns within +-{} deg for turn_deg", max_turn_deg),
                 fmt::format("{}", turn->cwiseAbs().maxCoeff()));
   return Matrix3d::Identity();
@@ -166,7 +477,7 @@ const Fields<Matrix3d>& turn_fields() {
                   "about y")},
               [](TableReader& reader, Matrix3d& R) { R = read_turn_deg(reader); },
               [](const Matrix3d& R, Node::Table& table) {
-                put_numbers(table, "turn_deg", turn_of(R), 1.0);
+                put_numbers(table, "turn_deg", turn_vector(R), 1.0);
               });
   return fields;
 }
@@ -196,13 +507,13 @@ const Fields<kinematics::Pose>& placement_fields() {
 
 namespace {
 
-std::string word_of(const Joint& joint) {
+std::string axis_key_name(const Joint& joint) {
   return joint.name + std::string(joint.motion == Motion::Linear ? "_mm" : "_deg");
 }
 
-Key word_key(const char* unit, const char* sentence) {
-  Key key = make_field_key(KeyName("<axis>_" + std::string(unit)).otherwise("0"), Key::Kind::Number,
-                           sentence);
+Key position_key(const char* unit, const char* sentence) {
+  Key key =
+      make_key(KeyName("<axis>_" + std::string(unit)).otherwise("0"), Key::Kind::Number, sentence);
   key.pattern = "[A-Z]_" + std::string(unit);
   return key;
 }
@@ -212,19 +523,20 @@ Key word_key(const char* unit, const char* sentence) {
 Fields<AxisVector> axis_position_fields(const std::vector<Joint>& joints) {
   return Fields<AxisVector>(AxisVector::Zero(Eigen::Index(joints.size())))
       .custom(
-          {word_key("mm", "position of a slide, such as Z_mm"),
-           word_key("deg", "angle of an axis that turns, such as C_deg")},
-          [joints](TableReader& reader, AxisVector& words) {
-            words = AxisVector::Zero(Eigen::Index(joints.size()));
+          {position_key("mm", "position of a slide, such as Z_mm"),
+           position_key("deg", "angle of an axis that turns, such as C_deg")},
+          [joints](TableReader& reader, AxisVector& positions) {
+            positions = AxisVector::Zero(Eigen::Index(joints.size()));
             for (std::size_t j = 0; j < joints.size(); ++j)
               if (joints[j].motion != Motion::Spindle)
-                words[Eigen::Index(j)] = reader.number(word_of(joints[j]), any_number, 0.0);
+                positions[Eigen::Index(j)] =
+                    reader.number(axis_key_name(joints[j]), any_number, 0.0);
           },
-          [joints](const AxisVector& words, Node::Table& table) {
+          [joints](const AxisVector& positions, Node::Table& table) {
             for (std::size_t j = 0; j < joints.size(); ++j)
               if (joints[j].motion != Motion::Spindle)
-                put(table, word_of(joints[j]),
-                    words[Eigen::Index(j)] / unit_of(word_of(joints[j])));
+                put(table, axis_key_name(joints[j]),
+                    positions[Eigen::Index(j)] / unit_of(axis_key_name(joints[j])));
           });
 }
 

@@ -17,11 +17,12 @@ namespace {
 Fields<SignalsDescription::Current> current_fields() {
   using Current = SignalsDescription::Current;
   const auto per_rpm = [](TableReader& reader, Current& current) {
+    // The unit table converts the Nm of the key but not its rpm.
     if (const auto torque = reader.maybe_number("viscous_torque_Nm_per_rpm", non_negative))
       current.viscous_torque = *torque / units::rpm;
   };
-  Key viscous = make_field_key("viscous_torque_Nm_per_rpm", Key::Kind::Number,
-                               "torque of the idle spindle that grows with its speed");
+  Key viscous = make_key("viscous_torque_Nm_per_rpm", Key::Kind::Number,
+                         "torque of the idle spindle that grows with its speed");
   viscous.range = non_negative;
   viscous.fallback = "0";
   return Fields<Current>()
@@ -80,7 +81,7 @@ namespace {
 using namespace errors::identification;
 using Way = SensorChoiceDescription::Way;
 
-/// What a word of `similarity_measure` stands for.
+/// The meaning of a word of `similarity_measure`.
 struct SimilarityName {
   const char* word;
   SimilarityMeasure similarity_measure;
@@ -100,14 +101,16 @@ constexpr std::array similarity_names{
 };
 
 Key similarity_key() {
-  Key key = make_field_key(KeyName("likeness").otherwise(similarity_names.front().word),
-                           Key::Kind::Text, "how like an error a sensor must run");
+  Key key = make_key(KeyName("likeness").otherwise(similarity_names.front().word), Key::Kind::Text,
+                     "how like an error a sensor must run");
+  // The words come from the table, so the manual, reader and writer cannot disagree.
   for (const SimilarityName& one : similarity_names)
     key.words.push_back({one.word, one.sentence, {}});
   return key;
 }
 
-/// The keys of how sensors are chosen, which `[sensor_choice]` and the ways beside it share.
+/// Returns the keys of the choice of sensors, common to `[sensor_choice]` and the methods of
+/// comparison.
 Fields<SensorChoiceOptions> way_fields() {
   using Options = SensorChoiceOptions;
   const Key similarity_measure = similarity_key();
@@ -147,7 +150,7 @@ Fields<SensorChoiceOptions> way_fields() {
 }
 
 std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
-  const Node* list = reader.know(key);
+  const Node* list = reader.accept_key(key);
   if (!list) return {};
   std::vector<std::string> names;
   for (const Node& one : list->array() ? *list->array() : Node::Array{})
@@ -155,13 +158,14 @@ std::vector<std::string> read_names(TableReader& reader, const std::string& key)
       names.push_back(*one.text());
     else
       reader.input_errors().add(one.place, "a name", shown(one));
+  // An empty list would silently mean the default.
   if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
   return names;
 }
 
 template <typename M>
 void add_names(Fields<Way>& fields, const KeyName& name, M member, const char* sentence) {
-  const Key key = make_field_key(name, Key::Kind::Texts, sentence);
+  const Key key = make_key(name, Key::Kind::Texts, sentence);
   fields.custom(
       {key},
       [key, member](TableReader& reader, Way& way) {
@@ -185,6 +189,8 @@ Fields<Way> further_way_fields() {
   return fields.custom(
       way_fields().keys(),
       [](TableReader& reader, Way& way) {
+        // Fixed sensors leave nothing to choose, so the keys of the choice stay unknown and are
+        // rejected.
         if (way.choice.fixed.empty()) way.choice = way_fields().read(reader, way.choice);
       },
       [](const Way& way, Node::Table& table) {
@@ -198,6 +204,7 @@ void read_further_ways(TableReader& reader, SensorChoiceDescription& description
   for (const Node* node : reader.tables("beside")) {
     description.beside.push_back(
         further_way_fields().read_table(*node, reader.name_of("beside"), reader.input_errors()));
+    // Results of the methods are listed by name.
     const std::string& name = description.beside.back().name;
     if (!name.empty() && !names.insert(name).second)
       reader.input_errors().add(node->place, "a name that no other way beside has",
@@ -213,8 +220,8 @@ void put_further_ways(const SensorChoiceDescription& description, Node::Table& t
 }
 
 Key further_ways_key() {
-  Key beside = make_field_key("beside", Key::Kind::Tables,
-                              "other ways to choose, graded beside by the same model");
+  Key beside = make_key("beside", Key::Kind::Tables,
+                        "other ways to choose, graded beside by the same model");
   beside.keys = further_way_fields().keys();
   return beside;
 }
@@ -267,15 +274,15 @@ using metrology::Kind;
 using metrology::TouchProbe;
 using PartInstrument = PartInstrumentDescription;
 
-constexpr Range quality_range{0.0, 1e4, false, false};  // um or urad: beyond, nothing is measured
+constexpr Range quality{0.0, 1e4, false, false};  // um or urad; nothing is measured above
 constexpr Range wait_s{0.0, 1e6};
-constexpr Range speed{1e-3, 1e9, false, false};  // mm/min: below, no day is long enough
+constexpr Range speed{1e-3, 1e9, false, false};  // mm/min; below this no day is long enough
 
 constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
 
 bool is_part_instrument(const std::string& word) { return word == cmm || word == touch_probe; }
 
-/// What each kind reads, and how well a typical one does.
+/// The readings of each kind, with the quality of a typical instrument.
 constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Laser,
      "interferometer, positioning of each slide, both ways (ISO 230-2); 0.05 µm, scale 0.25 µm/m, "
@@ -320,31 +327,32 @@ constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Temperature, "the machine's sensors alone, as good as they are"},
 }};
 
-KeyName default_of_kind(const char* key) { return KeyName(key).otherwise("of the kind"); }
+KeyName of_kind(const char* key) { return KeyName(key).otherwise("of the kind"); }
 
 void add_noise_fields(Fields<Instrument>& fields) {
   fields
-      .number(default_of_kind("noise_um"), &Instrument::noise, quality_range,
+      .number(of_kind("noise_um"), &Instrument::noise, quality,
               "standard deviation of one reading of a length")
-      .number(default_of_kind("noise_urad"), &Instrument::noise_rad, quality_range,
+      .number(of_kind("noise_urad"), &Instrument::noise_rad, quality,
               "standard deviation of one reading of an angle")
-      .number(default_of_kind("resolution_um"), &Instrument::resolution, quality_range,
+      .number(of_kind("resolution_um"), &Instrument::resolution, quality,
               "readings of lengths are multiples of it; 0: not rounded")
-      .number(default_of_kind("resolution_urad"), &Instrument::resolution_rad, quality_range,
+      .number(of_kind("resolution_urad"), &Instrument::resolution_rad, quality,
               "readings of angles are multiples of it; 0: not rounded")
-      .number(default_of_kind("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
+      .number(of_kind("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
               "standard deviation of how a beam, an artefact or a nest lies")
-      .number(default_of_kind("position_um"), &Instrument::position_sigma, {0.0, 1e4},
+      .number(of_kind("position_um"), &Instrument::position_sigma, {0.0, 1e4},
               "standard deviation of the places of reflectors, balls and stations")
-      .number(default_of_kind("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
+      .number(of_kind("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
               "standard deviation of wavelength, material temperature or the length of a bar")
       .number("drift_um_per_h", &Instrument::drift_sigma, non_negative,
               "standard deviation of the instrument's drift, from the first reading of a set-up");
 }
 
 void read_instrument_axes(TableReader& reader, Instrument& one) {
-  const Node* list = reader.know("axes");
+  const Node* list = reader.accept_key("axes");
   if (!list) return;
+  // The list replaces the axes of the kind and does not add to them.
   one.axes.clear();
   if (!list->array())
     reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
@@ -364,12 +372,12 @@ void put_axes(const Instrument& one, Node::Table& table) {
 
 void add_targets(Fields<Instrument>& fields) {
   fields
-      .custom({make_field_key(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
-                              "letters of axes; of planes and diagonals those between them")},
+      .custom({make_key(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
+                        "letters of axes; of planes and diagonals those between them")},
               read_instrument_axes, put_axes)
-      .whole(default_of_kind("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
+      .whole(of_kind("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
       .whole(
-          default_of_kind("targets"), &Instrument::targets, 2, 10000,
+          of_kind("targets"), &Instrument::targets, 2, 10000,
           "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
           "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
           "first not again at the end")
@@ -389,7 +397,7 @@ void add_targets(Fields<Instrument>& fields) {
               "from the tip to the reflector or ball, in the tool's frame")
       .number("radius_mm", &Instrument::radius, positive,
               "of circles and bar; of a ball from a rotary axis")
-      .number(default_of_kind("lever_mm"), &Instrument::lever, positive,
+      .number(of_kind("lever_mm"), &Instrument::lever, positive,
               "between the parallel lines; the two heights of a spindle's artefact")
       .number("from_deg", &Instrument::from_rad, any_number,
               "where the arc of circles and rotary axes begins, cut to the travel of an axis")
@@ -397,6 +405,7 @@ void add_targets(Fields<Instrument>& fields) {
 }
 
 void check_interval(TableReader& reader, Instrument& one) {
+  // Only these two kinds read over time; others ignore the keys.
   const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
   if (over_time && one.interval_s > one.duration_s)
     reader.refuse("interval_s",
@@ -412,16 +421,17 @@ void add_times(Fields<Instrument>& fields) {
       .number("duration_h", &Instrument::duration_s, {0.0, 1e5}, "of drift and temperature")
       .check(check_interval)
       .number("speed_mm_per_min", &Instrument::speed, speed, "between targets")
-      .number(default_of_kind("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
-      .number(default_of_kind("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
+      .number(of_kind("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
+      .number(of_kind("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
               "of a person for each set-up; with speed and dwell what the hours are made of")
-      .number(default_of_kind("spindle_rpm"), &Instrument::spindle_speed, non_negative,
+      .number(of_kind("spindle_rpm"), &Instrument::spindle_speed, non_negative,
               "of a spindle test, and while drift is read");
 }
 
 void read_starts(TableReader& reader, InstrumentDescription& one) {
-  const Node* node = reader.know("start_h");
+  const Node* node = reader.accept_key("start_h");
   if (!node) return;
+  // A single number is allowed as a list of one start.
   if (!node->array()) {
     one.starts_s = {reader.number("start_h", any_number)};
     return;
@@ -437,27 +447,27 @@ void put_starts(const InstrumentDescription& one, Node::Table& table) {
               unit_of("start_h"));
 }
 
-/// Every key but kind and name; a kind does not look at those that it does not need.
+/// Returns every key except kind and name; a kind ignores the keys that it does not need.
 Fields<InstrumentDescription> instrument_fields(Kind kind) {
   Fields<Instrument> own;
   add_noise_fields(own);
   add_targets(own);
   add_times(own);
+  // The typical instrument of the kind supplies the defaults of all keys.
   return Fields<InstrumentDescription>({metrology::typical(kind), {0.0}})
       .all_of(&InstrumentDescription::instrument, own)
-      .custom({make_field_key(
-                  KeyName("start_h").otherwise("0"), Key::Kind::Any,
-                  "when the first reading is taken, in hours, or a list: everything is read "
-                  "once from each, set up again; 0 is the start of the program, negative lies "
-                  "in the history")},
-              read_starts, put_starts);
+      .custom(
+          {make_key(KeyName("start_h").otherwise("0"), Key::Kind::Any,
+                    "when the first reading is taken, in hours, or a list: everything is read "
+                    "once from each, set up again; 0 is the start of the program, negative lies "
+                    "in the history")},
+          read_starts, put_starts);
 }
 
 Fields<CoordinateMachine> cmm_fields() {
   return Fields<CoordinateMachine>()
-      .number("noise_um", &CoordinateMachine::noise, quality_range,
-              "standard deviation of one reading")
-      .number("resolution_um", &CoordinateMachine::resolution, quality_range,
+      .number("noise_um", &CoordinateMachine::noise, quality, "standard deviation of one reading")
+      .number("resolution_um", &CoordinateMachine::resolution, quality,
               "readings are multiples of it; 0: not rounded")
       .number("position_um", &CoordinateMachine::alignment_sigma, {0.0, 1e4},
               "standard deviation of where the part lies")
@@ -469,6 +479,7 @@ Fields<CoordinateMachine> cmm_fields() {
 
 TouchProbe default_probe(const MachineDescription& machine) {
   TouchProbe usual;
+  // The pose needs one entry per joint, which the default of the struct cannot know.
   usual.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
   return usual;
 }
@@ -477,8 +488,8 @@ Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
   return Fields<TouchProbe>(default_probe(machine))
       .vector("centre_mm", &TouchProbe::centre_t, "of the ball from the tip")
       .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "of the stylus ball")
-      .number("noise_um", &TouchProbe::noise, quality_range, "standard deviation of one touch")
-      .number("resolution_um", &TouchProbe::resolution, quality_range,
+      .number("noise_um", &TouchProbe::noise, quality, "standard deviation of one touch")
+      .number("resolution_um", &TouchProbe::resolution, quality,
               "readings are multiples of it; 0: not rounded")
       .number("clearance_mm", &TouchProbe::clearance, positive, "where the approach begins")
       .number("speed_mm_per_min", &TouchProbe::speed, speed, "between points")
@@ -489,9 +500,9 @@ Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
              axis_position_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
 }
 
-/// Every key but kind and name.
+/// Returns every key except kind and name.
 template <typename How>
-Fields<PartInstrument> fields_of_part(const How& usual, const Fields<How>& how) {
+Fields<PartInstrument> part_instrument_kind_fields(const How& usual, const Fields<How>& how) {
   return Fields<PartInstrument>({"", "", usual})
       .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
             "of which case the part is")
@@ -502,14 +513,15 @@ Fields<PartInstrument> fields_of_part(const How& usual, const Fields<How>& how) 
 
 Fields<PartInstrument> part_instrument_fields(const std::string& kind,
                                               const MachineDescription& machine) {
-  if (kind == cmm) return fields_of_part(CoordinateMachine{}, cmm_fields());
-  return fields_of_part(default_probe(machine), touch_probe_fields(machine));
+  if (kind == cmm) return part_instrument_kind_fields(CoordinateMachine{}, cmm_fields());
+  return part_instrument_kind_fields(default_probe(machine), touch_probe_fields(machine));
 }
 
 const Key& kind_key() {
   static const Key key = [] {
-    Key all = make_field_key(must("kind"), Key::Kind::Text,
-                             "what it is, and how good if nothing is said");
+    Key all =
+        make_key(must("kind"), Key::Kind::Text, "what it is, and how good if nothing is said");
+    // The manual prints the defaults of each kind, so every word carries its own keys.
     for (const auto& [kind, sentence] : kinds)
       all.words.push_back({metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
     all.words.push_back({cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
@@ -528,6 +540,7 @@ std::string read_kind(TableReader& reader) {
   if (word.empty() || words.contains(word)) return word;
   std::string list;
   for (const std::string& one : words) list += (list.empty() ? "" : ", ") + one;
+  // The kind decides which other keys exist, so the message offers the nearest one.
   const auto meant = nearest(word, words);
   reader.refuse("kind", "one of " + list,
                 "\"" + word + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
@@ -540,8 +553,11 @@ InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std:
   InstrumentDescription description = instrument_fields(kind).read(reader);
   description.instrument.name = name;
   reader.close();
+  // A plan needs a valid chain and a valid instrument.
   if (reader.input_errors().list().size() != before || machine.joints.empty()) return description;
   try {
+    // The plan is made only for its errors: an instrument without targets on this machine is
+    // rejected here.
     metrology::plan(description.instrument,
                     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
   } catch (const std::invalid_argument& fault) {
@@ -575,14 +591,17 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
   for (const Node* node : tables) {
     TableReader reader(*node, "instrument", input_errors);
     const std::string kind = read_kind(reader);
+    // The name becomes that of a file of readings, and the kind serves as its default.
     const std::string name = reader.text("name", kind.empty() ? "?" : kind);
     if (!is_folder_name(name))
       reader.refuse("name", "a name of letters, digits, blanks, _ - . for a file", name);
+    // With an unknown kind the default name would repeat for every faulty table.
     if (!kind.empty() && !names.insert(name).second)
       reader.refuse(reader.has("name") ? "name" : "kind", "a name that no other instrument has",
                     "\"" + name + "\" again");
     if (!reader.has("kind")) reader.refuse("kind", "a kind such as \"laser\"", "none");
     if (kind.empty()) continue;
+    // The words of the part instruments are not kinds of the metrology module.
     if (is_part_instrument(kind))
       instruments.of_part.push_back(read_part_instrument(reader, kind, name, machine));
     else
@@ -606,8 +625,8 @@ std::vector<Node::Table> written_instruments(const Instruments& instruments,
 }
 
 std::vector<Key> instrument_keys() {
-  return {kind_key(), make_field_key(KeyName("name").otherwise("the kind"), Key::Kind::Text,
-                                     "of the readings and their file, each once")};
+  return {kind_key(), make_key(KeyName("name").otherwise("the kind"), Key::Kind::Text,
+                               "of the readings and their file, each once")};
 }
 
 }  // namespace abbe::sim

@@ -13,61 +13,65 @@
 
 namespace abbe::sim {
 
-/// An instrument of the scene, and when it is used.
+/// An instrument of the scene, with the times of its use.
 struct InstrumentDescription {
   errors::metrology::Instrument instrument;
-  std::vector<double> starts_s;  ///< (n >= 1) everything is read once from each; time 0 is the
-                                 ///< start of the program
+  std::vector<double> starts_s;  ///< (n >= 1) s; everything is read once from each start; time 0 is
+                                 ///< the start of the program
 };
 
-/// What measures the finished part: a touch probe on the machine that cut it, or a coordinate
-/// measuring machine of its own.
+/// An instrument for the finished part: a touch probe on the machine that cut it, or a separate
+/// coordinate measuring machine.
 struct PartInstrumentDescription {
   std::string name;
-  std::string case_name;  ///< of which case the part is; empty: uncompensated
+  std::string case_name;  ///< the case whose part is measured; empty: uncompensated
   std::variant<errors::metrology::CoordinateMachine, errors::metrology::TouchProbe> how;
-  double spacing = 5.0;  ///< mm, about, between points
+  double spacing = 5.0;  ///< mm, approximate, between points
 };
 
-/// Which temperature sensors are worth having, and what a model of them is good for.
+/// Settings of the choice of temperature sensors, and of the model that uses the chosen ones.
 struct SensorChoiceDescription {
-  std::string instrument = "drift";  ///< reads the drift, over the scene's own history for
-                                     ///< training, over those of its variants for testing
+  std::string instrument = "drift";  ///< the instrument that reads the drift; its readings over the
+                                     ///< scene's own history train the model, those over the
+                                     ///< histories of the variants test it
   errors::identification::ThermalStudyOptions study;
-  /// Another way to choose, graded beside.
+  /// Another method of choice, rated for comparison.
   struct Way {
     std::string name;
     errors::identification::SensorChoiceOptions choice;
-    std::vector<std::string> drifts;  ///< "Z": displacements to choose for; empty: all
+    std::vector<std::string> drifts;  ///< displacements such as "Z" for which sensors are chosen;
+                                      ///< empty: all
   };
   std::vector<Way> beside;
 };
 
 struct Key;
 
-/// What `[[instrument]]` tables say, sorted into those that measure the machine and those that
-/// measure the part. A kind that is left to itself is a typical one.
+/// The `[[instrument]]` tables, divided into instruments for the machine and for the part. Values
+/// that a table leaves out are those of a typical instrument of its kind.
 struct Instruments {
   std::vector<InstrumentDescription> of_machine;
   std::vector<PartInstrumentDescription> of_part;
 };
-/// @param machine  on which every plan is tried, so that one that cannot be is refused where it
-/// stands
+/// Reads the instruments.
+/// @param machine  tries every measuring plan, so that an impossible one is rejected at its
+///                 position
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, InputErrors& input_errors);
 std::vector<Node::Table> written_instruments(const Instruments& instruments,
                                              const MachineDescription& machine);
 std::vector<Key> instrument_keys();
 
-/// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
+/// Reads and writes `[sensor_choice]`: the number of sensors, the similarity measure, the screening
+/// and the model.
 SensorChoiceDescription read_sensor_choice(const Node& table, InputErrors& input_errors);
 Node::Table written_sensor_choice(const SensorChoiceDescription& choice);
 std::vector<Key> sensor_choice_keys();
 
-/// What a control can read, and how well.
+/// Readings available to the control, with their quality.
 struct SignalsDescription {
   double interval = 0.0;  ///< s between rows of signals.csv; 0: as fine as 20 000 rows allow
-  double history_interval = 0.0;    ///< s between rows of the thermal history; 0: none are written
+  double history_interval = 0.0;    ///< s between rows of the thermal history; 0: no rows
   double encoder_resolution = 0.0;  ///< mm; 0: not rounded
   double encoder_resolution_rad = 0.0;
   double encoder_noise = 0.0;  ///< mm, standard deviation
@@ -91,7 +95,7 @@ struct SignalsDescription {
 template <typename T>
 class Fields;
 
-/// `[signals]`: what the control reads, and how often it is written.
+/// Returns the fields of `[signals]`: the readings of the control and the interval of their output.
 const Fields<SignalsDescription>& signals_fields();
 
 }  // namespace abbe::sim

@@ -29,40 +29,46 @@ bool is_file(const path& file) {
 
 bool is_library(const path& folder) {
   std::error_code failure;
+  // The folder of machines serves as the mark of a library.
   return std::filesystem::is_directory(folder / "machines", failure);
 }
 
-/// Files of the library below one of its folders, as paths in the library, sorted.
+/// Returns the files below one folder of the library, as sorted paths in the library.
 std::vector<path> files_of(const path& library, std::string_view kind) {
   std::vector<path> files;
+  // The error code keeps a missing folder from throwing; such a folder has no files.
   std::error_code failure;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(library / kind, failure)) {
     const bool known = std::ranges::find(endings, entry.path().extension()) != endings.end();
     if (known && is_file(entry.path())) files.push_back(entry.path().lexically_relative(library));
   }
+  // The order of a directory listing depends on the file system, and messages must not.
   std::ranges::sort(files);
   return files;
 }
 
 path strip_extension(path file) { return file.replace_extension(); }
 
-/// The shortest that means one file alone.
+/// Returns the shortest name that denotes this file alone.
 std::string shortest(const path& file, const std::vector<path>& files, std::string_view kind) {
   const auto same = [&](const path& other) {
     return strip_extension(other) == strip_extension(file);
   };
+  // Files such as a program and its tool table may differ in the extension only.
   const path name = std::ranges::count_if(files, same) > 1 ? file : strip_extension(file);
   return std::string(library_prefix) +
          (kind.empty() ? name : name.lexically_relative(kind)).generic_string();
 }
 
-/// Files that a name may mean: by its path in the library or in the folder of its kind.
+/// Returns the files that a name may denote, by its path in the library or in the folder of its
+/// kind.
 std::vector<path> meant(const path& name, const std::vector<path>& files, std::string_view kind) {
   std::vector<path> found;
   for (const path& file : files)
     for (const path& in : {path(), path(kind)})
       if (in / name == file || in / name == strip_extension(file)) {
         found.push_back(file);
+        // With an empty kind both folders coincide, and the file must not be found twice.
         break;
       }
   return found;
@@ -73,6 +79,7 @@ std::string listed(std::vector<path> files, std::string_view kind, std::string_v
   const auto far = [&](const path& file) {
     return edit_distance(path(name).stem().string(), file.stem().string());
   };
+  // The nearest name comes first, since the list is cut and a misspelling is the usual cause.
   std::ranges::stable_sort(files, {}, far);
   std::string text;
   for (std::size_t i = 0; i < std::min(files.size(), names_listed); ++i)
@@ -90,6 +97,7 @@ path in_library(const FileName& wanted, InputErrors& input_errors) {
     input_errors.add(wanted.place, "one of " + listed(found, "", name.string()),
                      fmt::format("\"{}\", which may mean each of them", wanted.name));
   } else {
+    // Names of the wanted kind only, because other files would not fit the section.
     const std::vector<path> files = files_of(library, wanted.kind);
     input_errors.add(wanted.place,
                      "a name of the library: " + listed(files, wanted.kind, name.string()),
@@ -101,7 +109,10 @@ path in_library(const FileName& wanted, InputErrors& input_errors) {
 }  // namespace
 
 path library_folder() {
+  // The variable takes precedence, so that a user can replace the installed library.
   if (const char* named = std::getenv("ABBE_LIBRARY")) {
+    // A wrong variable is an error and not ignored, as results would else come from another
+    // library.
     if (is_library(named)) return std::filesystem::canonical(named);
     throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named);
   }
@@ -119,10 +130,11 @@ path locate_file(const FileName& name, const path& folder, InputErrors& input_er
   try {
     if (name.name.starts_with(library_prefix)) return in_library(name, input_errors);
     const path inside = path(name.name).lexically_normal();
+    // Names with `..` leave the library and are never looked up in it.
     if (is_file(beside) || inside.is_absolute() || *inside.begin() == "..") return beside;
     const path file = library_folder() / inside;
     return is_file(file) ? file : beside;
-  } catch (const BadInput& fault) {  // no library: only a name that asks for it minds
+  } catch (const BadInput& fault) {  // without a library only a name with the prefix is an error
     if (name.name.starts_with(library_prefix))
       input_errors.add(name.place, fault.expected, fault.seen);
     return beside;
@@ -144,7 +156,7 @@ std::string library_name(const path& file) {
     if (!inside.empty() && *inside.begin() != "..")
       return std::string(library_prefix) + inside.generic_string();
   } catch (const BadInput&) {
-    // no library: no file is in it
+    // without a library no file is in it
   }
   return file.string();
 }

@@ -19,7 +19,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// What a search names itself.
+/// Names that the collision check gives to its own bodies.
 constexpr std::array reserved_names{"part", "stock", "cutter", "shank", "holder"};
 
 bool is_reserved_name(const std::string& name) {
@@ -30,12 +30,12 @@ std::string carrier_name(const MachineDescription& machine, const MachineBody& b
   return body.joint ? std::string(1, machine.joints[std::size_t(*body.joint)].name) : "b";
 }
 
-/// "fixture" of one, "fixture 2" of several. @param of  " of X", or empty
-std::string numbered_name(const char* word, int number, int count, const std::string& of) {
+/// Returns "fixture" for a single body, "fixture 2" among several. @param of  " of X", or empty
+std::string numbered(const char* word, int number, int count, const std::string& of) {
   return count == 1 ? word + of : fmt::format("{} {}{}", word, number, of);
 }
 
-/// The tables of a list, or the table alone.
+/// Returns the tables of a list, or the table itself if it is not in a list.
 std::vector<const Node*> tables_of(const Node* list) {
   std::vector<const Node*> tables;
   if (list != nullptr && list->table() != nullptr) tables.push_back(list);
@@ -44,12 +44,13 @@ std::vector<const Node*> tables_of(const Node* list) {
   return tables;
 }
 
-/// Refuses names that are taken. @param taken  whose they are; those of `names` are put there
-void check_unique_names(InputErrors& input_errors, const std::vector<const Node*>& tables,
-                        const std::vector<std::string>& names, const char* of,
-                        std::map<std::string, std::string> taken) {
-  if (tables.size() != names.size()) return;  // a table among them was refused
+/// Rejects names that are taken. @param taken  owner of each taken name; extended by `names`
+void check_free(InputErrors& input_errors, const std::vector<const Node*>& tables,
+                const std::vector<std::string>& names, const char* of,
+                std::map<std::string, std::string> taken) {
+  if (tables.size() != names.size()) return;  // a rejected table would shift the names
   for (std::size_t i = 0; i < names.size(); ++i) {
+    // A default name has no text in the file, so the body itself is the position of the message.
     const Node* stated = tables[i]->find("name");
     const Place& place = stated != nullptr ? stated->place : tables[i]->place;
     const auto whose = is_reserved_name(names[i])
@@ -67,12 +68,13 @@ void check_unique_names(InputErrors& input_errors, const std::vector<const Node*
 std::vector<std::string> machine_body_names(const MachineDescription& machine) {
   std::map<std::string, int> count, number;
   for (const MachineBody& one : machine.bodies)
+    // Named bodies do not count, as only unnamed ones need a number.
     count[carrier_name(machine, one)] += one.body.name.empty();
   std::vector<std::string> names;
   for (const MachineBody& one : machine.bodies) {
     const std::string carrier = carrier_name(machine, one);
     names.push_back(one.body.name.empty()
-                        ? numbered_name("body", ++number[carrier], count[carrier], " of " + carrier)
+                        ? numbered("body", ++number[carrier], count[carrier], " of " + carrier)
                         : one.body.name);
   }
   return names;
@@ -83,13 +85,13 @@ std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtu
   int number = 0;
   std::vector<std::string> names;
   for (const BodyDescription& one : fixtures)
-    names.push_back(one.name.empty() ? numbered_name("fixture", ++number, count, "") : one.name);
+    names.push_back(one.name.empty() ? numbered("fixture", ++number, count, "") : one.name);
   return names;
 }
 
 void check_body_names(TableReader& machine, const MachineDescription& described) {
-  check_unique_names(machine.input_errors(), tables_of(machine.know("body")),
-                     machine_body_names(described), "a body of the machine", {});
+  check_free(machine.input_errors(), tables_of(machine.accept_key("body")),
+             machine_body_names(described), "a body of the machine", {});
 }
 
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,
@@ -97,13 +99,14 @@ void check_fixture_names(TableReader& scene, const MachineDescription& machine,
   std::map<std::string, std::string> taken;
   for (const std::string& name : machine_body_names(machine))
     taken.emplace(name, "that of a body of the machine");
-  check_unique_names(scene.input_errors(), tables_of(scene.know("fixture")),
-                     fixture_names(fixtures), "a fixture", std::move(taken));
+  check_free(scene.input_errors(), tables_of(scene.accept_key("fixture")), fixture_names(fixtures),
+             "a fixture", std::move(taken));
 }
 
 void check_ignored_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures) {
-  const Node* collision = scene.know("collision");
+  const Node* collision = scene.accept_key("collision");
+  // A scene with errors may lack bodies, which would make correct names look unknown.
   if (collision == nullptr || !scene.input_errors().empty()) return;
   std::vector<std::string> names = machine_body_names(machine);
   for (const std::string& name : fixture_names(fixtures)) names.push_back(name);
@@ -114,6 +117,7 @@ void check_ignored_names(TableReader& scene, const MachineDescription& machine,
       if (std::ranges::find(names, *one->text()) == names.end())
         scene.input_errors().add(
             one->place, fmt::format("the name of a body: {}", fmt::join(names, ", ")), shown(*one));
+    // A body cannot collide with itself.
     if (*a->text() == *b->text())
       scene.input_errors().add(b->place, "the name of another body than collision.ignore.a",
                                shown(*b));
@@ -132,7 +136,7 @@ Motion motion_of(char name) {
                                                                             : Motion::Rotary;
 }
 
-// ISO 841: a rotary axis of this letter turns about the slide of that one.
+// ISO 841 assigns each rotary letter to the slide about which it turns.
 std::optional<Vector3d> default_direction(char name) {
   if (std::string_view("XUPA").find(name) != std::string_view::npos) return Vector3d::UnitX();
   if (std::string_view("YVQB").find(name) != std::string_view::npos) return Vector3d::UnitY();
@@ -146,6 +150,7 @@ void read_travel(TableReader& reader, Joint& joint) {
   if (!travel) return;
   joint.min = (*travel)[0];
   joint.max = (*travel)[1];
+  // The negated comparison also rejects NaN.
   if (!(joint.min < joint.max)) {
     reader.refuse(key, "[least, most] with least below most for " + key, "not rising");
   }
@@ -153,12 +158,13 @@ void read_travel(TableReader& reader, Joint& joint) {
 
 void put_travel(const Joint& joint, Node::Table& table) {
   const Joint without_end;
+  // Travel without end is the default and has no representation in TOML numbers.
   if (joint.min == without_end.min && joint.max == without_end.max) return;
   const char* key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
   put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_of(key));
 }
 
-/// @param axis  with its letter's motion
+/// @param axis  default values, with the motion of its letter
 Fields<Joint> axis_fields(const Joint& axis) {
   using kinematics::DeviationAxes;
   using kinematics::Squareness;
@@ -200,7 +206,7 @@ Fields<Joint> axis_fields(const Joint& axis) {
             "what an angle of location turns; the angle is the same");
 }
 
-/// An axis with what the control makes of its words.
+/// An axis with its rollover, which is a property of the control.
 struct MachineAxis {
   Joint joint;
   program::Rollover rollover = program::Rollover::ByControl;
@@ -228,11 +234,12 @@ Joint axis_of(const kinematics::CodeAxis& code) {
   joint.name = code.name;
   joint.side = code.side;
   joint.motion = motion_of(code.name);
+  // A letter without a default must state its direction; X is a placeholder until then.
   joint.direction_b = default_direction(code.name).value_or(Vector3d::UnitX());
   return joint;
 }
 
-// A nose is where the tool sits, so its frame says all that an axis section would.
+// The spindle nose is the mount of the tool, so its frame replaces the keys of an axis section.
 Joint make_nose_joint(const kinematics::CodeAxis& code, const kinematics::Pose& T_bs) {
   Joint joint;
   joint.name = code.name;
@@ -247,13 +254,16 @@ kinematics::Pose read_nose(TableReader& reader) {
   kinematics::Pose T_bs = kinematics::Pose::Identity();
   T_bs.translation() = reader.vector("at_mm");
   const Vector3d z = reader.direction("axis", Vector3d::UnitZ());
+  // The default x direction must not be parallel to the axis.
   const Vector3d usual_x = std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitZ();
   const Vector3d wanted_x = reader.direction("x", (usual_x - usual_x.dot(z) * z).normalized());
   const Vector3d across = wanted_x - wanted_x.dot(z) * z;
+  // Within about a milliradian of the axis the projection has no reliable direction.
   if (across.norm() < 1e-3) {
     reader.refuse("x", "a direction across the axis for machine.nose.x", "one along it");
     return T_bs;
   }
+  // An exact unit vector is kept, so that a written scene reads back the same bits.
   const Vector3d x = across.norm() == 1.0 ? across : Vector3d(across.normalized());
   T_bs.linear().col(0) = x;
   T_bs.linear().col(1) = z.cross(x);
@@ -293,11 +303,14 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
                                    const kinematics::Pose& T_bs) {
   std::vector<MachineAxis> read;
   const Node* section = machine.section("axis");
+  // Without the section an empty table stands in, so that each missing axis is reported by its
+  // letter.
   Node none;
   none.place = machine.place();
   none.value = Node::Table{};
   TableReader axes(section ? *section : none, machine.name_of("axis"), machine.input_errors());
   for (const kinematics::CodeAxis& code : topology) {
+    // The nose is described by its own section and has no axis table.
     if (motion_of(code.name) == Motion::Spindle) {
       read.push_back({make_nose_joint(code, T_bs)});
       continue;
@@ -307,6 +320,7 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
       read.push_back(machine_axis_fields({axis_of(code)})
                          .read_table(*table, axes.name_of(name), machine.input_errors()));
     } else if (!axes.has(name)) {
+      // A value of the wrong type has been reported by section().
       axes.missing(name, "a table");
     }
   }
@@ -315,8 +329,10 @@ std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topol
 }
 
 void read_joints(TableReader& reader, MachineDescription& machine) {
-  reader.know("axis");
-  for (const char* key : {"home", "reference", "machine_zero"}) reader.know(key);
+  // The keys are marked as known at once, so that an error in the code does not make them look
+  // unknown.
+  reader.accept_key("axis");
+  for (const char* key : {"home", "reference", "machine_zero"}) reader.accept_key(key);
   const auto topology = read_code(reader);
   if (!topology) return;
   const std::size_t before = reader.input_errors().list().size();
@@ -324,9 +340,11 @@ void read_joints(TableReader& reader, MachineDescription& machine) {
     machine.joints.push_back(axis.joint);
     machine.rollover.push_back(axis.rollover);
   }
+  // A partly read machine would be rejected once more by the chain, with a misleading message.
   if (machine.joints.size() != topology->size() || reader.input_errors().list().size() != before)
     return;
   try {
+    // The chain is built for its tests only.
     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument& fault) {
     reader.refuse("code", "a machine that makes a chain", fault.what());
@@ -337,6 +355,7 @@ void put_joints(const MachineDescription& machine, Node::Table& table) {
   put(table, "code", kinematics::to_string(kinematics::chain_topology(machine.joints)));
   Node::Table axes;
   for (std::size_t j = 0; j < machine.joints.size(); ++j) {
+    // Rollover is empty for machines that were not read from a file.
     const MachineAxis axis{machine.joints[j], j < machine.rollover.size()
                                                   ? machine.rollover[j]
                                                   : program::Rollover::ByControl};
@@ -359,7 +378,7 @@ void read_home(TableReader& reader, MachineDescription& machine) {
         fields.read_table(*zero, reader.name_of("machine_zero"), reader.input_errors());
 }
 
-/// Joint that a letter of the code names; none for b, the bed.
+/// Reads the joint that a letter of the code names; none for b, the bed.
 void read_carrier(TableReader& reader, const std::vector<Joint>& joints, MachineBody& body) {
   const std::string letter = reader.text("carried_by", "b");
   std::string known = "b";
@@ -367,6 +386,7 @@ void read_carrier(TableReader& reader, const std::vector<Joint>& joints, Machine
     known += std::string(" ") + joints[j].name;
     if (letter == std::string(1, joints[j].name)) body.joint = int(j);
   }
+  // With an unreadable code no letter is known, and that error is reported already.
   if (!body.joint && letter != "b" && !joints.empty())
     reader.refuse("carried_by", "a letter of the machine's code: " + known, letter);
 }
@@ -375,8 +395,8 @@ void read_carrier(TableReader& reader, const std::vector<Joint>& joints, Machine
 Fields<MachineBody> machine_body_fields(const std::vector<Joint>& joints) {
   return Fields<MachineBody>()
       .custom(
-          {make_field_key(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
-                          "letter of the axis that it moves with, s of the nose, b of the bed")},
+          {make_key(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
+                    "letter of the axis that it moves with, s of the nose, b of the bed")},
           [joints](TableReader& reader, MachineBody& body) { read_carrier(reader, joints, body); },
           [joints](const MachineBody& body, Node::Table& table) {
             if (body.joint)
@@ -398,48 +418,48 @@ void put_bodies(const MachineDescription& machine, Node::Table& table) {
 }
 
 Key body_key() {
-  return make_field_key(
-      KeyName("body").otherwise("none"), Key::Kind::Tables,
-      "what the machine is made of, for its picture and for collisions; placed in the "
-      "bed, with all axes at zero",
-      machine_body_fields({}).keys());
+  return make_key(KeyName("body").otherwise("none"), Key::Kind::Tables,
+                  "what the machine is made of, for its picture and for collisions; placed in the "
+                  "bed, with all axes at zero",
+                  machine_body_fields({}).keys());
 }
 
 Key code_key() {
-  return make_field_key(
+  return make_key(
       must("code"), Key::Kind::Text,
       "structural code, workpiece to tool: \"w C' b X Y Z A s t\"; primed axes carry the "
       "workpiece, `s` is the spindle nose");
 }
 
-/// A table of tables, one for every letter of an axis.
+/// Returns the key of a table with one table for every axis letter.
 Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
-  Key letter = make_field_key("<axis>", Key::Kind::Table, sentence, std::move(keys));
+  Key letter = make_key("<axis>", Key::Kind::Table, sentence, std::move(keys));
   letter.pattern = pattern;
-  return make_field_key("axis", Key::Kind::Table, "the axes by their letters", {std::move(letter)});
+  return make_key("axis", Key::Kind::Table, "the axes by their letters", {std::move(letter)});
 }
 
 Key home_key() {
-  return make_field_key(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
-                        "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
-                        axis_position_fields({}).keys());
+  return make_key(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
+                  "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
+                  axis_position_fields({}).keys());
 }
 
 Key reference_key() {
-  return make_field_key(KeyName("reference").otherwise("home"), Key::Kind::Table,
-                        "reference position, where G28 and its kin go: { Z_mm = 400 }",
-                        axis_position_fields({}).keys());
+  return make_key(KeyName("reference").otherwise("home"), Key::Kind::Table,
+                  "reference position, where G28 and its kin go: { Z_mm = 400 }",
+                  axis_position_fields({}).keys());
 }
 
 Key machine_zero_key() {
-  return make_field_key(KeyName("machine_zero").otherwise("the zero of the axes"), Key::Kind::Table,
-                        "positions of the axes that G53, M91 and SUPA count from",
-                        axis_position_fields({}).keys());
+  return make_key(KeyName("machine_zero").otherwise("the zero of the axes"), Key::Kind::Table,
+                  "positions of the axes that G53, M91 and SUPA count from",
+                  axis_position_fields({}).keys());
 }
 
 void put_home(const MachineDescription& machine, Node::Table& table) {
   const auto fields = axis_position_fields(machine.joints);
   put(table, "home", fields.written(machine.home));
+  // Empty vectors stand for the defaults, which need not be written.
   if (machine.reference.size() > 0) put(table, "reference", fields.written(machine.reference));
   if (machine.machine_zero.size() > 0)
     put(table, "machine_zero", fields.written(machine.machine_zero));
@@ -482,6 +502,7 @@ void read_believed(TableReader& reader, const std::vector<Joint>& joints,
                    ControlDescription& control) {
   const Node* section = reader.section("axis");
   if (!section) return;
+  // All joints start as designed, so that the section lists differences only.
   control.joints = joints;
   TableReader axes(*section, reader.name_of("axis"), reader.input_errors());
   for (Joint& joint : control.joints) {
@@ -499,7 +520,7 @@ void put_believed(const ControlDescription& control, Node::Table& table) {
   if (!axes.empty()) put(table, "axis", std::move(axes));
 }
 
-/// @param joints  of the machine as it is designed
+/// @param joints  of the machine as designed
 Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
   return Fields<ControlDescription>()
       .number(KeyName("tool_length_mm").otherwise("as it is"), &ControlDescription::tool_length,
@@ -544,9 +565,9 @@ Fields<DatumDescription::Touch> touch_fields() {
                  "in which the probe moves, towards the face");
 }
 
-/// An instant, negative in the thermal history before the program.
+/// Returns the fields of an instant, negative in the thermal history before the program.
 Fields<DatumDescription> time_fields() {
-  Key hours = make_field_key("time_h", Key::Kind::Number, "the same in hours");
+  Key hours = make_key("time_h", Key::Kind::Number, "the same in hours");
   return Fields<DatumDescription>()
       .number("time_s", &DatumDescription::time_s, any_number,
               "when it was found, negative before the program; with heat, drift counts from there")
@@ -555,14 +576,16 @@ Fields<DatumDescription> time_fields() {
           [](TableReader& reader, DatumDescription& datum) {
             const auto time_s = reader.maybe_number("time_h", any_number);
             if (!reader.has("time_h")) return;
+            // Both keys state the same time.
             if (reader.has("time_s")) reader.refuse("time_h", "one of time_s and time_h", "both");
             datum.time_s = time_s.value_or(1.0);
           },
           [](const DatumDescription&, Node::Table&) {});
 }
 
-Fields<DatumDescription> datum_fields_of(DatumDescription::Kind kind) {
+Fields<DatumDescription> datum_kind_fields(DatumDescription::Kind kind) {
   Fields<DatumDescription> fields;
+  // Each kind has its own keys; those of another kind are rejected as unknown.
   if (kind == DatumDescription::Kind::Ideal)
     fields.vector("point_mm", &DatumDescription::point_w,
                   "where the tip is set exactly, in the workpiece frame");
@@ -580,6 +603,7 @@ Fields<DatumDescription> datum_fields_of(DatumDescription::Kind kind) {
 const Fields<Deviation>& setup_fields() {
   static const Fields<Deviation> fields = [] {
     Fields<Deviation> all;
+    // All six components share one vector, so each key gets an accessor with its index.
     const auto part = [](int i) {
       return [i](auto& setup) -> auto& { return setup[i]; };
     };
@@ -595,14 +619,14 @@ const Fields<Deviation>& setup_fields() {
 
 const Fields<DatumDescription>& datum_fields() {
   static const Fields<DatumDescription> fields = [] {
-    Key kind = make_field_key(must("kind"), Key::Kind::Text, "how the control finds the part");
+    Key kind = make_key(must("kind"), Key::Kind::Text, "how the control finds the part");
     const std::vector<std::pair<DatumDescription::Kind, Word>> kinds{
         {DatumDescription::Kind::None, {"none", "not at all: where it should be", {}}},
         {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
         {DatumDescription::Kind::TouchOff,
          {"touch_off", "by a probe with the machine's errors", {}}}};
     for (auto [one, word] : kinds) {
-      word.keys = datum_fields_of(one).keys();
+      word.keys = datum_kind_fields(one).keys();
       kind.words.push_back(std::move(word));
     }
     return Fields<DatumDescription>().custom(
@@ -611,12 +635,12 @@ const Fields<DatumDescription>& datum_fields() {
           const auto word = reader.word("kind", words_of(kind), true);
           for (const auto& [one, named] : kinds)
             if (word == named.word) datum.kind = one;
-          datum = datum_fields_of(datum.kind).read(reader, datum);
+          datum = datum_kind_fields(datum.kind).read(reader, datum);
         },
         [kinds](const DatumDescription& datum, Node::Table& table) {
           for (const auto& [one, named] : kinds)
             if (datum.kind == one) put(table, "kind", named.word);
-          for (Node::Entry& entry : datum_fields_of(datum.kind).written(datum))
+          for (Node::Entry& entry : datum_kind_fields(datum.kind).written(datum))
             table.push_back(std::move(entry));
         });
   }();

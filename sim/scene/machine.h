@@ -10,30 +10,32 @@
 #include "sim/scene/table_reader.h"
 #include "sim/scene/toml.h"
 
-/// A machine as it is designed, and what its control believes and finds.
+/// A machine as designed, with the beliefs and findings of its control.
 namespace abbe::sim {
 
-/// A machine as its file describes it; every length mm, every angle rad, in the bed frame at zero.
+/// A machine as described in its file; lengths in mm, angles in rad, in the bed frame with all axes
+/// at zero.
 struct MachineDescription {
   std::string name;
   std::vector<kinematics::Joint> joints;                 ///< in the order of the structural code
-  kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece, axes at zero
+  kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece frame, axes at zero
   kinematics::Pose T_bs =
       kinematics::Pose::Identity();         ///< spindle nose or tool post; z = tool axis
-  kinematics::AxisVector home;              ///< (joints) where the axes stand when a program begins
-  std::vector<program::Rollover> rollover;  ///< (joints) of the axes that turn
-  kinematics::AxisVector reference;         ///< (joints) reference position, of G28; empty: `home`
-  kinematics::AxisVector machine_zero;  ///< (joints) where G53 counts from; empty: the axes' zero
-  double rapid_speed = 10000.0 / 60.0;  ///< mm/s
-  double rapid_turn = 1.0;              ///< rad/s
-  std::optional<double> max_spindle_speed;  ///< rad/s; none: no limit is known
+  kinematics::AxisVector home;              ///< (joints) positions of the axes at the beginning of
+                                            ///< a program
+  std::vector<program::Rollover> rollover;  ///< (joints) used for rotary axes
+  kinematics::AxisVector reference;         ///< (joints) reference position of G28; empty: `home`
+  kinematics::AxisVector machine_zero;      ///< (joints) origin of G53; empty: the zero of the axes
+  double rapid_speed = 10000.0 / 60.0;      ///< mm/s
+  double rapid_turn = 1.0;                  ///< rad/s
+  std::optional<double> max_spindle_speed;  ///< rad/s; none: no known limit
   std::string summary;                      ///< one line, for lists of machines
   std::vector<MachineBody> bodies;
 };
 
-/// What the control believes, where it differs from the nominal machine.
+/// Beliefs of the control that differ from the nominal machine.
 struct ControlDescription {
-  std::vector<kinematics::Joint> joints;  ///< as it believes (points, directions)
+  std::vector<kinematics::Joint> joints;  ///< points and directions as believed
   std::optional<double> tool_length;      ///< mm
 };
 
@@ -41,10 +43,11 @@ struct DatumDescription {
   enum class Kind { None, Ideal, TouchOff } kind = Kind::None;
   struct Touch {
     Eigen::Vector3d point_w;      ///< mm
-    Eigen::Vector3d direction_w;  ///< unit, along which the probe touches
+    Eigen::Vector3d direction_w;  ///< unit, direction of the touch
   };
   std::vector<Touch> touches;                         ///< touch_off
-  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< ideal: where the tip is set exactly
+  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< ideal: the point to which the tip is set
+                                                      ///< exactly
   double time_s = 0.0;
 };
 
@@ -56,36 +59,38 @@ MachineDescription read_machine(const Node& table, InputErrors& input_errors);
 Node::Table written_machine(const MachineDescription& machine);
 std::vector<Key> machine_keys();
 
-/// `[control]`: what the control believes where it differs.
-/// @param joints  of the machine as it is designed
+/// Reads and writes `[control]`, the beliefs of the control that differ from the machine.
+/// @param joints  of the machine as designed
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 InputErrors& input_errors);
 Node::Table written_control(const ControlDescription& control);
 std::vector<Key> control_keys();
 
-/// `[setup]`, whose value starts from zero, and `[datum]`
+/// Returns the fields of `[setup]`, whose value starts from zero, and of `[datum]`.
 const Fields<kinematics::Deviation>& setup_fields();
 const Fields<DatumDescription>& datum_fields();
 
-// The names by which a search for collisions reports bodies, and leaves pairs of them out.
+// Names of bodies in reports of the collision check, also used to ignore pairs.
 
-/// Of a machine, in its order: what has no name of its own is "body of X", or "body 2 of X" where X
-/// carries several such.
+/// Returns the body names of a machine in its order. A body without a name is "body of X", or "body
+/// 2 of X" if axis X carries several such.
 std::vector<std::string> machine_body_names(const MachineDescription& machine);
 
-/// What has no name of its own is "fixture", or "fixture 2" of several such.
+/// Returns the fixture names. A fixture without a name is "fixture", or "fixture 2" among several
+/// such.
 std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtures);
 
-/// Refuses a body of a machine with the name of another, or with one that part, stock and tool
-/// have.
-/// @param machine  the table that it was read from
+/// Rejects a body of a machine with the name of another body, or with a name reserved for part,
+/// stock and tool.
+/// @param machine  the table from which it was read
 void check_body_names(TableReader& machine, const MachineDescription& described);
 
-/// The same of fixtures, bodies of the machine among the others. @param scene  likewise
+/// Rejects fixtures in the same manner, also with names of machine bodies. @param scene  the table
+/// from which they were read
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures);
 
-/// Refuses pairs to be left out of which one is not there. @param scene  likewise
+/// Rejects ignored pairs with an unknown body. @param scene  the table from which they were read
 void check_ignored_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures);
 

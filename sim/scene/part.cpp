@@ -20,6 +20,7 @@ std::vector<std::filesystem::path> material_files(const PartDescription& part) {
   const auto* mesh = std::get_if<MeshFile>(&part.shape);
   const bool asks = std::ranges::any_of(
       part.regions, [](const PartRegion& region) { return region.colour.has_value(); });
+  // Only OBJ files keep their colours in separate files.
   if (mesh == nullptr || !asks || cutting::lower(mesh->file.extension().string()) != ".obj")
     return {};
   return cutting::material_files(mesh->file);
@@ -53,8 +54,8 @@ Fields<RevolvedProfile::Piece> piece_fields() {
 
 Fields<RevolvedProfile> revolved_profile_fields() {
   const Key start = make_numbers_key(must("start_mm"), 2, "[r, z] nearest to the axis");
-  const Key pieces = make_field_key(must("profile"), Key::Kind::Tables,
-                                    "lines and arcs from there outwards", piece_fields().keys());
+  const Key pieces = make_key(must("profile"), Key::Kind::Tables,
+                              "lines and arcs from there outwards", piece_fields().keys());
   return Fields<RevolvedProfile>().custom(
       {start, pieces},
       [](TableReader& reader, RevolvedProfile& profile) {
@@ -63,11 +64,13 @@ Fields<RevolvedProfile> revolved_profile_fields() {
         for (const Node* node : reader.tables("profile")) {
           profile.pieces.push_back(
               piece_fields().read_table(*node, reader.name_of("profile"), reader.input_errors()));
+          // A piece begins at the end of the previous one, so the profile has no gaps.
           profile.pieces.back().from = from;
           from = profile.pieces.back().to;
         }
       },
       [](const RevolvedProfile& profile, Node::Table& table) {
+        // Without pieces there is no start point to write.
         if (profile.pieces.empty()) return;
         put_numbers(table, "start_mm", profile.pieces.front().from, 1.0);
         put_tables(table, "profile", profile.pieces, piece_fields());
@@ -162,9 +165,10 @@ Fields<PartSampling> part_sampling_fields() {
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
 
 void choose_shape(TableReader& reader, PartDescription& part) {
+  // The key decides the kind of shape before any of the fields that depend on it is read.
   if (reader.has("file")) part.shape = MeshFile{};
-  reader.know("file");
-  reader.know("surface");
+  reader.accept_key("file");
+  reader.accept_key("surface");
 }
 
 Fields<PartDescription> judged_fields() {
@@ -174,6 +178,7 @@ Fields<PartDescription> judged_fields() {
       .number(KeyName("judged_radius_min_mm").otherwise("all"), &PartDescription::judged_radius_min,
               non_negative, "from the part's z axis; vertices nearer are not judged")
       .check([](TableReader& reader, PartDescription& part) {
+        // A ring whose inner radius is not below the outer one contains no vertex.
         if (part.judged_radius_min && part.judged_radius_max &&
             !(*part.judged_radius_min < *part.judged_radius_max))
           reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm",
@@ -181,12 +186,12 @@ Fields<PartDescription> judged_fields() {
                                     *part.judged_radius_max));
       })
       .word("judged", &PartDescription::judged,
-            {{"cut", PartDescription::JudgedSurface::Cut,
+            {{"cut", PartDescription::JudgedArea::Cut,
               "what the program means to cut: the error-free tool comes within the search band "
               "there, its round corner fits into the design, and the sweep does not run out beside "
               "what is not cut"},
-             {"all", PartDescription::JudgedSurface::All, "the whole surface"},
-             {"regions", PartDescription::JudgedSurface::Regions,
+             {"all", PartDescription::JudgedArea::All, "the whole surface"},
+             {"regions", PartDescription::JudgedArea::Regions,
               "what lies in a `[[part.region]]`, cut or not"}},
             "which vertices have a verdict, of those that the keys below leave")
       .where(
@@ -227,6 +232,7 @@ void read_rings(TableReader& reader, PartDescription& part) {
     TableReader ring(*node, reader.name_of("ring"), reader.input_errors());
     rings.push_back(ring_fields().read(ring));
     ring.close();
+    // Rings are reported by name in `summary.json`.
     for (std::size_t i = 0; i + 1 < rings.size(); ++i)
       if (rings[i].name == rings.back().name)
         ring.refuse("name", "a name that no other ring has", "\"" + rings[i].name + "\" again");
@@ -235,9 +241,9 @@ void read_rings(TableReader& reader, PartDescription& part) {
 
 constexpr const char* tolerance_key = "tolerance_um";
 
-/// A half width, of which 0 is none, or the two limits.
+/// Reads a half width, where 0 means none, or two limits.
 std::optional<Tolerance> read_tolerance(TableReader& reader) {
-  const Node* node = reader.know(tolerance_key);
+  const Node* node = reader.accept_key(tolerance_key);
   if (!node) return std::nullopt;
   if (!node->array()) {
     const double half = reader.number(tolerance_key, non_negative);
@@ -255,6 +261,7 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
 void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
   const double unit = unit_of(tolerance_key);
   const Tolerance limits = tolerance.value_or(Tolerance{});
+  // Symmetric limits are written in the short form of a half width.
   if (limits.lower == -limits.upper)
     put(table, tolerance_key, in_unit(limits.upper, unit));
   else
@@ -262,7 +269,7 @@ void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table
 }
 
 Key tolerance_key_of(KeyName name, const char* sentence) {
-  Key key = make_field_key(name, Key::Kind::NumberOrNumbers, sentence);
+  Key key = make_key(name, Key::Kind::NumberOrNumbers, sentence);
   key.range = non_negative;
   key.size = 2;
   return key;
@@ -270,6 +277,7 @@ Key tolerance_key_of(KeyName name, const char* sentence) {
 
 void read_colour(TableReader& reader, PartRegion& region) {
   const std::string text = reader.text("colour", "");
+  // An absent colour means every colour.
   if (text.empty()) return;
   region.colour = cutting::colour_of(text);
   if (!region.colour) reader.refuse("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
@@ -285,6 +293,8 @@ Fields<PartRegion> region_fields() {
           [](TableReader& reader, Region& region) {
             const std::size_t before = reader.input_errors().list().size();
             region.tolerance = read_tolerance(reader);
+            // A region with the tolerance 0 would cancel the tolerance of the part without saying
+            // so.
             const bool good = region.tolerance || !reader.has(tolerance_key);
             if (!good && reader.input_errors().list().size() == before)
               reader.refuse(tolerance_key, "above 0", "0");
@@ -300,17 +310,18 @@ Fields<PartRegion> region_fields() {
           "group", &Region::group,
           "of a mesh: faces that its file calls so: by `g`, `o` or `usemtl` (OBJ), `solid` (ascii "
           "STL), or by name and value of a whole number that faces have (PLY), as \"label 3\"")
-      .custom({make_field_key(
-                  "colour", Key::Kind::Text,
-                  "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
-                  "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
-                  "count within 1 / 255")},
-              read_colour,
-              [](const Region& region, Node::Table& table) {
-                if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
-              })
+      .custom(
+          {make_key("colour", Key::Kind::Text,
+                    "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
+                    "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
+                    "count within 1 / 255")},
+          read_colour,
+          [](const Region& region, Node::Table& table) {
+            if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
+          })
       .check([](TableReader& reader, Region& region) {
         const auto ordered = [&](const char* key, const std::optional<Eigen::VectorXd>& limits) {
+          // The first half of the numbers holds lower limits, the second half upper limits.
           const Eigen::Index half = limits ? limits->size() / 2 : 0;
           if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
             reader.refuse(key, "the least first", "not less");
@@ -326,6 +337,7 @@ void read_regions(TableReader& reader, PartDescription& part) {
     TableReader region(*node, reader.name_of("region"), reader.input_errors());
     part.regions.push_back(region_fields().read(region));
     part.regions.back().place = node->place;
+    // Only meshes have groups and colours of faces.
     for (const char* key : {"group", "colour"})
       if (region.has(key) && !is_mesh(part))
         region.refuse(key, "a part from a mesh `file`", "a declared surface, which has no faces");
@@ -365,7 +377,7 @@ const Fields<PartDescription>& part_fields() {
           .all_of(&PartDescription::T_wm, placement_fields())
           .all_of(&PartDescription::sampling, part_sampling_fields())
           .check([](TableReader& reader, PartDescription& part) {
-            // whoever says how many vertices means them
+            // A stated number of vertices implies that the user wants exactly these vertices.
             if (reader.has("vertices") && !reader.has("sampling"))
               part.sampling.kind = PartSampling::Kind::Vertices;
           })
@@ -373,7 +385,7 @@ const Fields<PartDescription>& part_fields() {
           .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
                   "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
           .all_of(itself, tolerance_fields())
-          .custom({make_field_key(
+          .custom({make_key(
                       "ring", Key::Kind::Tables,
                       "where the radius of a part of revolution is reported: `radii_um` in "
                       "`summary.json` is the mean radius about z of what was cut there, null where "
@@ -386,7 +398,7 @@ const Fields<PartDescription>& part_fields() {
 }
 
 void check_surface(TableReader& reader, const Primitive& primitive) {
-  if (std::holds_alternative<RectanglePlane>(primitive)) return;  // checked number by number
+  if (std::holds_alternative<RectanglePlane>(primitive)) return;  // numbers are checked singly
   try {
     cutting::profile(primitive);
   } catch (const std::invalid_argument& fault) {
@@ -401,6 +413,7 @@ PartDescription read_part(const Node& table, InputErrors& input_errors) {
   const std::size_t before = input_errors.list().size();
   PartDescription part = part_fields().read(reader);
   reader.close();
+  // The profile of a partly read surface would give misleading errors.
   if (!is_mesh(part) && input_errors.list().size() == before) check_surface(reader, declared(part));
   return part;
 }

@@ -16,63 +16,67 @@
 
 namespace abbe::sim {
 
-/// At which places of the part's surface the residual is looked at.
+/// Settings of the points on the part's surface at which the residual is evaluated.
 struct PartSampling {
   enum class Kind {
-    Adaptive,  ///< where the cut needs it, until the residual is linear between vertices
+    Adaptive,  ///< refined where the cut requires it, until the residual is linear between vertices
     Spacing,   ///< no edge longer than a spacing
-    Vertices,  ///< those of the mesh, or as many as `vertices` asks for
+    Vertices,  ///< those of the mesh, or the number stated by `vertices`
   };
   Kind kind = Kind::Adaptive;
-  std::optional<double> resolution;  ///< mm, wanted of linear interpolation; none: of PV
+  std::optional<double> resolution;  ///< mm, tolerance of linear interpolation; none: a fraction of
+                                     ///< the PV
   double spacing = 0.1;              ///< mm
   double finest = 2e-3;              ///< mm, no edge is made shorter
-  int points = 1'000'000;            ///< at most
+  int points = 1'000'000;            ///< upper limit
 };
 
-/// Limits of the residual, mm: lower < upper.
+/// Limits of the residual in mm, lower < upper.
 struct Tolerance {
   double lower = 0.0, upper = 0.0;
 };
 
-/// A stretch of the part that is judged, or not, or has a tolerance of its own.
+/// A region of the part that is judged or excluded, or has its own tolerance.
 struct PartRegion {
   std::string name;
-  std::optional<Eigen::VectorXd> z, radius;  ///< (2) mm, from and to, of the part frame
-  std::optional<Eigen::VectorXd> box;        ///< (6) mm, least x, y, z and greatest
-  std::string group;                         ///< mesh files: of its faces; empty: all
-  std::optional<cutting::Rgb> colour;        ///< mesh files: of its faces
+  std::optional<Eigen::VectorXd> z, radius;  ///< (2) mm, from and to, in the part frame
+  std::optional<Eigen::VectorXd> box;        ///< (6) mm, least x, y, z, then greatest
+  std::string group;                         ///< mesh files: group of its faces; empty: all
+  std::optional<cutting::Rgb> colour;        ///< mesh files: colour of its faces
   std::optional<Tolerance> tolerance;
   bool judged = true;
-  Place place;  ///< in the scene, for what its mesh does not have
+  Place place;  ///< position in the scene, for errors found in the mesh
 };
 
 struct PartDescription {
   std::string name;
   std::variant<cutting::Primitive, MeshFile> shape;
-  kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece
-  int vertices = 20000;                                  ///< wanted; not for mesh files
+  kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece frame
+  int vertices = 20000;                                  ///< requested number; not for mesh files
   PartSampling sampling;
-  /// What is judged, of what the regions and the numbers below leave.
-  enum class JudgedSurface { Cut, All, Regions };  ///< Cut: what the program means to cut
-  JudgedSurface judged = JudgedSurface::Cut;
-  bool flat_facets = false;  ///< mesh files: the facets are the surface, not a smooth one
-  double recognise = 1e-4;   ///< mesh files: mm, within which a face is a plane, sphere, cylinder,
-                             ///< cone or torus; 0: never
+  /// Judged surface, within the limits of the regions and numbers below.
+  enum class JudgedArea { Cut, All, Regions };  ///< Cut: as the program intends
+  JudgedArea judged = JudgedArea::Cut;
+  bool flat_facets = false;  ///< mesh files: the facets themselves are the surface, without
+                             ///< smoothing
+  double recognise = 1e-4;   ///< mesh files: mm; a face within this distance of a plane, sphere,
+                             ///< cylinder, cone or torus is treated as that surface; 0: never
   double edge_angle =
-      30.0 * std::numbers::pi / 180.0;  ///< mesh files: rad, sharper edges part faces
-  std::optional<double> edge_margin;  ///< mesh files: mm from sharp edges that are left out; none:
-                                      ///< a share of the tool's radius
-  double form_cutoff = 2.5;           ///< mm, wave that passes by half into the form
+      30.0 * std::numbers::pi / 180.0;  ///< mesh files: rad; edges sharper than this separate faces
+  std::optional<double> edge_margin;  ///< mesh files: mm, excluded margin along sharp edges; none:
+                                      ///< a fraction of the tool radius
+  double form_cutoff = 2.5;           ///< mm, wavelength of which half the amplitude passes into
+                                      ///< the form
   std::optional<double>
-      judged_radius_max;  ///< mm from the part's z axis; vertices beyond are left out
+      judged_radius_max;  ///< mm from the part's z axis; vertices farther out are excluded
   std::optional<double> judged_radius_min;
   std::optional<double>
-      judged_normal_z;  ///< mesh files: vertices whose normal's z is less are left out
-  std::optional<double> judged_margin;  ///< mesh files: mm from the rim that are left out
+      judged_normal_z;  ///< mesh files: vertices with a smaller normal z are excluded
+  std::optional<double> judged_margin;  ///< mesh files: mm, excluded margin along the rim
   std::optional<Tolerance> tolerance;
-  std::vector<PartRegion> regions;  ///< the last that holds a place decides there
-  struct Ring {                     ///< where the radius of a part of revolution is reported
+  std::vector<PartRegion> regions;  ///< the last region that contains a point applies there
+  struct Ring {                     ///< a zone in which the radius of a part of revolution is
+                                    ///< reported
     std::string name;
     double along = 0.0;  ///< mm, z of the part frame
     double width = 0.0;  ///< mm, > 0
@@ -83,10 +87,10 @@ struct PartDescription {
 using Alignment = cutting::Alignment;
 
 struct Limits {
-  std::optional<double> pv_um, rms_um, max_abs_um;  ///< exceeded: exit 1
-  std::optional<double> form_pv_um, form_rms_um;    ///< of the map through the areal filter
-  std::optional<double> texture_sa_um, texture_sq_um, texture_sz_um;  ///< of the rest
-  bool tolerance = false;  ///< a verdict of FAIL exceeds it
+  std::optional<double> pv_um, rms_um, max_abs_um;  ///< exceeding one gives exit code 1
+  std::optional<double> form_pv_um, form_rms_um;    ///< of the map after the areal filter
+  std::optional<double> texture_sa_um, texture_sq_um, texture_sz_um;  ///< of the remainder
+  bool tolerance = false;  ///< a verdict of FAIL counts as exceeded
 };
 
 struct Key;
@@ -95,9 +99,9 @@ PartDescription read_part(const Node& table, InputErrors& input_errors);
 Node::Table written_part(const PartDescription& part);
 std::vector<Key> part_keys();
 
-/// The libraries of materials that say which colours the faces of a part have: those that its OBJ
-/// names, if a region asks for a colour. No key of a scene names them.
-/// @throws BadInput if the OBJ cannot be read
+/// Returns the material libraries that define the face colours of a part, namely those named by its
+/// OBJ file, if a region selects by colour. No key of a scene names these files.
+/// @throws BadInput if the OBJ file cannot be read
 std::vector<std::filesystem::path> material_files(const PartDescription& part);
 
 }  // namespace abbe::sim

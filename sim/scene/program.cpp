@@ -73,6 +73,7 @@ Fields<Spiral> spiral_fields() {
   return Fields<Spiral>()
       .number(must("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
       .number(must("feed_um_per_rev"), &Spiral::feed_per_revolution, positive, "inwards, per turn")
+      // The default start depends on another key, so it is set after the feed has been read.
       .then([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
       .number(KeyName("start_beyond_rim_mm").otherwise("one feed"), &Spiral::start_beyond_rim,
               non_negative, "where the cut begins")
@@ -90,6 +91,7 @@ void check_file(TableReader& reader, File& program) {
   constexpr std::array<std::string_view, 18> endings = {
       ".ngc", ".nc",  ".tap", ".cnc", ".gcode", ".eia", ".mpf", ".spf", ".h",
       ".cl",  ".cls", ".apt", ".ncl", ".txt",   ".min", ".iso", ".csv", ".pvt"};
+  // The extension decides how the file is read.
   if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
     reader.refuse("file",
                   "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
@@ -99,11 +101,14 @@ void check_file(TableReader& reader, File& program) {
     reader.refuse("file", "a file that can be read", missing_file_text(file));
   }
   const bool pvt = program.dialect != Dialect::Cl && (ending == ".csv" || ending == ".pvt");
+  // A PVT table lists axis positions, so there are no tool vectors to which a pole rule could
+  // apply.
   if (pvt && program.pole.rule != PoleRule::AsProgrammed)
     reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
   if (pvt && !program.startup_code.empty())
     reader.refuse("startup_code", "none beside a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
+  // LinuxCNC's interpreter reads only its own dialect.
   if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
     reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
                   "\"linuxcnc\"");
@@ -174,6 +179,7 @@ void read_table(TableReader& reader, ControlTableFile& table, dialects::TableKin
   try {
     table.table = dialects::read_control_table_file(table.file, kind, table.unit);
   } catch (const dialects::BadProgram& bad) {
+    // A table can have many errors; each keeps its own line in the file.
     for (const BadInput& fault : bad.input_errors) reader.input_errors().add(fault);
   } catch (const BadInput&) {
     reader.refuse("file", "a file that can be read", missing_file_text(table.file));
@@ -200,6 +206,7 @@ Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
 }
 
 void check_tables(TableReader& reader, ProgramDescription& program) {
+  // The table replaces these keys entirely; a mixture would leave the origin of a length unclear.
   if (program.tools && reader.has("tool_length_mm"))
     reader.refuse("tool_length_mm", "either it or tools, which has every length", "both");
   if (program.offsets && reader.has("work_offset"))
@@ -234,20 +241,19 @@ Fields<ProgramDescription> file_fields() {
                 {{"refuse", UnknownWordPolicy::Refuse, "all of them at once"},
                  {"warn", UnknownWordPolicy::Warn, "they are skipped, and counted"}},
                 "words that the dialect has not")
-          .custom({make_field_key(
-                      KeyName("block_skip").otherwise("on"), Key::Kind::Text,
-                      "the operator's switch for blocks behind a /: \"on\" leaves them out, "
-                      "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
-                      "is level 1 of Fanuc, else 0")},
-                  read_block_skip,
-                  [](const File& program, Node::Table& table) {
-                    put(table, "block_skip", program::to_text(program.block_skip));
-                  })
           .custom(
-              {make_field_key(
-                  KeyName("startup_code").otherwise("none"), Key::Kind::Text,
-                  "a block of the dialect that is read before the first line, as a control "
-                  "begins with: \"G20 G91\", \"T1 M6\"")},
+              {make_key(KeyName("block_skip").otherwise("on"), Key::Kind::Text,
+                        "the operator's switch for blocks behind a /: \"on\" leaves them out, "
+                        "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
+                        "is level 1 of Fanuc, else 0")},
+              read_block_skip,
+              [](const File& program, Node::Table& table) {
+                put(table, "block_skip", program::to_text(program.block_skip));
+              })
+          .custom(
+              {make_key(KeyName("startup_code").otherwise("none"), Key::Kind::Text,
+                        "a block of the dialect that is read before the first line, as a control "
+                        "begins with: \"G20 G91\", \"T1 M6\"")},
               [](TableReader& reader, File& program) {
                 program.startup_code = reader.text("startup_code", "");
               },
@@ -286,16 +292,17 @@ bool is_program_file(const ProgramDescription& program) {
 }
 
 void choose_source(TableReader& reader, ProgramDescription& program) {
+  // A missing `file` selects the generators, so their keys are known before they are read.
   if (!reader.has("file")) program.source = Raster{};
-  reader.know("file");
-  reader.know("generator");
+  reader.accept_key("file");
+  reader.accept_key("generator");
 }
 
 Key tool_length_key() {
-  Key length = make_field_key("<H>", Key::Kind::Number, "of the tool of this H number, 0 to 999");
+  Key length = make_key("<H>", Key::Kind::Number, "of the tool of this H number, 0 to 999");
   length.pattern = "[0-9]{1,3}";
-  return make_field_key("tool_length_mm", Key::Kind::Table,
-                        "by H number, such as { 2 = 80.0 }; H1 is the tool in use", {length});
+  return make_key("tool_length_mm", Key::Kind::Table,
+                  "by H number, such as { 2 = 80.0 }; H1 is the tool in use", {length});
 }
 
 void read_tool_lengths(TableReader& program, ProgramDescription& description) {
@@ -306,7 +313,8 @@ void read_tool_lengths(TableReader& program, ProgramDescription& description) {
     const bool digits =
         entry.key.size() <= 3 && entry.key.find_first_not_of("0123456789") == std::string::npos;
     if (!digits) {
-      reader.know(entry.key);
+      // The key is marked as known, so that it is not reported twice.
+      reader.accept_key(entry.key);
       program.input_errors().add(entry.place, "an H number from 0 to 999", entry.key);
       continue;
     }
@@ -324,15 +332,13 @@ void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
 using Joints = std::vector<kinematics::Joint>;
 
 Key work_offset_key() {
-  Key one =
-      make_field_key("G<54..59>", Key::Kind::Table,
+  Key one = make_key("G<54..59>", Key::Kind::Table,
                      "where the words of the program count from: with rotary axes a place in the "
                      "workpiece, else positions of the slides",
                      axis_position_fields({}).keys());
   one.pattern = "G5[4-9]";
-  return make_field_key("work_offset", Key::Kind::Table,
-                        "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`",
-                        {one});
+  return make_key("work_offset", Key::Kind::Table,
+                  "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`", {one});
 }
 
 std::string work_offset_name(std::size_t i) { return "G" + std::to_string(54 + i); }
@@ -347,6 +353,7 @@ void read_work_offsets(TableReader& program, const Joints& joints,
     if (!node) continue;
     TableReader words(*node, reader.name_of(work_offset_name(i)), program.input_errors());
     description.work_offset[i] = read_axis_positions(words, joints);
+    // Without joints every axis word would look unknown.
     if (!joints.empty()) words.close();
   }
   reader.close();
@@ -355,13 +362,14 @@ void read_work_offsets(TableReader& program, const Joints& joints,
 void put_work_offsets(const ProgramDescription& program, const Joints& joints, Node::Table& table) {
   Node::Table offsets;
   for (std::size_t i = 0; i < program.work_offset.size(); ++i)
+    // An empty vector means that the offset is not set.
     if (program.work_offset[i].size() > 0)
       put(offsets, work_offset_name(i),
           axis_position_fields(joints).written(program.work_offset[i]));
   if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
 }
 
-/// All keys but those of work offsets, which the axes of the machine decide.
+/// Returns all keys except those of work offsets, which depend on the axes of the machine.
 const Fields<ProgramDescription>& program_fields() {
   static const Fields<ProgramDescription> fields =
       Fields<ProgramDescription>()
@@ -376,7 +384,7 @@ const Fields<ProgramDescription>& program_fields() {
 }  // namespace
 
 void check_axes(dialects::ControlTable& offsets, const Joints& joints, InputErrors& input_errors) {
-  constexpr int removes_first_offset = 500;  // of Siemens and Heidenhain
+  constexpr int first_deferred_offset = 500;  // of Siemens and Heidenhain
   if (joints.empty()) return;
   const std::string letters = kinematics::letters(joints);
   std::string left_out;
@@ -384,9 +392,12 @@ void check_axes(dialects::ControlTable& offsets, const Joints& joints, InputErro
     const auto& [number, offset] = one;
     bool fits = true;
     for (const auto& [axis, value] : offset.axes) {
+      // An offset of zero has no effect, so an axis that the machine lacks is harmless there.
       if (value.value == 0.0 || letters.find(axis) != std::string::npos) continue;
       fits = false;
-      if (number < removes_first_offset)
+      // Offsets from this number on are common to many machines in one table, so they are removed
+      // with a note.
+      if (number < first_deferred_offset)
         input_errors.add(BadInput(offsets.file, value.line, value.column,
                                   "an offset of an axis of this machine (" + letters + ")",
                                   std::string(1, axis)));

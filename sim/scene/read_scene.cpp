@@ -27,7 +27,7 @@ path plain(const path& file) { return std::filesystem::absolute(file).lexically_
 
 class NameCollector {
  public:
-  explicit NameCollector(NamedFiles& named) : named_(named) {}
+  explicit NameCollector(Named& named) : named_(named) {}
 
   void add_scene(const Node& tree, const path& file) {
     add_file(file);
@@ -35,8 +35,9 @@ class NameCollector {
     for (const Node* variant : tables(tree.find("variant"))) {
       const Node* set = variant->find("set");
       if (!set || !set->table()) continue;
+      // The variant is read again with its errors when the scene is checked.
       InputErrors reported_already;
-      add_tree(changed(tree, set_changes(*set), file.parent_path(), reported_already));
+      add_tree(changed(tree, changes_from_set(*set), file.parent_path(), reported_already));
     }
   }
 
@@ -59,14 +60,16 @@ class NameCollector {
         for (const Node& one : *cases->array()) add_program(&one);
     for (const Node* instrument : tables(tree.find("instrument")))
       add_program(instrument->find("case"));
+    // The training scene lies deep in the belief; every step may be missing.
     const Node* at = &tree;
     for (const char* key : {"belief", "force", "training", "file"})
       at = at ? at->find(key) : nullptr;
     if (at && at->text()) add_training(plain(*at->text()));
   }
 
-  /// The files from which nodes come, and those that they name.
+  /// Adds the files from which nodes come, and the files that they name.
   void add_places(const Node& node) {
+    // Values typed by the user have no file.
     if (node.place.file && !node.place.typed && seen_.insert(*node.place.file).second)
       add_file(*node.place.file);
     if (const Node::Array* array = node.array())
@@ -82,6 +85,7 @@ class NameCollector {
     const auto program = text ? named_program(*text) : std::nullopt;
     if (!program) return;
     add_file(program->program);
+    // Several variants name the same program at the same position, which counts once.
     const bool known = std::ranges::any_of(named_.programs, [&](const NamedProgram& one) {
       return one.program == program->program && one.file == program->file &&
              one.line == program->line && one.column == program->column;
@@ -90,7 +94,9 @@ class NameCollector {
   }
 
   void add_training(const path& file) {
+    // Training scenes may refer to each other, so each is read once.
     if (!trainings_.insert(file).second) return;
+    // Errors of a training scene are reported when it is used.
     InputErrors reported_when_used;
     if (const auto tree = read_tree(file, reported_when_used)) add_scene(*tree, file);
   }
@@ -101,7 +107,7 @@ class NameCollector {
     if (std::ranges::find(named_.files, one) == named_.files.end()) named_.files.push_back(one);
   }
 
-  NamedFiles& named_;
+  Named& named_;
   std::set<std::string> seen_;
   std::set<path> trainings_;
 };
@@ -115,60 +121,63 @@ std::optional<NamedProgram> named_program(const Node& node) {
     return NamedProgram{plug_in_case(*text).plug_in, node.place.file ? *node.place.file : "",
                         node.place.line, node.place.column, node.place.typed};
   } catch (const std::invalid_argument&) {
-    return std::nullopt;  // refused by the reader
+    return std::nullopt;  // rejected by the reader
   }
 }
 
-NamedFiles collect_named_files(const Node& tree, const path& file) {
-  NamedFiles named;
+Named collect_named_files(const Node& tree, const path& file) {
+  Named named;
   NameCollector(named).add_scene(tree, file);
   return named;
 }
 
 namespace {
 
-// What several tools do not go with.
+// Rejects sections that do not work with several tools.
 void check_several_tools(TableReader& scene, const Scene& result) {
-  if (result.more_tools.empty()) return;
+  if (result.additional_tools.empty()) return;
   const auto refuse = [&](const Node* section, const char* key, const std::string& expected) {
     const Node* node = section && key ? section->find(key) : section;
     if (node)
       scene.input_errors().add(node->place, expected,
-                               fmt::format("{} tools", 1 + result.more_tools.size()));
+                               fmt::format("{} tools", 1 + result.additional_tools.size()));
   };
-  refuse(scene.know("cutting"), nullptr,
+  refuse(scene.accept_key("cutting"), nullptr,
          "one tool beside [cutting], which follows the stock and the force of one");
-  refuse(scene.know("program"), "generator",
+  refuse(scene.accept_key("program"), "generator",
          "one tool for a generator; several want a program file");
-  refuse(scene.know("control"), "tool_length_mm",
+  refuse(scene.accept_key("control"), "tool_length_mm",
          "one tool beside it; of several, actual.length_mm says what each is wrong by");
 }
 
-// A tool table has tools by their numbers, and the length that the control believes.
+// Checks the tools against a tool table, which lists tools by number with the length that the
+// control believes.
 void check_tool_table(TableReader& scene, const Scene& result) {
-  const Node* program = scene.know("program");
+  const Node* program = scene.accept_key("program");
   const Node* tools = program ? program->find("tools") : nullptr;
   if (!tools || !result.program.tools) return;
-  for (const ToolDescription& tool : tools_of(result))
+  for (const ToolDescription& tool : all_tools(result))
+    // Without a number a tool cannot be found in the table.
     if (!tool.number)
       scene.input_errors().add(tools->place,
                                "tool.number of every tool, by which a tool table has it",
                                "a tool without");
-  const Node* control = scene.know("control");
+  const Node* control = scene.accept_key("control");
   const Node* length = control ? control->find("tool_length_mm") : nullptr;
   if (length)
     scene.input_errors().add(length->place, "either it or program.tools, which has every length",
                              "both");
 }
 
-// What tool, part and program ask of each other; the loop could report it too, but not where it
-// stands.
+// Checks the requirements between tool, part and program. The simulation would report them too, but
+// without a position in the scene.
 void check_consistency(TableReader& scene, const Scene& result) {
-  const Node* program = scene.know("program");
+  const Node* program = scene.accept_key("program");
   const Node* generator = program ? program->find("generator") : nullptr;
-  const Node* tool = scene.know("tool");
+  const Node* tool = scene.accept_key("tool");
   const bool turning = std::holds_alternative<cutting::Nose>(result.tool.nominal);
   const auto& joints = result.machine.joints;
+  // A turning tool cuts only if the workpiece spins, so the chain must begin with that spindle.
   if (turning && tool && !joints.empty() &&
       (joints.front().name != 'S' || joints.front().motion != kinematics::Motion::Rotary)) {
     scene.input_errors().add(tool->place,
@@ -177,6 +186,7 @@ void check_consistency(TableReader& scene, const Scene& result) {
   }
   check_several_tools(scene, result);
   check_tool_table(scene, result);
+  // A program file makes no assumptions about the shape of the part.
   if (!generator) return;
   const auto* primitive = std::get_if<cutting::Primitive>(&result.part.shape);
   const auto wants = [&](bool fits, const char* expected) {
@@ -184,6 +194,7 @@ void check_consistency(TableReader& scene, const Scene& result) {
   };
   if (std::holds_alternative<program::Spiral>(result.program.source)) {
     wants(turning, "a turning tool for this generator");
+    // The spiral follows a profile about z, which a rectangle does not have.
     wants(primitive && !std::holds_alternative<cutting::RectanglePlane>(*primitive),
           "a declared surface of revolution for this generator");
   } else {
@@ -195,13 +206,14 @@ void check_consistency(TableReader& scene, const Scene& result) {
   }
 }
 
-// Refuses a case whose belief the scene does not give, or cannot have from its sensors.
+// Rejects a case whose belief the scene does not state, or whose sensors the scene lacks.
 void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases,
                    TableReader& reader) {
   using Belief = CaseDescription::Belief;
   using From = BeliefDescription::Force::From;
   const BeliefDescription& given = scene.belief;
   for (const CaseDescription& one : cases) {
+    // A plug-in has beliefs of its own.
     if (!one.plug_in.empty()) continue;
     const auto wants = [&](Belief kind, bool is, const char* what) {
       const bool named =
@@ -222,6 +234,7 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
                       return instrument.name == given.part->instrument &&
                              std::holds_alternative<errors::metrology::TouchProbe>(instrument.how);
                     });
+    // The probe would measure the part relative to a machine that the other beliefs do not correct.
     if (one.belief == Belief::Fused && probes && (given.identified || given.thermal))
       reader.refuse("compare",
                     "a part measured apart (cmm) for " + one.name +
@@ -231,6 +244,7 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
     if (!feels) continue;
     const bool cuts = scene.cutting && scene.cutting->material;
     if (!cuts) reader.refuse("compare", "[cutting] with a material for " + one.name, "none");
+    // The signals are simulated only if the scene describes their sensors.
     if (given.force->from == From::Current && !scene.signals.current)
       reader.refuse("compare", "[signals.current] for " + one.name, "none");
     if (given.force->from == From::Dynamometer && !scene.signals.dynamometer)
@@ -246,6 +260,8 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, InputErro
   scene = title_scene_fields().read(reader, std::move(scene));
   const std::size_t before = input_errors.list().size();
   scene = cutting_scene_fields().read(reader, std::move(scene));
+  // Consistency is checked only for sections without errors, as their defaults would give
+  // misleading messages.
   if (input_errors.list().size() == before) check_consistency(reader, scene);
   scene = judging_scene_fields().read(reader, std::move(scene));
   if (input_errors.list().size() == before) check_beliefs(scene, scene.cases, reader);
@@ -254,8 +270,8 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, InputErro
   return scene;
 }
 
-// A variant that cannot be read, or whose cases have no folder of their own, is refused with the
-// scene, not an hour later when its turn comes.
+// Checks all variants with the scene itself. A variant that cannot be read, or whose cases share a
+// folder, is rejected at once and not an hour later during the comparison.
 void check_variants(const Scene& scene, const Node& tree, InputErrors& input_errors) {
   const std::filesystem::path& file = scene.file;
   ComparedNames names{scene.cases, {}};
@@ -263,8 +279,9 @@ void check_variants(const Scene& scene, const Node& tree, InputErrors& input_err
   for (std::size_t i = 0; list && list->array() && i < list->array()->size(); ++i) {
     const Node* set = (*list->array())[i].find("set");
     if (!set || !set->table()) continue;
-    const Scene variant = interpreted(
-        changed(tree, set_changes(*set), file.parent_path(), input_errors), file, input_errors);
+    const Scene variant =
+        interpreted(changed(tree, changes_from_set(*set), file.parent_path(), input_errors), file,
+                    input_errors);
     names.variants.push_back({scene.variants[i].name, variant.cases});
   }
   if (input_errors.empty()) check_case_folders(tree, names, input_errors);
@@ -276,25 +293,28 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   InputErrors input_errors;
   const std::optional<Node> as_written = read_tree(file, input_errors);
   if (!as_written) throw BadScene(input_errors.list());
+  // A study names its scene in `scene`, so it gets a specific message.
   if (as_written->find("scene") && !as_written->find("machine"))
     throw BadScene({BadInput(file.string(), 0, 0, "a scene, which names its machine in `machine`",
                              "a study, which abbe study takes")});
-  Scene scene = build_scene(*as_written, file, overrides, std::move(input_errors));
-  NamedFiles named = collect_named_files(*scene.tree, file);
+  Scene scene = scene_from_tree(*as_written, file, overrides, std::move(input_errors));
+  Named named = collect_named_files(*scene.tree, file);
   scene.files = std::move(named.files);
+  // The mesh and not the scene names these files.
   for (std::filesystem::path& file : material_files(scene.part))
     scene.files.push_back(std::filesystem::absolute(file).lexically_normal());
   scene.programs = std::move(named.programs);
   return scene;
 }
 
-Scene build_scene(const Node& as_written, const std::filesystem::path& file,
-                  const std::vector<Override>& overrides, InputErrors input_errors) {
+Scene scene_from_tree(const Node& as_written, const std::filesystem::path& file,
+                      const std::vector<Override>& overrides, InputErrors input_errors) {
   Node tree = changed(as_written, overrides, file.parent_path(), input_errors);
   Scene scene = interpreted(tree, file, input_errors);
   if (input_errors.empty()) check_variants(scene, tree, input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   Node bare = tree;
+  // The case belongs to one run, whereas the resolved scene serves all cases of a comparison.
   std::erase_if(*bare.table(), [](const Node::Entry& entry) { return entry.key == "case"; });
   scene.resolved = to_toml(bare);
   scene.tree = std::make_shared<const Node>(std::move(tree));

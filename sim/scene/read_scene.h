@@ -12,33 +12,36 @@
 
 namespace abbe::sim {
 
-/// What a scene names beside itself: nothing of it is run, and nothing is judged.
-struct NamedFiles {
-  std::vector<std::filesystem::path> files;  ///< itself, sub-files, data, programs, the scenes of
-                                             ///< training parts; absolute, each once
-  std::vector<NamedProgram> programs;        ///< compensators, in the order found, each place once
+/// Files and programs that a scene names; they are neither run nor judged.
+struct Named {
+  std::vector<std::filesystem::path> files;  ///< the scene itself, section files, data, programs
+                                             ///< and the scenes of training parts; absolute,
+                                             ///< without repetition
+  std::vector<NamedProgram> programs;        ///< compensators in the order of appearance, each
+                                             ///< position once
 };
 
-/// @param tree  of a scene with its sub-files read in and every change made; the changes of its
-///              variants are made here
+/// Returns the files that a scene names.
+/// @param tree  of a scene with its section files read in and all changes applied; the changes of
+///              its variants are applied here
 /// @param file  of the scene
-NamedFiles collect_named_files(const Node& tree, const std::filesystem::path& file);
+Named collect_named_files(const Node& tree, const std::filesystem::path& file);
 
-/// The program that a text in the place of a case names; none if it is no plug-in's file.
+/// Returns the program that the text of a case names; none if it is not the file of a plug-in.
 std::optional<NamedProgram> named_program(const Node& text);
 
-/// Reads a scene strictly: unknown keys are refused with the nearest known one, types and units are
-/// checked, and all faults are found before any is reported.
-/// @param overrides  applied to the text before it is checked; a path that names nothing known is
-/// refused
-/// @throws BadScene with every fault
+/// Reads a scene strictly. Unknown keys are rejected with the nearest known one, types and units
+/// are checked, and all errors are collected before any is reported.
+/// @param overrides  applied to the text before it is checked; a path without a known target is
+///                   rejected
+/// @throws BadScene with every error
 Scene read_scene(const std::filesystem::path& file, const std::vector<Override>& overrides = {});
 
-/// The scene of a tree with values changed, as `read_scene` makes it of a file; only what overrides
-/// name is read from disk.
-/// @param faults  found before
+/// Returns the scene of a tree with changed values, as `read_scene` does for a file; only the files
+/// named by overrides are read from disk.
+/// @param input_errors  errors found before
 /// @throws BadScene
-Scene build_scene(const Node& as_written, const std::filesystem::path& file,
-                  const std::vector<Override>& overrides, InputErrors input_errors = {});
+Scene scene_from_tree(const Node& as_written, const std::filesystem::path& file,
+                      const std::vector<Override>& overrides, InputErrors input_errors = {});
 
 }  // namespace abbe::sim

@@ -26,21 +26,21 @@
 
 namespace abbe::sim {
 
-/// A picture's view: where the camera stands, in the part frame.
+/// A view of a picture, given by the camera position in the part frame.
 struct ViewDescription {
   Eigen::Vector3d from =
       Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< direction from the part to the camera
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
-  std::optional<double> range_um;  ///< colour scale is -range .. +range; else fitted
+  std::optional<double> range_um;  ///< colour scale from -range to +range; none: fitted
 };
 
-// Everything together: description (TOML) -> compiled machine, part, path -> loop -> report.
+// The complete sequence: description (TOML), compiled machine, part and path, simulation, report.
 
 struct Node;
 
-/// A scene as read: description only, nothing compiled.
+/// A scene as read, a description without compiled parts.
 struct Scene {
-  // compiled once, not in every source that copies or moves one
+  // defined in one source file, which spares every other the compilation of copies and moves
   Scene();
   Scene(const Scene&);
   Scene(Scene&&) noexcept;
@@ -58,15 +58,17 @@ struct Scene {
   std::optional<errors::ComplianceErrors> compliance;
   std::vector<errors::Vibration> vibrations;
   std::optional<CuttingDescription> cutting;
-  std::vector<BodyDescription> fixtures;  ///< what clamps the part, in the workpiece frame
+  std::vector<BodyDescription> fixtures;  ///< clamping of the part, in the workpiece frame
   CollisionDescription collision;
   SignalsDescription signals;
   std::vector<InstrumentDescription> instruments;
   std::vector<PartInstrumentDescription> part_instruments;
   std::optional<SensorChoiceDescription> sensor_choice;
-  kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping of the part, at w
+  kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping deviation of the part,
+                                                                ///< at w
   ToolDescription tool;
-  std::vector<ToolDescription> more_tools;  ///< of several; then each has a number of its own
+  std::vector<ToolDescription>
+      additional_tools;  ///< further tools; then every tool has its own number
   PartDescription part;
   ProgramDescription program;
   ControlDescription control;
@@ -79,32 +81,33 @@ struct Scene {
   Limits limits;
   BeliefDescription belief;
   CompensationDescription compensation;
-  std::string case_name;  ///< what `run` cuts without --case: the case that a finished result
-                          ///< names in its scene.toml; empty: uncompensated
-  std::vector<CaseDescription> cases;  ///< compensators that compare runs, in order
+  std::string case_name;  ///< the case that `run` cuts without --case, as stated in the scene.toml
+                          ///< of a finished result; empty: uncompensated
+  std::vector<CaseDescription> cases;  ///< compensators for comparison runs, in order
   std::vector<Variant> variants;
   std::string
-      resolved;  ///< TOML text with every file it names read in; rerunning it gives the same
+      resolved;  ///< TOML text with the section files included; running it again gives identical
                  ///< bits. Data files (mesh, tables, program) are named by absolute path
-  std::shared_ptr<const Node> tree;            ///< of which it was read, with every change made
-  std::vector<std::filesystem::path> files;    ///< that it was read from or names; of read_scene
-  std::vector<NamedProgram> programs;          ///< that it would run; of read_scene
+  std::shared_ptr<const Node> tree;            ///< the tree from which the scene was read, with all
+                                               ///< changes
+  std::vector<std::filesystem::path> files;    ///< files read or named; set by read_scene
+  std::vector<NamedProgram> programs;          ///< programs that it would run; set by read_scene
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run: sim/scene/trust.h
 };
 
-/// Every tool of a scene, in the order in which it describes them.
-std::vector<ToolDescription> tools_of(const Scene& scene);
+/// Returns all tools of a scene in the order of their description.
+std::vector<ToolDescription> all_tools(const Scene& scene);
 
-/// Length from the nose to the tip as the control has it, mm: of its tool table, else of its own
-/// section, else that of the scene.
-double believed_length(const Scene& scene, const ToolDescription& tool);
+/// Returns the length from the nose to the tip as the control knows it, mm: from its tool table,
+/// else from its own section, else from the scene.
+double control_tool_length(const Scene& scene, const ToolDescription& tool);
 
-/// Where the control's tool table and the true tools of the scene part by more than 1 nm, with
-/// figures, and tools that it has not.
+/// Returns warnings with figures for tools whose entries in the control's table differ from the
+/// true ones by more than 1 nm, and for tools missing there.
 std::vector<std::string> tool_table_warnings(const Scene& scene);
 
-/// The scene with the tool of that number as its only one.
-/// @throws std::out_of_range if it describes none
+/// Returns the scene with the tool of that number as its only tool.
+/// @throws std::out_of_range if the scene has no such tool
 Scene with_tool(Scene scene, int number);
 
 }  // namespace abbe::sim

@@ -25,7 +25,7 @@ namespace abbe::sim {
 template <typename T>
 class Fields;
 
-/// `[sampling]`, `[search]`, `[view]`, `[limits]`
+/// Returns the fields of `[sampling]`, `[search]`, `[view]` and `[limits]`.
 const Fields<Scene>& sampling_fields();
 const Fields<Scene>& search_fields();
 const Fields<ViewDescription>& view_fields();
@@ -36,7 +36,7 @@ namespace {
 using Field = Fields<Scene>::Field;
 
 Key table_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
-  Key key = make_field_key(name, Key::Kind::Table, sentence);
+  Key key = make_key(name, Key::Kind::Table, sentence);
   key.keys = std::move(keys);
   return key;
 }
@@ -52,16 +52,17 @@ Key with_file(Key key) {
   return key;
 }
 
-// A section whose file was refused is still the name of that file; it is reported already.
+// Returns the table of a section. A section that still is the name of a file was rejected and
+// reported before.
 const Node* section(TableReader& scene, const Key& key) {
-  const Node* node = scene.know(key.name);
+  const Node* node = scene.accept_key(key.name);
   if (!node && key.required) scene.missing(key.name, "a table or a file");
   if (node && node->text()) return nullptr;
   return node ? scene.section(key.name) : nullptr;
 }
 
-/// A section that may stand in a file of its own.
-/// @param read  (const Node&, Scene&, Faults&)
+/// Adds a section that may be stored in a file of its own.
+/// @param read  (const Node&, Scene&, InputErrors&)
 /// @param write  (const Scene&) -> optional<Node::Table>
 template <typename Read, typename Write>
 void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
@@ -76,7 +77,7 @@ void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
       });
 }
 
-/// The same for a list of tables.
+/// Adds a section that is a list of tables.
 template <typename Read, typename Write>
 void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
   fields.custom({key}, read, [key, write](const Scene& scene, Node::Table& table) {
@@ -93,7 +94,7 @@ void add_errors(Fields<Scene>& fields) {
   fields.custom(
       {key},
       [](TableReader& reader, Scene& scene) {
-        const Node* node = reader.know("errors");
+        const Node* node = reader.accept_key("errors");
         if (!node) return;
         ErrorsSection read = read_errors(*node, scene.machine, scene.seed, reader.input_errors());
         scene.geometric = std::move(read.geometric);
@@ -111,17 +112,18 @@ void add_tools(Fields<Scene>& fields) {
   fields.custom(
       {key},
       [](TableReader& reader, Scene& scene) {
-        const Node* node = reader.know("tool");
+        const Node* node = reader.accept_key("tool");
         if (!node) reader.missing("tool", "a table or a file");
-        if (!node || node->text()) return;  // a file that was refused
+        if (!node || node->text()) return;  // a file that was rejected
         std::vector<ToolDescription> tools = read_tools(*node, reader.input_errors());
         scene.tool = std::move(tools.front());
-        scene.more_tools.assign(tools.begin() + 1, tools.end());
+        scene.additional_tools.assign(tools.begin() + 1, tools.end());
       },
       [](const Scene& scene, Node::Table& table) {
-        if (scene.more_tools.empty()) return put(table, "tool", written_tool(scene.tool));
+        // A single tool is written as a table, the form in which most scenes state it.
+        if (scene.additional_tools.empty()) return put(table, "tool", written_tool(scene.tool));
         Node::Array all;
-        for (const ToolDescription& tool : tools_of(scene))
+        for (const ToolDescription& tool : all_tools(scene))
           all.push_back(Node{{}, written_tool(tool)});
         put(table, "tool", std::move(all));
       });
@@ -154,21 +156,24 @@ void add_machine_to_program(Fields<Scene>& fields) {
       });
 }
 
-/// The heat of the machine with the day that the scene gives it: its history and its room, which
-/// stand for those of the machine's own file.
+/// Reads the heat of the machine with the day of the scene, whose history and room replace those in
+/// the machine's own file.
 std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& thermal,
                                             const Scene& scene) {
   const Node* node = section(reader, thermal);
+  // The section may come from a file that other scenes use too, so the day is merged into a copy.
   std::optional<Node> with_day;
   if (node) with_day = *node;
   for (const std::string key : {"history", "room", "room_C"}) {
-    const Node* day = reader.know(key);
+    const Node* day = reader.accept_key(key);
     if (!day) continue;
     if (!node) {
+      // With a rejected section only that error is reported.
       if (!reader.has("thermal")) reader.refuse(key, "a [thermal] section beside " + key, "none");
       continue;
     }
     std::erase_if(*with_day->table(), [&](const Node::Entry& entry) {
+      // The two forms of a room exclude each other, so a room of the scene removes either form.
       const bool other_room = entry.key.starts_with("room") && !reader.has(entry.key);
       return entry.key == key || (key != "history" && other_room);
     });
@@ -184,6 +189,7 @@ void add_thermal(Fields<Scene>& fields) {
   for (Key key : thermal.keys) {
     if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
     key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
+    // The alternatives apply inside the section; here each key may be left out.
     key.either.clear();
     key.required = false;
     keys.push_back(std::move(key));
@@ -272,7 +278,9 @@ void add_instruments(Fields<Scene>& fields) {
         const Node* node = reader.section("sensor_choice");
         if (!node) return;
         scene.sensor_choice = read_sensor_choice(*node, reader.input_errors());
+        // The choice draws random subsets, which follow the seed of the scene.
         scene.sensor_choice->study.seed = scene.seed;
+        // Without heat there is no drift from which sensors could be chosen.
         if (!scene.thermal && !reader.has("thermal"))
           reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
       },
@@ -291,11 +299,12 @@ void add_control(Fields<Scene>& fields) {
       },
       [](const Scene& scene, Node::Table& table) {
         Node::Table own = written_control(scene.control);
+        // An empty section means that the control believes in the nominal machine.
         if (!own.empty()) put(table, "control", std::move(own));
       });
 }
 
-/// A section that is a member of the scene, or several members of it.
+/// Adds a section that is one member of the scene, or several.
 template <typename U, typename M>
 void add_own(Fields<Scene>& fields, const char* name, M member, const Fields<U>& own,
              const char* sentence) {
@@ -336,6 +345,7 @@ void add_compensation(Fields<Scene>& fields) {
 }
 
 void check_case(TableReader& reader, Scene& scene) {
+  // These two names are the reference cases and have no compensator.
   if (scene.case_name.empty() || scene.case_name == "error_free" ||
       scene.case_name == "uncompensated")
     return;
@@ -421,6 +431,7 @@ std::vector<Key> scene_keys() {
 
 Node written(const Scene& scene) {
   Node::Table table;
+  // The groups are written in the order in which they are read.
   for (const auto* fields :
        {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
     for (Node::Entry& entry : fields->written(scene)) table.push_back(std::move(entry));
@@ -462,6 +473,7 @@ const Fields<ViewDescription>& view_fields() {
           .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
                              positive, "the colour scale runs from -range to range")
           .check([](TableReader& reader, ViewDescription& view) {
+            // A camera that looks along its own up direction has no defined rotation.
             if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
               reader.refuse("up", "a direction across view.from for view.up", "one along it");
           });

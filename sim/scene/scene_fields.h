@@ -3,25 +3,24 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/scene.h"
 
-/// The keys at the top of a scene.
+/// The keys at the top level of a scene.
 namespace abbe::sim {
 
-/// `title` and `seed`
+/// Returns the fields `title` and `seed`.
 const Fields<Scene>& title_scene_fields();
 
-/// What is cut on which machine: machine to control. Read before `judging_fields`, as their
-/// sections ask for the machine.
+/// Returns the fields of the machine and its cut, from `machine` to `control`. They are read before
+/// `judging_scene_fields`, whose sections need the machine.
 const Fields<Scene>& cutting_scene_fields();
 
-/// How the cut is judged and compensated: setup to variants.
+/// Returns the fields of judgement and compensation, from `setup` to `variant`.
 const Fields<Scene>& judging_scene_fields();
 
-/// Every key of a scene.
+/// Returns all keys of a scene.
 std::vector<Key> scene_keys();
 
-/// The scene as a table with every key that it has, those left to their default too; `read_scene`
-/// of its text gives the same scene, apart from the last digit of numbers whose unit is not mm,
-/// rad or s.
+/// Returns the scene as a table with all of its keys, defaults included. `read_scene` of its text
+/// gives the same scene, except for the last digit of numbers whose unit is not mm, rad or s.
 Node written(const Scene& scene);
 
 }  // namespace abbe::sim

@@ -18,6 +18,7 @@ bool matches(const std::string& text, const std::string& pattern) {
 }
 
 int edit_distance(std::string_view a, std::string_view b) {
+  // One row of the distance matrix suffices, since each row depends only on the one above.
   std::vector<int> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) row[j] = int(j);
   for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -33,12 +34,15 @@ int edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
+  // The distance has quadratic cost, and no key is that long.
   if (word.size() > 80) return std::nullopt;
+  // An abbreviation is more likely than a misspelling, so its completion takes precedence.
   constexpr std::size_t abbreviation = 2;
   if (word.size() >= abbreviation)
     for (const std::string& candidate : candidates)
       if (candidate.starts_with(word)) return candidate;
   std::optional<std::string> best;
+  // Up to half of the letters may differ, as more would suggest unrelated words.
   int best_distance = std::max(2, int(word.size()) / 2) + 1;
   for (const std::string& candidate : candidates) {
     const int distance = edit_distance(word, candidate);
@@ -51,6 +55,7 @@ std::optional<std::string> nearest(std::string_view word, const std::set<std::st
 }
 
 std::string missing_file_text(const std::filesystem::path& file) {
+  // The limit keeps a folder with very many files from delaying the message.
   constexpr std::size_t max_compared = 1000;
   namespace fs = std::filesystem;
   std::set<std::string> names;
@@ -71,7 +76,7 @@ struct Unit {
   std::string_view suffix;
   double factor;
 };
-// Longer suffixes first: "_mm_per_min" also ends in a unit of its own.
+// Longer suffixes come first, because "_mm_per_min" also ends in another unit.
 constexpr std::array known_units{
     Unit{"_Nm_per_rpm", 1e3},
     Unit{"_Nm_per_urad", 1e9},
@@ -83,7 +88,7 @@ constexpr std::array known_units{
     Unit{"_N_per_mm2", 1.0},
     Unit{"_um_per_K", units::um},
     Unit{"_um_per_N", units::um},
-    Unit{"_um_urad", 1.0},  // each number as its element is: um or urad
+    Unit{"_um_urad", 1.0},  // um or urad, according to the element of each number
     Unit{"_um_per_m", 1e-6},
     Unit{"_um_per_h", units::um / 3600.0},
     Unit{"_N_per_um", 1e3},
@@ -128,6 +133,7 @@ constexpr std::array known_units{
 
 const Unit* trailing_unit(std::string_view key) {
   for (const Unit& unit : known_units) {
+    // A key that consists of a unit only has no stem and therefore no unit.
     if (key.size() > unit.suffix.size() && key.ends_with(unit.suffix)) return &unit;
   }
   return nullptr;
@@ -152,13 +158,14 @@ std::string unit_name(std::string_view key) {
 
 namespace {
 
-// In the unit of any key a number beyond is a mistake, and products of a few stay finite. Travel
-// without an end is 1e9 rad.
+// In any unit a larger number is a mistake, and products of a few such numbers stay finite. Travel
+// without end is 1e9 rad.
 constexpr double max_number = 1e12;
-// What is nearer to zero is zero, or a mistake; what divides must not make infinities.
+// A number nearer to zero is zero or a mistake; a divisor must not produce infinities.
 constexpr double min_number = 1e-100, min_divisor = 1e-12;
 
 std::string range_text(const Range& range) {
+  // Bounds at the limits of double are no real bounds and are not mentioned.
   const double huge = std::numeric_limits<double>::max();
   std::string text;
   if (range.min > -huge) text += fmt::format(" {} {}", range.open_min ? ">" : ">=", range.min);
@@ -195,7 +202,7 @@ std::string TableReader::name_of(const std::string& key) const {
   return where_.empty() ? key : where_ + "." + key;
 }
 
-const Node* TableReader::know(const std::string& key) {
+const Node* TableReader::accept_key(const std::string& key) {
   known_.insert(key);
   return table_.find(key);
 }
@@ -207,7 +214,7 @@ void TableReader::missing(const std::string& key, const std::string& kind) {
 
 void TableReader::refuse(const std::string& key, const std::string& expected,
                          const std::string& seen) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   input_errors_.add(node ? node->place : table_.place, expected, seen);
 }
 
@@ -216,6 +223,7 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
   if (const double* real = std::get_if<double>(&node.value)) {
     value = *real;
   } else if (const std::int64_t* whole = std::get_if<std::int64_t>(&node.value)) {
+    // TOML separates whole and real numbers, but users write 5 for 5.0.
     value = double(*whole);
   } else {
     input_errors_.add(node.place, "a number for " + name_of(key), shown(node));
@@ -229,16 +237,18 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
 }
 
 std::optional<double> TableReader::number_as_written(const std::string& key, const Range& range) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return std::nullopt;
   const std::optional<double> value = finite(*node, key);
   if (!value) return std::nullopt;
+  // The bounds are stated in the unit of the key, so they are tested before the conversion.
   if (!inside(*value, range)) {
     input_errors_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)),
                       shown(*node));
     return std::nullopt;
   }
   if (is_beyond(*value, *node, name_of(key), input_errors_)) return std::nullopt;
+  // A range that excludes zero belongs to a quantity by which the models divide.
   const bool divides = range.min == 0.0 && range.open_min;
   const double least = divides ? min_divisor : min_number;
   if (*value != 0.0 && std::abs(*value) < least) {
@@ -259,7 +269,9 @@ std::optional<double> TableReader::maybe_number(const std::string& key, const Ra
 
 double TableReader::number(const std::string& key, const Range& range) {
   const std::optional<double> value = maybe_number(key, range);
+  // A value of the wrong type is present and reported already.
   if (!value && !has(key)) missing(key, "a number");
+  // One is harmless as a factor, a divisor and a length.
   return value.value_or(1.0);
 }
 
@@ -269,7 +281,7 @@ double TableReader::number(const std::string& key, const Range& range, double fa
 
 std::optional<std::int64_t> TableReader::maybe_integer(const std::string& key, std::int64_t min,
                                                        std::int64_t max) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return std::nullopt;
   const std::int64_t* value = std::get_if<std::int64_t>(&node->value);
   if (!value || *value < min || *value > max) {
@@ -287,7 +299,7 @@ std::int64_t TableReader::integer(const std::string& key, std::int64_t min, std:
 }
 
 bool TableReader::boolean(const std::string& key, bool fallback) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const bool* value = std::get_if<bool>(&node->value)) return *value;
   input_errors_.add(node->place, "true or false for " + name_of(key), shown(*node));
@@ -295,7 +307,7 @@ bool TableReader::boolean(const std::string& key, bool fallback) {
 }
 
 std::string TableReader::text(const std::string& key, const std::string& fallback) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return fallback;
   if (const std::string* value = node->text(); value && !value->empty()) return *value;
   input_errors_.add(node->place, "a text for " + name_of(key), shown(*node));
@@ -309,7 +321,7 @@ std::string TableReader::text(const std::string& key) {
 
 std::vector<std::string> TableReader::texts(const std::string& key) {
   std::vector<std::string> all;
-  const Node* list = know(key);
+  const Node* list = accept_key(key);
   if (!list) return all;
   if (list->text()) return {*list->text()};
   if (!list->array()) refuse(key, "a list of texts", shown(*list));
@@ -323,7 +335,7 @@ std::vector<std::string> TableReader::texts(const std::string& key) {
 }
 
 std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string& key, int size) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return std::nullopt;
   const Node::Array* array = node->array();
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
@@ -334,6 +346,7 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   }
   Eigen::VectorXd values(Eigen::Index(array->size()));
   bool good = true;
+  // All elements are examined, so that every wrong number is reported at once.
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const Node& element = (*array)[std::size_t(i)];
     const std::optional<double> value = finite(element, key);
@@ -365,13 +378,15 @@ Eigen::Vector3d TableReader::vector(const std::string& key, const Eigen::Vector3
 Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vector3d& fallback) {
   const std::optional<Eigen::VectorXd> values = maybe_numbers(key, 3);
   if (!values) return fallback;
+  // stableNorm() avoids the underflow of the square of a very small number.
   const double length = values->stableNorm();
   if (!(length > 1e-9)) {
     input_errors_.add(table_.find(key)->place, "a direction that is not zero for " + name_of(key),
                       "length " + to_toml_value(length));
     return fallback;
   }
-  // Dividing a unit vector by a length of 1 - 1 ulp would change it: what is unit stays as it is.
+  // Division of a unit vector by a length of 1 - 1 ulp would change it, so unit vectors remain as
+  // they are.
   return std::abs(length - 1.0) < 1e-15 ? Eigen::Vector3d(*values)
                                         : Eigen::Vector3d(*values / length);
 }
@@ -383,7 +398,7 @@ Eigen::Vector3d TableReader::direction(const std::string& key) {
 
 std::optional<std::string> TableReader::word(const std::string& key,
                                              const std::set<std::string>& words, bool required) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) {
     if (required) missing(key, list_text(words));
     return std::nullopt;
@@ -399,14 +414,14 @@ std::optional<std::string> TableReader::word(const std::string& key,
 }
 
 const Node* TableReader::section(const std::string& key) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node || node->table()) return node;
   input_errors_.add(node->place, "a table for " + name_of(key), shown(*node));
   return nullptr;
 }
 
 std::vector<const Node*> TableReader::tables(const std::string& key) {
-  const Node* node = know(key);
+  const Node* node = accept_key(key);
   if (!node) return {};
   if (node->table()) return {node};
   std::vector<const Node*> list;
@@ -425,10 +440,11 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
 }
 
 void TableReader::close() {
-  std::set<std::string> explained;  // missing keys that an unknown one was meant to be
+  std::set<std::string> explained;  // missing keys for which an unknown key was intended
   const Node::Table* entries = table_.table();
   for (const Node::Entry& entry : entries ? *entries : Node::Table{}) {
     if (known_.contains(entry.key)) continue;
+    // The same stem with another unit is the most likely mistake, hence the specific message.
     const auto same_stem = std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
       return key_stem(key) == key_stem(entry.key) && !table_.find(key);
     });
@@ -439,6 +455,8 @@ void TableReader::close() {
       explained.insert(*same_stem);
     } else if (const auto meant = nearest(entry.key, known_)) {
       input_errors_.add(entry.place, "a known key (nearest: " + name_of(*meant) + ")", entry.key);
+      // Within two edits the unknown key is taken as a misspelling, so the missing key is not
+      // reported in addition.
       if (edit_distance(entry.key, *meant) <= 2) explained.insert(*meant);
     } else {
       input_errors_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,

@@ -13,7 +13,7 @@
 
 namespace abbe::sim {
 
-/// A stretch of time before the program, as the machine spent it.
+/// A period before the program with constant activity of the machine.
 struct ThermalPhase {
   double duration = 0.0;              ///< s
   double spindle_speed = 0.0;         ///< rad/s
@@ -22,30 +22,32 @@ struct ThermalPhase {
   bool coolant = false;
 };
 
-/// Heat: the network, what it does to the elements, what came before the program. Time 0 is the
-/// start of the program; the history ends there.
+/// Heat: the network, its effect on the elements, and the history before the program. Time 0 is the
+/// start of the program, where the history ends.
 struct ThermalDescription {
-  static constexpr double min_T_C = -273.15, max_T_C = 5000.0;  ///< of anything in it, ever
+  static constexpr double min_T_C = -273.15, max_T_C = 5000.0;  ///< limits of every temperature
   errors::ThermalNetwork network;
   errors::ThermalErrors errors;
   std::vector<errors::TemperatureSensor> sensors;
-  std::vector<ThermalPhase> history;  ///< in order, the last one ends at time 0
-  Eigen::VectorXd room_time_s;        ///< (n >= 1) the room is linear between, held outside
+  std::vector<ThermalPhase> history;  ///< in order; the last phase ends at time 0
+  Eigen::VectorXd room_time_s;        ///< (n >= 1) s; the room temperature is linear between these
+                                      ///< times and constant outside
   Eigen::VectorXd room_T_C;           ///< (n)
   double coolant_T_C = 20.0;
-  bool powered = true;    ///< while the program runs
-  bool coolant = false;   ///< the same
-  double interval = 1.0;  ///< s, in the program heat flows are linear over stretches of this length
-  double scale = 1.0;     ///< of all that heat does to elements and workpiece
+  bool powered = true;    ///< during the program
+  bool coolant = false;   ///< during the program
+  double interval = 1.0;  ///< s; during the program, heat flows are linear over intervals of this
+                          ///< length
+  double scale = 1.0;     ///< factor of all thermal effects on elements and workpiece
   struct Plot {
     errors::ElementName element;
-    Eigen::VectorXd time_s;                      ///< (n) instants whose curves are drawn
-    std::optional<std::array<double, 2>> range;  ///< mm or rad; else the travel
+    Eigen::VectorXd time_s;                      ///< (n) times for which curves are drawn
+    std::optional<std::array<double, 2>> range;  ///< mm or rad; none: the travel
   };
   std::vector<Plot> plots;
 };
 
-/// How long the history lasted, s.
+/// Returns the duration of the history, s.
 inline double history_s(const ThermalDescription& thermal) {
   double sum = 0.0;
   for (const ThermalPhase& phase : thermal.history) sum += phase.duration;
@@ -54,10 +56,10 @@ inline double history_s(const ThermalDescription& thermal) {
 
 struct Key;
 
-/// `[thermal]`: network, thermal elements, sensors, history, room.
+/// Reads and writes `[thermal]`: network, thermal elements, sensors, history and room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, InputErrors& input_errors);
-/// @param seed  of the scene, for the sensors without one of their own
+/// Writes the section. @param seed  of the scene, for sensors without a seed of their own
 Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
                             std::uint64_t seed);
 std::vector<Key> thermal_keys();

@@ -11,10 +11,10 @@
 #include "sim/scene/thermal.h"
 #include "sim/scene/thermal_network.h"
 
-/// What heat does to the machine: elements, growing axes, a growing workpiece.
+/// Effects of heat on the machine: elements, expanding axes and an expanding workpiece.
 namespace abbe::sim {
 
-/// `element`, `axis`, `workpiece`. @param setting  must outlive the fields
+/// Returns the fields `element`, `axis` and `workpiece`. @param setting  must outlive the fields
 Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting);
 
 namespace {
@@ -25,7 +25,8 @@ using kinematics::Joint;
 using kinematics::Motion;
 using Nodes = std::vector<std::string>;
 
-/// Unit of a key that is one from end to end, as "um_per_K": a unit is found behind a stem only.
+/// Returns the unit of a key that consists of a unit, such as "um_per_K"; unit_of() requires a stem
+/// in front of it.
 double whole_unit(const std::string& key) { return unit_of("in_" + key); }
 
 // ---- functions of temperatures
@@ -35,6 +36,7 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
   const std::size_t before = reader.input_errors().list().size();
   VectorXd dT_K = reader.numbers("dT_K");
   VectorXd value = reader.numbers(value_key);
+  // Both lists are needed for a table, and a missing one is reported by the reader.
   if (reader.input_errors().list().size() != before || !reader.has("dT_K") ||
       !reader.has(value_key))
     return {};
@@ -53,9 +55,9 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
 
 Fields<errors::Table> rows_fields(const std::string& value_key) {
   return interpolation_fields<errors::Table>().custom(
-      {make_field_key(KeyName("dT_K").one_of("law"), Key::Kind::Numbers,
-                      "changes of temperature, rising"),
-       make_field_key(value_key, Key::Kind::Numbers, "one for each of `dT_K`")},
+      {make_key(KeyName("dT_K").one_of("law"), Key::Kind::Numbers,
+                "changes of temperature, rising"),
+       make_key(value_key, Key::Kind::Numbers, "one for each of `dT_K`")},
       [value_key](TableReader& reader, errors::Table& table) {
         table = read_rows(reader, value_key, table);
       },
@@ -65,7 +67,7 @@ Fields<errors::Table> rows_fields(const std::string& value_key) {
       });
 }
 
-/// @param unit  of the value: "um", of a slope "um_per_m"
+/// @param unit  of the value: "um", for a slope "um_per_m"
 Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const Nodes& nodes) {
   using Term = errors::ThermalFunction::Term;
   const std::string per_K = unit + (unit.ends_with("_per_m") ? "_K" : "_per_K");
@@ -74,12 +76,15 @@ Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const
   const auto factor = Fields<Term>().number_in(whole_unit(per_K), must(per_K), &Term::per_K,
                                                any_number, "change for a change of temperature");
   const auto read = [=](TableReader& reader, Term& term) {
+    // A table of temperatures and a factor are two forms of the same law, so only one may be given.
     if (reader.has("dT_K") || reader.has(value)) {
       term.table = rows.read(reader);
-      if (reader.know(per_K)) reader.refuse(per_K, "either a table of dT_K or " + per_K, "both");
+      if (reader.accept_key(per_K))
+        reader.refuse(per_K, "either a table of dT_K or " + per_K, "both");
     } else {
-      reader.know("dT_K");
-      reader.know(value);
+      // The keys of the other form become known, which lets a misspelling find them.
+      reader.accept_key("dT_K");
+      reader.accept_key(value);
       term = factor.read(reader, term);
     }
   };
@@ -114,10 +119,11 @@ bool is_slide(const ElementName& name, const MachineDescription& machine) {
   if (name.location || name.axis == 'S') return false;
   for (const Joint& joint : machine.joints)
     if (joint.name == name.axis) return joint.motion == Motion::Linear;
-  return true;  // no such axis, which is refused when bound
+  return true;  // no such axis, which is rejected when bound
 }
 
 void refuse_wrong_unit(TableReader& reader, const ElementName& name) {
+  // The name decides the unit; a generic message on an unknown key would not say so.
   const std::string unit = name.is_angle() ? "urad" : "um", wrong = name.is_angle() ? "um" : "urad";
   const std::string written = reader.node().find("name") ? *reader.node().find("name")->text() : "";
   for (const std::string& key : {"offset_" + wrong, "slope_" + wrong + "_per_m"})
@@ -137,16 +143,16 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
   Fields<ThermalElement> fields;
   fields
       .custom(
-          {make_field_key(
-              must("name"), Key::Kind::Text,
-              "as `EZS`; its value is offset(T) + slope(T) (p - fixed_mm), p the commanded "
-              "position")},
-          [](TableReader& reader, ThermalElement&) { reader.know("name"); },  // read before
+          {make_key(must("name"), Key::Kind::Text,
+                    "as `EZS`; its value is offset(T) + slope(T) (p - fixed_mm), p the commanded "
+                    "position")},
+          [](TableReader& reader, ThermalElement&) { reader.accept_key("name"); },  // read before
           [](const ThermalElement& from, Node::Table& to) {
             put(to, "name", to_string(from.name));
           })
       .check([name](TableReader& reader, ThermalElement&) { refuse_wrong_unit(reader, name); })
       .all_of(&ThermalElement::offset, function_fields("offset", unit, setting.nodes));
+  // A location element and the spindle have no position over which a slope could act.
   if (!is_slide(name, setting.machine))
     return fields.check(
         [unit](TableReader& reader, ThermalElement&) { report_slope_error(reader, unit); });
@@ -166,7 +172,7 @@ std::optional<errors::ThermalElement> read_element(const Node& table, const Ther
     element.name = errors::parse_element_name(reader.text("name", ""));
   } catch (const std::invalid_argument& fault) {
     reader.refuse("name", "the name of an element for thermal.element.name", fault.what());
-    return std::nullopt;  // its other keys depend on it
+    return std::nullopt;  // the other keys depend on the name
   }
   element = element_fields(element.name, setting).read(reader, element);
   reader.close();
@@ -187,6 +193,7 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
                                 to_string(element->name) + " again");
       continue;
     }
+    // Each element is bound alone, so that an error is reported at its own position.
     check_binding({{*element}, {}, std::nullopt, 20.0}, setting, place, reader.input_errors());
     elements.push_back(*element);
   }
@@ -231,6 +238,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSe
   InputErrors& input_errors = reader.input_errors();
   TableReader axes(*section, "thermal.axis", input_errors);
   for (const Joint& joint : setting.machine.joints) {
+    // Only slides have a screw or a scale that can grow.
     if (joint.motion != Motion::Linear) continue;
     const std::string name(1, joint.name);
     const Node* table = axes.section(name);
@@ -244,6 +252,7 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSe
       check_binding({{}, {axis}, std::nullopt, 20.0}, setting, table->place, input_errors);
     thermal.errors.expansions.push_back(axis);
   }
+  // With an unreadable machine every axis would look unknown.
   if (!setting.machine.joints.empty()) axes.close();
 }
 
@@ -255,10 +264,10 @@ Node::Table written_axes(const ThermalDescription& thermal, const ThermalSetting
 }
 
 Key axes_key(const Nodes& nodes) {
-  Key axis = make_field_key("<axis>", Key::Kind::Table, "growth of one slide");
+  Key axis = make_key("<axis>", Key::Kind::Table, "growth of one slide");
   axis.pattern = "[XYZUVW]";
   axis.keys = axis_fields(nodes).keys();
-  Key axes = make_field_key("axis", Key::Kind::Table, "slides whose screw or scale grows");
+  Key axes = make_key("axis", Key::Kind::Table, "slides whose screw or scale grows");
   axes.keys = {axis};
   return axes;
 }
@@ -288,13 +297,11 @@ void read_workpiece(TableReader& reader, ThermalDescription& thermal,
 }  // namespace
 
 Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) {
-  Key elements =
-      make_field_key("element", Key::Kind::Tables, "what heat adds to an element, each once");
+  Key elements = make_key("element", Key::Kind::Tables, "what heat adds to an element, each once");
   elements.keys = with_other_unit(element_fields({}, setting).keys(), "um", "urad");
-  Key workpiece =
-      make_field_key("workpiece", Key::Kind::Table,
-                     "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
-                     "`reference_C` is");
+  Key workpiece = make_key("workpiece", Key::Kind::Table,
+                           "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
+                           "`reference_C` is");
   workpiece.keys = workpiece_fields(setting.nodes).keys();
   return Fields<ThermalDescription>()
       .custom(
@@ -334,7 +341,7 @@ using Plot = ThermalDescription::Plot;
 
 constexpr Eigen::Index max_curves = 50;
 
-/// FNV-1a of the scene's seed and a name: every sensor has a noise of its own.
+/// Returns the FNV-1a hash of the scene's seed and a name, so that every sensor has its own noise.
 std::uint64_t seed_of(std::uint64_t seed, const std::string& name) {
   return fnv_1a(name, fnv_1a_basis ^ seed);
 }
@@ -347,8 +354,8 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
   const std::uint64_t scene = setting.seed;
-  Key seed = make_field_key(KeyName("seed").otherwise("from the scene's and the name"),
-                            Key::Kind::Whole, "of its noise");
+  Key seed = make_key(KeyName("seed").otherwise("from the scene's and the name"), Key::Kind::Whole,
+                      "of its noise");
   seed.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
       .text(must("name"), &TemperatureSensor::name, "of the sensor, each once")
@@ -373,6 +380,7 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
             sensor.seed = own ? std::uint64_t(*own) : seed_of(scene, sensor.name);
           },
           [scene](const TemperatureSensor& from, Node::Table& to) {
+            // A derived seed is left out, because it follows from the scene again.
             if (from.seed != seed_of(scene, from.name)) put(to, "seed", std::int64_t(from.seed));
           });
 }
@@ -406,6 +414,7 @@ void read_plotted(TableReader& reader, Plot& plot) {
   } catch (const std::invalid_argument& fault) {
     reader.refuse("element", "the name of an element for thermal.plot.element", fault.what());
   }
+  // Location elements and the spindle have one value, not a curve over a position.
   if (plot.element.location || plot.element.axis == 'S')
     reader.refuse("element", "an error motion of an axis, which has a curve", name);
 }
@@ -420,15 +429,16 @@ void read_instants(TableReader& reader, Plot& plot) {
 
 void read_range(TableReader& reader, Plot& plot, const ThermalSetting& setting) {
   const Joint* joint = joint_of(plot.element.axis, setting);
-  if (!joint) {  // which is reported
-    reader.know("range_mm");
-    reader.know("range_deg");
+  if (!joint) {  // reported already
+    reader.accept_key("range_mm");
+    reader.accept_key("range_deg");
     return;
   }
   const std::string key = range_key(*joint);
   const auto range = reader.maybe_numbers(key, 2);
   if (!range) return;
   const double from = (*range)[0], to = (*range)[1], unit = unit_of(key);
+  // The curve is computed for positions within the travel only.
   if (from < to && from >= joint->min && to <= joint->max) {
     plot.range = std::array{from, to};
     return;
@@ -448,7 +458,7 @@ void write_range(const Plot& from, Node::Table& to, const ThermalSetting& settin
 
 /// @param before  plots of other elements
 Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>& before) {
-  Key range = make_field_key(
+  Key range = make_key(
       KeyName("range_mm").otherwise("all of the travel, at most 2000 mm or a turn either way"),
       Key::Kind::Numbers, "`[from, to]` within the travel over which the curve is drawn");
   range.size = 2;
@@ -461,9 +471,8 @@ Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>&
   };
   return Fields<Plot>()
       .custom(
-          {make_field_key(
-              must("element"), Key::Kind::Text,
-              "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
+          {make_key(must("element"), Key::Kind::Text,
+                    "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
           read_plotted,
           [](const Plot& from, Node::Table& to) { put(to, "element", to_string(from.element)); })
       .custom(time_keys("at", Key::Kind::Numbers,
@@ -493,12 +502,12 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalS
 
 // ---- the section
 
-/// What comes before the links, which ask for the nodes by name.
+/// Returns the fields that precede the links, which refer to nodes by name.
 Fields<ThermalDescription> first_fields() {
   const auto itself = std::identity{};
   return Fields<ThermalDescription>()
       .custom(
-          {make_field_key("name", Key::Kind::Text, "of the table, for people")},
+          {make_key("name", Key::Kind::Text, "of the table, for people")},
           [](TableReader& reader, ThermalDescription&) { reader.text("name", ""); },
           [](const ThermalDescription&, Node::Table&) {})
       .all_of(itself, room_fields())
@@ -521,7 +530,7 @@ Fields<ThermalDescription> state_fields() {
               "in the program speeds and cutting power are averaged over stretches of this length");
 }
 
-/// What comes after the links. @param setting  must outlive the fields
+/// Returns the fields that follow the links. @param setting  must outlive the fields
 Fields<ThermalDescription> last_fields(const ThermalSetting& setting) {
   using Thermal = ThermalDescription;
   const auto itself = std::identity{};
@@ -552,9 +561,11 @@ ThermalDescription read_thermal(const Node& table, const MachineDescription& mac
   TableReader reader(table, "thermal", input_errors);
   const std::size_t before = input_errors.list().size();
   ThermalDescription thermal = first_fields().read(reader);
+  // The nodes were dropped, so every name in the other sections would be unknown.
   if (has_too_many_nodes(reader)) return thermal;
   const ThermalSetting setting = thermal_setting(machine, thermal.network, seed);
   thermal = thermal_link_fields(setting.nodes).read(reader, std::move(thermal));
+  // The network is checked as a whole only if each of its parts is correct.
   const bool whole = input_errors.list().size() == before && reader.has("node");
   thermal = last_fields(setting).read(reader, std::move(thermal));
   reader.close();

@@ -36,6 +36,7 @@ std::string named_table_path(const std::string& list, const Node& table) {
 
 void check_binding(const errors::ThermalErrors& alone, const ThermalSetting& setting,
                    const Place& place, InputErrors& input_errors) {
+  // Without a chain or nodes every binding would fail, and the cause is reported elsewhere.
   if (!setting.chain || setting.nodes.empty()) return;
   try {
     errors::bind(alone, *setting.chain, int(setting.nodes.size()));
@@ -53,7 +54,7 @@ void check_name_is_free(TableReader& reader, const std::string& name,
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence) {
   std::vector<Key> keys;
   for (const std::string& name : in_units(stem))
-    keys.push_back(make_field_key(KeyName(name).one_of(stem), kind, sentence));
+    keys.push_back(make_key(KeyName(name).one_of(stem), kind, sentence));
   return keys;
 }
 
@@ -61,11 +62,12 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
   std::vector<std::string> there;
   std::string all;
   for (const std::string& key : in_units(stem)) {
-    if (reader.know(key)) there.push_back(key);
+    if (reader.accept_key(key)) there.push_back(key);
     all += (all.empty() ? "" : ", ") + key;
   }
   if (there.size() == 1) return there.front();
   if (there.empty()) reader.missing(in_units(stem).front(), "one of " + all);
+  // Every further key gets a message at its own position.
   for (std::size_t i = 1; i < there.size(); ++i)
     reader.refuse(there[i], "only one of " + all, there[0] + " and " + there[i]);
   return std::nullopt;
@@ -73,17 +75,19 @@ std::optional<std::string> time_key(TableReader& reader, const std::string& stem
 
 int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
   const std::string name = reader.text(key);
+  // Node 0 is a valid index, and the missing name has been reported already.
   if (name.empty()) return 0;
   const auto found = std::find(nodes.begin(), nodes.end(), name);
   if (found != nodes.end()) return int(found - nodes.begin());
-  report_unknown_node(reader.know(key)->place, "a node of the thermal network for " + key, name,
-                      nodes, reader.input_errors());
+  report_unknown_node(reader.accept_key(key)->place, "a node of the thermal network for " + key,
+                      name, nodes, reader.input_errors());
   return 0;
 }
 
 void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
                          const std::vector<std::string>& nodes, InputErrors& input_errors) {
   std::set<std::string> names(nodes.begin(), nodes.end());
+  // Nodes whose name is missing have an empty one, which must not be suggested.
   names.erase("");
   const auto meant = nearest(name, names);
   input_errors.add(place, expected,
@@ -97,7 +101,7 @@ using kinematics::Joint;
 using kinematics::Motion;
 
 constexpr Range phase_spindle_rpm{0.0, 1e6};
-constexpr Range axis_speed{0.0, 1e6};  // mm or deg a minute
+constexpr Range axis_speed{0.0, 1e6};  // mm or deg per minute
 constexpr std::size_t most_rows = 10'000;
 
 // ---- room
@@ -114,6 +118,7 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
     reader.refuse("T_C", fmt::format("as many temperatures as times, {}", time_s.size()),
                   fmt::format("{}", T_C.size()));
   for (Eigen::Index i = 1; i < time_s.size(); ++i)
+    // The negated comparison also rejects NaN.
     if (!(time_s[i] > time_s[i - 1]))
       reader.refuse(*key, "rising times for thermal.room." + *key,
                     fmt::format("{} s after {} s", time_s[i], time_s[i - 1]));
@@ -128,6 +133,7 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
 }
 
 void read_room(TableReader& reader, ThermalDescription& thermal) {
+  // A constant room is a table of one row, so that the simulation handles a single form.
   thermal.room_time_s = VectorXd::Zero(1);
   thermal.room_T_C = VectorXd::Constant(1, reader.number("room_C", temperature_range, 20.0));
   const Node* section = reader.section("room");
@@ -137,6 +143,7 @@ void read_room(TableReader& reader, ThermalDescription& thermal) {
 }
 
 void write_room(const ThermalDescription& from, Node::Table& to) {
+  // A single row at time 0 is the form in which a constant room is stored.
   if (from.room_time_s.size() == 1 && from.room_time_s[0] == 0.0)
     return put(to, "room_C", from.room_T_C[0]);
   Node::Table room;
@@ -161,6 +168,7 @@ constexpr std::array speed_keys{
 
 void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
                       const ThermalSetting& setting) {
+  // Axes without a stated speed rest.
   if (setting.chain) speeds.setZero(setting.chain->size());
   for (const SpeedKey& key : speed_keys) {
     const Node* section = phase.section(key.name);
@@ -170,6 +178,7 @@ void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
       const Joint& joint = setting.chain->joints()[std::size_t(j)];
       if (joint.motion != key.motion) continue;
       const auto written = reader.number_as_written(std::string(1, joint.name), axis_speed);
+      // The unit belongs to the name of the table and not to the letter of the axis.
       if (written) speeds[j] = *written * unit_of(key.name);
     }
     reader.close();
@@ -192,10 +201,10 @@ void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& to,
 std::vector<Key> axis_speed_keys() {
   std::vector<Key> keys;
   for (const SpeedKey& one : speed_keys) {
-    Key axis = make_field_key("<axis>", Key::Kind::Number, "of one axis, in the unit of the table");
+    Key axis = make_key("<axis>", Key::Kind::Number, "of one axis, in the unit of the table");
     axis.pattern = one.axes;
     axis.range = axis_speed;
-    Key key = make_field_key(KeyName(one.name).otherwise("0"), Key::Kind::Table, one.sentence);
+    Key key = make_key(KeyName(one.name).otherwise("0"), Key::Kind::Table, one.sentence);
     key.keys = {axis};
     keys.push_back(key);
   }
@@ -211,7 +220,7 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
   for (Key& key : durations) key.range = duration_range(key.name);
   return Fields<ThermalPhase>()
       .custom(
-          {make_field_key("name", Key::Kind::Text, "of the phase, for people")},
+          {make_key("name", Key::Kind::Text, "of the phase, for people")},
           [](TableReader& reader, ThermalPhase&) { reader.text("name", ""); },
           [](const ThermalPhase&, Node::Table&) {})
       .custom(
@@ -250,16 +259,15 @@ void read_history(TableReader& reader, ThermalDescription& thermal, const Therma
 }  // namespace
 
 Fields<ThermalDescription> room_fields() {
-  Key constant = make_field_key(KeyName("room_C").otherwise("20"), Key::Kind::Number,
-                                "temperature of a room that stays the same; or `room`");
+  Key constant = make_key(KeyName("room_C").otherwise("20"), Key::Kind::Number,
+                          "temperature of a room that stays the same; or `room`");
   constant.range = temperature_range;
-  Key room =
-      make_field_key("room", Key::Kind::Table,
-                     "temperature of the room, linear between its rows, held outside; at most "
-                     "10 000 rows");
+  Key room = make_key("room", Key::Kind::Table,
+                      "temperature of the room, linear between its rows, held outside; at most "
+                      "10 000 rows");
   room.keys = time_keys("time", Key::Kind::Numbers, "rising, before the program negative");
   room.keys.push_back(
-      make_field_key(must("T_C"), Key::Kind::Numbers, "temperatures, one for each of the times"));
+      make_key(must("T_C"), Key::Kind::Numbers, "temperatures, one for each of the times"));
   return Fields<ThermalDescription>().custom({constant, room}, read_room, write_room);
 }
 
@@ -284,14 +292,15 @@ constexpr std::size_t max_nodes = 200;
 
 // ---- nodes
 
-struct NodeEntry {
+struct ThermalNodeEntry {
   errors::ThermalNode node;
   std::optional<double> start_T_C;
 };
 
-Fields<NodeEntry> node_table_fields(const std::vector<std::string>& taken) {
+Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& taken) {
   using errors::ThermalNode;
   const auto check_name = [taken](TableReader& reader, ThermalNode& node) {
+    // Links use these two names for the surroundings.
     if (node.name == "room" || node.name == "coolant")
       reader.refuse("name", "a node not named room or coolant, which links know already",
                     node.name);
@@ -302,9 +311,9 @@ Fields<NodeEntry> node_table_fields(const std::vector<std::string>& taken) {
                         .check(check_name)
                         .number(must("capacity_J_per_K"), &ThermalNode::capacity_J_per_K, positive,
                                 "heat that warms it by 1 K");
-  return Fields<NodeEntry>()
-      .all_of(&NodeEntry::node, node)
-      .number(KeyName("start_C").otherwise("`start_C` of all"), &NodeEntry::start_T_C,
+  return Fields<ThermalNodeEntry>()
+      .all_of(&ThermalNodeEntry::node, node)
+      .number(KeyName("start_C").otherwise("`start_C` of all"), &ThermalNodeEntry::start_T_C,
               temperature_range, "when the history begins");
 }
 
@@ -317,6 +326,7 @@ void read_nodes(TableReader& reader, ThermalDescription& thermal) {
     return;
   }
   auto& [nodes, links, surroundings, sources, start_T_C] = thermal.network;
+  // The default of all nodes is the first temperature of the room, hence the order of reading.
   start_T_C.setConstant(Eigen::Index(tables.size()),
                         reader.number("start_C", temperature_range, thermal.room_T_C[0]));
   std::vector<std::string> names;
@@ -332,6 +342,7 @@ void read_nodes(TableReader& reader, ThermalDescription& thermal) {
 void write_nodes(const ThermalDescription& from, Node::Table& to) {
   Node::Array nodes;
   for (const errors::ThermalNode& node : from.network.nodes) {
+    // Each node is written with its own start temperature, which may differ from the common one.
     const double start = from.network.start_T_C[Eigen::Index(nodes.size())];
     nodes.push_back(Node{{}, node_table_fields({}).written({node, start})});
   }
@@ -342,8 +353,8 @@ void write_nodes(const ThermalDescription& from, Node::Table& to) {
 
 using End = std::variant<int, Surroundings>;
 
-struct LinkEntry {
-  std::optional<std::array<End, 2>> ends;  ///< none: refused
+struct ThermalLinkEntry {
+  std::optional<std::array<End, 2>> ends;  ///< none: rejected
   double conductance_W_per_K = 1.0;
 };
 
@@ -361,7 +372,7 @@ std::optional<End> read_end(const Node& word, const std::vector<std::string>& no
 
 std::optional<std::array<End, 2>> read_ends(TableReader& reader,
                                             const std::vector<std::string>& nodes) {
-  const Node* between = reader.know("between");
+  const Node* between = reader.accept_key("between");
   if (!between) {
     reader.missing("between", "two names");
     return std::nullopt;
@@ -374,6 +385,7 @@ std::optional<std::array<End, 2>> read_ends(TableReader& reader,
   const auto a = read_end((*words)[0], nodes, reader.input_errors());
   const auto b = read_end((*words)[1], nodes, reader.input_errors());
   if (!a || !b) return std::nullopt;
+  // A link between two surroundings, or of a node with itself, moves no heat into the network.
   if (*a == *b || (a->index() == 1 && b->index() == 1)) {
     reader.refuse("between", "two different nodes, or a node and its surroundings",
                   *(*words)[0].text() + " and " + *(*words)[1].text());
@@ -382,27 +394,29 @@ std::optional<std::array<End, 2>> read_ends(TableReader& reader,
   return std::array{*a, *b};
 }
 
-Fields<LinkEntry> link_fields(const std::vector<std::string>& nodes) {
+Fields<ThermalLinkEntry> link_fields(const std::vector<std::string>& nodes) {
   const auto name_of_end = [&nodes](const End& end) {
     if (const int* node = std::get_if<int>(&end)) return nodes.at(std::size_t(*node));
     return std::string(std::get<Surroundings>(end) == Surroundings::Room ? "room" : "coolant");
   };
-  const auto write_ends = [name_of_end](const LinkEntry& from, Node::Table& to) {
+  const auto write_ends = [name_of_end](const ThermalLinkEntry& from, Node::Table& to) {
     Node::Array names;
     for (const End& end : *from.ends) names.push_back(Node{{}, name_of_end(end)});
     put(to, "between", std::move(names));
   };
   Key between =
-      make_field_key(must("between"), Key::Kind::Texts,
-                     "two nodes, or a node and `room` or `coolant`, which takes heat only while "
-                     "it flows");
+      make_key(must("between"), Key::Kind::Texts,
+               "two nodes, or a node and `room` or `coolant`, which takes heat only while "
+               "it flows");
   between.size = 2;
-  return Fields<LinkEntry>()
+  return Fields<ThermalLinkEntry>()
       .custom(
           {between},
-          [&nodes](TableReader& reader, LinkEntry& link) { link.ends = read_ends(reader, nodes); },
+          [&nodes](TableReader& reader, ThermalLinkEntry& link) {
+            link.ends = read_ends(reader, nodes);
+          },
           write_ends)
-      .number(must("conductance_W_per_K"), &LinkEntry::conductance_W_per_K, positive,
+      .number(must("conductance_W_per_K"), &ThermalLinkEntry::conductance_W_per_K, positive,
               "heat that flows for 1 K between the two");
 }
 
@@ -413,6 +427,7 @@ void read_links(TableReader& reader, errors::ThermalNetwork& network,
         link_fields(nodes).read_table(*table, "thermal.link", reader.input_errors());
     if (!ends) continue;
     auto [a, b] = *ends;
+    // The network stores surroundings as the second end, so a reversed pair is swapped.
     if (a.index() == 1) std::swap(a, b);
     if (const auto* outside = std::get_if<Surroundings>(&b)) {
       network.surroundings.push_back({std::get<int>(a), *outside, conductance});
@@ -452,16 +467,20 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
   const auto found = std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) {
     return name == std::string(1, joint.name) && joint.motion != Motion::Spindle;
   });
+  // An unknown axis reads the keys of a slide, so that its other errors are reported as well.
   const bool slide = found == joints.end() || found->motion == Motion::Linear;
   const Fields<errors::AxisHeat> friction = friction_fields(slide);
   errors::AxisHeat heat = friction.read(reader);
   const std::string coulomb = friction.keys()[0].name, viscous = friction.keys()[1].name;
+  // One coefficient is enough; without either the axis would produce no heat.
   if (!reader.has(coulomb) && !reader.has(viscous))
     reader.missing(coulomb, "a number, or " + viscous + ",");
   if (found == joints.end()) {
+    // Without a valid machine the axis cannot be judged.
     if (!name.empty() && setting.chain) reader.refuse("axis", "an axis of the machine", name);
     return std::nullopt;
   }
+  // The spindle has a heat law of its own.
   if (name == "S") {
     reader.refuse("axis", "an axis; a spindle heats by kind = \"spindle\"", name);
     return std::nullopt;
@@ -473,7 +492,7 @@ std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const Therma
 Alternative<Law> axis_heat(const ThermalSetting& setting) {
   Word word{"axis",
             "friction of an axis, (coulomb + viscous |v|) |v|",
-            {make_field_key(must("axis"), Key::Kind::Text, "its letter")}};
+            {make_key(must("axis"), Key::Kind::Text, "its letter")}};
   for (const bool slide : {true, false})
     for (const Key& key : friction_fields(slide).keys()) word.keys.push_back(key);
   const auto read = [&setting](TableReader& reader) {
@@ -517,7 +536,7 @@ Fields<errors::HeatSource> source_node_fields(const std::vector<std::string>& no
                                          "that is heated");
 }
 
-/// Whether there is a kind, on which the other keys depend.
+/// Returns true if a kind is present, on which the other keys depend.
 bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
   if (reader.has("kind")) return bool(reader.word("kind", words_of(law.keys().front()), false));
   reader.input_errors().add(reader.place(), "a kind of heat for thermal.source.kind", "nothing");
@@ -529,6 +548,7 @@ void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalS
   for (const Node* table : list.tables("source")) {
     TableReader reader(*table, "thermal.source", list.input_errors());
     errors::HeatSource source = source_node_fields(setting.nodes).read(reader);
+    // Without a kind the other keys are not read, and close() would call all of them unknown.
     if (!has_kind(reader, law)) continue;
     thermal.network.sources.push_back(law.read(reader, source));
     reader.close();
@@ -539,12 +559,12 @@ void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalS
 
 Fields<ThermalDescription> thermal_node_fields() {
   Key nodes =
-      make_field_key(must("node"), Key::Kind::Tables,
-                     "lump with one temperature; at most 200, and heat must find a way to the room "
-                     "from every one without the coolant");
+      make_key(must("node"), Key::Kind::Tables,
+               "lump with one temperature; at most 200, and heat must find a way to the room "
+               "from every one without the coolant");
   nodes.keys = node_table_fields({}).keys();
-  Key start = make_field_key(KeyName("start_C").otherwise("first of the room"), Key::Kind::Number,
-                             "of every node when the history begins");
+  Key start = make_key(KeyName("start_C").otherwise("first of the room"), Key::Kind::Number,
+                       "of every node when the history begins");
   start.range = temperature_range;
   return Fields<ThermalDescription>().custom({start, nodes}, read_nodes, write_nodes);
 }
@@ -552,8 +572,7 @@ Fields<ThermalDescription> thermal_node_fields() {
 bool has_too_many_nodes(TableReader& reader) { return reader.tables("node").size() > max_nodes; }
 
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes) {
-  Key links =
-      make_field_key("link", Key::Kind::Tables, "way of heat between two nodes or to the room");
+  Key links = make_key("link", Key::Kind::Tables, "way of heat between two nodes or to the room");
   links.keys = link_fields(nodes).keys();
   return Fields<ThermalDescription>().custom(
       {links},
@@ -576,6 +595,7 @@ Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting) 
 }
 
 void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
+  // Heat that enters such a node could never leave it.
   if (const auto node = errors::isolated_node(network)) {
     const Node* table = reader.tables("node")[std::size_t(*node)];
     reader.input_errors().add(table->place,
@@ -586,6 +606,8 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
   }
   errors::Activity rest;
   try {
+    // A single step of rest is simulated, because the simulation applies its own tests to the
+    // network.
     errors::simulate(network, {&rest, 1});
   } catch (const std::invalid_argument& fault) {
     reader.input_errors().add(reader.place(), "a thermal network that can be", fault.what());

@@ -31,14 +31,15 @@ Place place_at(std::string_view text, std::size_t offset, const std::string& fil
   throw BadInput(*place.file, place.line, place.column, expected, seen);
 }
 
-// The parser limits how deep brackets nest, but not how long a dotted key is, and destroys what a
-// dotted key builds by recursion.
+// Reports very long dotted keys. The parser limits the nesting of brackets but not the length of a
+// dotted key, and destroys the tables of such a key by recursion.
 void report_deep_keys(std::string_view text, const std::string& file) {
   int dots = 0;
   bool name_since_dot = false;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '.') {
+      // The limit is generous, because the scan also counts dots inside of texts.
       if (name_since_dot && ++dots > 10 * max_nesting) {
         refuse_text(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
                     "a longer one");
@@ -53,13 +54,15 @@ void report_deep_keys(std::string_view text, const std::string& file) {
   }
 }
 
-/// Column, from 1, of a quote that its line opens and does not close; none where there is none.
+/// Returns the column, from 1, of a quote that its line opens and does not close; none otherwise.
 std::optional<int> unclosed_quote(std::string_view line) {
   std::optional<int> opened;
   char quote = 0;
   for (std::size_t i = 0; i < line.size(); ++i) {
     const char c = line[i];
+    // The rest of the line is a comment.
     if (quote == 0 && c == '#') return std::nullopt;
+    // A backslash escapes the next character, but only within double quotes.
     if (quote == '"' && c == '\\') {
       ++i;
     } else if (quote != 0 && c == quote) {
@@ -78,11 +81,12 @@ std::string_view line_of(std::string_view text, int number) {
   return text.substr(0, text.find_first_of("\r\n"));
 }
 
-/// A text of one line that the line does not close is named where it opens: what follows it is no
-/// control character for the user.
+/// Reports a one-line text without a closing quote at its opening quote, since the parser's message
+/// about a control character would puzzle the user.
 void report_open_quote(std::string_view text, const std::string& file, int number) {
   const std::string_view line = line_of(text, number);
   const auto column = unclosed_quote(line);
+  // Texts in triple quotes may span lines.
   if (!column || line.find("\"\"\"") != std::string_view::npos ||
       line.find("'''") != std::string_view::npos)
     return;
@@ -127,7 +131,7 @@ class TomlConverter {
     for (const ::toml::node& element : from) to.push_back(node(element, depth + 1));
     return to;
   }
-  // toml++ keeps keys sorted by name; the order of the file is found again from their places.
+  // toml++ sorts keys by name, so the order of the file is restored from their positions.
   Value converted(const ::toml::table& from, int depth) const {
     Node::Table to;
     to.reserve(from.size());
@@ -161,6 +165,7 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
     throw BadInput(file, 0, 0, "at most 16 MiB", fmt::format("{} bytes", bytes.size()));
   }
   check_encoding(bytes, file);
+  // Some editors write the mark, and the parser would take it for part of the first key.
   if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
   const std::string text = strip_tape_characters(bytes);
   if (const auto byte = find_invalid_utf8(text))
@@ -177,7 +182,7 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
   } catch (const ::toml::parse_error& e) {
     const auto where = e.source().begin;
     report_open_quote(text, file, int(where.line));
-    std::string seen(e.description());  // "Error while parsing value: what it is about"
+    std::string seen(e.description());  // "Error while parsing value: cause of the error"
     if (const std::size_t colon = seen.find(": ");
         seen.starts_with("Error while") && colon != std::string::npos) {
       seen.erase(0, colon + 2);
@@ -189,10 +194,12 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
 Node read_toml_file(const std::filesystem::path& file) {
   const std::string name = file.string();
   std::error_code failure;
+  // A folder opens as a stream on some systems, so the kind of file is tested first.
   if (!std::filesystem::is_regular_file(file, failure)) {
     throw BadInput(name, 0, 0, "a file that can be read",
                    std::filesystem::is_directory(file, failure) ? "a folder" : "no such file");
   }
+  // The size is known before the file is loaded, so a large file is rejected without reading it.
   const std::uintmax_t size = std::filesystem::file_size(file, failure);
   if (!failure && size > max_toml_bytes) {
     throw BadInput(name, 0, 0, "at most 16 MiB", fmt::format("{} bytes", size));
@@ -206,11 +213,13 @@ Node read_toml_file(const std::filesystem::path& file) {
 
 namespace {
 
-/// Marks of format beyond ASCII as TOML spells them: U+2028 is \u2028, a tag \U000E0041.
+/// Returns a text whose invisible format characters beyond ASCII are escaped as in TOML: U+2028 as
+/// \u2028, a tag as \U000E0041.
 std::string with_toml_quotes(const std::string& text) {
   std::string out;
   for (std::size_t at = 0; at < text.size();) {
     const auto lead = static_cast<unsigned char>(text[at]);
+    // The first byte of a UTF-8 sequence determines its length.
     const std::size_t bytes = lead < 0x80 ? 1 : lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
     const std::string letter = text.substr(at, bytes), shown = escaped(letter);
     at += bytes;
@@ -257,6 +266,7 @@ bool is_list_of_tables(const Node& node) {
 
 void write_section(const Node& table, const std::string& path, std::string& out) {
   for (const Node::Entry& entry : *table.table()) {
+    // Plain values come first, because after a section header they would belong to that section.
     if (entry.node.table() || is_list_of_tables(entry.node)) continue;
     out += key_text(entry.key) + " = " + to_toml_value(entry.node) + "\n";
   }
@@ -279,6 +289,7 @@ void write_section(const Node& table, const std::string& path, std::string& out)
 std::string to_toml_value(double number) {
   if (!std::isfinite(number)) return std::isnan(number) ? "nan" : number > 0 ? "inf" : "-inf";
   std::string text = fmt::format("{}", number);
+  // Without a point or an exponent TOML would read back a whole number.
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
@@ -325,6 +336,7 @@ std::string shown(const Node& node) {
   std::string text = to_toml_value(node);
   if (text.size() > 60) {
     text.resize(57);
+    // The cut must not leave a partial UTF-8 sequence.
     while (!text.empty() && (static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) {
       text.pop_back();
     }

@@ -12,57 +12,59 @@
 
 namespace abbe::sim {
 
-/// What the true cutter loses while it cuts, in proportion to the time or the way of its tip at
-/// feed.
+/// Wear of the actual cutter, in proportion to the time or path of its tip at feed.
 struct ToolWear {
-  std::optional<double> time_s;  ///< after which it has lost the two
-  std::optional<double> way;     ///< mm, likewise; one of the two is there
-  double radius = 0.0;           ///< mm, the tip stays where it is; a ball stays a ball
-  double length = 0.0;           ///< mm, the tip goes back along the axis of the tool
+  std::optional<double> time_s;  ///< time after which both losses have occurred
+  std::optional<double> way;     ///< mm, path with the same meaning; exactly one of the two is
+                                 ///< present
+  double radius = 0.0;           ///< mm; the tip stays in place, and a ball stays a ball
+  double length = 0.0;           ///< mm; the tip recedes along the tool axis
 };
 
-/// The cutter of APT as it is described.
+/// The APT cutter as described.
 struct AptForm {
-  cutting::AptCutter numbers{.diameter = 0.0, .height = 0.0};  ///< but for the next three
-  std::optional<double> diameter;       ///< mm; none: the corner's middle is on the axis
-  std::optional<double> radial, axial;  ///< mm, of the middle of the corner; none: it is tangent
+  cutting::AptCutter numbers{.diameter = 0.0, .height = 0.0};  ///< except for the next three
+  std::optional<double> diameter;       ///< mm; none: the centre of the corner lies on the axis
+  std::optional<double> radial, axial;  ///< mm, centre of the corner; none: the corner is tangent
 };
-/// A cutter by points of its outline.
+/// A cutter described by points of its outline.
 struct OutlineForm {
   Eigen::VectorXd radii, heights;       ///< (n) mm
-  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, on the way to a point; 0 and none: straight
+  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, arc radius up to each point; 0 or none:
+                                        ///< straight
 };
-/// The same of one that may be hollow.
+/// A cutter described by points of an outline that may be hollow.
 struct ProfileForm {
   Eigen::VectorXd radii, heights;       ///< (n) mm
-  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, as above; below 0: it bulges inwards
+  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, as above; negative: the arc bulges inwards
 };
-/// What makes the shape of a tool that is no common cutter and no round nose: of a cutter the first
-/// three, of a turning tool an insert or points around a free edge.
+/// The form of a tool that is neither a common cutter nor a round nose. The first three are
+/// cutters; a turning tool has an insert or points around a free edge.
 using ToolForm = std::variant<std::monostate, AptForm, OutlineForm, ProfileForm, cutting::Insert,
                               std::vector<cutting::OutlinePoint>>;
 using ToolShape = std::variant<cutting::Cutter, cutting::Nose>;
 
-/// A tool, what the control believes of it, and what it really is.
+/// A tool, with the beliefs of the control and its actual state.
 struct ToolDescription {
   std::string name;
-  std::optional<int> number;  ///< T of a program that calls it
+  std::optional<int> number;  ///< T by which a program calls it
   ToolShape nominal;
   ToolShape actual;                              ///< same alternative as nominal
-  ToolForm nominal_form = {}, actual_form = {};  ///< of which those are made
+  ToolForm nominal_form = {}, actual_form = {};  ///< the forms from which the shapes are made
   double length = 0.0;                           ///< mm from the nose s to the tip t
   double actual_length = 0.0;                    ///< mm
-  double centring_offset = 0.0;       ///< mm, turning: the tip stands this much along t's x really
-  double centring_height = 0.0;       ///< mm, turning: and this much along t's y
+  double centring_offset = 0.0;       ///< mm, turning: actual displacement of the tip along t's x
+  double centring_height = 0.0;       ///< mm, turning: and along t's y
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
-  std::optional<double> shank_radius = {};      ///< mm, above the flank; none: the cutter's
+  std::optional<double> shank_radius = {};      ///< mm, above the flank; none: that of the cutter
   std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
 };
 
 struct Key;
 
-/// One tool, or several of which each has its number.
-/// @param section  a table or a list of them @return one at least
+/// Reads one tool, or several with a number each.
+/// @param section  a table or a list of tables
+/// @return at least one tool
 std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_errors);
 Node::Table written_tool(const ToolDescription& tool);
 std::vector<Key> tool_keys();

@@ -31,6 +31,7 @@ void check_cutter(TableReader& reader, const Cutter& cutter) {
 Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
   Fields<Cutter> fields;
   fields.number(asked("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
+  // A ball or flat end determines its corner by its radius, so it has no key for it.
   if (kind == "ball") fields.then([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
   if (kind == "flat") fields.then([](Cutter& cutter) { cutter.corner_radius = 0.0; });
   if (kind == "bull")
@@ -41,7 +42,7 @@ Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
                        "on as a shank");
 }
 
-/// Dimensions that fit each other, which is looked at where each of them is good.
+/// Returns the dimensions with a check that they fit each other, made if each of them is correct.
 Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
   const Fields<Cutter> dimensions = dimension_fields(kind, asked);
   return Fields<Cutter>().custom(
@@ -49,6 +50,8 @@ Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
       [dimensions](TableReader& reader, Cutter& cutter) {
         const std::size_t before = reader.input_errors().list().size();
         cutter = dimensions.read(reader, cutter);
+        // Defaults in place of missing dimensions would make the check fail for a reason the user
+        // cannot see.
         if (has_all_keys(reader, dimensions.keys()) &&
             reader.input_errors().list().size() == before)
           check_cutter(reader, cutter);
@@ -102,6 +105,7 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   fields.number(optional_actual("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
   if (is_form(kind)) return fields.all_of(itself, form_cutter_fields(kind, actual_selector));
+  // The position of the tip off centre is a property of the setting and not of the shape.
   if (has_profile(kind))
     return fields.all_of(itself, insert_fields(kind, actual_selector))
         .all_of(itself, centring_fields());
@@ -133,7 +137,7 @@ Fields<ToolWear> wear_fields() {
       });
 }
 
-/// A kind of tool: its word, and the keys of the nominal tool and of the actual one.
+/// A kind of tool: its word, and the keys of the nominal and of the actual tool.
 struct ToolKind {
   Word word;
   Fields<ToolDescription> nominal, actual;
@@ -163,7 +167,7 @@ const std::vector<ToolKind>& tool_kinds() {
   return kinds;
 }
 
-/// The first kind where there is no such word.
+/// Returns the kind of a word, or the first kind for an unknown word.
 const ToolKind& tool_kind_by_name(const std::string& word) {
   for (const ToolKind& kind : tool_kinds())
     if (kind.word.word == word) return kind;
@@ -176,15 +180,16 @@ const ToolKind& read_tool_kind(TableReader& reader) {
   return tool_kind_by_name(reader.word("kind", words, true).value_or(""));
 }
 
-/// A kind that can be both what the tool should be and what it is.
+/// Returns a kind that fits both the nominal and the actual tool.
 const ToolKind& kind_of(const ToolDescription& tool) {
   constexpr const char* of_form[] = {"",        "apt",    "form",
-                                     "profile", "insert", "edge"};  // as in ToolForm
+                                     "profile", "insert", "edge"};  // in the order of ToolForm
   static_assert(std::size(of_form) == std::variant_size_v<ToolForm>);
   if (tool.nominal_form.index() > 0) return tool_kind_by_name(of_form[tool.nominal_form.index()]);
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
   if (!nominal) return tool_kind_by_name("nose");
   const Cutter& actual = std::get<Cutter>(tool.actual);
+  // The kind is not stored, so it is inferred from corners that both tools have in common.
   if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0)
     return tool_kind_by_name("flat");
   const bool round =
@@ -192,7 +197,7 @@ const ToolKind& kind_of(const ToolDescription& tool) {
   return tool_kind_by_name(round ? "ball" : "bull");
 }
 
-/// A cutter wears, and by far less than its size.
+/// Checks that the tool is a cutter and that its wear is far less than its size.
 void check_wear(TableReader& reader, ToolDescription& tool) {
   const auto* cutter = std::get_if<Cutter>(&tool.actual);
   if (!tool.wear) return;
@@ -204,19 +209,21 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
     reader.refuse("wear", "a wear of less than half the radius", "more");
 }
 
-/// A turning tool has no shank of revolution.
+/// Checks that a turning tool, which has no shank of revolution, states none.
 void check_shank(TableReader& reader, ToolDescription& tool) {
   if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
     reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
 }
 
-/// @param table  of the tool, or of what it really is; what it does not say is nominal
+/// Checks one flank.
+/// @param table  of the tool, or of the actual tool; values missing there are nominal
 void check_flank(TableReader& reader, const Node& table, const std::string& where,
                  const ToolShape& shape, double length) {
   const auto* cutter = std::get_if<Cutter>(&shape);
   if (!cutter || length >= cutter->flank_length) return;
   const Node* flank = table.find("flank_length_mm");
   const Node* other = table.find("length_mm");
+  // The message goes to the flank if it is stated, else to the length.
   const Node* fault = flank ? flank : other;
   if (!fault) return;
   reader.input_errors().add(
@@ -228,7 +235,7 @@ void check_flank(TableReader& reader, const Node& table, const std::string& wher
       fmt::format("{:g}", flank ? cutter->flank_length : length));
 }
 
-/// A flank ends below the nose of the spindle, which is looked at where its numbers are good.
+/// Checks that each flank ends below the spindle nose, if its numbers are correct.
 void check_flanks(TableReader& reader, ToolDescription& tool) {
   const Node* actual = reader.node().find("actual");
   if (actual && !actual->table()) actual = nullptr;
@@ -236,6 +243,7 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
     if (!table) return false;
     return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
       const Place& place = entry.node.place;
+      // An error at the position of an entry means that its value is a default.
       return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& fault) {
         return fault.file == *place.file && fault.line == place.line &&
                fault.column == place.column;
@@ -249,7 +257,7 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
   if (actual) check_flank(reader, *actual, "tool.actual", tool.actual, tool.actual_length);
 }
 
-/// The tip of a cutter is outside of what holds it.
+/// Checks that the tip of a cutter lies outside of the holder.
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
     return;
@@ -266,19 +274,21 @@ void check_holder(TableReader& reader, ToolDescription& tool) {
 }
 
 Key tool_kind_key() {
-  Key kind = make_field_key(must("kind"), Key::Kind::Text, "of tool");
+  Key kind = make_key(must("kind"), Key::Kind::Text, "of tool");
   for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
   return kind;
 }
 
 Key actual_key() {
+  // The bull nose has all keys of ball and flat ends; the other kinds add theirs.
   std::vector<Key> keys = tool_kind_by_name("bull").actual.keys();
   for (const char* kind : {"apt", "profile", "form", "nose", "insert", "edge"})
     for (Key& key : tool_kind_by_name(kind).actual.keys())
+      // Kinds have keys in common, and each may appear in the manual once.
       if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
         keys.push_back(std::move(key));
-  return make_field_key(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
-                        "what the tool really is, where that differs", std::move(keys));
+  return make_key(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
+                  "what the tool really is, where that differs", std::move(keys));
 }
 
 const Fields<ToolDescription>& tool_fields() {
@@ -307,6 +317,7 @@ const Fields<ToolDescription>& tool_fields() {
           .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,
                  999'999, "T by which a program calls it: a call of another is refused")
           .then([](Tool& tool) {
+            // The actual tool starts as the nominal one, so that `actual` states differences only.
             tool.actual = tool.nominal;
             tool.actual_form = tool.nominal_form;
             tool.actual_length = tool.length;
@@ -338,9 +349,9 @@ bool turns_workpiece(const ToolDescription& tool) {
   return std::holds_alternative<Nose>(tool.nominal);
 }
 
-/// What several tools ask of each other. @param tools  those before it
-void check_among(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
-                 const Place& place, InputErrors& input_errors) {
+/// Checks the requirements among several tools. @param tools  those before it
+void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
+                        const Place& place, InputErrors& input_errors) {
   if (!tool.number) {
     input_errors.add(place, "tool.number of each of several tools", "a tool without");
     return;
@@ -349,6 +360,7 @@ void check_among(const std::vector<ToolDescription>& tools, const ToolDescriptio
     if (other.number == tool.number)
       input_errors.add(place, "a tool.number that no other tool has",
                        std::to_string(*tool.number) + " again");
+    // The blank and the simulation are those of milling or those of turning.
     if (turns_workpiece(other) != turns_workpiece(tool))
       input_errors.add(place, "tools that all mill, or all turn", "one of either kind");
   }
@@ -358,8 +370,9 @@ void check_among(const std::vector<ToolDescription>& tools, const ToolDescriptio
 
 KeyName optional_actual(KeyName key) { return key.otherwise("as nominal"); }
 
-Refusal refusal_of(const std::string& why) {
+ExpectedAndSeen refusal_of(const std::string& why) {
   const std::string expected = "expected ", seen = ", seen ";
+  // Messages without these words yield the whole text as the expectation.
   const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
   const std::size_t to = std::min(why.rfind(seen), why.size());
   return {why.substr(from, to - from),
@@ -369,13 +382,15 @@ Refusal refusal_of(const std::string& why) {
 void report_point_error(TableReader& reader, const PointKeys& keys,
                         const std::vector<cutting::OutlinePoint>& points,
                         const cutting::OutlineError& fault) {
+  // The cutting module reports coordinates, and the nearest point leads back to the entry of the
+  // list.
   const auto nearest = std::ranges::min_element(
       points, {}, [&](const cutting::OutlinePoint& one) { return (one.at - fault.at).norm(); });
   const std::size_t entry = std::size_t(nearest - points.begin());
   const std::string key = keys[std::size_t(fault.number)];
   const Node* list = reader.node().find(key);
   const bool has_entry = list && list->array() && entry < list->array()->size();
-  const Refusal refusal = refusal_of(fault.what());
+  const ExpectedAndSeen refusal = refusal_of(fault.what());
   reader.input_errors().add(
       has_entry ? (*list->array())[entry].place : reader.place(),
       fmt::format("{} for {}, entry {}", refusal.expected, reader.name_of(key), entry + 1),
@@ -398,17 +413,19 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
   }
   std::vector<ToolDescription> tools;
   for (const Node& one : *list) {
-    if (one.text()) continue;  // a file that was refused
+    if (one.text()) continue;  // a file that was rejected
     const std::size_t before = input_errors.list().size();
     if (!one.table()) {
       input_errors.add(one.place, "a table or a file for tool", shown(one));
       continue;
     }
     ToolDescription tool = read_tool(one, input_errors);
+    // Numbers matter only if there are several tools.
     if (list->size() > 1 && input_errors.list().size() == before)
-      check_among(tools, tool, one.place, input_errors);
+      check_tool_numbers(tools, tool, one.place, input_errors);
     tools.push_back(std::move(tool));
   }
+  // The scene needs a tool even after an error, so that the sections after it can be read.
   if (tools.empty()) tools.emplace_back();
   return tools;
 }

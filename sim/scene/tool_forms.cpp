@@ -44,8 +44,11 @@ Fields<AptForm> apt_fields(Asked asked) {
       .number(asked("flank_length_mm"), numbers_member<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
       .check([](TableReader& reader, AptForm& form) {
+        // Only a ball follows from its corner alone; every other cutter needs its diameter.
         if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
           return reader.missing("diameter_mm", "a number");
+        // The centre of the corner has two coordinates, which are given together or follow from
+        // tangency.
         if (form.radial.has_value() == form.axial.has_value()) return;
         reader.missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
                        "both of corner_offset_mm and corner_height_mm, or neither,");
@@ -76,6 +79,7 @@ Fields<ProfileForm> profile_form_fields(Asked asked) {
 
 cutting::ToolOutline outline_of(const AptForm& form) {
   cutting::AptCutter cutter = form.numbers;
+  // Without a diameter the centre of the corner lies on the axis.
   if (!form.diameter) return cutting::apt_outline(cutting::with_ball_corner(cutter));
   cutter.diameter = *form.diameter;
   if (!form.radial || !form.axial)
@@ -85,7 +89,7 @@ cutting::ToolOutline outline_of(const AptForm& form) {
   return cutting::apt_outline(cutter);
 }
 
-/// Lists of numbers for one outline of which one is longer than another.
+/// Error for lists of an outline whose lengths differ.
 struct UnequalLists : std::invalid_argument {
   UnequalLists(const char* which, Eigen::Index expected, Eigen::Index seen)
       : std::invalid_argument(fmt::format("{} numbers and {}", expected, seen)),
@@ -97,6 +101,7 @@ struct UnequalLists : std::invalid_argument {
   std::string expected_text, seen_text;
 };
 
+/// Returns the points of a form.
 /// @throws UnequalLists
 template <class Form>
 std::vector<cutting::OutlinePoint> points_of(const Form& form) {
@@ -123,7 +128,7 @@ cutting::Cutter cutter_of(const Form& form) {
 }
 
 void report_tool_error(TableReader& reader, const std::invalid_argument& why) {
-  const Refusal refusal = refusal_of(why.what());
+  const ExpectedAndSeen refusal = refusal_of(why.what());
   reader.input_errors().add(reader.place(), refusal.expected + " for tool", refusal.seen);
 }
 
@@ -133,6 +138,7 @@ void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_ar
 
 template <class Form>
 void report_point_errors(TableReader& reader, const Form& form, const std::invalid_argument& why) {
+  // The order of the casts runs from the most specific error to the general one.
   if (const auto* unequal = dynamic_cast<const UnequalLists*>(&why))
     reader.refuse(unequal->key, unequal->expected_text + " for " + reader.name_of(unequal->key),
                   unequal->seen_text);
@@ -142,7 +148,7 @@ void report_point_errors(TableReader& reader, const Form& form, const std::inval
     report_tool_error(reader, why);
 }
 
-/// A convex outline is asked for; what is hollow has a kind of its own.
+/// Reports errors of a convex outline. For a hollow one the message names the kind that allows it.
 void report_outline_error(TableReader& reader, const OutlineForm& form,
                           const std::invalid_argument& why) {
   const auto* bend = dynamic_cast<const cutting::InwardBend*>(&why);
@@ -160,12 +166,12 @@ double chord_sag(const ToolForm& form) {
 
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& which) {
   if (kind == "apt")
-    return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, report_apt_error);
+    return form_fields(which, apt_fields(which.asked), cutter_of<AptForm>, report_apt_error);
   if (kind == "profile")
-    return fields_of_form(which, profile_form_fields(which.asked), cutter_of<ProfileForm>,
-                          report_point_errors<ProfileForm>);
-  return fields_of_form(which, outline_fields(which.asked), cutter_of<OutlineForm>,
-                        report_outline_error);
+    return form_fields(which, profile_form_fields(which.asked), cutter_of<ProfileForm>,
+                       report_point_errors<ProfileForm>);
+  return form_fields(which, outline_fields(which.asked), cutter_of<OutlineForm>,
+                     report_outline_error);
 }
 
 namespace {
@@ -193,7 +199,7 @@ Fields<Insert> insert_dimensions(Asked asked) {
               "b_s, a flat along x from below the centre of the nose to the minor edge");
 }
 
-/// @return empty after a fault
+/// Returns the points of the edge, or none after an error.
 Points read_edge(TableReader& reader) {
   const auto x = reader.maybe_numbers("x_mm"), z = reader.maybe_numbers("z_mm");
   const auto arcs = reader.maybe_numbers("arc_radii_mm");
@@ -225,9 +231,11 @@ Fields<Points> edge_fields(Asked asked) {
       [asked](TableReader& reader, Points& points) {
         const bool required = asked("x_mm").required;
         for (const char* key : {"x_mm", "z_mm"})
+          // For the actual tool the points may be omitted, but not only some of their lists.
           if (!reader.has(key) &&
               (required || reader.has("x_mm") || reader.has("z_mm") || reader.has("arc_radii_mm")))
             reader.missing(key, "a list of numbers");
+        // An edge with errors, or none at all, leaves the nominal points in place.
         if (Points read = read_edge(reader); !read.empty()) points = std::move(read);
       },
       [](const Points& points, Node::Table& table) {
@@ -256,7 +264,7 @@ void report_edge_error(TableReader& reader, const Points& points,
                        const std::invalid_argument& why) {
   if (const auto* fault = dynamic_cast<const cutting::OutlineError*>(&why))
     return report_point_error(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *fault);
-  const Refusal refusal = refusal_of(why.what());
+  const ExpectedAndSeen refusal = refusal_of(why.what());
   reader.refuse("x_mm", refusal.expected + " for " + reader.name_of("x_mm") + " and z_mm",
                 refusal.seen);
 }
@@ -265,8 +273,8 @@ void report_edge_error(TableReader& reader, const Points& points,
 
 Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& which) {
   if (kind == "insert")
-    return fields_of_form(which, insert_dimensions(which.asked), insert_nose, report_insert_error);
-  return fields_of_form(which, edge_fields(which.asked), edge_nose, report_edge_error);
+    return form_fields(which, insert_dimensions(which.asked), insert_nose, report_insert_error);
+  return form_fields(which, edge_fields(which.asked), edge_nose, report_edge_error);
 }
 
 }  // namespace abbe::sim

@@ -12,15 +12,15 @@
 /// Tools whose shape is made from a form of its own: `ToolForm`.
 namespace abbe::sim {
 
-/// How a key is asked for: of the nominal tool by `must`, of the actual one by `optional_actual`.
+/// Mode of a key: `must` for the nominal tool, `optional_actual` for the actual one.
 using Asked = KeyName (*)(KeyName);
 KeyName optional_actual(KeyName key);
-/// A key that may be left out, of the nominal tool with the fallback of its own.
+/// Returns a key that may be omitted; for the nominal tool it has its own fallback.
 KeyName left_out(Asked asked, const KeyName& key);
 
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
 
-/// Which of the two tools of a description is meant.
+/// Selects the nominal or the actual tool of a description.
 struct FormSelector {
   ToolForm ToolDescription::*form;
   ToolShape ToolDescription::*shape;
@@ -31,40 +31,40 @@ inline constexpr FormSelector nominal_selector{&ToolDescription::nominal_form,
 inline constexpr FormSelector actual_selector{&ToolDescription::actual_form,
                                               &ToolDescription::actual, optional_actual};
 
-/// The cutter of APT, of an outline and of a profile. @param kind  "apt", "form" or "profile"
+/// Returns the fields of the cutter of APT, of an outline or of a profile.
+/// @param kind  "apt", "form" or "profile"
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& which);
-/// mm, by which a tool of this form is larger than its arcs that bulge inwards, which are cut as
-/// chords.
+/// Returns the length in mm by which a tool of this form is larger than its inward arcs, which are
+/// replaced by chords.
 double chord_sag(const ToolForm& form);
 
-/// Turning tools whose edge has a profile. @param kind  "insert", a nose with two straight edges,
-/// or
-///                                                     "edge", free lines and arcs
+/// Returns the fields of turning tools whose edge has a profile.
+/// @param kind  "insert", a nose with two straight edges, or "edge", free lines and arcs
 Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& which);
 
-/// "outline: expected a, seen b" as what is expected and seen; b may be left out.
-struct Refusal {
+/// The expected and the seen part of "outline: expected a, seen b"; b may be absent.
+struct ExpectedAndSeen {
   std::string expected, seen;
 };
-Refusal refusal_of(const std::string& why);
+ExpectedAndSeen refusal_of(const std::string& why);
 
-/// Keys of the numbers of points: two coordinates, and the radius of the arc to each.
+/// Keys of the numbers of points: two coordinates, and the radius of the arc to each point.
 using PointKeys = std::array<const char*, 3>;
 
-/// Refuses the number of the point that a fault is of, at its place in the table, or at the key
-/// that it has; where the table has none of the keys, at the table.
+/// Reports an erroneous number of a point at its position in the list, or at the key if the list
+/// lacks it; without any of the keys, at the table.
 void report_point_error(TableReader& reader, const PointKeys& keys,
                         const std::vector<cutting::OutlinePoint>& points,
                         const cutting::OutlineError& fault);
 
-/// The keys of a form, and the tool that it makes where each of them is good. Where the description
-/// is of another form one of this is begun.
-/// @param refuse  says why none can be made, where the table stands
+/// Returns the keys of a form, and makes the tool if each of them is correct. If the description
+/// holds another form, a new one is begun.
+/// @param refuse  reports at the table why no tool can be made
 template <class Form, class Shape>
-Fields<ToolDescription> fields_of_form(const FormSelector& which, const Fields<Form>& own,
-                                       Shape (*made)(const Form&),
-                                       void (*refuse)(TableReader& reader, const Form& form,
-                                                      const std::invalid_argument& why)) {
+Fields<ToolDescription> form_fields(const FormSelector& which, const Fields<Form>& own,
+                                    Shape (*made)(const Form&),
+                                    void (*refuse)(TableReader& reader, const Form& form,
+                                                   const std::invalid_argument& why)) {
   return Fields<ToolDescription>().custom(
       own.keys(),
       [=](TableReader& reader, ToolDescription& tool) {

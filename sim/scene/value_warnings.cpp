@@ -16,17 +16,17 @@
 namespace abbe::sim {
 namespace {
 
-/// Magnitudes that a kind of key has in practice, and what a number beyond them is likely to be.
-/// The ranges are wide on purpose: a factor of ten beyond the largest and the smallest machine,
-/// since a warning that is wrong teaches users to read none.
+/// Practical magnitudes of a kind of key, with the probable cause of a number outside of them. The
+/// ranges are deliberately wide, a factor of ten beyond the largest and the smallest machine,
+/// because wrong warnings teach users to ignore all of them.
 struct PlausibleRange {
-  std::string_view section;  ///< a name on the way to the key; empty: any
+  std::string_view section;  ///< a section on the path to the key; empty: any
   std::string_view ending;   ///< of the key
   double low, high;
-  std::string_view below, above;  ///< what a smaller or larger magnitude looks like
+  std::string_view below, above;  ///< probable unit of a smaller or larger magnitude
 };
 
-// The first row that fits a key holds, so those of one section come before those of all.
+// The first row that matches a key applies, so rows of a section precede those for all sections.
 constexpr std::array plausible_ranges{
     // temperatures
     PlausibleRange{"", "offset_K", 1e-4, 20, "", "a temperature, not a difference"},
@@ -148,17 +148,18 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"sampling", "chord_tolerance_nm", 0.01, 1e5, "um", "pm"},
 };
 
-/// Tables of changes that are judged where they take effect, in a scene of its own.
+/// Tables of changes, which are judged in the scene to which they are applied.
 constexpr std::array<std::string_view, 3> changes{"study", "variant", "set"};
 
-/// Temperatures that a workshop, its coolant and a machine before its work have, deg C. Fahrenheit
-/// and kelvin begin where they end: 20 deg C is 68 F and 293 K.
-constexpr double absolute_zero_C = -40.0, warmest_C = 60.0, fahrenheit_to = 200.0;
+/// Temperatures of a workshop, its coolant and a resting machine, deg C. Fahrenheit and kelvin
+/// begin beyond them: 20 deg C is 68 F and 293 K.
+constexpr double min_plausible_C = -40.0, max_plausible_C = 60.0, fahrenheit_to = 200.0;
 
-/// Distances between the ends of a travel; a slide of a few mm is a piezo stage.
-constexpr double shortest_travel_mm = 5.0, longest_travel_mm = 1e5;
-// 110 deg either way are 3.8 rad, a whole turn either way 12.6: a table that turns less is none.
-constexpr double shortest_travel_deg = 13.0;
+/// Travels between both ends; a slide of a few mm is a piezo stage.
+constexpr double min_plausible_travel_mm = 5.0, longest_travel_mm = 1e5;
+// 110 deg either way are 3.8 rad, a whole turn either way 12.6: no rotary table turns less than 13
+// deg.
+constexpr double min_plausible_travel_deg = 13.0;
 
 std::string_view last_key(std::string_view key) { return key.substr(key.rfind('.') + 1); }
 
@@ -169,8 +170,8 @@ std::string_view parent_of(std::string_view key) {
 
 bool has_unit(std::string_view key) { return key_stem(key) != key; }
 
-/// The part of a key that bears the unit: its end, or what holds the axis at its end, as in
-/// "axis_speed_mm_per_min.X".
+/// Returns the part of a key that carries the unit: its end, or the table above an axis letter, as
+/// in "axis_speed_mm_per_min.X".
 std::string_view part_with_unit(std::string_view key) {
   const std::string_view own = last_key(key);
   const std::string_view holder = last_key(parent_of(key));
@@ -190,8 +191,8 @@ bool is_within(std::string_view key, std::string_view section) {
 
 bool is_temperature(std::string_view name) { return name.ends_with("_C"); }
 
-/// 30, 45, 60, 90, 120, 135, 180, 270 or 360 degrees as radians, to the three digits that people
-/// write; as degrees such numbers are rare.
+/// Returns true for 30, 45, 60, 90, 120, 135, 180, 270 or 360 degrees in radians, to the three
+/// digits in common use; such numbers are rare as degrees.
 bool resembles_radians(double value) {
   for (const int part : {2, 3, 4, 6, 8, 9, 12, 18, 24}) {
     const double angle = pi * part / 12.0;
@@ -214,18 +215,18 @@ bool has_plausible_range(std::string_view key) {
 }
 
 std::string mistaken_temperature(double value) {
-  if (value >= absolute_zero_C && value <= warmest_C) return {};
-  return value < absolute_zero_C ? "another quantity"
+  if (value >= min_plausible_C && value <= max_plausible_C) return {};
+  return value < min_plausible_C ? "another quantity"
          : value < fahrenheit_to ? "Fahrenheit"
                                  : "kelvin";
 }
 
-/// What a warning says is expected of a key.
+/// Returns the expected values of a key for a warning.
 std::string plausible_text(std::string_view key) {
   const std::string unit = unit_name(part_with_unit(key));
   const std::string named = unit == "no unit" ? "" : " " + unit;
   if (is_temperature(part_with_unit(key)))
-    return fmt::format("{} to {} deg C", absolute_zero_C, warmest_C);
+    return fmt::format("{} to {} deg C", min_plausible_C, max_plausible_C);
   const PlausibleRange* range = range_of(key);
   if (range == nullptr) return "degrees";
   if (range->low == 0.0) return fmt::format("up to {:g}{}", range->high, named);
@@ -260,7 +261,7 @@ class Walk {
       }
     if (const Node::Array* array = node.array()) {
       visit_travel(*array, node.place, key);
-      // tables and covariances are long: their key is looked up once
+      // Tables and covariances are long, so their key is looked up once.
       if (!array->empty() && number_of(array->front()) && !has_plausible_range(key)) return;
       for (const Node& element : *array) visit(element, key);
     }
@@ -279,6 +280,7 @@ class Walk {
 
  private:
   void add(const std::string& key, std::string text) {
+    // One message per key is enough, since a wrong unit usually affects all of its numbers.
     const auto [at, is_first] = findings_.try_emplace(key, Finding{std::move(text), 0});
     if (is_first)
       order_.push_back(key);
@@ -293,7 +295,7 @@ class Walk {
                            value, mistake, plausible_text(key)));
   }
 
-  /// A travel is odd as a whole: each end of it may be near zero.
+  /// Examines a travel as a whole, because each of its ends may be near zero.
   void visit_travel(const Node::Array& ends, const Place& place, const std::string& key) {
     const std::string_view name = last_key(key);
     if (ends.size() != 2 || !name.starts_with("travel_")) return;
@@ -301,8 +303,9 @@ class Walk {
     if (!from || !to) return;
     const double size = *to - *from;
     const bool turns = name == "travel_deg";
-    const double shortest = turns ? shortest_travel_deg : shortest_travel_mm;
+    const double shortest = turns ? min_plausible_travel_deg : min_plausible_travel_mm;
     const bool is_short = size > 0.0 && size < shortest;
+    // A rotary axis may turn without end, so only its short travel is suspicious.
     if (!is_short && (turns || size <= longest_travel_mm)) return;
     add(key, fmt::format("{}{} is {:.6g} long: looks like {}, {} expected", location_text(place),
                          key, size,
@@ -319,10 +322,10 @@ class Walk {
 
 // ---- pairs of numbers
 
-/// Tools are measured to hundredths of a mm: what is farther off is a difference, a diameter or
+/// Tools are measured to hundredths of a mm, so a larger deviation is a difference, a diameter or
 /// another unit in place of the actual size.
 constexpr double max_wrong_tool_mm = 1.0, max_wrong_ratio = 1.25;
-/// Controls are set to some um; a mm is a number of another axis, sign or unit.
+/// Controls are set to some um; a deviation of a mm comes from another axis, sign or unit.
 constexpr double max_wrong_control_mm = 1.0;
 
 void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warnings) {
@@ -339,6 +342,7 @@ void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warni
   const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal);
   const auto* actual = std::get_if<cutting::Cutter>(&tool.actual);
   if (nominal != nullptr && actual != nullptr) add("radius_mm", actual->radius, nominal->radius);
+  // An actual length equal to the nominal one is the default.
   if (tool.actual_length != tool.length) add("length_mm", tool.actual_length, tool.length);
 }
 
@@ -352,17 +356,16 @@ void add_control_texts(const Scene& scene, std::vector<std::string>& warnings) {
         *control.tool_length, scene.tool.length));
   const auto& joints = scene.machine.joints;
   for (std::size_t j = 0; j < std::min(joints.size(), control.joints.size()); ++j) {
-    const double length_mismatch_text = (control.joints[j].point_b - joints[j].point_b).norm();
-    if (joints[j].motion == kinematics::Motion::Rotary &&
-        length_mismatch_text > max_wrong_control_mm)
+    const double apart = (control.joints[j].point_b - joints[j].point_b).norm();
+    if (joints[j].motion == kinematics::Motion::Rotary && apart > max_wrong_control_mm)
       warnings.push_back(fmt::format(
           "control.axis.{}.point_mm lies {:.4g} mm from that of the machine, and no control is "
           "that wrong: another axis, sign or unit?",
-          joints[j].name, length_mismatch_text));
+          joints[j].name, apart));
   }
 }
 
-/// What clamps a part lies beside it: nothing on this machine reaches farther than its longest
+/// Checks that fixtures are near the part. Nothing on this machine reaches farther than its longest
 /// slide.
 void add_fixture_texts(const Scene& scene, std::vector<std::string>& warnings) {
   double longest = 0.0;
@@ -370,24 +373,24 @@ void add_fixture_texts(const Scene& scene, std::vector<std::string>& warnings) {
     if (joint.motion == kinematics::Motion::Linear)
       longest = std::max(longest, joint.max - joint.min);
   for (const BodyDescription& fixture : scene.fixtures) {
-    const double length_mismatch_text =
-        (fixture.T.translation() - scene.part.T_wm.translation()).norm();
-    if (longest > 0.0 && length_mismatch_text > longest)
+    const double apart = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
+    if (longest > 0.0 && apart > longest)
       warnings.push_back(fmt::format(
           "fixture \"{}\" lies {:.4g} mm from the part, and the longest slide goes {:.4g} mm: its "
           "at_mm may be in another unit or from another zero",
-          fixture.name, length_mismatch_text, longest));
+          fixture.name, apart, longest));
   }
 }
 
-/// Sections of the tool that bend are parts of it: from the tip, the first of them the cutter's.
+/// Checks that the flexible sections of the tool are parts of it; the first one, at the tip, is
+/// that of the cutter.
 void add_section_texts(const Scene& scene, std::vector<std::string>& warnings) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const Node* node = scene.tree.get();
   for (const char* key : {"compliance", "tool", "section"})
     if (node != nullptr) node = node->find(key);
   if (cutter == nullptr || node == nullptr || !node->array() || node->array()->empty()) return;
-  constexpr double rounded = 1.01;  // of sizes that data sheets round
+  constexpr double rounded = 1.01;  // sizes are rounded in data sheets
   const auto size_of = [](const Node& section, const char* key) {
     const Node* size = section.find(key);
     return size == nullptr ? 0.0 : number_of(*size).value_or(0.0);
@@ -411,6 +414,7 @@ void add_section_texts(const Scene& scene, std::vector<std::string>& warnings) {
 
 std::string probable_mistake(std::string_view key, double value) {
   const std::string_view name = part_with_unit(key);
+  // Zero turns a term off and has no unit that could be wrong.
   if (value == 0.0 || !std::isfinite(value)) return {};
   if (is_temperature(name)) return mistaken_temperature(value);
   if (const PlausibleRange* range = range_of(key)) {
@@ -431,10 +435,11 @@ std::vector<std::string> value_warnings(const Node& tree) {
 std::vector<std::string> value_warnings(const Scene& scene) {
   std::vector<std::string> warnings;
   if (scene.tree) warnings = value_warnings(*scene.tree);
-  for (const ToolDescription& tool : tools_of(scene)) add_tool_texts(tool, warnings);
+  for (const ToolDescription& tool : all_tools(scene)) add_tool_texts(tool, warnings);
   add_control_texts(scene, warnings);
   add_fixture_texts(scene, warnings);
   add_section_texts(scene, warnings);
+  // The range of the key allows a negative factor, hence a warning and no error.
   if (scene.belief.scale < 0.0)
     warnings.push_back(fmt::format(
         "belief.scale is {:g}: a compensator adds the errors that it believes in, in place of "

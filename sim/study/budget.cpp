@@ -16,13 +16,15 @@ namespace {
 
 double squared(double value) { return value * value; }
 
-constexpr double numerical_floor = 1e-6;  // mm: what varies less is nobody's
+constexpr double numerical_floor = 1e-6;  // mm: below the numerical floor of the surface a change
+                                          // has no cause
 
+/// Returns the finite values, negative ones as 0: estimates of indices may be slightly below it.
 Eigen::VectorXd known(const Eigen::VectorXd& values) {
   return values.array().isFinite().select(values.cwiseMax(0.0), 0.0);
 }
 
-/// In the order of the weights. Shares that add up to more than 1, as estimates may, are scaled.
+/// Ranks inputs by weight. Shares that add up to more than 1, as estimates may, are scaled down.
 Ranking ranked(Ranking::Basis basis, const Eigen::VectorXd& weights,
                const Eigen::VectorXd& shares) {
   Ranking r;
@@ -30,7 +32,7 @@ Ranking ranked(Ranking::Basis basis, const Eigen::VectorXd& weights,
   r.weights = known(weights);
   r.shares = known(shares);
   r.shares /= std::max(1.0, r.shares.sum());
-  r.length_mismatch_text = r.weights.sum() > 0.0 ? std::max(0.0, 1.0 - r.shares.sum()) : 0.0;
+  r.apart = r.weights.sum() > 0.0 ? std::max(0.0, 1.0 - r.shares.sum()) : 0.0;
   r.order.resize(std::size_t(weights.size()));
   std::iota(r.order.begin(), r.order.end(), 0);
   std::stable_sort(r.order.begin(), r.order.end(),
@@ -38,16 +40,16 @@ Ranking ranked(Ranking::Basis basis, const Eigen::VectorXd& weights,
   return r;
 }
 
-/// Shares are of the sum of all weights.
+/// Ranks inputs by weight; shares are fractions of the sum of all weights.
 Ranking ranked(Ranking::Basis basis, const Eigen::VectorXd& weights) {
   const Eigen::VectorXd all = known(weights);
   const double sum = all.sum();
   Ranking r = ranked(basis, all, sum > 0.0 ? Eigen::VectorXd(all / sum) : all);
-  r.length_mismatch_text = 0.0;
+  r.apart = 0.0;
   return r;
 }
 
-/// One figure of every contribution; nothing where none of them has it.
+/// Returns one figure of every contribution; empty if no contribution has it.
 template <typename Figure>
 std::optional<Eigen::VectorXd> figures(const ResponseBudget& response, std::size_t inputs,
                                        const Figure& figure) {
@@ -74,7 +76,7 @@ std::optional<Ranking> sobol_ranking(const ResponseBudget& response, std::size_t
 }
 
 std::optional<Ranking> main_effect_ranking(const ResponseBudget& response, std::size_t inputs) {
-  // an effect that chance alone would give is none
+  // An effect that chance alone may give counts as none.
   const double chance =
       chance_effect(response.answers ? response.answers->cases : 0, Eigen::Index(inputs));
   const auto effects = figures(response, inputs, [&](const Contribution& c) {
@@ -83,7 +85,7 @@ std::optional<Ranking> main_effect_ranking(const ResponseBudget& response, std::
   });
   if (!effects) return {};
   Ranking r = ranked(Ranking::Basis::MainEffect, *effects, *effects);
-  r.length_mismatch_text = std::max(0.0, 1.0 - r.shares.sum());
+  r.apart = std::max(0.0, 1.0 - r.shares.sum());
   return r;
 }
 
@@ -95,6 +97,7 @@ std::optional<double> larger_change(const Contribution& c) {
 }
 
 Ranking change_ranking(const ResponseBudget& response, std::size_t inputs) {
+  // The fraction in tolerance is in percent, so the floor in mm does not apply.
   const double floor = response.response == Response::InTolerance ? 0.0 : numerical_floor;
   const auto squares = figures(response, inputs, [&](const Contribution& c) {
     const std::optional<double> change = larger_change(c);
@@ -105,6 +108,8 @@ Ranking change_ranking(const ResponseBudget& response, std::size_t inputs) {
 }
 
 double chance_correlation(const ResponseBudget& response) {
+  // The correlation of independent values has a standard error of 1 / sqrt(n); four of them are
+  // exceeded by chance once in 16 000 pairs.
   return response.answers ? 4.0 / std::sqrt(double(response.answers->cases)) : 0.0;
 }
 
@@ -123,6 +128,7 @@ Ranking map_ranking(const ConfigurationBudget& arm, std::size_t inputs) {
   for (std::size_t i = 0; i < std::min(arm.maps.size(), inputs); ++i)
     weights[Eigen::Index(i)] = arm.maps[i].share;
   Ranking result = ranked(arm.maps.empty() ? Ranking::Basis::None : Ranking::Basis::Map, weights);
+  // Shares of a map may be negative and are not scaled; `ranked` would clip them.
   result.shares = weights;
   return result;
 }
@@ -184,7 +190,7 @@ std::vector<ParetoBar> pareto(const Ranking& ranking, std::size_t most) {
   }
   if (others.many > 0) bars.push_back(others);
   if (*remainder_name(ranking.basis) != '\0')
-    bars.push_back({ParetoBar::Kind::Apart, 0, 1, ranking.length_mismatch_text});
+    bars.push_back({ParetoBar::Kind::Apart, 0, 1, ranking.apart});
   return bars;
 }
 
@@ -192,6 +198,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
+/// JSON has no infinities and no NaN: both become null.
 ordered_json number(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json();
 }
@@ -204,7 +211,7 @@ ordered_json numbers(const Eigen::VectorXd& values) {
   return list;
 }
 
-/// Values of a response, in its unit.
+/// Writes values of a response in its unit.
 struct InUnit {
   Response response;
 
@@ -276,7 +283,7 @@ ordered_json inputs(const Study& study) {
   return list;
 }
 
-/// Pairs of inputs that vary together.
+/// Returns the pairs of inputs that are correlated.
 ordered_json correlation_rows(const Study& study) {
   ordered_json pairs = ordered_json::array();
   for (const Copula::Group& group : study.copula.groups()) {
@@ -327,7 +334,7 @@ ordered_json convergence_of(const IndexConvergence& c) {
   return steps;
 }
 
-/// Whose a response is: shares of the inputs that make the most of it, and what none makes alone.
+/// Returns the inputs with the largest shares of a response, and the share of no input alone.
 ordered_json whose(const Study& study, const ResponseBudget& r) {
   constexpr std::size_t most = 10;
   const Ranking ranked = ranking(r, study.inputs.size());
@@ -340,7 +347,7 @@ ordered_json whose(const Study& study, const ResponseBudget& r) {
   return {{"of", share_of(ranked.basis)},
           {"dominated", !dominant_inputs(ranked).empty()},
           {"largest", list},
-          {"of_no_input_alone_percent", number(100.0 * ranked.length_mismatch_text)}};
+          {"of_no_input_alone_percent", number(100.0 * ranked.apart)}};
 }
 
 ordered_json response(const Study& study, const ResponseBudget& r) {
@@ -480,7 +487,8 @@ namespace {
 
 using Cells = std::vector<std::string>;
 
-/// A value of a response goes into the column of micrometres or into that of percents.
+/// Returns the cells of a response's value: it stands in the column of micrometres or in that of
+/// percent.
 Cells fields(Response response, const std::optional<double>& value) {
   const std::string text = value ? csv_field(in_unit(response, *value)) : "";
   return response == Response::InTolerance ? Cells{"", text} : Cells{text, ""};
@@ -504,7 +512,7 @@ constexpr const char* csv_head =
     "correlation,rank_correlation,main_effect_percent,map_rms_um,map_pv_um,map_share_percent,"
     "equal_factor,cheapest_factor\n";
 
-/// Of an input, if all have one.
+/// Returns the field of an input; empty if the values were not computed.
 std::string field_of(const Eigen::VectorXd& values, Eigen::Index i) {
   return i < values.size() ? csv_field(values[i]) : "";
 }

@@ -24,7 +24,9 @@ namespace {
 
 using Eigen::Index;
 
-/// A study of the same arms whose inputs are the unidentified numbers and what hides them.
+/// Returns a study of the same configurations whose inputs are the unidentified coefficients and
+/// the coefficients that hide them. Its maps are only read for slopes, so no machine is cut to
+/// check them.
 Study probe_of(Study study) {
   std::vector<Input> inputs;
   const auto add = [&](const std::string& number, double spread) {
@@ -48,7 +50,8 @@ Study probe_of(Study study) {
   return study;
 }
 
-/// Change of the map by a standard deviation of a number, mm.
+/// Returns the change of the map by one standard deviation of a coefficient, mm. The coefficients
+/// of the belief that absorbed it change the other way, as an identification would.
 Eigen::VectorXd change_by(const Unidentified& number, const Study& probe,
                           const Eigen::MatrixXd& effects) {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(effects.cols());
@@ -90,7 +93,8 @@ std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
       result.push_back({number, figures.rms.value_or(0.0), figures.pv.value_or(0.0)});
     }
   } catch (const BadInput&) {
-    return {};  // the maps cannot follow this arm, or its part is gouged: the study itself says so
+    // The maps cannot represent this configuration, or its part is gouged; the study reports it.
+    return {};
   } catch (const std::invalid_argument&) {
     return {};
   }
@@ -98,7 +102,7 @@ std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
 }
 
 std::string unidentified_warning(const Study& study, const ConfigurationBudget& arm) {
-  constexpr double heard = 1e-6;  // mm, of all together
+  constexpr double heard = 1e-6;  // mm, RMS of all together: the numerical floor of the map
   constexpr std::size_t max_named = 6;
   std::vector<const UnidentifiedEffect*> left_out;
   double together = 0.0;
@@ -124,6 +128,7 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
   double rest = 0.0;
   std::size_t named = 0;
   for (const UnidentifiedEffect* one : left_out) {
+    // An effect below 5 % of the largest one changes the total by 0.1 % if added in squares.
     if (named < max_named && one->rms >= std::max(heard, 0.05 * left_out.front()->rms)) {
       text += fmt::format("{}{} by {:.3g} um RMS per {:.3g} {}", named > 0 ? ", " : "",
                           one->number.number, one->rms / units::um, one->number.spread,
@@ -145,12 +150,13 @@ using Eigen::Index;
 
 constexpr std::uint64_t bootstrap_stream = 0x9e3779b97f4a7c15ULL;
 
-/// Finished rows by their analyses.
+/// Gives access to finished rows by analysis.
 class RowsByAnalysis {
  public:
   RowsByAnalysis(const Plan& plan, const std::vector<Row>& rows) : plan_(plan), rows_(rows) {}
 
-  /// Answers of a block in a column; NaN where a case is not finished. (block.count)
+  /// Returns the responses of a block in one column; NaN where a case is not finished.
+  /// (block.count)
   Eigen::VectorXd column(const Block& block, std::size_t column) const {
     Eigen::VectorXd values = Eigen::VectorXd::Constant(Index(block.count), none);
     const auto before = [](const Row& row, std::uint64_t index) { return row.index < index; };
@@ -175,7 +181,8 @@ std::optional<double> finite_value(double value) {
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
-/// One at a time, and what it adds up to.
+/// Adds the one-at-a-time changes and their totals. The totals need every change; a study that is
+/// still running has none.
 void add_one_at_a_time(const Eigen::VectorXd& values, ResponseBudget& budget) {
   double squares = 0.0, sum = 0.0;
   bool whole = true;
@@ -199,6 +206,7 @@ void add_monte_carlo(const Study& study, const Eigen::VectorXd& answered,
   budget.values = answered;
   if (answered.size() < 2) return;
   budget.answers = answers(answered);
+  // A limit applies to one response only.
   for (const auto& [response, limit] : study.limits) {
     if (response != budget.response) continue;
     budget.limit = limit;
@@ -219,6 +227,7 @@ void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget
   const Eigen::MatrixXd table =
       Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
           values.data(), values.size() / columns, columns);
+  // sobol_indices requires 8 complete base points; an unfinished study may have fewer.
   if ((table.array().isFinite().rowwise().all()).count() < 8) return;
   budget.convergence = convergence(table, study.seed ^ bootstrap_stream);
   const std::vector<SobolIndex>& last = budget.convergence->indices.back();
@@ -226,7 +235,7 @@ void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget
     budget.contributions[i].sobol = last[i];
 }
 
-/// Cases of Monte-Carlo that have an answer in a column, and their inputs.
+/// Monte-Carlo cases with a response in one column, and their inputs.
 struct Drawn {
   std::vector<Index> which;
   Eigen::MatrixXd inputs;  ///< (inputs x which)
@@ -261,6 +270,8 @@ ResponseBudget response_budget(const Study& study, const Plan& plan, const RowsB
   return budget;
 }
 
+/// Compares the two engines case by case. A mean or a fraction in tolerance may be zero for one
+/// machine, so their differences are relative to the largest value instead of the case's own.
 Proof engine_proof(const Eigen::VectorXd& full, const Eigen::VectorXd& linear, Proof proof) {
   const bool can_be_zero =
       proof.response == Response::Mean || proof.response == Response::InTolerance;
@@ -312,8 +323,9 @@ std::vector<SweepResult> sweepings(const Study& study, const Plan& plan,
   return all;
 }
 
-/// What the inputs do to the whole map: of E[map^2], averaged over the area, the part of the mean
-/// map and that of each input, covariances shared evenly.
+/// Adds the contributions of the inputs to the whole map: E[map^2], averaged over the area, is the
+/// mean square of the mean map plus one part for every input; a covariance of two inputs counts
+/// half for each.
 void add_maps(const Study& study, const InfluenceMap& influence, ConfigurationBudget& budget) {
   const Eigen::MatrixXd G = effects(influence);
   Eigen::VectorXd mean(Index(study.inputs.size())), sd = spreads(study);
@@ -325,6 +337,7 @@ void add_maps(const Study& study, const InfluenceMap& influence, ConfigurationBu
   Eigen::VectorXd least = Eigen::VectorXd::Constant(S.rows(), std::numeric_limits<double>::max());
   Eigen::VectorXd most = -least;
   double area = 0.0, constant = 0.0;
+  // One rank-1 update per vertex sums G G^T, of which only the lower half is computed.
   for (Index v = 0; v < G.cols(); ++v) {
     if (!std::isfinite(mean_map[v])) continue;
     const double weight = influence.design.area[v];
@@ -357,8 +370,8 @@ double percent_of(const Statuses& all, cutting::VertexStatus status, const Eigen
   return judged > 0.0 ? 100.0 * part / judged : 0.0;
 }
 
-/// The part of an arm cut with every input at its centre; none where that machine cannot cut it,
-/// which the rows of the study say.
+/// Returns the status of every vertex with every input at its centre; empty if that machine cannot
+/// cut the part, which the rows of the study report.
 std::optional<Statuses> centre_statuses(const Study& study, const PreparedConfiguration& arm) {
   try {
     return cut_at(study, arm, arm.job, centre(study)).surface.status;
@@ -369,13 +382,14 @@ std::optional<Statuses> centre_statuses(const Study& study, const PreparedConfig
   }
 }
 
-/// The shares that figures leave out.
+/// Adds the fractions of the area that the figures leave out.
 void add_left_out(const Statuses& status, const Eigen::VectorXd& area, ConfigurationBudget& arm) {
   arm.uncut_percent = percent_of(status, cutting::VertexStatus::Uncut, area);
   arm.gouged_percent = percent_of(status, cutting::VertexStatus::Gouged, area);
 }
 
-/// What only an influence map says. Nothing of an arm that gouges: it has no map where it is worst.
+/// Adds the results that need an influence map. A configuration that gouges gets none of them: its
+/// map is missing where it is worst.
 void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBudget& one) {
   const Study& study = ready.study;
   const InfluenceMap& influence = ready.influences[arm];
@@ -392,7 +406,8 @@ void add_influence(const PreparedStudy& ready, std::size_t arm, ConfigurationBud
   if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
 }
 
-/// Cases without an answer, by what was expected of them: what was seen differs from case to case.
+/// Adds a warning for every kind of failed case. Messages differ from case to case after "seen", so
+/// cases are grouped by the text before it.
 void add_faults(const std::vector<Row>& rows, Budget& budget) {
   constexpr std::size_t max_listed = 10;
   std::map<std::string, std::pair<std::uint64_t, std::string>> input_errors;
@@ -414,7 +429,7 @@ void add_faults(const std::vector<Row>& rows, Budget& budget) {
   }
 }
 
-/// Says where influence maps are not to be trusted.
+/// Adds warnings where influence maps are not reliable.
 void add_warnings(Budget& budget) {
   constexpr double max_flagged = 2.0, max_off = 5.0;  // percent
   for (const ConfigurationBudget& arm : budget.arms) {
@@ -480,7 +495,8 @@ Budget compute_budget(const PreparedStudy& ready, const std::vector<Row>& rows,
       budget.warnings.push_back(std::move(text));
   }
   for (const PreparedConfiguration& arm : ready.arms)
-    for (const std::string& warning : arm.job.warnings)  // of a program that all arms share once
+    for (const std::string& warning : arm.job.warnings)  // programs that all configurations share
+                                                         // are reported once
       if (std::find(budget.warnings.begin(), budget.warnings.end(), warning) ==
           budget.warnings.end())
         budget.warnings.push_back(warning);

@@ -10,23 +10,25 @@
 
 namespace abbe::sim::study {
 
-/// Returns what a standard deviation of each unidentified number does to the map of an arm, as the
-/// scene aligns it, the numbers that hide it moved along; empty where influence maps cannot follow
-/// the arm.
+/// Returns the effect of one standard deviation of each unidentified coefficient on the map of a
+/// configuration, aligned as the scene says; the coefficients that hide it change along with it.
+/// Empty if influence maps cannot represent the configuration.
 std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
                                                      const PreparedConfiguration& ready,
                                                      const Progress& progress = {});
 
-/// "Every figure of uncompensated leaves out ...: the map feels EY0A by 1.4 um RMS per 20 um, ..."
-/// of the numbers that have no prior and change the map by 1 nm or more together; else empty.
+/// Returns a warning "Every figure of uncompensated leaves out ...: the map feels EY0A by 1.4 um
+/// RMS per 20 um, ..." about the coefficients that have no prior and together change the map by 1
+/// nm or more; empty if there are none.
 std::string unidentified_warning(const Study& study, const ConfigurationBudget& arm);
 
-/// What the finished cases of a study say so far; of an analysis that has begun only what its cases
-/// can say.
+/// Computes the budget from the finished cases of a study; an incomplete analysis contributes what
+/// its finished cases allow.
 /// @param rows  ascending
 Budget compute_budget(const Study& study, const Plan& plan, const std::vector<Row>& rows);
 
-/// The same, and what the influence maps say: contributions to the map, worst corners, tolerances.
+/// Computes the same budget with the results of the influence maps: contributions to the map, worst
+/// corners, tolerances.
 Budget compute_budget(const PreparedStudy& ready, const std::vector<Row>& rows,
                       const Progress& progress = {});
 

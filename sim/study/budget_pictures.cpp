@@ -19,15 +19,15 @@
 namespace abbe::sim::study {
 namespace {
 
-constexpr std::size_t max_bars = 25;
+constexpr std::size_t max_bars = 25;  // of inputs; more are not readable on one picture
 constexpr std::size_t max_panels = 12;
-constexpr std::size_t max_configurations = 24;  // in one distribution
+constexpr std::size_t max_configurations = 24;  // curves in one distribution
 
 std::string axis_text(Response response) {
   return title_of(response) + " / " + shown_unit(response);
 }
 
-/// Where pictures go: every one through a temporary file, no two of one name.
+/// Writes the pictures of a folder under unique names, each through a temporary file.
 class Album {
  public:
   explicit Album(ResultFolder folder) : folder_(std::move(folder)) {}
@@ -43,8 +43,8 @@ class Album {
   PictureNames names_;
 };
 
-constexpr std::size_t max_letters = 44;        // of a name beside a bar or a cell
-constexpr std::size_t max_title_letters = 34;  // above a small panel
+constexpr std::size_t max_letters = 44;        // characters of a name beside a bar or a cell
+constexpr std::size_t max_title_letters = 34;  // characters above a small panel
 
 std::string name_of_input(const Budget& budget, int i, std::size_t most = max_letters) {
   return short_line(budget.study.inputs[std::size_t(i)].name, most);
@@ -69,8 +69,8 @@ std::string name_of_bar(const Budget& budget, const Ranking& r, const ParetoBar&
   return "";
 }
 
-/// Shares of the inputs with their running sum, which ends at 100 %: what has no room in one bar,
-/// what no input makes alone in the last.
+/// Writes the shares of the inputs with their running sum, which ends at 100 %: inputs beyond the
+/// maximum are one bar, the share of no input alone is the last.
 void write_pareto(Album& album, const Budget& budget, const ConfigurationBudget& arm) {
   Ranking r = map_ranking(arm, budget.study.inputs.size());
   std::string of = "map";
@@ -103,7 +103,7 @@ void write_pareto(Album& album, const Budget& budget, const ConfigurationBudget&
             [&](const auto& file) { render::write_bars(file, bars, options); });
 }
 
-/// What is left out of a tornado, in words.
+/// Returns the text about the inputs left out of a tornado.
 std::string left_out(const Ranking& r, Response response) {
   double squares = 0.0, sum = 0.0;
   for (std::size_t k = max_bars; k < r.order.size(); ++k) {
@@ -130,7 +130,7 @@ std::string totals(const ResponseBudget& r) {
   return text;
 }
 
-/// Changes by each input, to either side of the base machine.
+/// Writes the changes due to each input to either side of the base machine.
 void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget& arm,
                    const ResponseBudget& r) {
   const Ranking order = change_ranking(r, budget.study.inputs.size());
@@ -162,7 +162,7 @@ void write_tornado(Album& album, const Budget& budget, const ConfigurationBudget
             [&](const auto& file) { render::write_bars(file, bars, options); });
 }
 
-/// One index of one input over the base points.
+/// Returns one index of one input over the number of base points.
 render::Series index_series(const IndexConvergence& c, std::size_t input,
                             IntervalEstimate SobolIndex::*which, const char* name) {
   const auto n = Eigen::Index(c.base_points.size());
@@ -175,7 +175,8 @@ render::Series index_series(const IndexConvergence& c, std::size_t input,
   for (Eigen::Index m = 0; m < n; ++m) {
     const IntervalEstimate& b = c.indices[std::size_t(m)][input].*which;
     s.y[m] = b.value;
-    // the first few points say next to nothing; their bands would hide the rest
+    // Estimates from the first few points have intervals far outside 0 .. 1, which would hide the
+    // rest.
     s.lower[m] = std::max(b.low, -0.5);
     s.upper[m] = std::min(b.high, 1.5);
   }
@@ -188,7 +189,7 @@ void write_indices(Album& album, const Budget& budget, const ConfigurationBudget
   if (!r.convergence || r.convergence->base_points.empty()) return;
   const IndexConvergence& c = *r.convergence;
   const Ranking order = ranking(r, budget.study.inputs.size());
-  if (order.order.empty()) return;  // it varies by less than the numerical floor
+  if (order.order.empty()) return;  // the response varies by less than the numerical floor
   std::vector<render::Panel> panels;
   for (std::size_t k = 0; k < std::min(order.order.size(), max_panels); ++k) {
     const auto i = std::size_t(order.order[k]);
@@ -240,7 +241,7 @@ render::DistributionSeries distribution_of(const ConfigurationBudget& arm,
   return s;
 }
 
-/// All arms over each other.
+/// Writes the distributions of all configurations in one chart.
 void write_distribution(Album& album, const Budget& budget, Response response) {
   std::vector<render::DistributionSeries> series;
   render::DistributionOptions options;
@@ -267,8 +268,8 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
 
-/// Correlations with a response, linear and of ranks; NaN where chance may give as much.
-/// (inputs x 2)
+/// Returns the correlations with a response, linear and of ranks; NaN where chance may give as
+/// much. (inputs x 2)
 Eigen::MatrixXd significant_correlations(const ResponseBudget& r, std::size_t inputs) {
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(Eigen::Index(inputs), 2, std::nan(""));
   const auto shown = [least = chance_correlation(r)](const std::optional<double>& value) {
@@ -324,7 +325,7 @@ void write_correlation(Album& album, const Budget& budget, const ConfigurationBu
             [&](const auto& file) { render::write_heat_map(file, map, options); });
 }
 
-/// "EXX, factor", "thermal.link.3 / W_per_K"
+/// Returns the label of an input with its unit: "EXX, factor", "thermal.link.3 / W_per_K".
 std::string axis_text(const Input& input) {
   const std::string name = short_line(input.name, max_letters);
   return name + (input.element.empty() ? "" : ", factor") + " / " + shown_unit(unit_of(input));

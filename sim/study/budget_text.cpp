@@ -11,19 +11,19 @@
 namespace abbe::sim::study {
 namespace {
 
-constexpr std::size_t most_rows = 15;
+constexpr std::size_t most_rows = 15;  // of inputs in a table; the others are summed up below it
 
-/// What a unit of an input is of a machine.
+/// Size of one unit of an input, in a unit that describes the machine.
 struct UnitSize {
   double size = 1.0;
   std::string unit;
 };
 
-/// A study and how it is said.
+/// A study with the style of its report.
 struct Words {
   const Study& study;
   TextStyle style;
-  std::vector<UnitSize> units = {};  ///< of the inputs
+  std::vector<UnitSize> units = {};  ///< (inputs)
 
   std::string name(const std::string& text) const { return plain(style, text); }
   std::string name(int input) const { return name(study.inputs[std::size_t(input)].name); }
@@ -31,7 +31,7 @@ struct Words {
   std::string lines_of(const TextTable& rows) const { return table(style, rows); }
 };
 
-/// Three significant digits, without an exponent where a reader can do without.
+/// Returns a value with three significant digits, with an exponent only above 1e6 and below 1e-4.
 std::string figure(double value) {
   if (!std::isfinite(value)) return "–";
   if (value == 0.0) return "0";
@@ -41,7 +41,7 @@ std::string figure(double value) {
   return fmt::format("{:.{}f}", value, decimals);
 }
 
-/// Two decimals; what rounds to zero has no sign.
+/// Returns a value with two decimals; a value that rounds to zero has no sign.
 std::string hundredths(double value) {
   if (!std::isfinite(value)) return "–";
   return fmt::format("{:.2f}", std::abs(value) < 0.005 ? 0.0 : value);
@@ -52,7 +52,7 @@ std::string percent(double share) {
   return fmt::format("{:.{}f} %", p, p != 0.0 && std::abs(p) < 10.0 ? 1 : 0);
 }
 
-/// Shares of machines need digits near 100 %.
+/// Returns a fraction of machines in percent; it needs a second decimal near 100 %.
 std::string machines(double share) {
   const double p = 100.0 * share;
   return fmt::format("{:.{}f}", p, p > 99.0 && p < 100.0 ? 2 : 1);
@@ -62,8 +62,9 @@ std::string machines(const IntervalEstimate& b) {
   return fmt::format("{} % [{}, {}]", machines(b.value), machines(b.low), machines(b.high));
 }
 
-/// Spreads are said in the unit of what varies: the factor of a location error times its number.
-/// An error motion is a curve, of which a factor is what there is.
+/// Returns the unit in which the spread of an input is stated. The factor of a location error is
+/// stated as the error itself, factor times its value; an error motion is a curve, for which only
+/// the factor has a meaning.
 UnitSize unit_size(const Input& input, const Scene& scene) {
   const UnitSize own{1.0, shown_unit(input.unit)};
   if (input.element.empty()) return own;
@@ -95,7 +96,7 @@ std::string unit_text(const Words& w, int input) {
   return w.name(w.units[std::size_t(input)].unit);
 }
 
-double input_unit_text(const Words& w, int input, double value) {
+double in_input_unit(const Words& w, int input, double value) {
   return value * w.units[std::size_t(input)].size;
 }
 
@@ -128,7 +129,7 @@ std::string totals(const Words& w, const ConfigurationBudget& arm) {
   return w.lines_of(t);
 }
 
-/// What the letters of `totals` mean, as far as they are there.
+/// Returns the meaning of the abbreviations in `totals`, for those that occur.
 std::string legend(const Budget& budget, const ConfigurationBudget& arm) {
   std::string text = "Base: every input at its centre. ";
   const auto any = [&](const auto& has) {
@@ -148,7 +149,7 @@ std::string legend(const Budget& budget, const ConfigurationBudget& arm) {
   return text + "\n\n";
 }
 
-/// "EXX 41 %, EYX 20 %"
+/// Returns inputs with their shares: "EXX 41 %, EYX 20 %".
 std::string leaders(const Words& w, const Ranking& r, const std::vector<int>& inputs) {
   std::string text;
   for (const int i : inputs)
@@ -156,7 +157,7 @@ std::string leaders(const Words& w, const Ranking& r, const std::vector<int>& in
   return text;
 }
 
-/// Shares worth a word, whether they dominate or not.
+/// Returns the inputs with the largest shares above zero, whether they dominate or not.
 std::vector<int> largest(const Ranking& r, std::size_t most) {
   std::vector<int> inputs;
   for (std::size_t k = 0; k < std::min(most, r.order.size()); ++k)
@@ -165,12 +166,13 @@ std::vector<int> largest(const Ranking& r, std::size_t most) {
 }
 
 std::string remainder_text(const Ranking& r) {
-  if (!(r.length_mismatch_text >= 0.005)) return "";
-  return fmt::format(", {} {}", remainder_name(r.basis), percent(r.length_mismatch_text));
+  // Below half a percent it would be printed as 0 %.
+  if (!(r.apart >= 0.005)) return "";
+  return fmt::format(", {} {}", remainder_name(r.basis), percent(r.apart));
 }
 
-/// "mostly EXX 41 %, EYX 20 %, interactions of inputs 12 %", or that none dominates; empty without
-/// a basis.
+/// Returns "mostly EXX 41 %, EYX 20 %, interactions of inputs 12 %", or that no input dominates;
+/// empty without a basis.
 std::string whose(const Words& w, const Ranking& r) {
   if (r.basis == Ranking::Basis::None) return "";
   const std::vector<int> first = dominant_inputs(r);
@@ -183,7 +185,7 @@ std::string whose(const Words& w, const Ranking& r) {
   return r.weights.sum() > 0.0 ? "no input dominates" + remainder_text(r) : "no input changes it";
 }
 
-/// How many inputs make so much of what inputs make alone.
+/// Returns the number of inputs that together make a fraction of the contributions of all inputs.
 std::size_t needed(const Ranking& r, double share) {
   double sum = 0.0;
   for (std::size_t k = 0; k < r.order.size(); ++k)
@@ -201,7 +203,7 @@ std::string dominance(const Words& w, const std::string& what, const Ranking& r)
   return line + ".\n";
 }
 
-/// What every response and the map owe to whom, in a line each.
+/// Returns one line for every response, and one for the map, with their dominant inputs.
 std::string dominant_inputs_text(const Words& w, const ConfigurationBudget& arm) {
   std::string text;
   for (const ResponseBudget& r : arm.responses)
@@ -231,7 +233,7 @@ std::string index_text(const IntervalEstimate& b) {
   return fmt::format("{} [{}, {}]", hundredths(b.value), hundredths(b.low), hundredths(b.high));
 }
 
-constexpr std::size_t max_changes = 3;  // responses whose changes have room in one table
+constexpr std::size_t max_changes = 3;  // responses whose changes fit into one table
 
 TextTable input_table(const ConfigurationBudget& arm, const Ranking& order) {
   TextTable t;
@@ -251,8 +253,8 @@ TextTable input_table(const ConfigurationBudget& arm, const Ranking& order) {
 
 std::vector<std::string> input_row(const Words& w, const ConfigurationBudget& arm,
                                    const Ranking& order, int i) {
-  std::vector<std::string> row{w.name(i), figure(input_unit_text(w, i, centre(w.study)[i])),
-                               figure(input_unit_text(w, i, spreads(w.study)[i])), unit_text(w, i)};
+  std::vector<std::string> row{w.name(i), figure(in_input_unit(w, i, centre(w.study)[i])),
+                               figure(in_input_unit(w, i, spreads(w.study)[i])), unit_text(w, i)};
   for (std::size_t r = 0; r < std::min(arm.responses.size(), max_changes); ++r)
     row.push_back(change_text(arm.responses[r].response, contribution_of(arm.responses[r], i)));
   const Contribution* c =
@@ -296,7 +298,7 @@ std::string inputs(const Words& w, const ConfigurationBudget& arm) {
   return text + "\n\n";
 }
 
-/// The part of the map that no input makes.
+/// Returns the text about the part of the map that is due to no input.
 std::string map_text(const ConfigurationBudget& arm) {
   std::string text;
   if (arm.map_rms)
@@ -311,7 +313,8 @@ std::string map_text(const ConfigurationBudget& arm) {
   return text.empty() ? text : text + "\n\n";
 }
 
-/// Root-sum-square with the first `count` inputs of half their spread, if the response is linear.
+/// Returns the root-sum-square after halving the spread of the first `count` inputs, for a linear
+/// response: half a spread has a quarter of its square.
 double halved(const Ranking& squares, std::size_t count) {
   double sum = squares.weights.sum();
   for (std::size_t k = 0; k < std::min(count, squares.order.size()); ++k)
@@ -319,7 +322,7 @@ double halved(const Ranking& squares, std::size_t count) {
   return std::sqrt(std::max(sum, 0.0));
 }
 
-/// What halving would bring; where no allocation was asked.
+/// Returns the effect of halving spreads; empty if there are no changes one at a time.
 std::string halving(const Words& w, const ConfigurationBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();
@@ -338,6 +341,7 @@ std::string halving(const Words& w, const ConfigurationBudget& arm) {
 std::vector<int> tightest_first(const Eigen::VectorXd& factors) {
   std::vector<int> order;
   for (Eigen::Index i = 0; i < factors.size(); ++i)
+    // A factor that is printed as 1.00 tightens nothing.
     if (factors[i] < 0.995) order.push_back(int(i));
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return factors[a] < factors[b]; });
@@ -358,8 +362,8 @@ std::string tightening(const Words& w, const Eigen::VectorXd& factors) {
       rest += then - input.cost;
       continue;
     }
-    t.rows.push_back({w.name(i), figure(input_unit_text(w, i, now[i])),
-                      figure(input_unit_text(w, i, now[i] * factors[i])), unit_text(w, i),
+    t.rows.push_back({w.name(i), figure(in_input_unit(w, i, now[i])),
+                      figure(in_input_unit(w, i, now[i] * factors[i])), unit_text(w, i),
                       fmt::format("{:.2f}", factors[i]), figure(input.cost), figure(then),
                       figure(then - input.cost)});
   }
@@ -399,7 +403,8 @@ std::string configuration_text(const Words& w, const Budget& budget,
          map_text(arm) + legend(budget, arm);
 }
 
-/// A line for an arm: what it gives, whose it is, what to do first.
+/// Returns one sentence about a configuration: its figures, the dominant inputs, the first thing to
+/// do.
 std::string summary_sentence(const Words& w, const ConfigurationBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();

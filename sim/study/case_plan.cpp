@@ -18,9 +18,11 @@ namespace abbe::sim::study {
 
 namespace {
 
+// A batch fills exactly one lot of the influence maps.
 constexpr std::uint64_t cases_of_a_batch = machines_at_once;
 
-// Analyses draw from streams of their own, so that one does not change with another's size.
+// Every analysis draws from a stream of its own, so that its cases do not depend on the size of
+// another analysis.
 constexpr std::uint64_t sobol_stream = 0x5851f42d4c957f2dULL;
 
 Eigen::MatrixXd one_at_a_time(const Study& study, std::uint64_t from, std::uint64_t to) {
@@ -32,6 +34,7 @@ Eigen::MatrixXd one_at_a_time(const Study& study, std::uint64_t from, std::uint6
     const double side = k % 2 == 0 ? -1.0 : 1.0;
     auto column = x.col(Eigen::Index(k - from));
     column = x0;
+    // A step of a truncated distribution must not leave its limits.
     column[input] = std::clamp(x0[input] + side * study.one_at_a_time->step * sd[input],
                                quantile(d, 0.0), quantile(d, 1.0));
   }
@@ -45,6 +48,8 @@ Eigen::MatrixXd monte_carlo(const Study& study, std::uint64_t from, std::uint64_
 
 Eigen::MatrixXd sobol(const Study& study, std::uint64_t from, std::uint64_t to) {
   const auto columns = std::uint64_t(study.inputs.size()) + 2;
+  // A and B are the halves of one point of a sequence with twice the dimensions, as Saltelli's
+  // design requires: two separate sequences would be correlated.
   const Sequence sequence{Sampling::Sobol, 2 * int(study.inputs.size()), study.seed ^ sobol_stream};
   const std::uint64_t first = from / columns, last = (to - 1) / columns + 1;
   const Eigen::MatrixXd base = points(sequence, first, Eigen::Index(last - first));
@@ -103,6 +108,7 @@ const char* name_of(Block::Kind kind) {
 
 Plan plan_of(const Study& study) {
   Plan plan;
+  // The order of the blocks defines the numbers of the cases, so it must never depend on results.
   const bool full = study.engine == Engine::Full;
   const auto add = [&](Block::Kind kind, std::uint64_t count, int sweep = 0) {
     const bool cut = full || kind == Block::Kind::Proof;
@@ -160,8 +166,8 @@ std::vector<Batch> batches_of(const Plan& plan) {
 
 namespace {
 
-/// Jobs that tries hand on to each other, so that a case does not copy a program: as many as run at
-/// once.
+/// Jobs that cases pass on to each other, so that no case copies a program; as many exist as cases
+/// run at the same time.
 class SpareJobs {
  public:
   Job take(const PreparedConfiguration& ready, std::size_t arm) {
@@ -199,14 +205,15 @@ void put(const PreparedStudy& ready, std::size_t arm, const Eigen::VectorXd& val
     row.answers[response_column(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
-/// Why a map with so many gouges has no answer: its figures would leave out what is worst on it.
+/// Returns the reason why a map with gouges has no response: its figures would leave out the worst
+/// part.
 std::string gouge_message(std::size_t gouges, double band) {
   return fmt::format("expected no gouge deeper than the band of {} mm, seen {} {} with one", band,
                      gouges, gouges == 1 ? "vertex" : "vertices");
 }
 
-/// Why a map has no answer. Empty if it has one.
-std::string distribution_error(const cutting::Surface& surface, double band) {
+/// Returns the reason why a map has no response; empty if it has one.
+std::string missing_response_reason(const cutting::Surface& surface, double band) {
   if (!surface.gouges.empty()) return gouge_message(surface.gouges.size(), band);
   const bool cut = std::find(surface.status.begin(), surface.status.end(),
                              cutting::VertexStatus::Cut) != surface.status.end();
@@ -217,7 +224,7 @@ void note(Row& row, const PreparedStudy& ready, std::size_t arm, const std::stri
   row.fault += (row.fault.empty() ? "" : "; ") + ready.arms[arm].arm.name + ": " + fault;
 }
 
-/// Every case of the batch cut.
+/// Cuts every case of the batch in full.
 std::vector<Row> cut(const PreparedStudy& ready, SpareJobs& spare, const Batch& batch) {
   std::vector<Row> rows = empty_rows(ready, batch);
   const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
@@ -227,7 +234,7 @@ std::vector<Row> cut(const PreparedStudy& ready, SpareJobs& spare, const Batch& 
       try {
         Tried tried = cut_at(ready.study, ready.arms[arm], spare.take(ready.arms[arm], arm),
                              x.col(Eigen::Index(i)));
-        const std::string fault = distribution_error(tried.surface, tried.job.scene.band);
+        const std::string fault = missing_response_reason(tried.surface, tried.job.scene.band);
         if (fault.empty())
           put(ready, arm, tried.responses, rows[i]);
         else
@@ -242,8 +249,8 @@ std::vector<Row> cut(const PreparedStudy& ready, SpareJobs& spare, const Batch& 
   return rows;
 }
 
-/// Every case of the batch from the influence maps. An arm that gouges with every input at its
-/// centre has no answer: its map has no rivals where it is worst.
+/// Estimates every case of the batch from the influence maps. A configuration that gouges with
+/// every input at its centre has no response: its map has no passes where it is worst.
 std::vector<Row> estimated(const PreparedStudy& ready, const Batch& batch) {
   stop_if_interrupted();
   std::vector<Row> rows = empty_rows(ready, batch);

@@ -9,57 +9,63 @@
 
 namespace abbe::sim::study {
 
-/// Cases of one analysis, numbered through.
+/// Consecutive cases of one analysis.
 struct Block {
   enum class Kind { Base, OneAtATime, MonteCarlo, Sobol, Sweep, Proof } kind = Kind::Base;
   std::uint64_t first = 0;
   std::uint64_t count = 0;
-  int sweep = 0;      ///< which one
-  bool full = false;  ///< cut, not taken from the influence maps
+  int sweep = 0;      ///< index of the sweep, for kind Sweep
+  bool full = false;  ///< cut in full, not estimated from the influence maps
 };
+/// Returns the name of an analysis in tables: "monte_carlo".
 const char* name_of(Block::Kind kind);
 
-/// All cases of a study in their order: the base machine, one at a time (input by input, minus then
-/// plus), Monte-Carlo, Sobol (base point by base point: A, B, A with column i of B), sweeps, proofs
-/// (the first cases of Monte-Carlo again, cut).
+/// All cases of a study in order: the base machine; one at a time (input by input, minus then
+/// plus); Monte-Carlo; Sobol (base point by base point: A, B, A with column i of B); sweeps; proofs
+/// (the first Monte-Carlo cases again, cut in full).
 struct Plan {
   std::vector<Block> blocks;
   std::uint64_t cases = 0;
 };
+/// Returns the plan of a study; its order must never change, because journals number cases by it.
 Plan plan_of(const Study& study);
 
-/// The block of a case. @param index  below plan.cases
+/// Returns the block that contains a case.
+/// @param index  below plan.cases
 const Block& block_of(const Plan& plan, std::uint64_t index);
 
-/// Points of the unit cube as values of the inputs, correlated as the study says.
+/// Returns the values of the inputs for points of the unit cube, correlated by the copula of the
+/// study.
 /// @param u  (inputs x cases)
 Eigen::MatrixXd drawn(const Study& study, const Eigen::MatrixXd& u);
 
-/// Inputs of the cases first .. last - 1. (inputs x cases)
+/// Returns the inputs of the cases first .. last - 1. (inputs x cases)
 Eigen::MatrixXd inputs_of(const Study& study, const Plan& plan, std::uint64_t first,
                           std::uint64_t last);
 
-/// The plan cut into batches that are always computed whole: 72 cases of influence maps, one that
-/// is cut.
+/// Divides the plan into batches that are always computed whole: 72 cases from influence maps, or
+/// one case that is cut.
 std::vector<Batch> batches_of(const Plan& plan);
 
-/// A study made ready to compute its cases. Immutable once made.
+/// A study with everything that its cases need. Immutable once made.
 struct PreparedStudy {
   Study study;
   Plan plan;
   std::vector<PreparedConfiguration> arms;
-  std::vector<InfluenceMap> influences;  ///< (arms) empty with the full engine
+  std::vector<InfluenceMap> influences;  ///< (configurations), empty with the full engine
 };
 
-/// Prepares every arm and, unless every case is cut, its influence map.
+/// Prepares every configuration and, unless every case is cut, its influence map.
 /// @throws BadScene, BadInput
 PreparedStudy prepare_study(const Study& study, const Progress& progress = {});
 
-/// Computes batches of a study, each the same rows whoever computes it. A machine that cannot cut
-/// the program has a row that says why. Safe from many threads; `ready` outlives it.
+/// Returns the function that computes a batch; the rows of a batch do not depend on the process
+/// that computes it. A machine that cannot cut the program gives a row with the reason.
+/// Thread-safe; `ready` must outlive it.
 ComputeBatch batch_computation(const PreparedStudy& ready);
 
-/// Column of a response in the answers of a row: arm by arm, response by response.
+/// Returns the column of a response in the responses of a row: configuration by configuration,
+/// response by response.
 std::size_t response_column(const Study& study, std::size_t arm, std::size_t response);
 
 }  // namespace abbe::sim::study

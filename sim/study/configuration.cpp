@@ -30,20 +30,23 @@ namespace abbe::sim::study {
 
 namespace {
 
-// a P95 of fewer has no case beyond it to be seen
+// P99 of fewer cases is interpolated between the two largest, P95 among the largest six.
 constexpr std::uint64_t min_cases_for_quantiles = 100;
-// Of a factor of an element: machines differ by their own size, a few times that at most.
+// Limit for a factor of an element: machines of one kind differ by a few times their typical error
+// at most.
 constexpr double max_plausible_factor = 5.0;
-// A factor of 7 for one standard deviation: nothing of a machine is so uncertain.
+// A factor of 7 for one standard deviation: no property of a machine is so uncertain.
 constexpr double max_plausible_logarithm = 2.0;
-// Of a length: no machine and no tool is known to 20 nm.
+// Limit for a length: no machine and no tool is known to 20 nm.
 constexpr double finest_mm = 2e-5;
-constexpr double widest_tool_mm = 1.0;  // as of the actual sizes of tools, value_warnings.cpp
+constexpr double widest_tool_mm = 1.0;  // as for the actual sizes of tools in value_warnings.cpp
 constexpr double min_left = 0.2;        // of a standard deviation, between `low` and `high`
-// Beyond them the distribution has one case in 370 and in 1e23.
+// Distances in spreads: a normal distribution has one case in 370 beyond 3 and one in 1e23 beyond
+// 10.
 constexpr double farthest_centre = 3.0, farthest_sweep = 10.0;
 
-/// "errors.EXX.0.coefficients_um.1" without the indices: "errors.EXX.coefficients_um".
+/// Returns the path "errors.EXX.0.coefficients_um.1" without its indices:
+/// "errors.EXX.coefficients_um".
 std::string path_without_indices(const std::string& path) {
   std::string key;
   for (std::size_t at = 0; at <= path.size();) {
@@ -56,12 +59,13 @@ std::string path_without_indices(const std::string& path) {
   return key;
 }
 
-/// What a spread of a number of an element looks like: of um and urad as those of a clamping.
+/// Returns the probable mistake in a spread of an element's coefficient; um and urad are judged
+/// like those of a clamping.
 std::string unit_mistake_text(const std::string& unit, double spread) {
   return probable_mistake("setup.EX_" + unit, spread);
 }
 
-/// What a spread of the number at a key looks like.
+/// Returns the probable mistake in a spread of the number at a key.
 /// @param centre  of that number
 std::string spread_mistake_text(const std::string& key, double centre, double spread) {
   const std::string unit = unit_name(key);
@@ -75,7 +79,7 @@ std::string spread_mistake_text(const std::string& key, double centre, double sp
   return key.starts_with("tool.actual.") && spread > widest_tool_mm ? "um" : "";
 }
 
-/// Whether a belief states how uncertain a number is, and not the study.
+/// Returns true if the belief, and not the study, states the uncertainty of a number.
 bool is_in_belief(const std::string& number, const Study& study, const Scene& scene) {
   const errors::GeometricErrors& belief = scene.geometric;
   const auto is_same_number = [&](const errors::Coefficient& one) {
@@ -108,7 +112,7 @@ std::string value_text(const Input& input, double value) {
   return fmt::format("{:.6g}{}{}", value, input.unit.empty() ? "" : " ", input.unit);
 }
 
-/// Spreads between two values of a distribution.
+/// Returns the distance of two values in spreads of a distribution.
 double spreads_between(const Distribution& d, double from, double to) {
   if (d.kind != Distribution::Kind::LogNormal) return std::abs(to - from) / d.spread;
   return from > 0.0 && to > 0.0 ? std::abs(std::log(to / from)) / d.spread : infinity;
@@ -130,24 +134,26 @@ void add_spread(const Input& input, std::vector<std::string>& warnings) {
         input.name, value_text(input, left), value_text(input, stated)));
 }
 
-/// The base machine of a study has every input at its centre: it should be that of the scene.
+/// Warns of a centre that differs from the scene: the base machine of a study has every input at
+/// its centre, so it should be the machine of the scene.
 void add_centre(const Input& input, const Scene& scene, std::vector<std::string>& warnings) {
   const Distribution& d = input.distribution;
   for (const Setting& setting : input.settings) {
     const std::optional<double> number = scene_number(scene, setting.path);
     if (!number || setting.factor == 0.0) continue;
     const double stated = *number / setting.factor;
-    const double length_mismatch_text = spreads_between(d, d.centre, stated);
-    if (length_mismatch_text <= farthest_centre) continue;
+    const double apart = spreads_between(d, d.centre, stated);
+    if (apart <= farthest_centre) continue;
     warnings.push_back(fmt::format(
         "the centre of input \"{}\" is {}, {:.3g} spreads from the {} that the scene states: the "
         "study's machine is another one than the scene's",
-        input.name, value_text(input, d.centre), length_mismatch_text, value_text(input, stated)));
+        input.name, value_text(input, d.centre), apart, value_text(input, stated)));
     return;
   }
 }
 
-/// The element of the errors that an input changes: "EC0Y"; empty if it changes none.
+/// Returns the element of the errors that an input changes, such as "EC0Y"; empty if it changes
+/// none.
 std::string element_of(const Input& input) {
   if (!input.element.empty()) return input.element;
   if (!input.number.empty()) return errors::identification::element_of_number(input.number);
@@ -158,7 +164,7 @@ std::string element_of(const Input& input) {
   return std::string(key_stem(name));
 }
 
-/// A factor of an element and a number of it, both uncertain, count one error twice.
+/// Warns of an element whose factor and coefficient are both inputs: its error counts twice.
 void add_shared_elements(const Study& study, std::vector<std::string>& warnings) {
   std::map<std::string, std::string> factors;
   for (const Input& input : study.inputs)
@@ -198,7 +204,7 @@ std::vector<std::string> study_warnings(const Study& study, const Scene& scene) 
   }
   add_shared_elements(study, warnings);
   for (const Sweep& sweep : study.sweeps) add_sweep(study, sweep, warnings);
-  // the text is the study as it was understood, so lines of it are not those of the file
+  // The text is the study as understood, so its line numbers are not those of the file.
   for (std::string& text : value_warnings(parse_toml(study.text, "")))
     warnings.push_back(std::move(text));
   if (study.monte_carlo && study.monte_carlo->cases < min_cases_for_quantiles)
@@ -210,6 +216,7 @@ std::vector<std::string> study_warnings(const Study& study, const Scene& scene) 
 
 namespace {
 
+/// Returns true if the commands of the control depend on the input.
 bool changes_commands(const Input& input) {
   return std::any_of(input.settings.begin(), input.settings.end(), [](const Setting& one) {
     for (const char* key : {"datum", "control", "belief", "compensation", "signals"})
@@ -222,11 +229,12 @@ bool depend_on_inputs(const Study& study, const Configuration& arm, const Scene&
   if (scene.datum.kind != DatumDescription::Kind::None) return true;
   if (std::any_of(study.inputs.begin(), study.inputs.end(), changes_commands)) return true;
   if (arm.case_name == "uncompensated") return false;
-  // any other belief is made from what is read of the machine as it is
+  // Any belief other than an identified one is made from readings of the machine as it is.
   const CaseDescription compensator = parse_case(arm.case_name);
   return !compensator.plug_in.empty() || compensator.belief != CaseDescription::Belief::Identified;
 }
 
+/// Returns true if larger values of the input need denser samples of the program.
 bool needs_samples(const Input& input) {
   return input.settings.empty() ||
          std::any_of(input.settings.begin(), input.settings.end(), [](const Setting& one) {
@@ -234,8 +242,9 @@ bool needs_samples(const Input& input) {
          });
 }
 
-/// The inputs that say how densely a program is sampled as far from zero as a sweep or one in 10^9
-/// machines has them, the others at their centres.
+/// Returns the values of the inputs that need the densest sampling: those of `needs_samples` at the
+/// extreme of their sweeps or at 6 standard deviations, beyond which lie 2 in 10^9 machines; the
+/// others at their centres.
 Eigen::VectorXd wildest(const Study& study) {
   constexpr double far = 6.0;
   Eigen::VectorXd x = centre(study);
@@ -253,7 +262,7 @@ Eigen::VectorXd wildest(const Study& study) {
   return x;
 }
 
-/// The scene whose errors want the densest samples; none if that machine cannot be.
+/// Returns the scene whose errors need the densest samples; empty if that machine is not valid.
 std::optional<Scene> extreme_scene(const Study& study, const Configuration& arm,
                                    const Scene& base) {
   try {
@@ -265,7 +274,8 @@ std::optional<Scene> extreme_scene(const Study& study, const Configuration& arm,
   }
 }
 
-/// The job with all inputs at their centres, sampled so densely that it serves them all.
+/// Returns the job with all inputs at their centres, sampled densely enough for all their values.
+/// One sampling for all machines makes their samples comparable and saves compiling each.
 Job prepared(const Study& study, const Configuration& arm, const Scene& base,
              const Progress& progress) {
   const Scene scene = with_run_out(scene_at(study, arm, base, centre(study)));
@@ -278,10 +288,10 @@ Job prepared(const Study& study, const Configuration& arm, const Scene& base,
   return denser ? replace_errors(prepare(*wild, progress), scene) : prepare(scene, progress);
 }
 
-/// What a map comes to, in figures.
+/// Figures of one map.
 struct MapFigures {
   cutting::Statistics residual;
-  std::optional<FormTextureSplit> parted;  ///< where a response asks for it
+  std::optional<FormTextureSplit> parted;  ///< only if a response needs the filter
 };
 
 double value_of(const MapFigures& figures, Response response) {
@@ -335,12 +345,14 @@ bool needs_filter(const Study& study) {
   return std::any_of(study.responses.begin(), study.responses.end(), is_filtered);
 }
 
-/// What is to be said where form and texture are asked of vertices that do not resolve the map with
-/// every input at its centre; empty where they do.
+/// Returns a warning if form and texture are requested and the vertices do not resolve the map with
+/// every input at its centre; else empty.
 std::string unresolved_texture(const PreparedConfiguration& ready) {
-  constexpr double resolved = 0.05;  // of Sq that interpolation may miss
+  // Fraction of Sq that interpolation between vertices may miss; in squares it changes Sq by 0.1 %.
+  constexpr double resolved = 0.05;
   Job looked = ready.job;
-  looked.sampled = SampledSurface{};  // so that the cut is looked at between the vertices
+  // A sampled surface makes the cut compare the map with points between the vertices.
+  looked.sampled = SampledSurface{};
   looked.sampled->given = looked.design_w.vertices.rows();
   const Cut made = cut(looked, ready.commanded);
   const FormTextureSplit parted = split_form_texture(ready.job, made.surface, {});
@@ -349,7 +361,8 @@ std::string unresolved_texture(const PreparedConfiguration& ready) {
   if (missed <= resolved * Sq) return {};
   const auto n = double(ready.job.design_w.vertices.rows());
   const double area = ready.job.design_w.area.sum(), spacing = std::sqrt(area / n);
-  // of at least the vertex itself
+  // The area of the filter holds at least the vertex itself. The missed part averages out over its
+  // vertices as independent values do.
   const double by_chance =
       missed /
       std::sqrt(std::max(1.0, cutting::filter_values(ready.job.scene.part.form_cutoff, n / area)));
@@ -385,6 +398,7 @@ PreparedConfiguration prepare_configuration(const Study& study, const Configurat
 Tried cut_at(const Study& study, const PreparedConfiguration& ready, Job job,
              const Eigen::VectorXd& x) {
   const Scene scene = scene_at(study, ready.arm, ready.scene, x);
+  // A case that changes part, program or nominal machine shares nothing with the prepared job.
   if (std::any_of(study.inputs.begin(), study.inputs.end(), is_reshaping)) {
     const Job own = prepare(scene);
     Cut made = cut(own, commands(ready.arm, own));

@@ -30,7 +30,8 @@
 #include "sim/scene/toml.h"
 
 #ifdef ABBE_MPI
-// the C functions alone: the C++ ones are no more in the standard and need a library of their own
+// Only the C functions are used: the C++ bindings were removed from the standard and need a library
+// of their own.
 #define OMPI_SKIP_MPICXX 1
 #define MPICH_SKIP_MPICXX 1
 #include <mpi.h>
@@ -45,9 +46,9 @@ int number_in(const char* variable) {
   return text == nullptr ? 0 : std::atoi(text);
 }
 
-/// How many processes were started together with this one, so that they can talk. A Slurm job has
-/// variables of PMI even where no MPI program was started: in its script, and in a step of which
-/// the MPI support is off. To start MPI there would end the process.
+/// Returns the number of processes that were started together with this one and can communicate. A
+/// Slurm job sets PMI variables even if no MPI program was started: in its script, and in a step
+/// whose MPI support is off. Starting MPI there would end the process.
 int started_process_count() {
   if (std::getenv("OMPI_COMM_WORLD_SIZE") != nullptr) return number_in("OMPI_COMM_WORLD_SIZE");
   if (std::getenv("PMI_RANK") != nullptr && std::getenv("PMI_SIZE") != nullptr)
@@ -75,6 +76,7 @@ bool is_running() {
 Ranks ranks(int& argc, char**& argv) {
   if (started_process_count() <= 1) return {};
   if (!is_running()) {
+    // One thread at a time sends: every thread of a rank asks for batches, but under one lock.
     int provided = 0;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_SERIALIZED, &provided);
   }
@@ -92,7 +94,7 @@ void finalize_ranks(int exit_code) {
   }
   int rank = 0;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  std::signal(SIGTERM, SIG_DFL);  // mpirun asks with it first
+  std::signal(SIGTERM, SIG_DFL);  // mpirun ends ranks with it before it kills them
   if (rank != 0) std::this_thread::sleep_for(std::chrono::seconds(2));
   MPI_Abort(MPI_COMM_WORLD, exit_code);
 }
@@ -101,6 +103,7 @@ std::vector<std::uint64_t> broadcast_from_rank_0(const Ranks& ranks,
                                                  const std::vector<std::uint64_t>& data) {
   if (ranks.size == 1) return data;
   std::uint64_t size = data.size();
+  // MPI counts are of type int.
   MPI_Bcast(&size, 1, MPI_UINT64_T, 0, MPI_COMM_WORLD);
   std::vector<std::uint64_t> result(size);
   if (ranks.rank == 0) result = data;
@@ -117,7 +120,7 @@ void send(int rank, int kind, const std::string& bytes) {
 
 Message receive(int rank, bool interruptible) {
   const int from = rank == any_rank ? MPI_ANY_SOURCE : rank;
-  // a blocking receive would keep a core busy that computes for another rank
+  // A blocking receive would keep a core busy that computes for another rank.
   constexpr std::chrono::microseconds longest(1000);
   MPI_Status status;
   std::chrono::microseconds pause(10);
@@ -166,7 +169,7 @@ bool can_threads_communicate() { return false; }
 
 namespace {
 
-/// Remembers the first failure of many threads.
+/// Keeps the first failure of many threads.
 class FirstFailure {
  public:
   void remember(std::exception_ptr failure) {
@@ -175,7 +178,7 @@ class FirstFailure {
     happened_ = true;
   }
   bool happened() const { return happened_; }
-  /// Empty for none; when all threads are done.
+  /// Returns the failure, or null; called when all threads are done.
   std::exception_ptr failure() const { return failure_; }
 
  private:
@@ -184,18 +187,18 @@ class FirstFailure {
   std::atomic<bool> happened_ = false;
 };
 
-/// Where batches come from and where their rows go; both are called by one thread at a time.
+/// Source of the batches and destination of their rows; both are called by one thread at a time.
 struct Ends {
   std::function<std::optional<Batch>()> next;
   TakeBatch deliver;
 };
 
-/// What each of the threads does: batch after batch until there are none.
+/// Loop of each thread: batch after batch until there are none.
 class Work {
  public:
   Work(const ComputeBatch& compute, const Ends& ends) : compute_(compute), ends_(ends) {}
 
-  void wait_until_done() {
+  void run_batches() {
     while (const std::optional<Batch> batch = next()) {
       try {
         stop_if_interrupted();
@@ -221,7 +224,7 @@ class Work {
   void deliver(const Batch& batch, std::vector<Row> rows) {
     const std::lock_guard lock(mutex_);
     if (refused_) return;
-    refused_ = true;  // unless it comes back
+    refused_ = true;  // stays true if `deliver` throws
     ends_.deliver(batch, std::move(rows));
     refused_ = false;
   }
@@ -233,15 +236,15 @@ class Work {
   FirstFailure failure_;
 };
 
-/// A failure is remembered rather than thrown through TBB, which would cancel the parallel work in
-/// other batches half done and have it look finished.
+/// Computes batches on many threads. A failure is stored instead of being thrown through TBB, which
+/// would cancel the parallel work in other batches and let half-finished ones appear finished.
 std::exception_ptr work(const ComputeBatch& compute, const Ends& ends, int threads) {
   Work work(compute, ends);
   tbb::parallel_for(
       tbb::blocked_range<int>(0, threads, 1),
       [&](const tbb::blocked_range<int>&) {
-        // a thread that waits inside a batch must not begin another one
-        tbb::this_task_arena::isolate([&] { work.wait_until_done(); });
+        // A thread that waits inside a batch must not begin another one.
+        tbb::this_task_arena::isolate([&] { work.run_batches(); });
       },
       tbb::simple_partitioner());
   return work.failure();
@@ -258,18 +261,17 @@ void farm_alone(const std::vector<Batch>& batches, const ComputeBatch& compute,
   rethrow(work(compute, {next, take}, tbb::this_task_arena::max_concurrency()));
 }
 
-// ---------------------------------------------------------------- among ranks
-
+/// Kinds of messages between ranks.
 enum Kind : int {
-  Ask,      ///< for the next batch
-  Rows,     ///< of a finished batch
-  Done,     ///< nothing more comes from this rank; how it failed
-  Do,       ///< this batch
-  Rest,     ///< there are none
-  Outcome,  ///< how the farm ended
+  Ask,      ///< request for the next batch
+  Rows,     ///< rows of a finished batch
+  Done,     ///< nothing more comes from this rank; carries its failure
+  Do,       ///< batch to compute
+  Rest,     ///< no batch is left
+  Outcome,  ///< result of the farm
 };
 
-/// What rank 0 does until the others have nothing more to say.
+/// Loop of rank 0 until the others have nothing more to send.
 class Office {
  public:
   Office(const std::vector<Batch>& batches, const TakeBatch& take)
@@ -290,6 +292,8 @@ class Office {
  private:
   Message next_message() {
     try {
+      // After a failure the remaining rows are still received, so Ctrl-C is no longer an error of
+      // its own.
       return receive(any_rank, !failure_.happened());
     } catch (const Interrupted&) {
       failure_.remember(std::current_exception());
@@ -301,6 +305,7 @@ class Office {
     send(rank, Do, to_bytes(batches_[handed_out_++]));
   }
   void take(const std::string& bytes) {
+    // A failure of `take_` is final: no further rows are passed to it.
     if (refused_) return;
     try {
       BatchResult finished = parse_batch_result(bytes);
@@ -335,6 +340,7 @@ void work_for_rank_0(const ComputeBatch& compute) {
   const auto deliver = [](const Batch& batch, std::vector<Row> rows) {
     send(0, Rows, to_bytes(BatchResult{batch, std::move(rows)}));
   };
+  // MPI without thread support allows one communicating thread.
   const int threads = can_threads_communicate() ? tbb::this_task_arena::max_concurrency() : 1;
   send(0, Done, to_bytes(work(compute, {next, deliver}, threads)));
   rethrow(parse_failure(receive(0).bytes));
@@ -379,7 +385,7 @@ void put(std::string& bytes, const void* data, std::size_t size) {
 }
 void put(std::string& bytes, std::uint64_t number) { put(bytes, &number, sizeof number); }
 
-/// Takes bytes from the front.
+/// Reads values from the front of the bytes.
 struct Reader {
   std::string_view bytes;
 
@@ -393,7 +399,8 @@ struct Reader {
     take(&number, sizeof number);
     return number;
   }
-  /// How many things of a size follow.
+  /// Returns the number of items that follow, each at least `size` bytes. A damaged number must not
+  /// reserve memory.
   std::size_t count(std::size_t size) {
     const std::uint64_t n = number();
     if (n > bytes.size() / size) throw std::runtime_error("a message between ranks is cut off");

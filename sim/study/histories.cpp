@@ -21,9 +21,7 @@ namespace {
 
 using errors::metrology::Readings;
 
-constexpr double min_drift = 1e-6;  // mm: the cut surface is exact to about that
-
-// ---- days
+constexpr double min_drift = 1e-6;  // mm, the numerical floor of a cut surface
 
 std::string name_of_day(const std::string& day) {
   return day.empty() ? "the scene's own day" : "the day \"" + day + "\"";
@@ -49,24 +47,23 @@ bool same(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   return a.size() == b.size() && a == b;
 }
 
-/// Whether both warm by the same course, whatever they are called.
+/// Returns true if both days have the same thermal history, whatever their names.
 bool same_day(const ThermalDescription& a, const ThermalDescription& b) {
   return std::ranges::equal(a.history, b.history, same_phase) &&
          same(a.room_time_s, b.room_time_s) && same(a.room_T_C, b.room_T_C) &&
          a.coolant_T_C == b.coolant_T_C;
 }
 
-// ---- what a day teaches
-
 struct LearntBelief {
   std::string day;
-  ThermalDescription heat;  ///< of that day, only to know the day again
+  ThermalDescription heat;  ///< of that day, to recognise it under another name
   compensation::ThermalBelief belief;
   std::vector<std::string> sensors;
   std::vector<std::string> warnings;
 };
 
-/// What the files of a day's instruments say.
+/// Returns the readings of a day as they stand in the files of its instruments. They go through
+/// text, so that the belief is learnt from the printed digits only, as by `abbe identify`.
 std::vector<Readings> readings_of(const Scene& scene, const std::string& day) {
   if (scene.instruments.empty())
     refuse(scene,
@@ -98,9 +95,8 @@ LearntBelief learn_belief(const Study& study, const std::string& day) {
   }
 }
 
-// ---- what it is worth
-
-/// Whether a variant changes anything that days can share: part, program, nominal machine.
+/// Returns true if a variant changes anything that days could share: part, program, nominal
+/// machine.
 bool is_reshaping(const std::vector<Override>& set) {
   constexpr std::array ignored_keys{"compare", "instrument", "sensor_choice", "title"};
   Input input;
@@ -112,7 +108,7 @@ bool is_reshaping(const std::vector<Override>& set) {
   return study::is_reshaping(input);
 }
 
-/// Compiles days; those that cut the same part by the same program share them.
+/// Prepares the jobs of days; days that cut the same part by the same program share one.
 class Workshop {
  public:
   explicit Workshop(const Study& study)
@@ -128,7 +124,7 @@ class Workshop {
     try {
       return replace_errors(*shared_, scene);
     } catch (const BadInput&) {
-      return prepare(scene);  // of another machine, or with errors that want denser samples
+      return prepare(scene);  // another machine, or errors that need denser samples
     }
   }
 
@@ -143,7 +139,7 @@ double rms_of(const cutting::Surface& drift, const Job& job) {
   return *rms;
 }
 
-/// A test day: the map without heat, and what heat adds to it.
+/// A test day: its map without heat, and the drift that heat adds.
 struct TestDay {
   std::string name;
   Job job;
@@ -182,7 +178,7 @@ HistoryResult judged(TestDay& day, const LearntBelief& lesson, const CaseDescrip
   return result;
 }
 
-/// Days learnt and parts cut, reported as one stage.
+/// Reports days learnt and parts cut as one stage.
 class DayProgress {
  public:
   DayProgress(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
@@ -200,7 +196,7 @@ class DayProgress {
 }  // namespace
 
 CaseDescription case_of_histories(const Study& study) {
-  // a belief in geometry or force would take away more than the drift, and look better than it is
+  // A belief in geometry or force would remove more than the drift, and appear better than it is.
   constexpr const char* expected =
       "a case that believes in temperatures alone, such as thermal-iterated-ideal, for "
       "histories.case";
@@ -220,7 +216,8 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
     throw BadInput(study.file.string(), 0, 0, "[histories] with train and test days", "none");
   const auto& [train, test, case_name] = *study.histories;
   const CaseDescription compensator = case_of_histories(study);
-  for (const std::string& day : test) scene_of_day(study, day);  // refused before anything is cut
+  // Input errors are reported before anything is cut.
+  for (const std::string& day : test) scene_of_day(study, day);
   DayProgress stage(progress, train.size() + test.size() * (train.size() + 1));
   std::vector<LearntBelief> lessons;
   for (const std::string& day : train) {

@@ -11,47 +11,47 @@
 
 namespace abbe::sim::study {
 
-/// What a thermal belief that was learnt on one day is worth on another. The drift part of a map is
-/// the map of the machine with its heat, less the uncompensated map of the same machine on the same
-/// day with `thermal.scale = 0`: the same geometric errors, tool and chances, only nothing moves by
-/// heat, not even while the datum is found. The second map is one and the same with and without the
-/// compensator; neither is aligned. What geometric errors and program leave drops out of both.
+/// Result of judging a thermal belief learnt on one day (train) on another day (test). The drift
+/// part of a map is the map of the machine with its heat, minus the uncompensated map of the same
+/// machine on the same day with `thermal.scale = 0`: the same geometric errors, tool and random
+/// draws, but nothing moves by heat, not even while the datum is found. The same second map is used
+/// with and without the compensator; neither map is aligned. Residuals due to geometric errors and
+/// program cancel.
 struct HistoryResult {
-  std::string train;  ///< variant, "" for the scene's own day
+  std::string train;  ///< variant; "" for the scene's own day
   std::string test;
-  bool is_own_day = false;  ///< learnt and judged on one day: of that name, or with that very
-                            ///< history, room and coolant
+  bool is_own_day = false;  ///< learnt and judged on one day: the same name, or the same history,
+                            ///< room and coolant
   double uncompensated_rms = 0.0;           ///< mm, drift part of the map, weighted by area
   double compensated_rms = 0.0;             ///< mm, the same with the belief of the train day
-  std::optional<double> reduction_percent;  ///< negative: made worse; none where heat moves the
-                                            ///< uncompensated map by less than 1 nm RMS
-  std::vector<std::string> sensors;  ///< that the belief reads, in the order in which it chose them
+  std::optional<double> reduction_percent;  ///< negative: made worse; empty where heat moves the
+  std::vector<std::string> sensors;   ///< sensors that the belief reads, in the order of selection
   std::vector<std::string> warnings;  ///< of learning, then of the compensated cut
 };
 
 /// Learns a thermal belief on every train day and compensates the part of every test day with it.
 /// All [[instrument]] tables of a train day that read the machine (a variant brings its own by
 /// `instrument` in its set) read it as `abbe measure` does, and `abbe identify --method thermal`
-/// makes the belief, four sensors chosen, of what their files say; nothing else of the truth gets
-/// into it, and a `[belief.thermal]` of the scene is not used. Chance is drawn from the seed of
-/// each day: days that shall not share their noise set a `seed` of their own. A day is never judged
-/// by its own readings unless it is in both lists, and then `is_own_day` says so.
+/// makes the belief, with four sensors, from the contents of their files; nothing else of the truth
+/// enters, and a `[belief.thermal]` of the scene is not used. Random numbers are drawn from the
+/// seed of each day: days with independent noise need a `seed` of their own. A day is judged by its
+/// own readings only if it is in both lists; then `is_own_day` is true.
 /// @param progress  shows one stage, "thermal histories", by days learnt and parts cut
 /// @return train by train, test by test
-/// @throws BadScene for a day that is none, BadInput naming the scene where a day has no heat or
-///         cannot be measured or learnt from, naming the study where it has no [histories] or its
-///         case believes in more than temperatures; Interrupted
+/// @throws BadScene for a day that does not exist; BadInput naming the scene if a day has no heat
+/// or cannot be measured or learnt from, naming the study if it has no [histories] or its case uses
+/// more than a thermal belief; Interrupted
 std::vector<HistoryResult> histories(const Study& study, const Progress& progress = {});
 
-/// The compensator of a study with [histories].
-/// @throws BadInput naming the study if it believes in more than temperatures
+/// Returns the compensator of a study with [histories].
+/// @throws BadInput naming the study if the compensator uses more than a thermal belief
 CaseDescription case_of_histories(const Study& study);
 
-/// A list of objects, lengths in um; the keys are a promise to scripts.
+/// Returns a list of objects, lengths in um; the keys are stable for scripts.
 nlohmann::ordered_json to_json(const std::vector<HistoryResult>& results);
-/// `histories.csv`: a row a result; sensors parted by "; ".
+/// Returns the contents of `histories.csv`: one row per result; sensors separated by "; ".
 std::string to_csv(const std::vector<HistoryResult>& results);
-/// The same as a table for a terminal.
+/// Returns the results as a table for a terminal.
 std::string to_text(const std::vector<HistoryResult>& results);
 
 }  // namespace abbe::sim::study

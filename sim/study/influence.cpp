@@ -15,16 +15,16 @@ namespace {
 
 using Eigen::Index;
 
-// Machines are computed in lots, the last one filled up, and rivals in tiles that do not depend on
-// them, so that a machine has the same bits at every place in its lot.
+// Machines are computed in lots, the last one filled up, and passes in tiles whose limits do not
+// depend on the machines, so that a machine has the same bits at every position of its lot.
 constexpr int lot = machines_at_once;
-constexpr Index tile = 512;  // rivals: their products stay in the cache
+constexpr Index tile = 512;  // passes: their two products, 590 kB, stay in the cache
 
 using MachineLane = Eigen::Array<double, lot, 1>;
 using LaneMatrix = Eigen::Matrix<double, lot, Eigen::Dynamic>;
 
-/// Offsets from the base run of machines from .. from + lot - 1, a row each; beyond the last one
-/// the base run itself.
+/// Returns the offsets from the base run of machines from .. from + lot - 1, a row each; rows
+/// beyond the last machine are the base run itself.
 LaneMatrix offsets(const InfluenceMap& influence, const Eigen::MatrixXd& x, Index from) {
   LaneMatrix offset = LaneMatrix::Zero(lot, x.rows());
   const Index count = std::min<Index>(lot, x.cols() - from);
@@ -58,12 +58,12 @@ void for_every_vertex(const InfluenceMap& influence, const LaneMatrix& offset, c
   }
 }
 
-/// What sums over the vertices tell of a lot.
+/// Sums over the vertices from which the responses of a lot are computed.
 struct Sums {
   MachineLane low = MachineLane::Constant(std::numeric_limits<double>::infinity());
   MachineLane high = -low;
   MachineLane square = MachineLane::Zero();
-  // of heights above the first vertex: a part that is far off as a whole loses no digits
+  // Sums of heights above the first vertex: a part that is displaced as a whole loses no digits.
   MachineLane level = MachineLane::Zero();
   MachineLane first_above = MachineLane::Zero();
   MachineLane square_above = MachineLane::Zero();
@@ -136,6 +136,7 @@ Eigen::MatrixXd responses(const Study& study, const PreparedConfiguration& ready
   const bool summed = ready.job.scene.alignment == Alignment::None &&
                       std::none_of(study.responses.begin(), study.responses.end(), is_counted);
   if (!summed) {
+    // Aligned and counted responses need the maps of all vertices at once.
     const Eigen::MatrixXd all = maps(influence, x);
     for (Index i = 0; i < x.cols(); ++i)
       values.col(i) =
@@ -160,6 +161,7 @@ Eigen::MatrixXd effects(const InfluenceMap& influence) {
   const Index n = Index(influence.first.size()) - 1;
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(influence.slope.rows(), n, none);
   for (Index v = 0; v < n; ++v)
+    // The first pass of a vertex makes its surface in the base run.
     if (is_cut(influence, v)) all.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
   return all;
 }
@@ -168,18 +170,19 @@ namespace {
 
 using Eigen::Index;
 
-constexpr Index pass_lot = 8;       // machines whose passes are looked at together
-constexpr Index answer_block = 64;  // machines that are answered together
-constexpr double step = 0.01;       // of the spread
+constexpr Index pass_lot = 8;       // machines whose passes are searched together
+constexpr Index answer_block = 64;  // machines whose responses are computed together
+constexpr double step = 0.01;       // of the spread, for differences
 
-/// The surface of one machine.
+/// The surface of one machine: the pass that makes it at each vertex.
 struct Made {
-  std::vector<Index> vertex;          ///< (c) that are cut
-  std::vector<Index> competing_pass;  ///< (c) which makes the surface
-  std::vector<double> across;         ///< (c) mm, by which that pass is shifted
+  std::vector<Index> vertex;          ///< (c) vertices that are cut
+  std::vector<Index> competing_pass;  ///< (c) the pass that makes the surface
+  std::vector<double> across;         ///< (c) mm, shift across that pass
   std::vector<double> height;         ///< (c) mm
 };
 
+/// Finds the surface of one machine.
 /// @param moved, shifted  (m) mm, along the normal and across each pass
 Made made_by(const InfluenceMap& influence, const Eigen::VectorXd& moved,
              const Eigen::VectorXd& shifted) {
@@ -202,7 +205,7 @@ Made made_by(const InfluenceMap& influence, const Eigen::VectorXd& moved,
   return made;
 }
 
-/// What the response gains with the height of each cut vertex.
+/// Returns the derivatives of the response with the height of each cut vertex.
 std::vector<double> weights(const InfluenceMap& influence, Response response, const Made& made) {
   const std::vector<double>& height = made.height;
   std::vector<double> weight(height.size(), 0.0);
@@ -257,7 +260,7 @@ Eigen::VectorXd gradient(const InfluenceMap& influence, Response response, const
   return sum;
 }
 
-/// Calls `visit(first, count)` for stretches of at most `length`, in parallel.
+/// Calls `visit(first, count)` for blocks of at most `length`, in parallel.
 template <typename Visit>
 void for_blocks(Index all, Index length, const Visit& visit) {
   tbb::parallel_for(Index(0), (all + length - 1) / length,
@@ -269,6 +272,7 @@ Eigen::MatrixXd differences(const ResponseFunction& response, const Eigen::Vecto
   const Index p = x.rows();
   Eigen::MatrixXd result(p, x.cols());
   tbb::parallel_for(Index(0), x.cols(), [&](Index k) {
+    // The last column is the point itself, so that values and differences come from one evaluation.
     Eigen::MatrixXd around = x.col(k).replicate(1, p + 1);
     around.leftCols(p).diagonal() += step * spread;
     const Eigen::VectorXd values = response.values(around);

@@ -26,43 +26,44 @@
 #include "sim/study/case_plan.h"
 #include "sim/study/influence.h"
 
-/// How the tool's displacement becomes that of the place where a rival pass makes the surface.
 namespace abbe::sim::study {
 
-/// Small displacement of the tool in the workpiece frame, [translation of the tip | rotation
+/// Small displacement of the tool in the workpiece frame: [translation of the tip | rotation
 /// vector], mm and rad.
 using Twist = kinematics::Deviation;
 
-/// Displacement of the contact (mm, workpiece frame) by the tool's at the ends of the rival's move.
-/// Where the workpiece turns, what is interpolated is the displacement as the spindle sees it.
+/// Returns the displacement of the contact (mm, workpiece frame) from the displacements of the tool
+/// at the ends of the pass's move. If the workpiece turns, the displacements are interpolated in
+/// the frame of the spindle, where they vary slowly.
 Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                              const std::array<Twist, 2>& at_ends);
 
-/// A machine at the ends of a rival's move.
+/// The tool of one machine at the ends of a pass's move.
 struct Tool {
   std::array<kinematics::Pose, 2> T_wt;
-  std::optional<SpindleLine> spindle;  ///< of this machine: another clamping puts it elsewhere
+  std::optional<SpindleLine> spindle;  ///< of this machine: another clamping moves it
 };
 
-/// The tool in the workpiece at the instant of a rival, T_wt.
+/// Returns the pose of the tool in the workpiece at the instant of a pass, T_wt.
 kinematics::Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                          const Tool& tool);
 
-/// Displacement of the contact from one machine's tool to another's (mm, workpiece frame), each
-/// interpolated as the surface is made of it.
+/// Returns the displacement of the contact (mm, workpiece frame) from one machine's tool to
+/// another's; each tool is interpolated as in the surface engine.
 Eigen::Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                              const Tool& from, const Tool& to);
 
-// What inputs do to the rivals of a base run: columns of slope and shift of its influence map.
+// Columns of slope and shift of the influence map: the effect of inputs on the passes of a base
+// run.
 
-/// Of some inputs, lying as in the map.
+/// Slopes and shifts for some inputs, laid out as in the map.
 struct Columns {
-  Eigen::MatrixXd slope;  ///< (inputs x rivals) mm per unit of the input
-  Eigen::MatrixXd shift;  ///< (inputs x rivals) the same, across the pass
+  Eigen::MatrixXd slope;  ///< (inputs x passes) mm per unit of the input
+  Eigen::MatrixXd shift;  ///< (inputs x passes) the same, across the pass
 };
 
-/// What a unit of an input adds to the deviations of the joints: a difference of two models that
-/// hold nothing but the elements that it touches. Curves are linear in their numbers, so it is
+/// Effect of a unit of an input on the deviations of the joints: the difference of two models that
+/// hold only the elements that the input changes. Curves are linear in their coefficients, so it is
 /// exact for those.
 struct GeometricInput {
   Eigen::Index input = 0;
@@ -71,28 +72,28 @@ struct GeometricInput {
   double per_unit = 1.0;
 };
 
-/// An input that acts through elements of the geometric errors only, on axes that are commanded the
-/// same whatever it is; none of any other kind.
-/// @param scenes  scenes_around it
+/// Returns the model of an input that acts only through elements of the geometric errors, on axes
+/// whose commands do not depend on it; empty for any other input.
+/// @param scenes  from stepped_scenes
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Eigen::Index input,
                                               const std::array<Scene, 2>& scenes);
 
-/// The columns of all geometric inputs at once, by the Jacobian of the chain.
+/// Returns the columns of all geometric inputs at once, by the Jacobian of the chain.
 Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs);
 
-/// The column of any other input: the difference of the machines at `stepped_scenes`, the one's
-/// tool against the other's where rivals need it, and how far the one's tool is larger than the
-/// other's. With compliance, each is cut for its own forces.
-/// @throws BadInput where a machine cannot cut the program, or its samples are not those of others
+/// Returns the column of any other input: the difference of the machines at `stepped_scenes`, from
+/// the poses of their tools at the passes and from the difference of their tool shapes. With
+/// compliance, each machine is cut with its own forces.
+/// @throws BadInput if a machine cannot cut the program, or its samples differ from the base run's
 Columns difference_columns(const BaseRun& run, Eigen::Index input,
                            const std::array<Scene, 2>& scenes);
 
-/// Whether two cutters leave the same surface on the same way.
+/// Returns true if two cutters leave the same surface on the same path.
 bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b);
 
 namespace {
 
-/// The design with only those vertices judged that have no rival.
+/// Returns the design with only those vertices judged that have no pass.
 cutting::Design without_rivals(cutting::Design design,
                                const std::vector<cutting::CompetingPass>& competing_passes) {
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
@@ -108,7 +109,7 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
   if (!job.stretches.empty())
     throw BadInput(job.scene.file.string(), 0, 0,
                    "one tool for influence maps; engine = \"full\" follows several",
-                   fmt::format("{} tools", 1 + job.scene.more_tools.size()));
+                   fmt::format("{} tools", 1 + job.scene.additional_tools.size()));
   if (job.scene.tool.wear && job.scene.tool.wear->radius > 0.0)
     throw BadInput(job.scene.file.string(), 0, 0,
                    "a tool that keeps its radius for influence maps; engine = \"full\" follows its "
@@ -132,6 +133,8 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
     for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);
     const cutting::CutterMotion motion = cutter_motion(run.T_wt, samples);
     run.competing_passes = cutting::milled_competing_passes(job.design_w, *cutter, motion, options);
+    // Passes end at the gouge band, so gouges are searched separately at the vertices without a
+    // pass.
     run.gouges = cutting::milled_surface(without_rivals(job.design_w, run.competing_passes),
                                          *cutter, motion, band)
                      .gouges;
@@ -139,6 +142,7 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
   }
   const int joint = *job.machine.workpiece_spindle;
   run.spindle = spindle_line(job.truth.actual, joint);
+  // A turned surface needs each instant once; a reversal is sampled twice.
   run.sample = distinct_instants(samples);
   const auto& nose = std::get<cutting::Nose>(job.scene.tool.actual);
   const cutting::NoseMotion motion = nose_motion(run.T_wt, samples, *run.spindle, joint);
@@ -151,6 +155,7 @@ BaseRun base_run(const Study& study, const PreparedConfiguration& ready, const P
 
 std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass) {
   const auto move = std::size_t(competing_pass.move);
+  // The last sample begins no move; a pass there has both ends on it.
   const std::size_t next = std::min(move + 1, run.sample.size() - 1);
   return {End{run.sample[move], 1.0 - competing_pass.t}, End{run.sample[next], competing_pass.t}};
 }
@@ -220,7 +225,7 @@ Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competin
       d += ends[e].share * (shift + rotation.cross(competing_pass.contact - tip));
       continue;
     }
-    // the contact, carried back by the spindle to where it is when the tool is at this end
+    // The contact turned back by the spindle to its position when the tool is at this end.
     const Matrix3d on = turn(*run.spindle, turn_at(run, ends) - turn_at(run, ends[e]));
     const Vector3d contact = on.transpose() * (competing_pass.contact - run.spindle->point_w);
     d += ends[e].share * (on * (shift + rotation.cross(contact - (tip - run.spindle->point_w))));
@@ -240,6 +245,8 @@ Pose tool_at(const BaseRun& run, const cutting::CompetingPass& competing_pass, c
 Vector3d displacement(const BaseRun& run, const cutting::CompetingPass& competing_pass,
                       const Tool& from, const Tool& to) {
   const Pose a = tool_at(run, competing_pass, from), b = tool_at(run, competing_pass, to);
+  // The antisymmetric part of R is the rotation vector to the third order of its angle, which is
+  // below a milliradian here.
   const Matrix3d R = b.linear() * a.linear().transpose();
   const Vector3d rotation = 0.5 * Vector3d(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
   const Vector3d arm = competing_pass.contact - 0.5 * (a.translation() + b.translation());
@@ -250,7 +257,8 @@ namespace {
 
 using Eigen::Index;
 
-/// The elements through which an input acts if it acts through elements only; else none.
+/// Returns the elements through which an input acts if it acts through elements only; else an empty
+/// set.
 std::set<std::string> elements_of(const Input& input) {
   std::set<std::string> names;
   if (!input.element.empty()) names.insert(input.element);
@@ -273,8 +281,8 @@ errors::GeometricErrors only(const errors::GeometricErrors& all,
   return some;
 }
 
-/// Whether nothing but elements can distinguish two scenes of the same input: their run-out
-/// is in the tools.
+/// Returns true if two scenes of the same input can differ by elements only: their run-out is part
+/// of their tools.
 bool same_tools(const ToolDescription& a, const ToolDescription& b) {
   if (a.actual_length != b.actual_length) return false;
   const auto* x = std::get_if<cutting::Cutter>(&a.actual);
@@ -287,6 +295,8 @@ Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
   Twist twist = Twist::Zero();
   const auto add = [&](const errors::GeometricModel& model, double factor) {
     const auto joints = errors::deviations(model, state);
+    // Most joints have no deviation of these few elements; their blocks of the Jacobian are
+    // skipped.
     for (std::size_t i = 0; i < joints.size(); ++i) {
       const Index at = 6 * Index(i);
       if (!joints[i].motion.isZero(0.0))
@@ -328,6 +338,7 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
     const cutting::CompetingPass& competing_pass = run.competing_passes[r];
     const std::array<End, 2> ends = ends_of(run, competing_pass);
     std::vector<std::array<Twist, 2>> twists(inputs.size());
+    // The Jacobians of a sample serve all inputs, so inputs are the inner loop.
     for (std::size_t e = 0; e < 2; ++e) {
       const kinematics::AxisState& state = run.ready.commanded.samples.states[ends[e].sample];
       const Eigen::MatrixXd J_motion = kinematics::motion_jacobian(chain, state.q);
@@ -353,7 +364,7 @@ using kinematics::Pose;
 
 /// One of the two machines of a difference.
 struct Machined {
-  std::vector<Pose> T_wt;  ///< of the samples that rivals need
+  std::vector<Pose> T_wt;  ///< at the samples that passes need
   std::optional<SpindleLine> spindle;
 };
 
@@ -365,7 +376,8 @@ Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std:
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
                    run.ready.arm.name);
-  // what gives way less takes more off, which loads it more
+  // A more compliant machine removes less, which changes its load: each machine needs its own
+  // forces.
   const bool bends = job.truth.compliance && !run.process.steps.empty();
   Machined made{
       tool_poses(job, commanded, bends ? cut_process(job, commanded) : run.process, needed),
@@ -374,7 +386,8 @@ Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std:
   return made;
 }
 
-/// mm along the normal, how far a cutter of another shape leaves the surface on a rival's own move.
+/// Returns the distance along the normal, mm, at which a cutter of another shape leaves the surface
+/// on the pass's own move.
 double left_by(const BaseRun& run, const cutting::CutterMotion& motion,
                const CompetingPass& competing_pass, const cutting::Cutter& cutter) {
   const cutting::Design& design = run.ready.job.design_w;
@@ -383,10 +396,11 @@ double left_by(const BaseRun& run, const cutting::CutterMotion& motion,
                          run.ready.job.scene.band};
   const auto entry =
       cutting::first_entry(cutter, cutting::move_after(motion, competing_pass.move), ray, ray.band);
+  // A cutter that misses the vertex does not change its height.
   return entry ? entry->s : competing_pass.distance;
 }
 
-/// mm from the centre to the edge of a nose in the direction psi.
+/// Returns the distance from the centre of a nose to its edge in the direction psi, mm.
 double edge_at(const cutting::Nose& nose, double psi) {
   double radius = nose.radius;
   for (const cutting::NoseWave& wave : nose.waves)
@@ -394,7 +408,8 @@ double edge_at(const cutting::Nose& nose, double psi) {
   return radius;
 }
 
-/// How much farther out another edge is where one touches, in (x, z) of frame t.
+/// Returns the distance by which one edge lies outside another at the contact, in (x, z) of frame
+/// t.
 Eigen::Vector2d outer_part(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
                            const Vector3d& contact_t) {
   const Eigen::Vector2d at(contact_t.x(), contact_t.z());
@@ -402,7 +417,7 @@ Eigen::Vector2d outer_part(const cutting::EdgeProfile& from, const cutting::Edge
   return (here.value - cutting::distance(to.pieces, at).value) * here.gradient;
 }
 
-/// One column that does nothing.
+/// Returns one column of zeros.
 Columns nothing(const BaseRun& run) {
   const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(1, Index(run.competing_passes.size()));
   return {zero, zero};
@@ -424,8 +439,8 @@ Columns cutter_columns(const BaseRun& run, const cutting::Cutter& from, const cu
   return columns;
 }
 
-/// One column of what moves the contacts of rivals: `moved(competing_pass, ends of its move)`, mm
-/// per unit.
+/// Returns one column for an input that moves the contacts of passes: `moved(competing_pass, ends
+/// of its move)`, mm per unit.
 template <typename Moved>
 Columns contact_columns(const BaseRun& run, const Moved& moved) {
   Columns columns = nothing(run);
@@ -438,7 +453,8 @@ Columns contact_columns(const BaseRun& run, const Moved& moved) {
   return columns;
 }
 
-/// An edge that stands out farther moves the contact away from the centre.
+/// Returns the column of a change of the nose: an edge that lies farther out moves the contact away
+/// from the centre.
 Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cutting::Nose& to,
                      double per_unit) {
   return contact_columns(
@@ -457,7 +473,7 @@ Columns nose_columns(const BaseRun& run, const cutting::Nose& from, const cuttin
       });
 }
 
-/// What the shape of the tool does.
+/// Returns the column of a change of the tool's shape.
 Columns shape_columns(const BaseRun& run, const ToolDescription& from, const ToolDescription& to,
                       double per_unit) {
   if (const auto* cutter = std::get_if<cutting::Cutter>(&from.actual))
@@ -466,7 +482,7 @@ Columns shape_columns(const BaseRun& run, const ToolDescription& from, const Too
                       per_unit);
 }
 
-/// What the two machines' poses do.
+/// Returns the column of the difference of two machines' poses.
 Columns pose_columns(const BaseRun& run, const std::array<Machined, 2>& sides,
                      const std::vector<std::size_t>& needed, double per_unit) {
   const auto tool = [&](const Machined& side, const std::array<End, 2>& ends) {
@@ -535,7 +551,8 @@ Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
   return all;
 }
 
-/// Machines that are cut to see where the maps fail, those left out that cannot cut the program.
+/// Machines that are cut in full to find where the maps fail; machines that cannot cut the program
+/// are left out.
 class Checks {
  public:
   Checks(const Study& study, const PreparedConfiguration& ready) : study_(study), ready_(ready) {}
@@ -553,7 +570,7 @@ class Checks {
     return std::nullopt;
   }
 
-  /// @throws what the last one was refused for, if no machine could be cut
+  /// @throws the error of the last machine if no machine could be cut
   void throw_unless_checked() const {
     if (!any_ && refused_) std::rethrow_exception(refused_);
   }
@@ -565,7 +582,7 @@ class Checks {
   std::exception_ptr refused_;
 };
 
-/// How far a map is off at a vertex: infinitely where only one of them has a surface.
+/// Returns the error of a map at a vertex: infinite if only one of the two has a surface.
 double off(const InfluenceMap& map, const cutting::Surface& surface, Index v, double estimated) {
   const bool wanted = std::isfinite(map.error_free[v]);
   const bool cut = wanted && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
@@ -584,7 +601,7 @@ double flagged_percent(const InfluenceMap& map, double flag) {
   return area > 0.0 ? 100.0 * flagged / area : 0.0;
 }
 
-/// (n) mm
+/// Returns the largest error at each vertex over the checked machines. (n) mm
 Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Progress& progress) {
   const Study& study = run.study;
   Eigen::VectorXd doubt = Eigen::VectorXd::Zero(map.design.vertices.rows());
@@ -605,7 +622,8 @@ Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Prog
   return doubt;
 }
 
-/// Without rivals where the study compares with an error-free map that has no surface there.
+/// Removes the passes of vertices where the error-free map has no surface, if the study compares
+/// with it.
 BaseRun comparable(BaseRun run) {
   if (run.study.machine_part)
     std::erase_if(run.competing_passes, [&](const CompetingPass& competing_pass) {
@@ -614,7 +632,7 @@ BaseRun comparable(BaseRun run) {
   return run;
 }
 
-/// The rivals of every vertex, in order, before what inputs do to them.
+/// Returns the map with the passes of every vertex in order, before the effects of inputs.
 InfluenceMap framed(const BaseRun& run) {
   const std::vector<CompetingPass>& competing_passes = run.competing_passes;
   const Job& job = run.ready.job;
@@ -644,7 +662,7 @@ InfluenceMap framed(const BaseRun& run) {
   return map;
 }
 
-/// What a base run without any rival did instead.
+/// Returns the reason why a base run has no pass.
 std::string uncut_message(const BaseRun& run) {
   const std::string& arm = run.ready.arm.name;
   if (run.gouges.empty()) return fmt::format("nothing cut ({})", arm);

@@ -10,38 +10,43 @@
 
 namespace abbe::sim::study {
 
-/// An arm cut with its inputs at their centres, as the columns of its influence map need it.
+/// A configuration cut with its inputs at their centres, with the data that the columns of its
+/// influence map need.
 struct BaseRun {
   const Study& study;
   const PreparedConfiguration& ready;
   Process process;
   std::vector<kinematics::Pose> T_wt;  ///< (samples)
-  std::vector<std::size_t> sample;     ///< of the motion that cuts: its samples in those of the job
-  std::optional<SpindleLine> spindle;  ///< the workpiece turns about it
+  std::vector<std::size_t> sample;  ///< index in the job's samples of every sample of the cutting
+                                    ///< motion
+  std::optional<SpindleLine> spindle;                    ///< axis about which the workpiece turns
   std::vector<cutting::CompetingPass> competing_passes;  ///< in the order of the vertices
-  std::vector<cutting::Gouge> gouges = {};  ///< of the vertices without one, in the same order
+  std::vector<cutting::Gouge> gouges = {};  ///< gouges of the vertices without a competing pass, in
+                                            ///< the same order
 };
 
-/// `study` and `ready` outlive it.
-/// @throws BadInput as `cut`
+/// Returns the base run; `study` and `ready` must outlive it.
+/// @throws BadInput as `cut`, and for several tools, tool wear or a hollow tool
 BaseRun base_run(const Study& study, const PreparedConfiguration& ready,
                  const Progress& progress = {});
 
-/// One end of the move on which a rival makes its surface.
+/// One end of the move on which a competing pass makes its surface.
 struct End {
   std::size_t sample = 0;  ///< of the job
-  double share = 0.0;      ///< of the rival's instant, 0 .. 1
+  double share = 0.0;      ///< weight of this end at the instant of the pass, 0 .. 1
 };
+/// Returns both ends of the move of a competing pass; their weights add up to 1.
 std::array<End, 2> ends_of(const BaseRun& run, const cutting::CompetingPass& competing_pass);
 
-/// Samples at the ends of all rivals' moves, ascending.
+/// Returns the samples at the ends of the moves of all competing passes, ascending.
 std::vector<std::size_t> competing_pass_samples(const BaseRun& run);
 
-/// The values between which an input is differenced: those that a standard normal number of -1 and
-/// +1 would give, so always values that it may have.
+/// Returns the values between which an input is differenced: those at standard normal scores of -1
+/// and +1, so always values that the input may have.
 std::array<double, 2> around(const Study& study, Eigen::Index input);
 
-/// The scenes at those values, every other input at its centre, run-out in their tools.
+/// Returns the scenes at those values, with every other input at its centre and run-out in their
+/// tools.
 std::array<Scene, 2> stepped_scenes(const BaseRun& run, Eigen::Index input);
 
 }  // namespace abbe::sim::study

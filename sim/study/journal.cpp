@@ -27,13 +27,13 @@
 
 namespace abbe::sim::study {
 
-/// A file beside a journal that one process at a time can hold, void as soon as its process ends.
-/// SQLite's own locks serve reading and writing; they would not keep a second study from doing the
-/// same cases.
+/// A lock file beside a journal that one process at a time can hold, void as soon as its process
+/// ends. The locks of SQLite protect single reads and writes; they would not keep a second process
+/// from computing the same cases.
 class JournalLock {
  public:
-  /// @throws OutputFailure if another process holds it, naming that process, or the file cannot be
-  ///         one of abbe's
+  /// @throws OutputFailure naming the other process if it is held, or if the file is not a lock of
+  /// abbe
   explicit JournalLock(const std::filesystem::path& journal);
   ~JournalLock();
   JournalLock(const JournalLock&) = delete;
@@ -53,14 +53,15 @@ namespace {
       fmt::format("{}: cannot be locked: {}", file.string(), std::strerror(reason)));
 }
 
-/// Who holds the lock, as that process wrote it.
+/// Returns the process that holds the lock, as it wrote itself into the file.
 std::string holder(int descriptor) {
   char text[200];
   const ssize_t length = ::pread(descriptor, text, sizeof text, 0);
   return length > 0 ? std::string(text, std::size_t(length)) : "another process";
 }
 
-/// Whether a lock may be made of a file: an empty one, or what a holder left.
+/// Returns true if the file may be used as a lock: it is empty, or holds what an earlier holder
+/// left.
 bool is_lock(int descriptor) {
   struct stat about {};
   if (::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) return false;
@@ -77,7 +78,7 @@ JournalLock::JournalLock(const std::filesystem::path& journal)
   char host[100] = "";
   ::gethostname(host, sizeof host - 1);
   const std::string who = fmt::format("process {} on {}", ::getpid(), host);
-  // only to inform others: on a full disk it may fail
+  // The name only informs others; on a full disk writing it may fail.
   if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
     const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
 }
@@ -106,7 +107,8 @@ void JournalLock::try_once() {
         "{}: a file that abbe did not make stands there; move it, or choose another --out",
         file_.string()));
   }
-  // its holder may have ended, and the file with it, between the two calls above
+  // The holder may have ended and removed the file between open and flock: then this lock is on a
+  // deleted file.
   struct stat held {
   }, there{};
   if (::fstat(descriptor, &held) == 0 && ::stat(file_.c_str(), &there) == 0 &&
@@ -118,15 +120,14 @@ void JournalLock::try_once() {
 
 namespace {
 
-constexpr int application_id = 0x61626265;  // "abbe" in the head of the file
-constexpr int busy_ms = 20000;              // a reader may look while the writer tidies up
+constexpr int application_id = 0x61626265;  // "abbe", the application id of the file
+constexpr int busy_ms = 20000;  // ms: a reader may hold the file while the writer tidies up
 constexpr const char* tables[] = {
     "CREATE TABLE cases (number INTEGER PRIMARY KEY, answers BLOB NOT NULL, fault TEXT NOT NULL, "
     "check_sum INTEGER NOT NULL)",
     "CREATE TABLE study (identity TEXT NOT NULL)"};
 
-// ---- bytes
-
+/// Little-endian on every computer, so that journals can be merged across computers.
 std::string bytes_of(const std::vector<double>& answers) {
   std::string bytes;
   bytes.reserve(8 * answers.size());
@@ -152,8 +153,6 @@ std::int64_t check_sum(std::uint64_t index, std::string_view answers, std::strin
   const std::uint64_t begun = fnv_1a(fmt::format("{} {} ", index, answers.size()));
   return std::int64_t(fnv_1a(fault, fnv_1a(answers, begun)));
 }
-
-// ---- SQLite
 
 struct CloseDatabase {
   void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
@@ -193,7 +192,7 @@ struct Database {
     if (code != SQLITE_OK) fail(code);
     return Statement(statement);
   }
-  /// Whether there is a row (another one).
+  /// Returns true if there is another row.
   bool step(const Statement& statement) const {
     const int code = sqlite3_step(statement.get());
     if (code != SQLITE_ROW && code != SQLITE_DONE) fail(code);
@@ -218,14 +217,14 @@ Database opened(const std::filesystem::path& file, int flags) {
   if (code != SQLITE_OK) database.fail(code);
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, busy_ms);
-  // the file may come from anywhere
+  // The file may come from an untrusted source.
   sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   database.run("PRAGMA cell_size_check = ON");
   return database;
 }
 
-/// Bytes of a text or blob that SQLite keeps until the next step.
+/// Returns the bytes of a text or blob, which SQLite keeps until the next step.
 std::string_view bytes(const Statement& row, int column) {
   const void* data = sqlite3_column_blob(row.get(), column);
   const int size = sqlite3_column_bytes(row.get(), column);
@@ -254,21 +253,21 @@ void for_every_row(const Database& database, const Visit& visit) {
   while (database.step(rows)) visit(row_at(database, rows));
 }
 
-/// The whole file: what is damaged is reported before hours of work. Rows have their check sums,
-/// pages of which the order is lost show here.
+/// Checks the whole file, so that damage is reported before hours of work. Rows have their own
+/// checksums; this finds pages in the wrong order.
 void check_pages(const Database& database) {
   const Statement check = database.prepared("PRAGMA quick_check(1)");
   if (!database.step(check) || bytes(check, 0) != "ok")
     throw not_a_journal(database.file, "a damaged one");
 }
 
-/// Whether nothing has been written to it yet: a process may end just after it made the file.
+/// Returns true if nothing has been written to the file: a process may end just after creating it.
 bool is_blank(const Database& database) {
   return database.number("SELECT count(*) FROM sqlite_schema") == 0 &&
          database.number("PRAGMA application_id") == 0;
 }
 
-/// @throws BadInput unless it is a journal
+/// @throws BadInput if the database is not a journal
 std::string study_identity(const Database& database) {
   const Statement schema = database.prepared("SELECT sql FROM sqlite_schema ORDER BY name");
   for (const char* table : tables)
@@ -281,7 +280,7 @@ std::string study_identity(const Database& database) {
   return std::string(bytes(study, 0));
 }
 
-/// Runs `write` in a transaction: all of it happens or nothing.
+/// Runs `write` in a transaction: either all of it takes effect or nothing.
 template <typename Write>
 void run_transaction(const Database& database, const Write& write) {
   database.run("BEGIN IMMEDIATE");
@@ -329,11 +328,11 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
                  "the journal of another one");
 }
 
-/// How SQLite begins the files that it keeps beside a database; zeros while it fills them.
+/// Signature of a file that SQLite keeps beside a database; zeros while SQLite fills it.
 struct Beside {
   const char* ending;
   std::string_view begins;
-  std::uintmax_t min_file_bytes;  ///< below, it is being made
+  std::uintmax_t min_file_bytes;  ///< a smaller file is being created
 };
 constexpr std::string_view memory_begins(
     std::endian::native == std::endian::little ? "\x18\xe2\x2d\0" : "\0\x2d\xe2\x18", 4);
@@ -349,7 +348,8 @@ bool is_sqlite_companion(const std::filesystem::path& file, const Beside& kind) 
   return head == kind.begins || head == std::string(head.size(), '\0');
 }
 
-/// SQLite would follow links and write over what stands under its names.
+/// Checks the files at the names that SQLite uses: it would follow links and overwrite foreign
+/// files.
 void check_places(const std::filesystem::path& file) {
   const auto refuse = [](const std::filesystem::path& seen, const char* what) {
     throw OutputFailure(
@@ -375,16 +375,18 @@ Database open_to_write(const std::filesystem::path& file, const std::string& ide
   check_places(file);
   std::error_code missing;
   const auto size = std::filesystem::file_size(file, missing);
-  // SQLite takes less than a page for an empty database, and would write over it
+  // SQLite takes a file shorter than a page for an empty database, and would overwrite it.
   if (!missing && size > 0 && size < 512) throw not_a_journal(file, "something else");
   Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   const bool blank = is_blank(database);
   const std::string seen = blank ? identity : study_identity(database);
   const bool others = seen != identity;
-  // a study that failed before its first case leaves nothing that another one could mix up
+  // A study that failed before its first case leaves nothing that could be mixed up with another
+  // one.
   const bool empty = !blank && database.number("SELECT count(*) FROM cases") == 0;
   if (!empty) check_identity(file, seen, identity);
-  // write-ahead: what was committed needs no repair, and readers need not wait
+  // WAL: committed rows need no repair after a crash, and readers need not wait. FULL: WAL with the
+  // default NORMAL may lose the last commits in a power failure.
   database.run("PRAGMA journal_mode = WAL");
   database.run("PRAGMA synchronous = FULL");
   if (blank) begin(database, identity);
@@ -412,8 +414,8 @@ bool operator==(const Row& a, const Row& b) {
 struct Journal::Connection {
   Connection(const std::filesystem::path& file, const std::string& identity)
       : lock(file), database(open_to_write(file, identity)) {}
-  /// Leaves one file, which can be read where nothing can be written; if a reader is at it, it
-  /// stays as it is.
+  /// Leaves one file, which can be read from a read-only folder; while a reader uses it, the
+  /// journal stays as it is.
   ~Connection() {
     sqlite3_busy_timeout(database.handle.get(), 0);
     sqlite3_exec(database.handle.get(), "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
@@ -437,6 +439,7 @@ void Journal::add(const std::vector<Row>& rows) {
     const Statement insert =
         database.prepared("INSERT INTO cases VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING");
     for (const Row& row : rows) {
+      // SQLite's integers are signed.
       assert(row.index >> 63 == 0);
       const std::string answers = bytes_of(row.answers);
       sqlite3_bind_int64(insert.get(), 1, std::int64_t(row.index));

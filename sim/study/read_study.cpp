@@ -28,31 +28,34 @@
 
 namespace abbe::sim::study {
 
-/// What answers depend on: the study's text, its scenes with every data file that they name,
-/// compensators of the user's own, and this very build. 16 hexadecimal digits.
-/// @param scenes  of the arms
+/// Returns the identity of a study, 16 hexadecimal digits: a hash of everything that its responses
+/// depend on, i.e. its text, its scenes with every data file that they name, plug-in compensators,
+/// and the abbe build.
+/// @param scenes  of the configurations
 std::string study_identity(const Study& study, const std::vector<Scene>& scenes);
 
-/// What engine, responses, inputs and questions ask of each other, before an hour's work: faults
-/// are added to those of the reader.
-/// @param scenes  of the arms
-/// @param places  of the inputs
+/// Checks that engine, responses, inputs and analyses are consistent, before an hour's work; input
+/// errors are added to those of the reader.
+/// @param scenes  of the configurations
+/// @param places  locations of the inputs in the file
 void check_consistency(const Study& study, const std::vector<Scene>& scenes,
                        const std::vector<Place>& places, TableReader& reader);
 
-/// Every path is set once, with its input at its centre, on every arm, so that a mistake is
-/// reported now and not when its case comes.
+/// Sets every path once, with its input at its centre, in every configuration, so that a mistake is
+/// reported now and not when its case is computed.
 void check_paths(const Study& study, const std::vector<Scene>& scenes,
                  const std::vector<Place>& places, InputErrors& input_errors);
 
-/// Days are cut when all cases are done; a mistake in them is reported before.
+/// Checks the days of [histories]: they are cut after all cases, but a mistake in them is reported
+/// first.
 void check_days(const Study& study, TableReader& reader);
 
 namespace {
 
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
 
-/// Of every data file that a tree names: another mesh under the old name is another study.
+/// Returns the hash of every data file that a tree names: a changed mesh under the old name makes
+/// another study.
 std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   if (const Node::Array* array = node.array())
     for (const Node& one : *array) hash = hash_of_files(one, hash);
@@ -71,12 +74,13 @@ std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash) {
   hash = fnv_1a(read_text(file, std::size_t(1) << 31), hash);
   if (file.extension() != ".toml") return hash;
-  InputErrors ignored;  // another scene, from which something is learnt: reported when it is used
+  InputErrors ignored;  // a scene from which something is learnt; its errors are reported when it
+                        // is used
   const std::optional<Node> tree = read_tree(file, ignored);
   return tree ? hash_of_files(*tree, fnv_1a(to_toml(*tree), hash)) : hash;
 }
 
-/// This very build: another one may give other bits.
+/// Returns the identity of the abbe build: another build may give other bits.
 std::string program() {
   const std::filesystem::path self = program_file();
   std::error_code failure;
@@ -138,7 +142,7 @@ bool has_tolerance(const PartDescription& part) {
          });
 }
 
-/// Figures that nobody would get.
+/// Reports figures that could not be computed.
 void check_judged(const Study& study, const std::vector<Scene>& scenes, TableReader& reader) {
   const auto is_asked = [&](Response response) {
     const auto& all = study.responses;
@@ -162,6 +166,7 @@ void check_inputs(const Study& study, TableReader& reader) {
                     study.uncertainty;
   if (study.inputs.empty() && (asks || !study.histories))
     reader.input_errors().add(reader.place(), "at least one [[input]] or [[inputs]]", "none");
+  // Each of the 1800 inputs takes two of the 3600 dimensions of the sequence.
   if (study.sobol && study.inputs.size() > 1800)
     reader.refuse("sobol_indices", "at most 1800 inputs", std::to_string(study.inputs.size()));
   if (const std::uint64_t cases = plan_of(study).cases; cases > max_cases)
@@ -169,7 +174,8 @@ void check_inputs(const Study& study, TableReader& reader) {
                               std::to_string(cases));
 }
 
-/// Where an input sets what the scene refuses; else the fault's own place.
+/// Returns the location of the input that sets an invalid value of the scene; else the location in
+/// the scene itself.
 Place place_of(const BadInput& fault, const Study& study, const std::vector<Place>& places) {
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     for (const Setting& one : study.inputs[i].settings)
@@ -195,6 +201,7 @@ void check_configuration(const Study& study, std::size_t at, const Scene& scene,
   try {
     scene_at(study, arm, scene, centre(study));
     for (const Sweep& sweep : study.sweeps)
+      // Distributions are checked at their centres; a sweep may go anywhere, so both its ends are.
       for (const double value : {sweep.values.minCoeff(), sweep.values.maxCoeff()}) {
         Eigen::VectorXd x = centre(study);
         x[sweep.input] = value;
@@ -230,7 +237,7 @@ void check_days(const Study& study, TableReader& reader) {
     for (const std::string& day : days) scene_of(study, {day, day, "uncompensated"});
   } catch (const BadScene& bad) {
     for (const BadInput& fault : bad.input_errors)
-      reader.input_errors().add(reader.know("histories")->place, fault.expected, fault.seen);
+      reader.input_errors().add(reader.accept_key("histories")->place, fault.expected, fault.seen);
   } catch (const BadInput& fault) {
     reader.refuse("histories", fault.expected, fault.seen);
   }
@@ -244,7 +251,7 @@ const Fields<Study>& title_fields() {
   return fields;
 }
 
-/// Reads one study; every fault is collected.
+/// Reads one study and collects every input error.
 class StudyReader {
  public:
   StudyReader(const Node& tree, const std::filesystem::path& file, InputErrors& input_errors)
@@ -268,8 +275,8 @@ class StudyReader {
   TableReader reader_;
   InputErrors& input_errors_;
   Study study_;
-  std::vector<Scene> scenes_;  ///< of the arms, to check what inputs name
-  std::vector<Place> places_;  ///< of the inputs
+  std::vector<Scene> scenes_;  ///< of the configurations, to check the names in inputs
+  std::vector<Place> places_;  ///< locations of the inputs
   std::vector<MissingCentre> missing_centres_;
 };
 
@@ -277,7 +284,7 @@ void StudyReader::read_scene_of_study() {
   const std::string scene = reader_.text("scene");
   study_.scene = scene;
   if (const Node* set = reader_.section("set"))
-    for (const Change& change : set_changes(*set))
+    for (const Change& change : changes_from_set(*set))
       study_.overrides.push_back(make_override(change));
   if (scene.empty()) return;
   try {
@@ -322,9 +329,9 @@ bool StudyReader::is_case(const std::string& name) {
   }
 }
 
-/// Programs among the cases, with their places.
+/// Notes the programs among the cases with their locations.
 void StudyReader::note_program(const std::string& name) {
-  const Node* cases = reader_.know("cases");
+  const Node* cases = reader_.accept_key("cases");
   const auto note = [&](const Node& one) {
     if (!one.text() || *one.text() != name) return;
     if (const auto program = named_program(one)) {
@@ -339,7 +346,7 @@ void StudyReader::note_program(const std::string& name) {
 }
 
 void StudyReader::check_variant(const std::string& name) {
-  if (name.empty() || !study_.scene_tree) return;  // a scene that was refused is reported already
+  if (name.empty() || !study_.scene_tree) return;  // a scene with input errors is reported already
   std::set<std::string> known;
   for (const Variant& variant : study_.variants) known.insert(variant.name);
   if (known.count(name)) return;
@@ -372,7 +379,7 @@ void StudyReader::read_declared_inputs() {
   try {
     study_.copula = Copula(int(study_.inputs.size()), stated.correlations);
   } catch (const std::invalid_argument& fault) {
-    const Node* written = reader_.know("correlation");
+    const Node* written = reader_.accept_key("correlation");
     input_errors_.add(written ? written->place : reader_.place(), "correlations that can be",
                       fault.what());
   }
@@ -409,7 +416,7 @@ Study StudyReader::read() {
 }
 
 Key table_of(const char* name, Key::Kind kind, std::vector<Key> keys, const char* sentence) {
-  Key key = make_field_key(name, kind, sentence);
+  Key key = make_key(name, kind, sentence);
   key.keys = std::move(keys);
   return key;
 }
@@ -422,15 +429,14 @@ std::vector<Key> study_keys() {
   const auto add = [&](std::vector<Key> more) {
     for (Key& key : more) keys.push_back(std::move(key));
   };
-  add({make_field_key(must("scene"), Kind::Text, "a scene file, relative to the study"),
-       make_field_key("set", Kind::Any,
-                      "changes of the scene, as of `[[variant]]`: `{ part.vertices = 10000 }`")});
+  add({make_key(must("scene"), Kind::Text, "a scene file, relative to the study"),
+       make_key("set", Kind::Any,
+                "changes of the scene, as of `[[variant]]`: `{ part.vertices = 10000 }`")});
   add(engine_fields().keys());
-  add({make_field_key(KeyName("cases").otherwise("[\"uncompensated\"]"), Kind::Texts,
-                      "whose part is judged: `\"uncompensated\"` and compensators, side by side"),
-       make_field_key(
-           KeyName("variants").otherwise("[\"\"]"), Kind::Texts,
-           "names of the scene's variants, `\"\"` the scene itself; every case for each")});
+  add({make_key(KeyName("cases").otherwise("[\"uncompensated\"]"), Kind::Texts,
+                "whose part is judged: `\"uncompensated\"` and compensators, side by side"),
+       make_key(KeyName("variants").otherwise("[\"\"]"), Kind::Texts,
+                "names of the scene's variants, `\"\"` the scene itself; every case for each")});
   add(response_fields().keys());
   add({table_of("input", Kind::Tables, one_input_keys(), "one thing that nobody knows exactly"),
        table_of("inputs", Kind::Tables, many_inputs_keys(), "many at once"),
@@ -472,7 +478,7 @@ bool is_study(const std::filesystem::path& file) {
   try {
     return read_toml_file(file).find("scene") != nullptr;
   } catch (const BadInput&) {
-    return false;  // whoever reads it as a scene names the fault
+    return false;  // a reader that takes it for a scene reports the error
   }
 }
 

@@ -22,15 +22,18 @@ namespace abbe::sim::study {
 
 namespace {
 
+// Fewest base points whose intervals are verified (indices_test.cpp).
 constexpr Eigen::Index min_base_points = 8;
+// Bootstrap draws: each end of a 95 % interval has 25 of them beyond it.
 constexpr int draws = 1000;
-// Base points taken together: few enough that Eigen never splits the sums of a product, which would
-// make bits depend on the size of the processor's caches.
+// Base points processed together: few enough that Eigen never splits the sums of a product, which
+// would make the bits depend on the size of the processor's caches.
 constexpr Eigen::Index row_block = 128;
 
-/// Moments of which every index and its standard error are made: means over base points of
-/// numerator n, of q = (a^2 + b^2)/2, of s = (a + b)/2 and of their products, columns in this
-/// order. There are two numerators an input: those of the first order, then those of the totals.
+/// Columns of the moments from which every index and its standard error are computed: means over
+/// base points of numerator n, of q = (a^2 + b^2)/2, of s = (a + b)/2 and of their products, in
+/// this order. Every input has two numerators: those of the first order come first, then those of
+/// the totals.
 struct Terms {
   Eigen::Index numerators = 0;
   Eigen::Index columns() const { return 4 * numerators + 5; }
@@ -45,6 +48,7 @@ struct Terms {
   Eigen::Index qs() const { return q() + 4; }
 };
 
+/// Returns the terms of every base point; their weighted means are the moments.
 /// @param answers  (k x inputs + 2) less their mean
 Eigen::MatrixXd terms_of(const Eigen::MatrixXd& answers) {
   const Eigen::Index inputs = answers.cols() - 2;
@@ -73,18 +77,19 @@ Eigen::MatrixXd terms_of(const Eigen::MatrixXd& answers) {
   return terms;
 }
 
-/// Estimates from means of the terms, and their standard errors by the delta method.
+/// Estimates from the means of the terms, with standard errors by the delta method.
 struct Estimates {
   Eigen::ArrayXd value;  ///< (numerators)
   Eigen::ArrayXd error;
 };
 
+/// Computes the estimates.
 /// @param weight  number of base points in the means
 Estimates estimates(const Eigen::VectorXd& mean, const Terms& at, double weight) {
   const double q = mean(at.q());
   const double s = mean(at.s());
   const double variance = q - s * s;
-  // The variance's own part in the error is that of v = q - 2 s(mean) s, around its mean.
+  // The error of the variance is that of v = q - 2 s(mean) s about its mean, to first order.
   const double vv = (mean(at.qq()) - q * q) - 4.0 * s * (mean(at.qs()) - q * s) +
                     4.0 * s * s * (mean(at.ss()) - s * s);
   Estimates result{Eigen::ArrayXd(at.numerators), Eigen::ArrayXd(at.numerators)};
@@ -99,7 +104,8 @@ Estimates estimates(const Eigen::VectorXd& mean, const Terms& at, double weight)
   return result;
 }
 
-/// Shares of Poisson numbers of mean 1 that are at most 0, 1, ...; none of 2^53 is above the last.
+/// Cumulative probabilities of a Poisson number of mean 1 at 0, 1, ... 17; the probability above 17
+/// is 6e-17, less than the spacing 2^-53 of the uniform numbers.
 constexpr std::array<double, 18> poisson_shares = [] {
   std::array<double, 18> shares = {0.36787944117144233};
   double share = shares[0];
@@ -107,15 +113,16 @@ constexpr std::array<double, 18> poisson_shares = [] {
   return shares;
 }();
 
-/// All shares are counted, as branches that none can foretell take longer.
+/// Returns the Poisson number for a uniform number. All probabilities are compared, because a
+/// branch that cannot be predicted takes longer.
 double poisson_1(double u) {
   double count = 0.0;
   for (const double share : poisson_shares) count += u > share ? 1.0 : 0.0;
   return count;
 }
 
-/// Sums of the terms, and of their weights in the last row: every base point once in the first
-/// column, then the draws. (columns + 1 x draws + 1)
+/// Returns the weighted sums of the terms, with the sums of the weights in the last row: every base
+/// point once in the first column, then the bootstrap draws. (columns + 1 x draws + 1)
 Eigen::MatrixXd weighted_sums(const Eigen::MatrixXd& answers, std::uint64_t seed) {
   const Terms at{2 * (answers.cols() - 2)};
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(at.columns() + 1, draws + 1);
@@ -131,23 +138,27 @@ Eigen::MatrixXd weighted_sums(const Eigen::MatrixXd& answers, std::uint64_t seed
   return sums;
 }
 
-/// How many standard errors each draw's estimate is from the estimate. (numerators x useful draws)
+/// Returns the distance of each draw's estimate from the estimate, in standard errors. (numerators
+/// x useful draws)
 std::vector<std::vector<double>> studentised(const Eigen::MatrixXd& sums, const Terms& at,
                                              const Estimates& estimate) {
   std::vector<std::vector<double>> result(static_cast<std::size_t>(at.numerators));
   for (Eigen::Index k = 1; k < sums.cols(); ++k) {
     const double weight = sums(at.columns(), k);
+    // The standard error divides by weight - 1.
     if (weight < 2.0) continue;
     const Estimates drawn = estimates(sums.col(k).head(at.columns()) / weight, at, weight);
     for (Eigen::Index j = 0; j < at.numerators; ++j) {
       const double t = (drawn.value(j) - estimate.value(j)) / drawn.error(j);
-      if (std::isfinite(t)) result[std::size_t(j)].push_back(t);  // none: all points were alike
+      // Not finite: all points of the draw were alike.
+      if (std::isfinite(t)) result[std::size_t(j)].push_back(t);
     }
   }
   return result;
 }
 
-/// @param t  studentised draws of it
+/// Returns an estimate with its bootstrap-t interval (Hall 1992).
+/// @param t  studentised draws of the estimate
 IntervalEstimate banded(double value, double error, std::vector<double>& t) {
   if (!(error > 0.0) || t.empty()) return {value, value, value};
   const auto rank = [&](double p) {
@@ -157,11 +168,11 @@ IntervalEstimate banded(double value, double error, std::vector<double>& t) {
   };
   const double low = value - rank(0.975) * error;
   const double high = value - rank(0.025) * error;
-  // No index is outside 0 .. 1, so cutting the band there loses no truth.
+  // No index is outside 0 .. 1, so clipping the interval there excludes no true value.
   return {value, std::min(value, std::max(low, 0.0)), std::max(value, std::min(high, 1.0))};
 }
 
-/// Rows without a gap.
+/// Returns the rows in which every response is finite.
 Eigen::MatrixXd complete(const Eigen::MatrixXd& answers) {
   std::vector<Eigen::Index> rows;
   for (Eigen::Index k = 0; k < answers.rows(); ++k)
@@ -172,8 +183,9 @@ Eigen::MatrixXd complete(const Eigen::MatrixXd& answers) {
   return answers(rows, Eigen::all);
 }
 
-/// Less their mean and of size 1, so that fourth powers of tiny or huge answers are doubles. Sums
-/// go one by one, as Eigen's depend on where in memory they begin.
+/// Returns the responses less their mean and scaled to size 1, so that fourth powers of tiny or
+/// huge responses stay within the range of doubles. Sums are formed one by one, because the order
+/// of Eigen's sums depends on the alignment of the data.
 Eigen::MatrixXd standardised(const Eigen::MatrixXd& answers) {
   const auto ab = answers.leftCols(2).array();
   const double middle = 0.5 * ab.minCoeff() + 0.5 * ab.maxCoeff();
@@ -184,7 +196,7 @@ Eigen::MatrixXd standardised(const Eigen::MatrixXd& answers) {
   return result;
 }
 
-/// @param answers  without gaps
+/// @param answers  all finite
 std::vector<SobolIndex> indices_of(const Eigen::MatrixXd& answers, std::uint64_t seed) {
   const Eigen::Index inputs = answers.cols() - 2;
   std::vector<SobolIndex> result(static_cast<std::size_t>(inputs));
@@ -240,7 +252,7 @@ std::vector<double> finite_values(const Eigen::VectorXd& values, std::size_t lea
   return result;
 }
 
-/// Sums go one by one: Eigen's depend on where in memory they begin.
+/// Sums are formed one by one: the order of Eigen's sums depends on the alignment of the data.
 double mean_of(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
 }
@@ -260,7 +272,8 @@ IntervalEstimate mean_band(std::span<const double> sorted) {
   return {mean, mean - half, mean + half};
 }
 
-/// Bonett 2006: of the logarithm, kurtosis around a trimmed mean.
+/// Returns the standard deviation with Bonett's interval (2006): symmetric in the logarithm, with
+/// the kurtosis about a trimmed mean so that outliers do not inflate it.
 IntervalEstimate deviation_band(std::span<const double> sorted) {
   const auto n = double(sorted.size());
   const double deviation = sample_deviation(sorted);
@@ -271,22 +284,23 @@ IntervalEstimate deviation_band(std::span<const double> sorted) {
   const double squares = deviation * deviation * (n - 1.0);
   const double kurtosis = n * (sum_of_powers(sorted, centre, 4) / squares / squares);
   const double z = -normal_score(tail);
-  const double c = n / (n - z);  // both as Bonett adjusts them for few cases
+  const double c = n / (n - z);  // this factor and the half in `middle` are Bonett's small-sample
+                                 // adjustment
   const double error = c * std::sqrt((kurtosis - (n - 3.0) / n) / (n - 1.0));
   const double middle = std::sqrt(c) * deviation;
   return {deviation, std::min(deviation, middle * std::exp(-0.5 * z * error)),
           std::max(deviation, middle * std::exp(0.5 * z * error))};
 }
 
-/// Ranks (from 0) between which the p-quantile of all machines lies: the number of answers below it
-/// is binomial.
+/// Returns the ranks (from 0) that enclose the p-quantile of the population: the number of
+/// responses below it is binomial.
 std::pair<std::size_t, std::size_t> rank_band(std::size_t n, double p) {
   const boost::math::binomial below(double(n), p);
   const auto ranks = std::views::iota(std::size_t(0), n);
-  // Rank r lies above the quantile if at most r answers lie below it ...
+  // Rank r lies above the quantile if at most r responses lie below it,
   const auto too_high = std::ranges::partition_point(
       ranks, [&](std::size_t r) { return cdf(below, double(r)) <= tail; });
-  // ... and below it if more than r do.
+  // and below it if more than r do.
   const auto lower_rank = std::ranges::partition_point(
       ranks, [&](std::size_t r) { return cdf(complement(below, double(r))) > tail; });
   const std::size_t low = *too_high > 0 ? *too_high - 1 : 0;
@@ -299,7 +313,7 @@ IntervalEstimate quantile_band(std::span<const double> sorted, double p) {
   return {value, std::min(value, sorted[low]), std::max(value, sorted[high])};
 }
 
-/// Ranks of values, equal ones on their mean.
+/// Returns the ranks of values, ties at their mean rank.
 std::vector<double> ranks_of(std::span<const double> values) {
   std::vector<std::size_t> order(values.size());
   std::iota(order.begin(), order.end(), std::size_t(0));
@@ -325,6 +339,7 @@ double pearson(std::span<const double> a, std::span<const double> b) {
   const double scale_a = std::sqrt(sum_of_powers(a, mean_a, 2));
   const double scale_b = std::sqrt(sum_of_powers(b, mean_b, 2));
   double sum = 0.0;
+  // Both are normalised before the products: the product of two sums of squares may overflow.
   for (std::size_t i = 0; i < a.size(); ++i)
     sum += (a[i] - mean_a) / scale_a * ((b[i] - mean_b) / scale_b);
   return std::clamp(sum, -1.0, 1.0);
@@ -370,6 +385,8 @@ IntervalEstimate fraction_below(const Eigen::VectorXd& values, double limit) {
   const double share =
       double(std::ranges::count_if(finite, [&](double value) { return value <= limit; })) / n;
   const double z = -normal_score(tail);
+  // Wilson's interval stays within 0 .. 1 and keeps a width where all or no responses are within
+  // the limit, unlike the normal approximation.
   const double middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
   const double half =
       z / (1.0 + z * z / n) * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n));
@@ -407,18 +424,19 @@ Correlations correlations(const Eigen::MatrixXd& inputs, const Eigen::VectorXd& 
 
 namespace {
 
+// With fewer cases chance alone explains more than 2 / 9 of the variance by two regressors.
 constexpr Eigen::Index min_cases = 10;
 constexpr double regressors = 2.0;  // line, parabola
 
 Eigen::VectorXd centred(const Eigen::VectorXd& values) { return values.array() - values.mean(); }
 
-/// R^2 less what it has on the average where there is nothing.
+/// Returns R^2 less its mean where input and response are independent (Ezekiel 1930).
 double adjusted(double r_squared, Eigen::Index cases) {
   const double n = double(cases);
   return 1.0 - (1.0 - r_squared) * (n - 1.0) / (n - 1.0 - regressors);
 }
 
-/// Part of y, which is centred, that lies along a direction.
+/// Returns the part of the sum of squares of y, which is centred, along a direction.
 double explained(const Eigen::VectorXd& y, const Eigen::VectorXd& along) {
   const double size = along.squaredNorm();
   return size > 0.0 ? std::pow(y.dot(along), 2) / size : 0.0;
@@ -434,10 +452,11 @@ Eigen::VectorXd main_effects(const Eigen::MatrixXd& inputs, const Eigen::VectorX
     Eigen::VectorXd x = centred(inputs.row(i).transpose());
     const double spread = x.norm() / std::sqrt(double(x.size()));
     if (!(spread > 0.0)) continue;
-    x /= spread;  // so that its squares neither vanish nor overflow
+    x /= spread;  // so that its squares neither underflow nor overflow
     Eigen::VectorXd parabola = centred(x.cwiseProduct(x));
+    // Made orthogonal to the line, so that both parts of the variance add up.
     parabola -= parabola.dot(x) / x.squaredNorm() * x;
-    // of two values alone it is nothing but rounding
+    // An input with two values only has no parabola beyond rounding, some 1e-16 of the line.
     const bool bends = parabola.norm() > 1e-9 * x.norm();
     const double r_squared =
         (explained(y, x) + (bends ? explained(y, parabola) : 0.0)) / y.squaredNorm();
@@ -448,7 +467,8 @@ Eigen::VectorXd main_effects(const Eigen::MatrixXd& inputs, const Eigen::VectorX
 
 double chance_effect(Eigen::Index cases, Eigen::Index inputs) {
   if (cases < min_cases || inputs < 1) return 1.0;
-  // R^2 of two regressors is beta distributed: P(R^2 > r) = (1 - r)^((n - 3) / 2)
+  // R^2 of two regressors is beta distributed: P(R^2 > r) = (1 - r)^((n - 3) / 2). The probability
+  // of 5 % is divided by the number of inputs (Bonferroni).
   const double any = 0.05 / double(inputs);
   return std::max(0.0, adjusted(1.0 - std::pow(any, 2.0 / double(cases - 3)), cases));
 }

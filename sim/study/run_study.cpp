@@ -22,7 +22,7 @@ namespace abbe::sim::study {
 
 namespace {
 
-/// As one word of the shell.
+/// Returns the text as one argument of the shell.
 std::string quoted(const std::string& text) {
   if (matches(text, "[A-Za-z0-9_./+:,@-]+")) return text;
   std::string word = "'";
@@ -34,7 +34,7 @@ std::string quoted(const std::filesystem::path& path) {
   return quoted(std::filesystem::absolute(path).lexically_normal().string());
 }
 
-/// A name that Slurm's own lines can hold.
+/// Returns a job name valid in the directives of Slurm.
 std::string job_name(const std::filesystem::path& study) {
   std::string name = "abbe-";
   for (const unsigned char letter : study.stem().string())
@@ -42,14 +42,16 @@ std::string job_name(const std::filesystem::path& study) {
   return name;
 }
 
-/// Where Slurm logs: beside the folder of results, in which nobody else writes.
+/// Returns the folder of Slurm's logs: beside the folder of results, in which abbe allows no
+/// foreign files.
 std::filesystem::path log_folder(const SlurmOptions& options) {
   std::filesystem::path out = std::filesystem::absolute(options.out).lexically_normal();
   if (!out.has_filename()) out = out.parent_path();
   return out += "-logs";
 }
 
-/// Slurm puts the number of the task and the like in place of %a in the name of a log.
+/// Returns the name of a log. Slurm replaces patterns such as %a in it by the number of the task,
+/// so other % signs are doubled.
 std::string log_name(const SlurmOptions& options, const std::string& name) {
   std::string folder;
   for (const char letter : log_folder(options).string())
@@ -108,7 +110,9 @@ namespace {
 using nlohmann::ordered_json;
 using std::filesystem::path;
 
+// About 40 MB of text: a double takes up to 18 characters.
 constexpr std::uint64_t max_input_cells = 2'000'000;
+// Every call of a Sobol sequence costs some 0.5 us a dimension, which many cases share.
 constexpr std::uint64_t inputs_at_once = 1024;
 
 std::string journal_name(const StudyOptions& options) {
@@ -116,7 +120,7 @@ std::string journal_name(const StudyOptions& options) {
   return fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
 }
 
-/// Every journal of the folder: of one process, of shards.
+/// Returns all journals of the folder: that of a single process and those of shards.
 std::vector<path> journals(const path& folder) {
   std::vector<path> files;
   std::error_code failure;
@@ -147,7 +151,8 @@ std::uint64_t cases_in(const std::vector<Batch>& batches) {
   return count;
 }
 
-/// Into how many shards the journals of a folder part a study; 1 if there are none.
+/// Returns the number of shards into which the journals of a folder divide a study; 1 if there are
+/// none.
 int shards_of(const path& folder) {
   int most = 1;
   for (const path& file : journals(folder)) {
@@ -158,7 +163,7 @@ int shards_of(const path& folder) {
   return most;
 }
 
-/// Which shards miss how many cases.
+/// Returns the number of missing cases of every incomplete shard.
 std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, int shards) {
   std::vector<std::uint64_t> finished;
   for (const Row& row : rows) finished.push_back(row.index);
@@ -188,7 +193,7 @@ std::string table_head(const Study& study, bool with_inputs) {
   return head + ",fault\n";
 }
 
-/// What the journal of a folder says, block by block.
+/// Returns the progress of a study, analysis by analysis.
 StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   ordered_json blocks = ordered_json::array();
   std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
@@ -216,7 +221,7 @@ StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& 
           std::move(text)};
 }
 
-/// With every name on one line, for the terminal.
+/// Returns the results with every name on one line, for the terminal.
 std::vector<HistoryResult> single_lined(std::vector<HistoryResult> results) {
   for (HistoryResult& one : results) {
     one.train = escaped(one.train);
@@ -226,19 +231,19 @@ std::vector<HistoryResult> single_lined(std::vector<HistoryResult> results) {
   return results;
 }
 
-// Seconds on two cores, of a vertex of an influence map: its rivals, an input's effect, a check, a
-// case estimated from it, its pictures.
+// Seconds per vertex of an influence map on two cores: finding its passes, one input's
+// effect, one check, one estimated case, drawing it.
 constexpr double s_of_vertex_passes = 6e-5, s_of_vertex_input = 2e-6, s_of_vertex_checked = 4e-5,
                  s_of_vertex_case = 4e-8, seconds_per_vertex_drawn = 2e-5;
 
 bool has_maps(const Study& study) { return study.engine != Engine::Full && !study.inputs.empty(); }
 
-/// Of the scenes of a study before they are prepared.
+/// Returns the work size of the study's scene before it is prepared.
 WorkSize size_of_scene(const Study& study) {
   return study.arms.empty() ? WorkSize{} : expected_size(scene_of(study, study.arms.front()));
 }
 
-/// Every arm made ready, as `prepare_study` reports it.
+/// Returns the stages of preparing every configuration, as `prepare_study` reports them.
 std::vector<Stage> preparation_stages(const Study& study) {
   const std::string part = "prepare " + study.title;
   const WorkSize size = size_of_scene(study);
@@ -257,7 +262,7 @@ std::vector<Stage> preparation_stages(const Study& study) {
   return stages;
 }
 
-/// Cases that are left, tables, pictures, days.
+/// Returns the stage of the cases that are left.
 std::vector<Stage> case_stages(const Study& study, const std::string& part,
                                const std::vector<Batch>& left, const Plan& plan,
                                const WorkSize& size) {
@@ -287,7 +292,7 @@ std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
   return stages;
 }
 
-/// Tables and pictures of the finished cases.
+/// Writes tables and pictures of the finished cases.
 class Results {
  public:
   Results(const Study& study, const ResultFolder& folder, std::string report_language,
@@ -336,7 +341,7 @@ class Results {
     return result;
   }
 
-  /// The scenes as they were understood, one of each variant.
+  /// Writes the scenes as they were understood, one of each variant.
   void write_scenes(const PreparedStudy& ready) {
     PictureNames names;
     std::set<std::string> written;
@@ -349,8 +354,9 @@ class Results {
     }
   }
 
-  /// Where no page is asked for, that of an earlier run goes.
-  /// @return what the page leaves out
+  /// Writes the HTML report. If none is requested, that of an earlier run is removed, because it
+  /// would no longer match the tables.
+  /// @return omissions of the report
   std::vector<std::string> write_page() {
     const ResultFile file = folder_ / "report.html";
     if (report_language_.empty()) {
@@ -368,7 +374,7 @@ class Results {
   ProgressLine& progress_;
 };
 
-/// A rank that computes for another one.
+/// Computes batches for rank 0.
 void serve(const Study& study, const std::vector<Batch>& left, const Ranks& ranks) {
   const PreparedStudy ready =
       left.empty() ? PreparedStudy{study, {}, {}, {}} : prepare_study(study);
@@ -393,6 +399,7 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   const std::vector<std::uint64_t> finished = broadcast_from_rank_0(ranks, journal.finished());
   const std::vector<Batch> left = unfinished(batches, finished);
 
+  // Progress is planned twice: the sizes of the prepared job are known only after preparation.
   const std::uint64_t all = cases_in(left);
   const std::string cases = fmt::format("{} of {} cases", all, cases_in(batches));
   const auto rest = [&](const WorkSize& size) {

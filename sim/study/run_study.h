@@ -16,57 +16,60 @@
 
 namespace abbe::sim::study {
 
-/// How a study is spread over a cluster that Slurm runs.
+/// Options for running a study as a Slurm job array.
 struct SlurmOptions {
   std::filesystem::path study;
-  std::filesystem::path out;      ///< on a disk that all computers see
+  std::filesystem::path out;      ///< on a disk that all computers can access
   std::filesystem::path program;  ///< likewise
-  int shards = 8;                 ///< as many jobs of an array
-  int cpus = 4;                   ///< of each
-  std::string time = "24:00:00";  ///< limit of each, in words of Slurm: minutes, h:m:s, days-h ...
+  int shards = 8;                 ///< number of jobs of the array
+  int cpus = 4;                   ///< of each job
+  std::string time = "24:00:00";  ///< limit of each job in a format of Slurm: minutes, h:m:s,
+                                  ///< days-h ...
   bool trust = false;             ///< the jobs run the programs that the study names
 };
 
-/// A script for the shell. Run by `sh` it submits itself as a job array, in which task i does shard
-/// i of the study, counted from 0, and a job that merges the shards when all are done; run again
-/// after a failure it resumes. Slurm logs in the folder OUT-logs beside that of the results. Paths
-/// are made absolute and quoted.
+/// Returns a shell script. Run by `sh`, it submits itself as a job array in which task i computes
+/// shard i of the study, counted from 0, and a job that merges the shards when all are done; run
+/// again after a failure, it resumes. Slurm logs into the folder OUT-logs beside the folder of
+/// results. Paths are made absolute and quoted.
 /// @throws std::invalid_argument for shards or cpus below 1, or a time that Slurm cannot read
 std::string slurm_script(const SlurmOptions& options);
 
+/// Options of `abbe study`.
 struct StudyOptions {
   std::vector<Override> overrides;  ///< of the study file
-  std::filesystem::path folder;     ///< every file goes there
-  std::optional<Shard> shard;       ///< of a job array: only its cases, no tables
+  std::filesystem::path folder;     ///< all files are written there
+  std::optional<Shard> shard;       ///< shard of a job array: only its cases, no tables
   Permissions permissions;
-  Progress progress = {};       ///< called instead of what is said on stderr
-  std::string report_language;  ///< of report.html, "en" or "zh"; empty: none is written
+  Progress progress = {};       ///< called instead of the progress display on stderr
+  std::string report_language;  ///< language of report.html, "en" or "zh"; empty: none is written
 };
 
-/// What a command says.
+/// Output of a study command.
 struct StudyResult {
   nlohmann::ordered_json json;
-  std::string text;                        ///< for a person
-  std::vector<std::string> warnings = {};  ///< of the page: what it leaves out
+  std::string text;                        ///< for the terminal
+  std::vector<std::string> warnings = {};  ///< omissions of the HTML report
 };
 
-/// Does what is left of a study, case by case into its journal, then writes tables and pictures,
-/// and the page of them (study_page.h) where it is asked for:
-/// the same bytes whether it was interrupted or not, and whoever did the cases.
-/// @return `budget.json` and `budget.md`, of a shard what `show` tells; on ranks but 0 nothing
+/// Computes the unfinished cases of a study into its journal, then writes tables and pictures, and
+/// the HTML report (study_results.h) if requested. The files are the same bytes whether the study
+/// was interrupted or not, and whichever processes computed the cases.
+/// @return `budget.json` and `budget.md`; for a shard the result of `show_study`; on ranks above 0
+/// nothing
 /// @throws BadScene, BadInput, OutputFailure, Interrupted
 StudyResult run_study(const std::filesystem::path& file, const StudyOptions& options,
                       const Ranks& ranks);
 
-/// Tables and pictures from the journals of all shards.
-/// @throws BadInput also if cases are missing, saying how many of which shard
+/// Writes tables and pictures from the journals of all shards.
+/// @throws BadInput also if cases are missing, with their number for every shard
 StudyResult merge_study(const std::filesystem::path& file, const StudyOptions& options);
 
-/// How far a study has come and what it says so far, also while it runs; computes nothing.
+/// Returns the progress of a study and its results so far, also while it runs; computes no cases.
 StudyResult show_study(const std::filesystem::path& file, const StudyOptions& options);
 
-/// Every case as CSV: number, analysis, inputs, answers. Inputs are left out where they would be
-/// more than two million numbers; the journal's study knows them anyway.
+/// Returns all cases as CSV: number, analysis, inputs, responses. Inputs are left out if they would
+/// be more than two million numbers; they can be recomputed from the study.
 std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows);
 
 }  // namespace abbe::sim::study

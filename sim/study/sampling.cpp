@@ -23,10 +23,12 @@ namespace abbe::sim::study {
 
 namespace {
 
+// Boost's table of direction numbers ends at 3667 dimensions.
 constexpr int max_dimensions = 3600;
+// Coordinates have 52 bits, so that later points would repeat coordinates.
 constexpr std::uint64_t max_points = std::uint64_t(1) << 52;
 
-/// Draws of one point, dimension by dimension.
+/// Random bits of one point, dimension by dimension.
 class Stream {
  public:
   Stream(std::uint64_t seed, std::uint64_t point) : state_(split_mix::stream(seed, point)) {}
@@ -36,6 +38,7 @@ class Stream {
   std::uint64_t state_;
 };
 
+/// Returns the middle of one of 2^52 intervals: never 0 or 1, whose quantiles are infinite.
 double open_unit_value(std::uint64_t bits) { return (double(bits >> 12) + 0.5) * 0x1p-52; }
 
 void draw_random(const Sequence& sequence, std::uint64_t first, Eigen::MatrixXd& u) {
@@ -46,10 +49,11 @@ void draw_random(const Sequence& sequence, std::uint64_t first, Eigen::MatrixXd&
 }
 
 void draw_sobol(const Sequence& sequence, std::uint64_t first, Eigen::MatrixXd& u) {
-  Stream stream(sequence.seed, max_points);  // a number that no random point has
+  Stream stream(sequence.seed, max_points);  // a point number that no random point has
   std::vector<std::uint64_t> shift(std::size_t(u.rows()));
   for (std::uint64_t& word : shift) word = stream.next();
-  boost::random::sobol engine(shift.size());  // its point 0 is number 1: it skips the origin
+  boost::random::sobol engine(shift.size());  // Boost's engine skips the origin, so its point 0 is
+                                              // number 1
   if (first > 0) engine.seed(first - 1);      // jumps by the bits of the number's Gray code
   for (Eigen::Index k = 0; k < u.cols(); ++k) {
     const bool origin = first == 0 && k == 0;
@@ -76,21 +80,23 @@ namespace {
 
 using Shape = Distribution::Kind;
 
-/// Everything in double: what long double would add is far below the bounds, at five times the
-/// time.
+/// Everything is computed in double: the gain of long double is far below the stated bounds, and it
+/// takes five times as long.
 using Plain = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
-constexpr double min_share = 1e-300;  // below it doubles lose their digits
-constexpr double max_log_spread = 10.0;
+constexpr double min_share = 1e-300;     // below it doubles lose digits: the smallest normal one is
+                                         // 2.2e-308
+constexpr double max_log_spread = 10.0;  // one standard deviation is then a factor of 22 000
 
-/// Below and above a number. Their sum is 1; whichever is small has all its digits.
+/// Probabilities below and above a value. Their sum is 1; both are kept because only the smaller
+/// has all its digits.
 struct Shares {
   double below = 0.0;
   double above = 1.0;
 };
 
 Shares normal_shares(double score) {
-  const double x = std::clamp(score / std::numbers::sqrt2, -30.0, 30.0);  // beyond it is 0 and 1
+  const double x = std::clamp(score / std::numbers::sqrt2, -30.0, 30.0);  // erfc is 0 and 2 beyond
   return {0.5 * boost::math::erfc(-x, Plain()), 0.5 * boost::math::erfc(x, Plain())};
 }
 
@@ -101,7 +107,8 @@ double score_of_shares(const Shares& shares) {
   return shares.below < shares.above ? -score : score;
 }
 
-/// Shares of the kind itself: a score, or a place of -1 .. 1 for those that end.
+/// Returns the probabilities of the standard distribution of a kind: at a normal score, or at a
+/// value of -1 .. 1 for kinds with ends.
 Shares shares_at(Shape kind, double z) {
   switch (kind) {
     case Shape::Uniform:
@@ -139,15 +146,15 @@ double value_at(const Distribution& d, double z) {
 
 bool ends(Shape kind) { return kind == Shape::Uniform || kind == Shape::Triangular; }
 
-/// What the cut leaves.
+/// The interval that the truncation leaves.
 struct Window {
   double low = 0.0;  ///< in the distribution's own unit
   double high = 0.0;
-  double from = 0.0;  ///< the same as places
+  double from = 0.0;  ///< the same in standard form
   double to = 0.0;
   Shares at_from;
   Shares at_to;
-  double share = 0.0;  ///< between them
+  double share = 0.0;  ///< probability between them
 };
 
 Window window_of(const Distribution& d) {
@@ -159,6 +166,8 @@ Window window_of(const Distribution& d) {
   w.high = std::min(d.high, value_at(d, end));
   w.at_from = shares_at(d.kind, w.from);
   w.at_to = shares_at(d.kind, w.to);
+  // The smaller tails are subtracted: in the upper half the differences of `below` would lose the
+  // digits of a narrow window.
   w.share = w.from > 0.0 ? w.at_from.above - w.at_to.above : w.at_to.below - w.at_from.below;
   return w;
 }
@@ -179,7 +188,8 @@ bool is_cut(const Distribution& d) {
   return d.high < infinity || d.low > (d.kind == Shape::LogNormal ? 0.0 : -infinity);
 }
 
-/// Density of the kind at z over that at the likeliest place z0 of its window.
+/// Returns the logarithm of the density at z over that at z0, the point of maximum density in the
+/// window.
 double log_density(Shape kind, double z0, double z) {
   switch (kind) {
     case Shape::Uniform:
@@ -191,14 +201,16 @@ double log_density(Shape kind, double z0, double z) {
   }
 }
 
-/// Where what is left out weighs less than e^-60: its own square in the log-normal included.
+/// Returns the distance from z0 beyond which the integrand weighs less than e^-60. A log-normal
+/// variance multiplies the density by e^(2 s t), which shifts its maximum by `tilt`.
 double farthest(double z0, double tilt) {
   const double m = z0 - tilt;
   return std::sqrt(m * m + 120.0) - m;
 }
 
-/// By Gauss-Legendre rules, as the closed forms lose all digits in narrow windows and far out. All
-/// is relative to the likeliest place z0, so nothing cancels.
+/// Returns the moments by Gauss-Legendre quadrature, because the closed forms lose all digits in
+/// narrow windows and far out in a tail. All quantities are relative to the point z0 of maximum
+/// density, so nothing cancels.
 Moments moments_in(const Distribution& d, const Window& w) {
   const bool logarithm = d.kind == Shape::LogNormal;
   const double z0 = std::clamp(0.0, w.from, w.to);
@@ -209,12 +221,14 @@ Moments moments_in(const Distribution& d, const Window& w) {
   const double first = std::max(w.from - z0, -farthest(-z0, 0.0));
   const double last = std::min(w.to - z0, farthest(z0, logarithm ? 2.0 * d.spread : 0.0));
   const auto integral = [&](const auto& f) {
-    // Halves of the density's logarithm on both factors: neither overflows.
+    // Each factor gets half of the density's logarithm, so that neither overflows.
     const auto weighed = [&](double t) {
       const double half = std::exp(0.5 * log_density(d.kind, z0, z0 + t));
       return f(t, half);
     };
     const auto side = [&](double from, double to) {
+      // One panel of 20 nodes per unit of z; far out, where the density falls as e^(-z0 t), shorter
+      // ones, so that it falls by less than e^8 in a panel.
       const int panels = 1 + int((to - from) * (1.0 + std::abs(z0) / 8.0));
       double sum = 0.0;
       for (int i = 0; i < panels; ++i)
@@ -222,7 +236,7 @@ Moments moments_in(const Distribution& d, const Window& w) {
             weighed, from + (to - from) * i / panels, from + (to - from) * (i + 1) / panels);
       return sum;
     };
-    // Split at the mode of the triangle.
+    // The integral is split at the mode, where the density of the triangle has its kink.
     return (first < 0.0 ? side(first, 0.0) : 0.0) + (last > 0.0 ? side(0.0, last) : 0.0);
   };
   const double all = integral([](double, double half) { return half * half; });
@@ -297,7 +311,7 @@ Moments moments(const Distribution& d) {
 namespace {
 
 constexpr double rounding_tolerance =
-    1e-8;  // eigenvalues: of a matrix printed with some nine digits
+    1e-8;  // of eigenvalues: a matrix printed with nine digits has rounding errors of this size
 constexpr double asymmetry = 1e-9;
 
 [[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
@@ -339,7 +353,8 @@ void require_correlation(const Eigen::MatrixXd& matrix) {
   }
 }
 
-/// Inputs that correlate, directly or through others; alone ones are left out.
+/// Returns groups of inputs that correlate, directly or through others; independent inputs are left
+/// out.
 std::vector<std::vector<int>> connected(const Eigen::MatrixXd& matrix) {
   const auto n = int(matrix.rows());
   std::vector<std::vector<int>> result;
@@ -360,15 +375,18 @@ std::vector<std::vector<int>> connected(const Eigen::MatrixXd& matrix) {
   return result;
 }
 
-/// Lower triangular, times its transpose the correlation: eigenvectors first, as they take any
-/// rank, then turned into a triangle, as its first input should not depend on other coordinates.
+/// Returns the lower triangular factor of a correlation matrix. A Cholesky factor needs full rank,
+/// eigenvectors do not; the eigenvector factor is then rotated into a triangle, so that the first
+/// input of a group depends on its own coordinate only.
 Eigen::MatrixXd factor_of(const Eigen::MatrixXd& correlation) {
   const Eigenvectors eigen = eigenvectors(correlation);
   const double least = eigen.values(0);
+  // Correlations scaled by 1 / (1 - least) shift the smallest eigenvalue to 0.
   if (least < -rounding_tolerance)
     refuse("no numbers can be correlated so: the least eigenvalue of the correlation matrix is " +
            short_text(least) + ", expected none below 0 (all correlations times " +
            short_text(std::floor(1e3 / (1.0 - least)) / 1e3) + " would do)");
+  // Eigenvalues below n eps times the largest are rounding of 0.
   const double rank_limit = double(correlation.rows()) * std::numeric_limits<double>::epsilon() *
                             eigen.values(correlation.rows() - 1);
   const Eigen::VectorXd lengths =
@@ -378,11 +396,11 @@ Eigen::MatrixXd factor_of(const Eigen::MatrixXd& correlation) {
           .transpose();
   for (Eigen::Index i = 0; i < factor.cols(); ++i)
     if (factor(i, i) < 0.0) factor.col(i) *= -1.0;
-  return factor.rowwise().normalized();  // what truncation took, so that every score has variance 1
+  return factor.rowwise().normalized();  // restores variance 1 of every score after the truncation
 }
 
-/// One row of inputs at a time and no matrix product, as the bits of a product may depend on how
-/// many cases there are.
+/// Returns the scores of a group, summed input by input and without a matrix product, because the
+/// bits of a product may depend on the number of cases. (cases x members)
 Eigen::MatrixXd group_scores(const Copula::Group& group, const Eigen::MatrixXd& u) {
   const auto m = Eigen::Index(group.of.size());
   Eigen::MatrixXd independent(u.cols(), m);
@@ -402,7 +420,8 @@ std::vector<bool> group_membership(const Copula& copula) {
   return result;
 }
 
-/// (inputs x cases) from what becomes of an input's coordinates, and of its correlated scores.
+/// Returns values of all inputs (inputs x cases): independent inputs by a function of their
+/// coordinates, correlated ones by a function of their scores.
 template <typename OfCoordinates, typename OfScores>
 Eigen::MatrixXd drawn(const Copula& copula, const Eigen::MatrixXd& u, OfCoordinates of_coordinates,
                       OfScores of_scores) {

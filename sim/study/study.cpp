@@ -15,22 +15,22 @@
 namespace abbe::sim::study {
 namespace {
 
-struct NamedFiles {
+struct Named {
   Response response;
   const char* name;
 };
-constexpr std::array names{NamedFiles{Response::Pv, "pv"},
-                           NamedFiles{Response::Rms, "rms"},
-                           NamedFiles{Response::Mean, "mean"},
-                           NamedFiles{Response::Std, "std"},
-                           NamedFiles{Response::MaxAbs, "max_abs"},
-                           NamedFiles{Response::P95Abs, "p95_abs"},
-                           NamedFiles{Response::InTolerance, "in_tolerance"},
-                           NamedFiles{Response::FormPv, "form_pv"},
-                           NamedFiles{Response::FormRms, "form_rms"},
-                           NamedFiles{Response::TextureSa, "texture_sa"},
-                           NamedFiles{Response::TextureSq, "texture_sq"},
-                           NamedFiles{Response::TextureSz, "texture_sz"}};
+constexpr std::array names{Named{Response::Pv, "pv"},
+                           Named{Response::Rms, "rms"},
+                           Named{Response::Mean, "mean"},
+                           Named{Response::Std, "std"},
+                           Named{Response::MaxAbs, "max_abs"},
+                           Named{Response::P95Abs, "p95_abs"},
+                           Named{Response::InTolerance, "in_tolerance"},
+                           Named{Response::FormPv, "form_pv"},
+                           Named{Response::FormRms, "form_rms"},
+                           Named{Response::TextureSa, "texture_sa"},
+                           Named{Response::TextureSq, "texture_sq"},
+                           Named{Response::TextureSz, "texture_sz"}};
 
 std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
 
@@ -41,7 +41,7 @@ void scale_element(std::vector<errors::Element>& elements, const std::string& na
   }
 }
 
-/// Numbers of curves at their values, all of them at once.
+/// Sets the coefficients of curves to the values of their inputs, all at once.
 void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::GeometricErrors& errors) {
   const std::vector<errors::Coefficient> all = errors::coefficients(errors.elements);
   Eigen::VectorXd values = errors::values(errors.elements);
@@ -55,7 +55,7 @@ void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::Geometric
   errors.elements = errors::with_values(std::move(errors.elements), values);
 }
 
-/// Changes that make the variant of an arm.
+/// Returns the changes that make the variant of a configuration.
 std::vector<Override> set_of_variant(const Study& study, const Configuration& arm) {
   if (arm.variant.empty()) return {};
   std::string known;
@@ -73,7 +73,7 @@ std::vector<Override> set_of_variant(const Study& study, const Configuration& ar
 
 const char* name_of(Response response) {
   const auto found = std::find_if(names.begin(), names.end(),
-                                  [&](const NamedFiles& one) { return one.response == response; });
+                                  [&](const Named& one) { return one.response == response; });
   return found->name;
 }
 
@@ -107,11 +107,12 @@ Study load_scene(Study study) {
   InputErrors input_errors;
   std::optional<Node> tree = read_tree(study.scene, input_errors);
   if (!tree) throw BadScene(input_errors.list());
-  Scene scene = build_scene(*tree, study.scene, study.overrides, input_errors);
+  Scene scene = scene_from_tree(*tree, study.scene, study.overrides, input_errors);
   study.variants = std::move(scene.variants);
-  const sim::NamedFiles named = collect_named_files(*scene.tree, study.scene);
+  const sim::Named named = collect_named_files(*scene.tree, study.scene);
   study.files.insert(study.files.end(), named.files.begin(), named.files.end());
   study.programs.insert(study.programs.end(), named.programs.begin(), named.programs.end());
+  // Variants of the tree would be read again with every case.
   std::erase_if(*tree->table(), [](const Node::Entry& entry) { return entry.key == "variant"; });
   study.scene_tree = std::make_shared<const Node>(std::move(*tree));
   return study;
@@ -131,8 +132,9 @@ Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
     for (const Override& one : set_of_variant(study, arm)) all.push_back(one);
     for (Eigen::Index i = 0; i < x.size(); ++i)
       for (const Setting& one : study.inputs[std::size_t(i)].settings)
-        all.push_back({one.path, fmt::format("{}", one.factor * x[i])});  // whole as such
-    scene = build_scene(*study.scene_tree, study.scene, all);
+        // `{}` prints the shortest text that reads back to the same bits; integers stay integers.
+        all.push_back({one.path, fmt::format("{}", one.factor * x[i])});
+    scene = scene_from_tree(*study.scene_tree, study.scene, all);
     scene.trusted = study.trusted;
     scene.geometric.elements.insert(scene.geometric.elements.end(), study.completion.begin(),
                                     study.completion.end());
@@ -146,6 +148,7 @@ Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
 }
 
 bool is_reshaping(const Input& input) {
+  // Keys that change errors only; every other key changes part, program, nominal machine or stock.
   constexpr std::array error_only_keys{
       "errors",  "setup",     "thermal", "history",    "room",         "room_C", "datum",
       "control", "vibration", "belief",  "compliance", "compensation", "signals"};

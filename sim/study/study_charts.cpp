@@ -18,7 +18,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t max_convergence_panels = 12;
+constexpr std::size_t max_convergence_panels = 12;  // of inputs; the convergence of more is not
+                                                    // readable
 
 std::string text_at(const ordered_json& json, const char* key) {
   return json.at(key).get<std::string>();
@@ -37,7 +38,7 @@ std::string id_of(const char* what, std::size_t arm, const std::string& response
   return std::string(what) + "-" + std::to_string(arm) + (response.empty() ? "" : "-" + response);
 }
 
-/// Whether any of the rows has a figure under the key.
+/// Returns true if any of the rows has a figure under the key.
 bool any_has(const ordered_json& rows, const char* key) {
   return std::any_of(rows.begin(), rows.end(),
                      [&](const ordered_json& one) { return !one.at(key).is_null(); });
@@ -48,7 +49,7 @@ double number_or_zero(const ordered_json& json) {
   return value.is_null() ? 0.0 : value.get<double>();
 }
 
-/// The rows, the largest weight first.
+/// Returns the rows sorted by weight, largest first.
 std::vector<ordered_json> sorted_rows(const ordered_json& rows,
                                       const std::function<double(const ordered_json&)>& weight) {
   std::vector<ordered_json> sorted(rows.begin(), rows.end());
@@ -82,9 +83,7 @@ void add_bar(ordered_json& block, const PageText& name, const std::vector<ordere
   block["rows"].push_back(row);
 }
 
-// --- all arms
-
-/// Every figure of every response.
+/// Returns the table of all figures of all responses.
 ordered_json figures_block(const ordered_json& budget) {
   const char* response_keys[] = {"base", "root_sum_square", "sum", "worst", "worst_bound"};
   const char* machine_statistics_keys[] = {
@@ -117,7 +116,7 @@ ordered_json figures_block(const ordered_json& budget) {
   return block;
 }
 
-/// Random machines, all arms over each other. Empty where no arm has any.
+/// Returns the histogram of random machines of all configurations; empty if there are none.
 ordered_json distribution_block(const ordered_json& budget, const ordered_json& response,
                                 const MachineResponses& answers) {
   const std::string name = text_at(response, "response");
@@ -215,13 +214,11 @@ ordered_json histories_block(const ordered_json& budget) {
                      rows);
 }
 
-// --- one arm
-
 std::string shown_um(const ordered_json& value) {
   return fmt::format("{:.3g} µm", value.get<double>());
 }
 
-/// What every input makes of the map.
+/// Returns the bars of the contributions to the map.
 ordered_json map_block(const ordered_json& arm, std::size_t number) {
   const ordered_json& map = arm.at("map");
   if (map.is_null() || map.at("contributions").empty()) return {};
@@ -248,7 +245,8 @@ const char* key_of_basis(const std::string& of) {
   return "share_of_main_effect";
 }
 
-/// Whose a response is: the largest inputs, the others together, what none makes alone.
+/// Returns the bars of the largest contributions to a response, of the other inputs together, and
+/// of no input alone.
 ordered_json owner_block(const ordered_json& arm, const ordered_json& response,
                          std::size_t number) {
   const ordered_json& whose = response.at("whose");
@@ -262,15 +260,14 @@ ordered_json owner_block(const ordered_json& arm, const ordered_json& response,
     add_bar(block, one_line(text_at(one, "input")), {one.at("share_percent")});
     rest -= number_or_zero(one.at("share_percent"));
   }
-  const double length_mismatch_text = number_or_zero(whose.at("of_no_input_alone_percent"));
-  if (rest - length_mismatch_text > 1e-9)
-    add_bar(block, label_text("other_inputs"), {rest - length_mismatch_text});
-  if (length_mismatch_text != 0.0)
-    add_bar(block, label_text("no_input_alone"), {length_mismatch_text});
+  const double apart = number_or_zero(whose.at("of_no_input_alone_percent"));
+  // The shares are numbers of a file, so the remainder may be rounding alone.
+  if (rest - apart > 1e-9) add_bar(block, label_text("other_inputs"), {rest - apart});
+  if (apart != 0.0) add_bar(block, label_text("no_input_alone"), {apart});
   return block;
 }
 
-/// Changes by each input to either side, the larger of both first.
+/// Returns the changes due to each input to either side, the larger of the two first.
 ordered_json tornado_block(const ordered_json& budget, const ordered_json& arm,
                            const ordered_json& response, std::size_t number) {
   const ordered_json& all = response.at("contributions");
@@ -306,7 +303,7 @@ ordered_json indices_block(const ordered_json& arm, const ordered_json& response
   return block;
 }
 
-/// One index of one input over the base points, with its band.
+/// Returns one index of one input over the number of base points, with its interval.
 ordered_json convergence_series(const ordered_json& steps, std::size_t input, const char* key) {
   std::vector<std::size_t> x(steps.size());
   std::iota(x.begin(), x.end(), std::size_t(0));
@@ -315,7 +312,8 @@ ordered_json convergence_series(const ordered_json& steps, std::size_t input, co
   for (const ordered_json& step : steps) {
     const ordered_json& index = step.at(key).at(input);
     series["y"].push_back(index.at("value"));
-    // the first few points say next to nothing; their bands would hide the rest
+    // Estimates from the first few points have intervals far outside 0 .. 1, which would hide the
+    // rest.
     const auto within = [](const ordered_json& end) -> ordered_json {
       if (end.is_null()) return nullptr;
       return std::clamp(end.get<double>(), -0.5, 1.5);
@@ -358,7 +356,7 @@ ordered_json convergence_block(const ordered_json& arm, const ordered_json& resp
   return block;
 }
 
-/// Every input with all that is known of it.
+/// Returns the table of every input with all its figures.
 ordered_json inputs_block(const ordered_json& budget, const ordered_json& arm,
                           const ordered_json& response, std::size_t number) {
   const ordered_json& all = response.at("contributions");
@@ -399,7 +397,7 @@ ordered_json inputs_block(const ordered_json& budget, const ordered_json& arm,
   return block;
 }
 
-/// How good every input must be, the tightest first.
+/// Returns the table of the spreads that each input must keep, tightest first.
 ordered_json allocation_block(const ordered_json& budget, const ordered_json& arm,
                               std::size_t number) {
   const ordered_json& a = arm.at("allocation");
@@ -459,7 +457,7 @@ ordered_json allocation_totals_block(const ordered_json& arm, std::size_t number
                      rows, text_at(arm, "name"));
 }
 
-/// Figures of the influence and uncertainty maps.
+/// Returns the table of figures of the influence and uncertainty maps.
 ordered_json map_figures_block(const ordered_json& arm, std::size_t number) {
   ordered_json rows = ordered_json::array();
   for (const char* part : {"map", "influence", "uncertainty"}) {

@@ -10,10 +10,10 @@ namespace abbe::sim::study {
 
 namespace {
 
-constexpr double max_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
+constexpr double max_spread = 1e12;            // in any unit: beyond it sums lose their digits
 constexpr Range confidence_range{0.5, 0.999};  // of a confidence
 
-/// The names of all responses, for messages.
+/// Returns the names of all responses, for messages.
 std::string plain_names() {
   std::string text;
   for (const Response one : all_responses) {
@@ -52,8 +52,8 @@ Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
   for (const Response response : all_responses) {
     if (response == Response::Mean || response == Response::InTolerance) continue;
-    Key key = make_field_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
-                             "upper limit: share of the machines within, Cpk");
+    Key key = make_key(std::string(name_of(response)) + "_um", Key::Kind::Number,
+                       "upper limit: share of the machines within, Cpk");
     key.range = positive;
     fields.custom(
         {key},
@@ -80,7 +80,7 @@ Fields<Tolerance> tolerance_fields() {
              "drawn to find the spreads; as many fresh ones verify them");
 }
 
-/// `steps` of `from` to `to`, where the values are not listed.
+/// A sweep given by its ends: `steps` values from `from` to `to`, where the values are not listed.
 struct Stretch {
   double from = 0.0, to = 0.0;
   int steps = 11;
@@ -102,9 +102,8 @@ const Fields<Stretch>& stretch_fields() {
 }
 
 std::vector<Key> sweep_keys() {
-  std::vector<Key> keys{
-      make_field_key(must("input"), Key::Kind::Text, "name of the input that is swept"),
-      make_field_key("values", Key::Kind::Numbers, "its values")};
+  std::vector<Key> keys{make_key(must("input"), Key::Kind::Text, "name of the input that is swept"),
+                        make_key("values", Key::Kind::Numbers, "its values")};
   for (Key key : stretch_fields().keys()) {
     key.required = false;
     keys.push_back(std::move(key));
@@ -130,8 +129,8 @@ void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
 }
 
 Fields<Study>::Field sweep_field() {
-  Key key = make_field_key("sweep", Key::Kind::Tables,
-                           "an input through its values, all others at their centres");
+  Key key = make_key("sweep", Key::Kind::Tables,
+                     "an input through its values, all others at their centres");
   key.keys = sweep_keys();
   return {{key},
           [](TableReader& reader, Study& study) {
@@ -179,7 +178,7 @@ Fields<Histories> histories_fields() {
 }
 
 void check_pictures(TableReader& reader, Study& study) {
-  const Node* influence = reader.know("influence");
+  const Node* influence = reader.accept_key("influence");
   if (!influence || !influence->table()) return;
   TableReader own(*influence, "influence", reader.input_errors());
   const std::set<std::string> names = input_names(study.inputs);
@@ -244,7 +243,7 @@ const Fields<Distribution>& distribution_fields() {
 const Fields<Study>& response_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
-          .custom({make_field_key(
+          .custom({make_key(
                       KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
                       "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
                       "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "

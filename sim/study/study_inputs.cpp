@@ -31,8 +31,8 @@ bool is_angle(const std::string& number) {
   return errors::parse_element_name(element_of_number(number)).is_angle();
 }
 
-/// Elements that an identification may find and the belief lacks, at zero. None of a machine whose
-/// slides have no stated travel.
+/// Returns the elements that an identification may find and the belief lacks, at zero; none for a
+/// machine whose slides have no stated travel.
 std::vector<errors::Element> lacking_elements(const Scene& scene,
                                               std::vector<std::string>& numbers) {
   errors::GeometricErrors model;
@@ -69,7 +69,7 @@ void check_priors(const Priors& priors, const std::vector<Unidentified>& unident
           elements.empty() ? "nothing" : fmt::format("{}", fmt::join(elements, ", "))));
 }
 
-/// What the belief knows: inputs with their covariance.
+/// Adds the coefficients that the belief holds: inputs with their covariance.
 void add_known(const errors::GeometricErrors& belief, BeliefInputs& result) {
   const errors::Covariance& known = belief.covariance;
   const auto all = errors::coefficients(belief.elements);
@@ -80,7 +80,7 @@ void add_known(const errors::GeometricErrors& belief, BeliefInputs& result) {
     const auto i = Index(k);
     const std::string name = errors::name_of(known.of[k], belief.elements);
     per_unit[i] = 1.0 / errors::identification::shown_unit(name);
-    if (!(known.matrix(i, i) > 0.0)) continue;  // zero by convention
+    if (!(known.matrix(i, i) > 0.0)) continue;  // fixed to zero by a convention of the model
     Input input;
     input.name = input.number = name;
     input.unit = is_angle(name) ? "urad" : "um";
@@ -93,7 +93,8 @@ void add_known(const errors::GeometricErrors& belief, BeliefInputs& result) {
   result.covariance = scaled(rows, rows);
 }
 
-/// What has a prior: an input each, along which the numbers that hide it go back.
+/// Adds one input for every coefficient with a prior. A coefficient that hides it had absorbed part
+/// of it, so the covariance moves both in opposite directions.
 void add_drawn(BeliefInputs& result) {
   std::vector<const Unidentified*> drawn;
   for (const Unidentified& one : result.unidentified)
@@ -151,6 +152,8 @@ BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
 
 namespace {
 
+/// Returns the distribution of a coefficient whose parameters are multiples of its value; a
+/// negative value swaps the limits.
 Distribution scaled(Distribution d, double base) {
   const double size = std::abs(base);
   d.centre *= base;
@@ -161,10 +164,10 @@ Distribution scaled(Distribution d, double base) {
   return d;
 }
 
-/// What the key at the end of a path says of the unit: "_um" is "um".
+/// Returns the unit at the end of a path's key: "_um" is "um".
 std::string unit_of_path(const std::string& path) {
   std::string last = path;
-  // an index at the end belongs to the key before it
+  // An index at the end belongs to the key before it.
   while (true) {
     const std::size_t dot = last.rfind('.');
     const std::string part = last.substr(dot == std::string::npos ? 0 : dot + 1);
@@ -179,7 +182,7 @@ std::string unit_of_path(const std::string& path) {
   return stem.size() < last.size() ? last.substr(stem.size() + 1) : "";
 }
 
-/// One `[[input]]`; it acts by paths, element or number.
+/// One `[[input]]`; it acts through paths, an element or a coefficient.
 struct OneInput {
   std::vector<std::string> paths;
   double factor = 1.0;
@@ -224,11 +227,11 @@ const Fields<OneInput>& one_input_fields() {
 
 enum class Every { Element, Number, Covariance };
 
-/// `[[inputs]]`: many that are alike.
+/// One `[[inputs]]`: many inputs that are alike.
 struct ManyInputs {
   Every every = Every::Element;
-  std::vector<std::string> of;  ///< elements; empty: all
-  Input like;                   ///< its distribution and cost
+  std::vector<std::string> of;  ///< elements; empty: all of them
+  Input like;                   ///< with the distribution and cost of each
 };
 
 const Fields<ManyInputs>& many_inputs_fields() {
@@ -282,7 +285,7 @@ class InputsReader {
  private:
   void read_one(const Node& node);
   void read_many(const Node& node);
-  /// As the scene of the first arm states it.
+  /// Returns the number that the scene of the first configuration states.
   std::optional<double> stated_at(const std::string& path) const;
   std::optional<double> nominal_at(const std::string& path) const;
   void add_covariance(const Node& node, double cost, const Priors& priors);
@@ -296,7 +299,7 @@ class InputsReader {
   const std::vector<Scene>& scenes_;
   DeclaredInputs stated_;
   std::map<std::string, int> index_;
-  std::set<std::string> taken_;               ///< what inputs set
+  std::set<std::string> taken_;               ///< names and paths that inputs set
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
 };
 
@@ -306,8 +309,8 @@ std::optional<double> written_number(const Node& node) {
   return {};
 }
 
-/// A centre that no limit rules out, for an input that is refused for the want of one: no other
-/// fault is reported of a number that nobody wrote.
+/// Returns a centre that no limit excludes, for an input whose centre is missing, so that no
+/// further input error is reported for a number that is not in the file.
 double valid_centre(const Node& input, const std::optional<double>& nominal) {
   const auto limit = [&](const char* key) {
     const Node* node = input.find(key);
@@ -326,7 +329,7 @@ void InputsReader::add(Input input, const Place& place) {
   if (!index_.emplace(input.name, int(stated_.inputs.size())).second)
     input_errors_.add(place, "a name for every input that no other has",
                       "\"" + input.name + "\" again");
-  std::vector<std::string> sets{input.element + input.number};  // one of them, or none
+  std::vector<std::string> sets{input.element + input.number};  // one of the two, or empty
   for (const Setting& one : input.settings) sets.push_back(one.path);
   for (const std::string& one : sets)
     if (!one.empty() && !taken_.insert(one).second)
@@ -352,7 +355,7 @@ void InputsReader::read_one(const Node& node) {
   const std::optional<double> stated = paths.empty() ? std::nullopt : stated_at(paths.front());
   Distribution own;
   const bool lost = !paths.empty() && !stated && !reader.has("centre") &&
-                    !paths.front().starts_with("setup.");  // what setup does not say is zero
+                    !paths.front().starts_with("setup.");  // a missing key of `setup` means zero
   const auto nominal =
       lost && one.factor == 1.0 ? nominal_at(paths.front()) : std::optional<double>();
   own.centre = stated && one.factor != 0.0 ? *stated / one.factor
@@ -368,8 +371,8 @@ void InputsReader::read_one(const Node& node) {
   add(std::move(input), node.place);
 }
 
-/// The number at the nominal key of a path to an actual one, as the scene of the first arm states
-/// it.
+/// Returns the number at the nominal key that belongs to a path with `actual`, as the scene of the
+/// first configuration states it.
 std::optional<double> InputsReader::nominal_at(const std::string& path) const {
   const std::string actual = ".actual.";
   const std::size_t at = path.find(actual);
@@ -381,10 +384,10 @@ std::optional<double> InputsReader::stated_at(const std::string& path) const {
   return scenes_.empty() ? std::nullopt : scene_number(scenes_.front(), path);
 }
 
-/// Priors of numbers that a belief does not hold: `{ EY0A_um = 20 }`, or "typical".
+/// Reads the priors of coefficients that a belief does not hold: `{ EY0A_um = 20 }`, or "typical".
 Priors read_priors(TableReader& reader) {
   Priors priors;
-  const Node* node = reader.know("unidentified");
+  const Node* node = reader.accept_key("unidentified");
   if (node == nullptr) return priors;
   const std::string expected =
       "a standard deviation of each element, { EY0A_um = 20, EAX_urad = 10 }, or \"typical\"";
@@ -415,8 +418,8 @@ Priors read_priors(TableReader& reader) {
   return priors;
 }
 
-/// Numbers of a belief, each known to its standard uncertainty, correlated as they are; what it
-/// does not hold by its prior.
+/// Adds the coefficients of a belief with their standard uncertainties and correlations, and those
+/// that it does not hold with their priors.
 void InputsReader::add_covariance(const Node& node, double cost, const Priors& priors) {
   if (scenes_.empty()) return;
   if (scenes_.front().geometric.covariance.of.empty()) {
@@ -439,6 +442,7 @@ void InputsReader::add_covariance(const Node& node, double cost, const Priors& p
   const Eigen::MatrixXd& S = belief.covariance;
   for (Eigen::Index a = 0; a < S.rows(); ++a)
     for (Eigen::Index b = 0; b < a; ++b) {
+      // Rounding may exceed 1 slightly.
       const double rho = S(a, b) / std::sqrt(S(a, a) * S(b, b));
       if (rho == 0.0) continue;
       stated_.correlations.push_back(
@@ -490,7 +494,7 @@ void InputsReader::add_numbers(const ManyInputs& many, const Place& place) {
     const bool angle = element.name.is_angle();
     const double base = values[at++] / (angle ? units::urad : units::um);
     if (!matches_element(many, errors::to_string(element.name)) || base == 0.0)
-      continue;  // zero: by convention, mostly
+      continue;  // mostly fixed to zero by a convention
     const std::string name = errors::name_of(one, elements);
     const Distribution own = scaled(many.like.distribution, base);
     if (const char* fault = distribution_error(own))
@@ -533,6 +537,7 @@ std::optional<double> scene_number(const Scene& scene, const std::string& path) 
     const std::size_t dot = std::min(path.find('.', from), path.size());
     const std::string part = path.substr(from, dot - from);
     const Node::Array* list = node->array();
+    // Seven digits are more than any list has, and stoi of more could overflow.
     const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
     if (list && index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())
       node = &(*list)[std::size_t(std::stoi(part))];
@@ -556,20 +561,20 @@ std::vector<Key> one_input_keys() {
 std::vector<Key> many_inputs_keys() {
   std::vector<Key> keys = many_inputs_fields().keys(), alike = many_alike_fields().keys();
   Key priors =
-      make_field_key("unidentified", Key::Kind::Any,
-                     "standard deviations of elements that the belief does not hold, "
-                     "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
-                     "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
-                     "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
-                     "none is left out of every figure, which a warning says");
+      make_key("unidentified", Key::Kind::Any,
+               "standard deviations of elements that the belief does not hold, "
+               "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
+               "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
+               "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
+               "none is left out of every figure, which a warning says");
   for (Word& word : keys.front().words)
     word.keys = word.word == "covariance" ? std::vector<Key>{priors} : alike;
   return keys;
 }
 
 std::vector<Key> correlation_keys() {
-  return {make_field_key(must("first"), Key::Kind::Text, "name of an input"),
-          make_field_key(must("second"), Key::Kind::Text, "of another; every pair once"),
+  return {make_key(must("first"), Key::Kind::Text, "name of an input"),
+          make_key(must("second"), Key::Kind::Text, "of another; every pair once"),
           correlation_fields().keys().front()};
 }
 

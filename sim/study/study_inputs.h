@@ -14,54 +14,58 @@
 
 namespace abbe::sim::study {
 
-/// Standard deviations of what a belief does not hold, as `unidentified` of `[[inputs]]` states
-/// them; of the k-th order or harmonic of an element a k-th.
+/// Standard deviations of coefficients that a belief does not hold, as `unidentified` of
+/// `[[inputs]]` states them; the k-th order or harmonic of an element has 1/k of it.
 struct Priors {
-  bool typical = false;                  ///< every number has its `typical_deviation`
+  bool typical = false;                  ///< every coefficient has its `typical_deviation`
   std::map<std::string, double> spread;  ///< "EY0A" -> um or urad
 };
 
-/// A belief as inputs of a study: what it holds by its covariance, what it does not by its priors.
+/// Inputs of a study made from a belief: the coefficients that it holds by its covariance, the
+/// others by their priors.
 struct BeliefInputs {
   std::vector<Input> inputs;
-  Eigen::MatrixXd covariance;  ///< (inputs x inputs) um, urad; a number that others hide moves them
+  Eigen::MatrixXd covariance;  ///< (inputs x inputs) um, urad; a coefficient that others hide moves
+                               ///< them
   std::vector<Unidentified> unidentified;
-  std::vector<errors::Element> completion;  ///< elements that the scene lacks, at zero
+  std::vector<errors::Element> completion;  ///< elements at zero that the scene lacks
 };
 
-/// What the belief does not hold is what its file names as unidentified, and every element that an
-/// identification of this machine may find and the belief lacks: of a curve orders 1 and 2 (of the
-/// k-th order a k-th of the spread). What only places the workpiece is none of it.
+/// Returns the inputs of a belief. The coefficients that it does not hold are those that its file
+/// lists as unidentified, and those of every element that an identification of this machine may
+/// find and the belief lacks: orders 1 and 2 of a curve (the k-th order with 1/k of the spread).
+/// Coefficients that only place the workpiece are excluded.
 /// @param scene  whose errors are the belief
 /// @throws std::invalid_argument naming an element of the priors that the belief holds
 BeliefInputs belief_inputs(const Scene& scene, const Priors& priors);
 
-/// An input of which neither study nor scene says where it is.
+/// An input whose centre neither the study nor the scene states.
 struct MissingCentre {
   int input;
   std::string path;
-  std::optional<double> nominal;  ///< in the unit of the path, of a key below `actual`
+  std::optional<double> nominal;  ///< in the unit of the path, for a key below `actual`
 };
 
-/// The inputs of a study as its file states them.
+/// Inputs of a study as its file declares them.
 struct DeclaredInputs {
   std::vector<Input> inputs;
-  std::vector<Place> places;  ///< (inputs) where each stands
+  std::vector<Place> places;  ///< (inputs) location of each in the file
   std::vector<MissingCentre> missing_centres;
   std::vector<Correlation> correlations;
   std::vector<Unidentified> unidentified;
   std::vector<errors::Element> completion;  ///< as in Study
 };
 
-/// `[[input]]`, `[[inputs]]` and `[[correlation]]`.
-/// @param scenes  of the arms; the first states centres. Empty where they were refused
+/// Reads `[[input]]`, `[[inputs]]` and `[[correlation]]`.
+/// @param scenes  of the configurations; the first one states centres. Empty if they have input
+/// errors
 DeclaredInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes);
 
-/// Returns the number that a scene states at a path of --set, as it is written, in the unit of the
-/// path's key; none if it states no number there.
+/// Returns the number that a scene states at a --set path, as written, in the unit of the path's
+/// key; empty if it states no number there.
 std::optional<double> scene_number(const Scene& scene, const std::string& path);
 
-/// Keys of one `[[input]]`, of `[[inputs]]`, of `[[correlation]]`.
+/// Return the keys of one `[[input]]`, of `[[inputs]]` and of `[[correlation]]`.
 std::vector<Key> one_input_keys();
 std::vector<Key> many_inputs_keys();
 std::vector<Key> correlation_keys();

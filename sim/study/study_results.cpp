@@ -55,7 +55,7 @@ std::string title_of(const PreparedStudy& ready, std::size_t arm, const char* wh
   return fmt::format("{}, {}: {}", ready.study.title, ready.study.arms[arm].name, what);
 }
 
-/// The map of one standard deviation of an input.
+/// Returns the map of one standard deviation of an input.
 render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& influence, Index input,
                             const Eigen::MatrixXd& all, const Eigen::VectorXd& sd) {
   const Input& one = ready.study.inputs[std::size_t(input)];
@@ -78,8 +78,8 @@ render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t arm, 
   return options;
 }
 
-/// Inputs by the RMS of what one standard deviation of them does, the largest first; of equal ones
-/// the first.
+/// Returns the inputs sorted by the RMS of the effect of one standard deviation, largest first,
+/// ties in their order.
 std::vector<Index> inputs_by_effect(const InfluenceMap& influence, const Eigen::MatrixXd& all,
                                     const Eigen::VectorXd& sd) {
   std::vector<double> rms;
@@ -92,7 +92,7 @@ std::vector<Index> inputs_by_effect(const InfluenceMap& influence, const Eigen::
   return order;
 }
 
-/// Pages of maps, as many as can be looked at on each; those of an earlier study go.
+/// Writes pages of maps. Pages of an earlier study with more inputs are removed.
 void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::size_t arm,
                  const Eigen::MatrixXd& all, const Eigen::VectorXd& sd, PictureNames& names) {
   const InfluenceMap& influence = ready.influences[arm];
@@ -260,14 +260,14 @@ using std::filesystem::path;
 
 constexpr std::size_t max_shown_machines = 20000;  // of one response
 
-/// Takes the fields of a CSV file (RFC 4180) record by record.
+/// Reads the fields of a CSV file (RFC 4180) record by record.
 class CsvRecords {
  public:
   explicit CsvRecords(const path& file) : file_(file), in_(file, std::ios::binary) {
     if (!in_) throw BadInput(file.string(), 0, 0, "a table that can be read", "none");
   }
 
-  /// @return false at the end of the file
+  /// Reads the next record. Returns false at the end of the file.
   bool next(std::vector<std::string>& fields) {
     fields.assign(1, "");
     bool quoted = false, any = false;
@@ -299,7 +299,7 @@ class CsvRecords {
   int number_ = 0;
 };
 
-/// The answers of random machines, those without an answer left out.
+/// Returns the responses of random machines; those without a response are left out.
 MachineResponses machine_answers(const path& file, const std::vector<std::string>& heads) {
   CsvRecords records(file);
   std::vector<std::string> fields;
@@ -328,7 +328,8 @@ MachineResponses machine_answers(const path& file, const std::vector<std::string
   return answers;
 }
 
-/// Those that a page shows.
+/// Returns the values that the report shows: all, or every n-th by rank, which keeps the
+/// distribution with its extremes.
 std::vector<double> by_rank(std::vector<double> values) {
   if (values.size() <= max_shown_machines) return values;
   std::ranges::sort(values);
@@ -338,7 +339,7 @@ std::vector<double> by_rank(std::vector<double> values) {
   return few;
 }
 
-/// Heads of the columns that hold random machines.
+/// Returns the heads of the columns that hold random machines.
 std::vector<std::string> heads_of(const ordered_json& budget) {
   std::vector<std::string> heads;
   if (!budget.contains("arms")) return heads;
@@ -372,7 +373,7 @@ MachineResponses page_responses(const path& folder, const ordered_json& budget,
   return answers;
 }
 
-/// Pictures of maps in the folder and in those of its arms, by name.
+/// Returns the pictures of maps in the folder and in those of its configurations, by name.
 std::vector<path> map_pictures(const path& folder) {
   std::vector<path> files;
   const auto look = [&](const path& inside) {
@@ -404,7 +405,7 @@ void add_requested(FiguresPage& page, const ordered_json& budget, const path& fo
   page.asked.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
 }
 
-/// Whether an arm of the budget is cut in a variant of the scene.
+/// Returns true if a configuration of the budget uses a variant of the scene.
 bool has_variants(const ordered_json& budget) {
   if (!budget.contains("arms")) return true;
   return std::ranges::any_of(budget.at("arms"), [](const ordered_json& arm) {
@@ -412,7 +413,8 @@ bool has_variants(const ordered_json& budget) {
   });
 }
 
-/// The files and the command that uses them; a scene with variants stays where it was.
+/// Adds the files and the command that uses them. A scene with variants is not packed, because the
+/// saved scene holds one variant only.
 void add_files(FiguresPage& page, const ordered_json& budget, const path& folder) {
   for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
     if (std::filesystem::exists(folder / name))

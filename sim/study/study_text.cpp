@@ -22,7 +22,8 @@ std::string csv_field(const std::optional<double>& value) { return value ? csv_f
 
 namespace {
 
-constexpr std::size_t most_bytes = 80;
+constexpr std::size_t most_bytes = 80;  // file systems allow 255 bytes; a name is made of several
+                                        // parts
 
 bool is_file_name_char(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -54,6 +55,7 @@ std::string PictureNames::unused(const std::vector<std::string>& parts) {
   std::string name;
   for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_part(part);
   std::string free = name;
+  // Windows and macOS do not distinguish names by case.
   for (int number = 2; !taken_.insert(lower_case(free)).second; ++number)
     free = name + "-" + std::to_string(number);
   return free;
@@ -130,7 +132,7 @@ std::string without_mark_up(const std::string& line) {
   };
   std::string result;
   for (std::size_t i = 0; i < line.size(); ++i) {
-    // an underscore within a word is none of Markdown's
+    // An underscore within a word is not mark-up in Markdown.
     const bool emphasis = line[i] == '_' && !(i > 0 && is_word(i - 1) && is_word(i + 1));
     if (emphasis || std::string_view("\\`*<>[]|&~#$").find(line[i]) != std::string_view::npos)
       result += '\\';
@@ -139,7 +141,7 @@ std::string without_mark_up(const std::string& line) {
   return result;
 }
 
-/// Columns in which any row says something.
+/// Returns the columns in which any row has text.
 std::vector<std::size_t> filled_columns(const TextTable& table) {
   std::vector<std::size_t> kept;
   for (std::size_t j = 0; j < table.heads.size(); ++j)
@@ -185,12 +187,12 @@ std::string terminal_table(const TextTable& table) {
   return text + "\n";
 }
 
-/// Ranges of letters that are drawn over the one before.
+/// Returns true for characters that combine with the one before.
 bool is_mark(char32_t c) {
   return (c >= 0x300 && c <= 0x36f) || (c >= 0x200b && c <= 0x200f) || (c >= 0xfe00 && c <= 0xfe0f);
 }
 
-/// Ranges of letters that take two columns (Unicode, East Asian width).
+/// Returns true for characters that take two columns (Unicode, East Asian width).
 bool is_wide(char32_t c) {
   return (c >= 0x1100 && c <= 0x115f) || (c >= 0x2e80 && c <= 0xa4cf) ||
          (c >= 0xac00 && c <= 0xd7a3) || (c >= 0xf900 && c <= 0xfaff) ||
@@ -226,6 +228,7 @@ std::string table(TextStyle style, const TextTable& table) {
 std::size_t columns_of(const std::string& text) {
   std::size_t columns = 0;
   for (std::size_t i = 0; i < text.size();) {
+    // The first byte of a UTF-8 character states its length.
     const auto lead = static_cast<unsigned char>(text[i]);
     const std::size_t length = lead < 0x80 ? 1 : lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;
     char32_t c = length == 1 ? lead : lead & (0xffu >> (length + 1));

@@ -10,72 +10,75 @@
 
 namespace abbe::sim::study {
 
-/// A field as RFC 4180 has it: quoted where it holds a comma, a quote or an end of line.
+/// Returns a CSV field by RFC 4180: quoted if it holds a comma, a quote or an end of line.
 std::string csv_field(const std::string& text);
 
-/// Shortest text that reads back the same bits; empty where there is no value.
+/// Returns the shortest text that reads back to the same bits; empty if there is no value.
 std::string csv_field(double value);
 std::string csv_field(const std::optional<double>& value);
 
-/// Part of a file name on any system: letters, digits, "_" and "." of `text`, one "-" for whatever
-/// else stands between them; at most 80 bytes, never empty, no "." first.
+/// Returns a part of a file name that is valid on any system: letters, digits, "_" and "." of
+/// `text`, one "-" for any sequence of other characters; at most 80 bytes, never empty, never
+/// starting with ".".
 std::string file_part(const std::string& text);
 
-/// Names of the files of one folder.
+/// Unique names of the files of one folder.
 class PictureNames {
  public:
-  /// The parts with "-" between them, and a number behind if the name is taken, in whatever case.
+  /// Returns the parts joined by "-", with a number appended if the name is taken; the comparison
+  /// ignores case.
   std::string unused(const std::vector<std::string>& parts);
 
  private:
   std::set<std::string> taken_;
 };
 
-// How tables and pictures call things; scripts get the names of study.h.
+// Labels of tables and pictures; scripts get the names of study.h.
 
-/// "PV", "area in tolerance"
+/// Returns the label of a response: "PV", "area in tolerance".
 std::string title_of(Response response);
-/// "µm", "%"
+/// Returns the unit of a response as shown: "µm", "%".
 std::string shown_unit(Response response);
-/// "um" as "µm", "urad" as "µrad", "deg" as "°"; others as they are.
+/// Returns a unit as shown: "um" as "µm", "urad" as "µrad", "deg" as "°"; others unchanged.
 std::string shown_unit(const std::string& unit);
 
-/// "um", "W_per_K"; "1" of an input that is a pure number, such as a factor.
+/// Returns the unit of an input: "um", "W_per_K"; "1" for a dimensionless number, such as a factor.
 std::string unit_of(const Input& input);
 
-/// The text in one line: whatever ends a line or cannot be seen becomes a space.
+/// Returns the text on one line: every end of line and every invisible character becomes a space.
 std::string one_line(const std::string& text);
 
-/// The same, at most so many characters: the middle goes first, as names differ at their ends.
+/// Returns the text on one line with at most `most` characters; the middle is cut first, because
+/// names differ at their ends.
 std::string short_line(const std::string& text, std::size_t most);
 
-/// A table whose empty columns are left out; the first columns are text and stand left, the others
-/// are figures and stand right.
+/// A table whose empty columns are left out; the first `text_columns` columns are text, aligned
+/// left, the others are figures, aligned right.
 struct TextTable {
   std::vector<std::string> heads;
   std::vector<std::vector<std::string>> rows{};
   std::size_t text_columns = 1;
 };
 
-/// How a report is set.
+/// Output format of a report.
 enum class TextStyle {
-  Markdown,  ///< for files
-  Terminal,  ///< for people: no mark-up, columns below each other
+  Markdown,  ///< files
+  Terminal,  ///< terminal: no mark-up, aligned columns
 };
 
-/// A foreign text, such as a name, on one line and without effect: of Markdown its mark-up is
-/// escaped.
+/// Returns a foreign text, such as a name, on one line and without effect: mark-up is escaped in
+/// Markdown.
 std::string plain(TextStyle style, const std::string& text);
-/// A text in bold, where there is such a thing.
+/// Returns a text in bold if the style has bold.
 std::string strong(TextStyle style, const std::string& text);
-/// @param level  1 of the whole, 2 of a part
+/// @param level  1 for the whole document, 2 for a section
 std::string heading(TextStyle style, int level, const std::string& text);
-/// What must not be overlooked, as a paragraph.
+/// Returns a warning that must not be overlooked, as a paragraph.
 std::string notice(TextStyle style, const std::string& text);
-/// With an empty line after it.
+/// Returns a table followed by an empty line.
 std::string table(TextStyle style, const TextTable& table);
 
-/// Columns that a text takes on a terminal: letters of East Asia take two, accents of their own
+/// Returns the number of terminal columns of a text: East Asian letters take two, combining accents
 /// none.
 std::size_t columns_of(const std::string& text);
 

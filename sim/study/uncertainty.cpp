@@ -19,8 +19,9 @@ namespace {
 using Eigen::Index;
 
 constexpr std::uint64_t uncertainty_stream = 0x8c1f3b5ad96e7043ULL;
-constexpr Index numbers_at_once = Index(1) << 21;  // of a map of many machines: 16 MB a thread
-/// The vertices first .. first + count - 1 alone, as far as maps need them.
+constexpr Index numbers_at_once = Index(1) << 21;  // of the maps of many machines: 16 MB a thread
+/// Returns the part of a map for the vertices first .. first + count - 1, with only the members
+/// that `maps` reads.
 InfluenceMap stretch(const InfluenceMap& whole, Index first, Index count) {
   InfluenceMap part;
   const auto begin = whole.first.begin() + first;
@@ -35,7 +36,7 @@ InfluenceMap stretch(const InfluenceMap& whole, Index first, Index count) {
   return part;
 }
 
-/// (n) the closed form.
+/// Returns the standard deviation of the linear map in closed form. (n)
 Eigen::VectorXd linear_deviation(const Study& study, const InfluenceMap& influence) {
   const Eigen::MatrixXd G = effects(influence);
   const Eigen::VectorXd sd = spreads(study);
@@ -48,7 +49,7 @@ Eigen::VectorXd linear_deviation(const Study& study, const InfluenceMap& influen
     double variance = 0.0;
     for (Index i = 0; i < G.rows(); ++i)
       if (alone[std::size_t(i)]) variance += std::pow(G(i, v) * sd[i], 2);
-    // S is sd F F^T sd in a group: a sum of squares, which stays above 0 whatever its rank.
+    // In a group S = sd F F^T sd, which gives a sum of squares: it stays above 0 for any rank.
     for (const Copula::Group& group : study.copula.groups())
       for (Index j = 0; j < group.factor.cols(); ++j) {
         double sum = 0.0;
@@ -134,18 +135,20 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Machines that shape the factors, that scale them, and that verify them are different ones: so
-// factors that fit the chance of the first do not pass for good ones.
+// The factors are shaped, scaled and verified on different machines, so that factors fitted to the
+// chance of the first are not taken for good ones.
 constexpr std::uint64_t shape_stream = 0x3c6ef372fe94f82bULL;
 constexpr std::uint64_t scale_stream = 0xa54ff53a5f1d36f1ULL;
 constexpr std::uint64_t verification_stream = 0x510e527fade682d1ULL;
 
-constexpr Index draw_block = 256;  // machines that are drawn and answered together
-constexpr std::uint64_t min_shaping = 4000, max_shaping = 20000;  // machines
+constexpr Index draw_block = 256;  // machines drawn and evaluated together
+// Limits of the number of machines that shape the factors.
+constexpr std::uint64_t min_shaping = 4000, max_shaping = 20000;
 constexpr int max_rounds = 12;
 constexpr double settled = 1e-3;              // relative change of the cost that ends the rounds
-constexpr double fine = 1e-5, coarse = 1e-3;  // relative, of factors
-/// Random machines, drawn again whenever they are needed.
+constexpr double fine = 1e-5, coarse = 1e-3;  // relative tolerance of factors
+/// Random machines, drawn again whenever they are needed: a million of them with 2000 inputs would
+/// take 16 GB.
 struct Machines {
   const Study& study;
   const ResponseFunction& response;
@@ -165,7 +168,7 @@ Machines machines(const Study& study, const ResponseFunction& response, Sampling
   return {study, response, {sampling, int(study.inputs.size()), study.seed ^ stream}, count};
 }
 
-/// One that has no answer is beyond every limit.
+/// Returns the responses with scaled deviations. A machine without a response exceeds every limit.
 VectorXd scaled_responses(const Machines& all, const VectorXd& factors) {
   VectorXd values(Index(all.count));
   tbb::parallel_for(Index(0), (values.size() + draw_block - 1) / draw_block, [&](Index i) {
@@ -178,13 +181,15 @@ VectorXd scaled_responses(const Machines& all, const VectorXd& factors) {
   return values;
 }
 
-/// Number, from 0, of the first of so many ordered answers below or at which enough of them lie.
+/// Returns the rank, from 0, of the response at or below which the fraction `confidence` of all
+/// lies.
 Index rank_of(double confidence, Index count) {
+  // The factor keeps a product that rounds to just above an integer from taking the next rank.
   const double enough = std::ceil(confidence * double(count) * (1.0 - 1e-14));
   return std::clamp<Index>(Index(enough) - 1, 0, count - 1);
 }
 
-/// By how much the response of these machines is above the limit at the confidence, mm.
+/// Returns the distance of the response's quantile from the limit, mm; positive beyond it.
 double excess(const Machines& all, const VectorXd& factors) {
   const Tolerance& asked = *all.study.tolerance;
   VectorXd values = scaled_responses(all, factors);
@@ -193,17 +198,16 @@ double excess(const Machines& all, const VectorXd& factors) {
   return *at - asked.limit;
 }
 
-// ---- one number that says how far ---------------------------------------------------------------
-
-/// A number of 0 .. last and the excess there.
+/// A point of the search and the excess there.
 struct Reached {
   double at = 0.0;
   double excess = 0.0;
 };
 
-/// The largest number whose excess is not above 0, to a relative tolerance, by false position
-/// (Illinois), every third step by halves.
-/// @param from, to  ends of the search, the excess of the first not above 0, of the other above
+/// Returns the largest number whose excess is not above 0, to a relative tolerance. Uses false
+/// position (Illinois variant), which needs few evaluations of thousands of machines; every third
+/// step bisects, which bounds their number.
+/// @param from, to  ends of the search: excess <= 0 at the first, > 0 at the second
 template <typename Excess>
 double largest_feasible_factor(const Excess& excess_at, Reached from, Reached to, double guess,
                                double tolerance) {
@@ -231,16 +235,16 @@ double cost_of(const Study& study, const VectorXd& factors) {
   return cost;
 }
 
-/// Factors of a shape, none above 1.
+/// Returns the factors of a shape at a scale, none above 1.
 VectorXd clipped(const VectorXd& shape, double scale) { return (scale * shape).cwiseMin(1.0); }
 
-/// The scale that would be right if the excess grew evenly with it.
+/// Returns the scale at which the excess is zero if it grows linearly.
 double even_scale(double floor_excess, double full_excess) {
   return floor_excess / (floor_excess - full_excess);
 }
 
-/// The largest factors of a shape that the machines allow.
-/// @param full_excess  without any shrinking
+/// Returns the largest factors of a shape that the machines allow.
+/// @param full_excess  excess with unchanged spreads
 VectorXd scaled_to_limit(const Machines& all, const VectorXd& shape, double floor_excess,
                          double full_excess, double guess, double tolerance) {
   if (full_excess <= 0.0) return VectorXd::Ones(shape.size());
@@ -250,9 +254,7 @@ VectorXd scaled_to_limit(const Machines& all, const VectorXd& shape, double floo
                                                 tolerance));
 }
 
-// ---- the cheapest shape -------------------------------------------------------------------------
-
-/// Numbers of the machines whose answers are next to the one at the confidence.
+/// Returns the machines whose responses are next to the quantile at the confidence.
 std::vector<Index> near_limit(const Machines& all, const VectorXd& values) {
   std::vector<Index> order(std::size_t(values.size()));
   std::iota(order.begin(), order.end(), Index(0));
@@ -261,6 +263,8 @@ std::vector<Index> near_limit(const Machines& all, const VectorXd& values) {
   });
   const double confidence = all.study.tolerance->confidence;
   const Index rank = rank_of(confidence, values.size());
+  // Half of the machines beyond the quantile on either side: near enough to represent it. At least
+  // 32 of them or an eighth of all.
   const Index half = std::max(Index(0.5 * (1.0 - confidence) * double(values.size())),
                               std::min<Index>(32, values.size() / 8));
   const Index first = std::max<Index>(0, rank - half);
@@ -268,8 +272,8 @@ std::vector<Index> near_limit(const Machines& all, const VectorXd& values) {
   return {order.begin() + first, order.begin() + last + 1};
 }
 
-/// Mean of what stays when chance is taken out: none within two standard errors, all of it far
-/// beyond them (the positive part of James and Stein, doubled).
+/// Returns the mean with the contribution of chance removed: zero within two standard errors,
+/// unchanged far beyond them (positive-part James-Stein, doubled).
 double shrunk_mean(const Eigen::ArrayXd& values) {
   const auto n = double(values.size());
   double mean = 0.0, squares = 0.0;
@@ -279,10 +283,10 @@ double shrunk_mean(const Eigen::ArrayXd& values) {
   return mean * mean > chance ? mean - chance / mean : 0.0;
 }
 
-/// Change of the response's quantile with the logarithm of every factor, mm: the mean of gradient
-/// times deviation over the machines near it. A few hundred machines say little about a small input
-/// among many, so what linear theory knows of its deviation, given the response and its gradient,
-/// stands in, corrected by what the machines say beyond chance.
+/// Returns the change of the response's quantile with the logarithm of every factor, mm: the mean
+/// of gradient times deviation over the machines near the quantile. A few hundred machines say
+/// little about a small input among many, so the deviation that linear theory expects for the given
+/// response and gradient is used, corrected by the part of the sample that exceeds chance.
 VectorXd sensitivities(const Machines& all, const VectorXd& factors) {
   const std::vector<Index> near = near_limit(all, scaled_responses(all, factors));
   const Index p = factors.size(), count = Index(near.size());
@@ -311,9 +315,10 @@ VectorXd sensitivities(const Machines& all, const VectorXd& factors) {
   return result;
 }
 
-/// Cost and quantile are stationary where cost / factor is proportional to the sensitivity. Between
-/// rounds a sensitivity is taken to grow with the square of its factor, as it does in a norm of
-/// independent inputs, for which one round is enough; for sums each round leaves a third.
+/// Returns the shape of the next round. Cost and quantile are stationary where cost / factor is
+/// proportional to the sensitivity. Between rounds a sensitivity is assumed to grow with the square
+/// of its factor, as in a norm of independent inputs, for which one round is enough; for sums each
+/// round leaves a third of the error.
 VectorXd next_shape(const Study& study, const VectorXd& factors, const VectorXd& sensitivity) {
   VectorXd shape(factors.size());
   for (Index i = 0; i < shape.size(); ++i)
@@ -322,11 +327,11 @@ VectorXd next_shape(const Study& study, const VectorXd& factors, const VectorXd&
                                     : infinity;
   const double least = shape.minCoeff();
   if (!std::isfinite(least)) return factors;
-  // What does next to nothing stays as it is.
+  // An input with almost no effect keeps its spread.
   return (shape / least).cwiseMin(1e12);
 }
 
-/// The shape's scale at which sensitivities that grow so add up to what they are.
+/// Returns the scale of the shape at which the assumed sensitivities have the same sum as now.
 double expected_scale(const VectorXd& factors, const VectorXd& sensitivity, const VectorXd& shape) {
   double now = 0.0, then = 0.0;
   for (Index i = 0; i < factors.size(); ++i) {

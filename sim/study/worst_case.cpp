@@ -23,47 +23,49 @@ struct HeightRange {
   double high = 0.0;
 };
 
-/// The passes of influence maps over a box of inputs, a slope that is common to all taken away.
+/// The passes of an influence map over a box of inputs, less a slope that is common to all.
 struct Passes {
   const InfluenceMap& influence;
-  Eigen::VectorXd half;           ///< (p) half widths of the box
-  Eigen::VectorXd middle;         ///< (m) mm, linear part at its middle, less the error-free map
-  Eigen::VectorXd magnitude;      ///< (m) mm, most by which the linear part differs from that
-  std::vector<HeightRange> lift;  ///< (m) mm, of the curvature
+  Eigen::VectorXd half;       ///< (p) half widths of the box
+  Eigen::VectorXd middle;     ///< (m) mm, linear part at the middle of the box, less the error-free
+                              ///< map
+  Eigen::VectorXd magnitude;  ///< (m) mm, largest change of the linear part in the box
+  std::vector<HeightRange> lift;  ///< (m) mm, range of the curvature term
   std::vector<Eigen::Index> cut;  ///< vertices that have a pass
 
   Eigen::Index begin(Eigen::Index v) const { return influence.first[std::size_t(v)]; }
   Eigen::Index end(Eigen::Index v) const { return influence.first[std::size_t(v) + 1]; }
 };
-/// @param common  (p) taken away
+/// @param common  (p) slope subtracted from all passes
 Passes passes_in_box(const InfluenceMap& influence, const Box& box, const Eigen::VectorXd& common);
 
-/// (p) zeros, and the middle of the slopes of each input: a shift of all vertices alike does not
-/// matter to PV.
+/// Return the slope to subtract, (p): zeros, or the middle of the slopes of each input. The latter
+/// serves PV, which does not depend on a common shift of all vertices, and makes the bound tighter.
 Eigen::VectorXd zero_slope(const InfluenceMap& influence);
 Eigen::VectorXd common_slope(const InfluenceMap& influence);
 
-/// Where each vertex can be in the box, mm; zero where it is not cut. (n)
+/// Returns the range of the height of each vertex in the box, mm; zero where it is not cut. (n)
 std::vector<HeightRange> heights(const Passes& passes);
 
-/// Most by which a vertex can stand above another, mm: below any pass of the first, and above the
-/// least of the other's.
-double length_mismatch_text(const Passes& passes, Eigen::Index upper, Eigen::Index lower);
+/// Returns an upper bound of the height of a vertex above another, mm: the smallest over the passes
+/// of the upper vertex, which lies below all of them, of the largest over those of the lower one.
+double apart(const Passes& passes, Eigen::Index upper, Eigen::Index lower);
 
-/// Heights as the pass of the base run has them, and what other passes and curvature may add.
+/// Heights by the pass of the base run, and bounds of the contribution of other passes and
+/// curvature.
 struct LinearHeights {
-  Eigen::VectorXd weight;  ///< (c) share of the area of each cut vertex
+  Eigen::VectorXd weight;  ///< (c) fraction of the area of each cut vertex
   Eigen::VectorXd base;    ///< (c) mm, at the middle of the box
   Eigen::MatrixXd slope;   ///< (p x c)
-  Eigen::VectorXd added;   ///< (c) mm, most of it
+  Eigen::VectorXd added;   ///< (c) mm, largest contribution
   Eigen::VectorXd slack;   ///< (c) mm, its largest magnitude
 };
-/// @param passes  nothing taken away
+/// @param passes  nothing subtracted
 LinearHeights linear_heights(const Passes& passes);
-/// Less their mean by area.
+/// Returns the heights less their mean by area.
 LinearHeights about_mean(LinearHeights heights);
 
-/// Cut vertices by a key, greatest first, of equal ones the first.
+/// Returns the cut vertices sorted by a key, largest first, ties in their order.
 template <typename Key>
 std::vector<Eigen::Index> ordered(const Passes& passes, const Key& key) {
   std::vector<Eigen::Index> vertices = passes.cut;
@@ -72,9 +74,9 @@ std::vector<Eigen::Index> ordered(const Passes& passes, const Key& key) {
   return vertices;
 }
 
-/// Corners from which a search for the worst may begin: at which some pair of vertices is farthest
-/// apart, some vertex highest or lowest; for rms and std the best of many that cannot be improved
-/// in one input, by the linear map alone. (p x count)
+/// Returns corners from which the search for the worst begins: those where some pair of vertices is
+/// farthest apart, or some vertex highest or lowest; for rms and std also the best of many corners
+/// that no single input improves, by the linear map alone. (p x count)
 Eigen::MatrixXd start_points(const InfluenceMap& influence, const Box& box, Response response);
 
 Box box_of(const Study& study, double coverage) {
@@ -82,6 +84,8 @@ Box box_of(const Study& study, double coverage) {
   Box box{VectorXd(p), VectorXd(p)};
   for (Index i = 0; i < p; ++i) {
     const Distribution& d = study.inputs[std::size_t(i)].distribution;
+    // The end of a log-normal distribution at 0 is no realistic value, so the coverage limits it
+    // too.
     const bool open_below = d.kind == Distribution::Kind::LogNormal && d.low <= 0.0;
     const double low = quantile(d, 0.0), high = quantile(d, 1.0);
     box.low[i] = std::isfinite(low) && !open_below ? low : value_at_score(d, -coverage);
@@ -108,7 +112,7 @@ HeightRange curvature_lift(double half_curvature, double middle, double magnitud
   return {std::min(a, b), std::max(a, b)};
 }
 
-/// Where a vertex can be in the box.
+/// Returns the range of a vertex's height in the box.
 HeightRange height(const Passes& passes, Index v) {
   HeightRange range{infinity, infinity};
   for (Index r = passes.begin(v); r < passes.end(v); ++r) {
@@ -166,7 +170,7 @@ std::vector<HeightRange> heights(const Passes& passes) {
   return all;
 }
 
-double length_mismatch_text(const Passes& passes, Index upper, Index lower) {
+double apart(const Passes& passes, Index upper, Index lower) {
   const InfluenceMap& map = passes.influence;
   double least = infinity;
   for (Index r = passes.begin(upper); r < passes.end(upper); ++r) {
@@ -219,26 +223,25 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr int starts = 24;                  // vertices from which pairs are improved
-constexpr int max_exchanges = 8;            // of one of a pair for a farther one
+constexpr int starts = 24;        // vertices from which pairs are improved
+constexpr int max_exchanges = 8;  // steps that exchange one vertex of a pair for a farther one
 constexpr Index random_start_count = 1024;  // random corners that are improved by the linear map
 constexpr std::size_t max_start_signs = 16;
 constexpr std::uint64_t sign_seed = 0x13198a2e03707344ULL;
 
-/// The vertex that is farthest from another one.
-/// @param above  whether it is above that one
+/// Returns the vertex that is farthest from another one.
+/// @param above  true: the farthest above it
 Index farthest(const Passes& passes, Index from, bool above) {
   std::vector<double> distance(passes.cut.size());
   tbb::parallel_for(std::size_t(0), distance.size(), [&](std::size_t i) {
-    distance[i] = above ? length_mismatch_text(passes, passes.cut[i], from)
-                        : length_mismatch_text(passes, from, passes.cut[i]);
+    distance[i] = above ? apart(passes, passes.cut[i], from) : apart(passes, from, passes.cut[i]);
   });
   const auto most = std::max_element(distance.begin(), distance.end());
   return passes.cut[std::size_t(most - distance.begin())];
 }
 
-/// Slopes of the distance between the vertices of pairs that are farther apart than all pairs with
-/// one of them.
+/// Returns the slopes of the distance of pairs of vertices that are locally farthest apart: no pair
+/// that shares a vertex with them is farther.
 std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& box) {
   const Passes passes = passes_in_box(influence, box, common_slope(influence));
   const std::vector<HeightRange> range = heights(passes);
@@ -246,7 +249,7 @@ std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& 
   std::vector<VectorXd> slopes;
   std::vector<std::pair<Index, Index>> known;
   for (int start = 0; start < starts && !high.empty(); ++start) {
-    // The highest few, and others spread over all heights.
+    // The eight highest vertices, and others spread over all heights.
     const auto place =
         start < 8 ? std::size_t(start) : (high.size() - 1) * std::size_t(start - 8) / (starts - 9);
     std::pair pair{high[std::min(place, high.size() - 1)], Index(-1)};
@@ -263,7 +266,7 @@ std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& 
   return slopes;
 }
 
-/// Slopes of the highest vertices, and of the lowest downwards.
+/// Returns the slopes of the highest vertices, and the negative ones of the lowest.
 std::vector<VectorXd> slopes_of_farthest(const InfluenceMap& influence, const Box& box) {
   const Passes passes = passes_in_box(influence, box, zero_slope(influence));
   const std::vector<HeightRange> range = heights(passes);
@@ -277,7 +280,7 @@ std::vector<VectorXd> slopes_of_farthest(const InfluenceMap& influence, const Bo
   return slopes;
 }
 
-/// The square of a norm of linear heights at the corners of a box: s^T Q s + 2 b^T s, s of +-1.
+/// The square of a norm of linear heights at the corners of a box: s^T Q s + 2 b^T s, s = +-1.
 struct Square {
   Eigen::MatrixXd Q;
   VectorXd b;
@@ -289,15 +292,17 @@ Square square_of(const LinearHeights& all, const VectorXd& half) {
           half.cwiseProduct(weighted * all.base)};
 }
 
-/// Signs changed one by one, each time the one that gains most. First the square, then the signs.
+/// Flips signs one by one, each time the one with the largest gain. Returns the square and the
+/// signs.
 std::pair<double, VectorXd> improved(const Square& square, VectorXd s) {
   VectorXd pull = square.Q * s + square.b;
   const auto gains = [&] {
     return (4.0 * (square.Q.diagonal().array() - s.array() * pull.array())).eval();
   };
   Index i = 0;
+  // The square grows with every flip, so the loop ends; 50 flips per sign is a safeguard.
   for (Index step = 0; step < 50 * s.size(); ++step) {
-    // Rounding must not make it turn a sign to and fro.
+    // Without a tolerance rounding could flip a sign back and forth.
     if (!(gains().maxCoeff(&i) > 1e-12 * std::abs(square.Q(i, i)))) break;
     pull -= 2.0 * s[i] * square.Q.col(i);
     s[i] = -s[i];
@@ -305,7 +310,7 @@ std::pair<double, VectorXd> improved(const Square& square, VectorXd s) {
   return {s.dot(pull) + s.dot(square.b), s};
 }
 
-/// Signs of the largest squares that are found.
+/// Returns the signs of the largest squares found.
 std::vector<VectorXd> signs_of_norm(const Square& square) {
   const Eigen::MatrixXd u =
       points({Sampling::Random, int(square.b.size()), sign_seed}, 0, random_start_count);
@@ -347,11 +352,13 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double max_products = 1e9;  // of the pairs that are looked at
-constexpr Index vertex_lot = 64;      // vertices whose pairs are looked at together
+constexpr double max_products = 1e9;  // multiply-adds for the pairs that are examined, about a
+                                      // second
+constexpr Index vertex_lot = 64;      // vertices whose pairs are examined in parallel
 
-/// Pairs in the order of their upper vertices; each of those with ever higher lower ones, until
-/// their own heights say that no pair is farther apart than what is known.
+/// Returns an upper bound of the distance of any pair, at least `known`. Pairs are examined in the
+/// order of their upper vertices, for each of them from the lowest lower vertex upwards, until the
+/// ranges of the two heights show that no further pair exceeds the known maximum.
 double max_separation(const Passes& passes, double known) {
   const std::vector<HeightRange> range = heights(passes);
   const auto upper = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
@@ -375,10 +382,10 @@ double max_separation(const Passes& passes, double known) {
       for (const Index w : lower) {
         if (coarse(v, w) <= own) break;
         if (looked[std::size_t(i)]++ >= each) {
-          own = coarse(v, w);  // none of the rest is farther
+          own = coarse(v, w);  // bounds all remaining pairs of v
           break;
         }
-        if (v != w) own = std::max(own, length_mismatch_text(passes, v, w));
+        if (v != w) own = std::max(own, apart(passes, v, w));
       }
     });
     for (Index i = 0; i < count; ++i) {
@@ -424,7 +431,8 @@ double rms_of_farthest(const Passes& passes, const VectorXd& weight) {
 double response_bound(const InfluenceMap& influence, const Box& box, Response response,
                       double found) {
   if (response == Response::InTolerance) return 0.0;
-  // at a rim the filter's plane may lie beyond all that it is fitted to
+  // At a rim the plane of the filter may lie outside the data to which it is fitted, so no bound
+  // holds.
   if (is_filtered(response)) return infinity;
   if (response == Response::Pv)
     return max_separation(passes_in_box(influence, box, common_slope(influence)), found);
@@ -449,19 +457,20 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr Index few = 12;  // inputs of which all corners are tried
+constexpr Index few = 12;  // inputs up to which all corners, 4096, are evaluated
 constexpr int random_starts = 64;
-constexpr Index finalists = 8;  // climbs that go on input by input
+constexpr Index finalists = 8;  // climbs that continue input by input
 constexpr int max_steps = 50;   // of a climb along gradients
-constexpr int max_flips = 20;   // of single inputs put to their other end
+constexpr int max_flips = 20;   // of single inputs to their other end
 constexpr std::uint64_t start_seed = 0x243f6a8885a308d3ULL;
 
-/// Corners and what they come to, the sign such that more is worse.
+/// Corners and their responses, signed so that more is worse.
 struct Places {
   Eigen::MatrixXd x;  ///< (p x count)
   VectorXd value;     ///< (count)
 };
 
+/// Climbs from corner to corner.
 class Climb {
  public:
   Climb(const Box& box, const ResponseFunction& function, double sign)
@@ -469,8 +478,9 @@ class Climb {
 
   Places at(const Eigen::MatrixXd& x) const { return {x, sign_ * function_.values(x)}; }
 
-  /// A convex response is at least what its gradient promises, so every step goes up. All places
-  /// together, as many machines cost little more than one.
+  /// Moves every corner to the ends towards which its gradient points. A convex response is at
+  /// least its tangent, so every step goes up. All corners move together, because many machines
+  /// cost little more than one.
   Places along_gradients(Places places) const {
     std::vector<Index> rising(std::size_t(places.value.size()));
     std::iota(rising.begin(), rising.end(), Index(0));
@@ -489,6 +499,7 @@ class Climb {
     return places;
   }
 
+  // Flips single inputs: at a kink the gradient of one side may miss an improvement.
   Places input_by_input(Places place) const {
     for (int i = 0; i < max_flips; ++i) {
       const Places next = best(at(flip_each_input(place.x)), 1);
@@ -498,7 +509,7 @@ class Climb {
     return place;
   }
 
-  /// The first of places in falling order.
+  /// Returns the largest corners in falling order.
   static Places best(const Places& places, Index count) {
     std::vector<Index> order(std::size_t(places.value.size()));
     std::iota(order.begin(), order.end(), Index(0));
@@ -518,7 +529,7 @@ class Climb {
     return ends;
   }
 
-  /// All corners that differ from one in one input.
+  /// Returns all corners that differ from one corner in one input.
   Eigen::MatrixXd flip_each_input(const VectorXd& corner) const {
     Eigen::MatrixXd x = corner.replicate(1, corner.size());
     x.diagonal() = (corner.array() == box_.low.array()).select(box_.high, box_.low);
@@ -536,7 +547,7 @@ Eigen::MatrixXd all_corners(const Box& box) {
       [&](Index i, Index k) { return (k >> i) & 1 ? box.high[i] : box.low[i]; });
 }
 
-/// Promising corners, their opposites, and random ones.
+/// Returns the start points, their opposite corners, and random corners.
 Eigen::MatrixXd search_starts(const Box& box, const InfluenceMap& influence, Response response) {
   const Eigen::MatrixXd promising = start_points(influence, box, response);
   const Index count = promising.cols();

@@ -189,7 +189,7 @@ TEST(ThermalSeries, HoldsWhatWasNeverTrainedAtTheEndOfItsRange) {
 
 TEST(ThermalSeries, NamesWhatIsMissing) {
   const auto chain = machines::gantry();
-  const auto distribution_error = [&](const ThermalBelief& belief, const ControlLog& log) {
+  const auto error_text = [&](const ThermalBelief& belief, const ControlLog& log) {
     try {
       thermal_series(belief, log, chain);
       return std::string();
@@ -199,19 +199,16 @@ TEST(ThermalSeries, NamesWhatIsMissing) {
   };
   const ControlLog log = log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, 20.0));
   const ThermalModel model = law(0.0, {{"nut", 1.0}});
-  EXPECT_EQ(distribution_error({{term("EZZ", false, model)}, true}, log), "");
-  EXPECT_NE(distribution_error({{term("EZZ", false, law(0.0, {{"screw", 1.0}}))}, true}, log)
-                .find("screw"),
+  EXPECT_EQ(error_text({{term("EZZ", false, model)}, true}, log), "");
+  EXPECT_NE(error_text({{term("EZZ", false, law(0.0, {{"screw", 1.0}}))}, true}, log).find("screw"),
             std::string::npos);
-  EXPECT_NE(distribution_error({{term("EBB", false, model)}, true}, log).find("EBB"),
-            std::string::npos);
-  EXPECT_NE(distribution_error({{term("EZS", true, model)}, true}, log).find("EZS"),
-            std::string::npos);
+  EXPECT_NE(error_text({{term("EBB", false, model)}, true}, log).find("EBB"), std::string::npos);
+  EXPECT_NE(error_text({{term("EZS", true, model)}, true}, log).find("EZS"), std::string::npos);
   const ControlLog empty = log_of({"nut_C"}, {}, Eigen::MatrixXd(0, 1));
-  EXPECT_NE(distribution_error({{term("EZZ", false, model)}, true}, empty), "");
+  EXPECT_NE(error_text({{term("EZZ", false, model)}, true}, empty), "");
   const double none = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_NE(distribution_error({{term("EZZ", false, model)}, true},
-                               log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, none))),
+  EXPECT_NE(error_text({{term("EZZ", false, model)}, true},
+                       log_of({"nut_C"}, {0}, Eigen::MatrixXd::Constant(1, 1, none))),
             "");
 }
 

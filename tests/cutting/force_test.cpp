@@ -359,7 +359,7 @@ oracles::MillingCut brute(const CuttingCoefficients& K, const Flutes& flutes, do
   return cut;
 }
 
-double length_mismatch_text(const CuttingLoad& load, const oracles::MillingForce& brute) {
+double apart(const CuttingLoad& load, const oracles::MillingForce& brute) {
   return std::max((load.on_tool_t.head<3>() - brute.force).norm() / brute.force.norm(),
                   (load.on_tool_t.tail<3>() - brute.moment).norm() / brute.moment.norm());
 }
@@ -397,7 +397,7 @@ TEST(Force, BallEndAgreesWithBruteForceAtSecondOrder) {
   double before = 0.0;
   for (const int slices : {6, 12, 24, 48}) {
     const Engagement e = ball_end(cut.radius, cut.entry, cut.exit, slices);
-    const double off = length_mismatch_text(mean_force(e, al6082, {2, 30.0_deg}, 0.1), expected);
+    const double off = apart(mean_force(e, al6082, {2, 30.0_deg}, 0.1), expected);
     std::cout << "ball, " << slices << " slices: off brute force by " << off << "\n";
     if (before > 0.0) {
       EXPECT_LT(off, std::max(before / 3.5, 2e-4));
@@ -412,8 +412,7 @@ TEST(Force, BallEndAgreesWithBruteForceAtAnyAngle) {
   cut.ball = true, cut.top = cut.radius, cut.entry = 0.2, cut.exit = 2.4, cut.discs = 4000;
   const Engagement e = ball_end(cut.radius, cut.entry, cut.exit, 400);
   for (const double phi : {0.3, 0.9, 1.7, 2.6, 4.0}) {
-    const double off =
-        length_mismatch_text(force_at(e, al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1, of_textbook(phi)),
+    const double off = apart(force_at(e, al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1, of_textbook(phi)),
                              milling_force_at(cut, phi));
     std::cout << "ball at " << phi << ": off brute force by " << off << "\n";
     EXPECT_LT(off, 2e-4) << phi;

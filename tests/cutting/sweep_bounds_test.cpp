@@ -72,9 +72,9 @@ Situation situation(const Genes& g) {
   const double turn = g[13] < 0.4 ? 0.0 : decades(-9, std::log10(0.05), g[14]);
   const Vector3d step = g[15] < 0.05 ? Vector3d::Zero().eval()
                                      : Vector3d(decades(-9, 2, g[16]) * direction(g[17], g[18]));
-  const Vector3d length_mismatch_text = decades(-3, 3, g[19]) * direction(g[20], g[21]);
+  const Vector3d apart = decades(-3, 3, g[19]) * direction(g[20], g[21]);
   s.moves = {move_between(origin, axis, step, turn, g[22]),
-             move_between(origin + length_mismatch_text, axis, step, turn, g[22])};
+             move_between(origin + apart, axis, step, turn, g[22])};
   const Move& aim = s.moves[g[23] < 0.5 ? 0 : 1];
   const Vector3d to_end = direction(g[24], g[25]);
   const Vector3d end = aim.tip + g[30] * aim.step + r * axis + decades(-2, 2.5, g[26]) * to_end;

@@ -216,12 +216,11 @@ TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
       SCOPED_TRACE(motion + " " + once);
       ++pairs;
       const program::Path beside = fanuc_read(begin + motion + " " + once + "\n" + behind).path;
-      const program::Path length_mismatch_text =
-          fanuc_read(begin + once + "\n" + motion + " " + behind).path;
-      ASSERT_EQ(beside.blocks.size(), length_mismatch_text.blocks.size());
-      for (std::size_t i = 0; i < length_mismatch_text.blocks.size(); ++i) {
-        EXPECT_EQ(beside.blocks[i].end, length_mismatch_text.blocks[i].end);
-        EXPECT_EQ(beside.blocks[i].end_s, length_mismatch_text.blocks[i].end_s);
+      const program::Path apart = fanuc_read(begin + once + "\n" + motion + " " + behind).path;
+      ASSERT_EQ(beside.blocks.size(), apart.blocks.size());
+      for (std::size_t i = 0; i < apart.blocks.size(); ++i) {
+        EXPECT_EQ(beside.blocks[i].end, apart.blocks[i].end);
+        EXPECT_EQ(beside.blocks[i].end_s, apart.blocks[i].end_s);
       }
     }
   EXPECT_EQ(pairs, 16);

@@ -304,8 +304,8 @@ TEST(Heidenhain, ToolsAreCalledByTheirNames) {
   };
   for (const auto& [by_name, by_number] : {std::pair("\"BALL 10\"", "1"), {"\"mill\"", "2"}}) {
     const program::Path named = reads(std::string("TOOL CALL ") + by_name);
-    const program::Path numbered_name = reads(std::string("TOOL CALL ") + by_number);
-    EXPECT_EQ(named.blocks.back().end, numbered_name.blocks.back().end);
+    const program::Path numbered = reads(std::string("TOOL CALL ") + by_number);
+    EXPECT_EQ(named.blocks.back().end, numbered.blocks.back().end);
     EXPECT_EQ(named.tool_calls.back().number, std::stoi(by_number));
   }
   EXPECT_NE(reads("TOOL CALL \"mill\"").blocks.back().end,

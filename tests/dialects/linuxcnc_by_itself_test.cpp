@@ -49,7 +49,7 @@ ReadProgram by_linuxcnc(const std::string& text, ReadOptions options) {
   return read_program(text, "part.ngc", options);
 }
 
-std::string distribution_error(const std::string& text, const ReadOptions& options) {
+std::string error_text(const std::string& text, const ReadOptions& options) {
   try {
     by_linuxcnc(text, options);
   } catch (const BadInput& fault) {
@@ -75,10 +75,10 @@ std::string text_of_block(const Path& path, const Block& block) {
 }
 
 double distance_of(const Path& a, const Block& p, const Path& b, const Block& q) {
-  constexpr double alternative_folder_text = 1e9;
+  constexpr double another = 1e9;
   if (p.interpolation != q.interpolation || p.end.size() != q.end.size() || p.inch != q.inch ||
       p.work_offset != q.work_offset || p.tool_length != q.tool_length)
-    return alternative_folder_text;
+    return another;
   const double size = std::max(1000.0, p.end.cwiseAbs().maxCoeff());
   double off = (p.end - q.end).cwiseAbs().maxCoeff() * 1000 / size;
   // seconds since the start of the block, whatever the ones before have cost; of G93 LinuxCNC makes
@@ -91,7 +91,7 @@ double distance_of(const Path& a, const Block& p, const Path& b, const Block& q)
   const program::Arc &arc = a.arcs[p.shape], &other = b.arcs[q.shape];
   if (arc.first != other.first || arc.second != other.second ||
       (arc.turned < 0) != (other.turned < 0))
-    return alternative_folder_text;
+    return another;
   // the centre of half a turn by its R is as good as the root of the last digit
   const double far = (arc.centre - other.centre).norm() * 1000 / size;
   const bool half = std::abs(std::abs(arc.sweep) - pi) < 1e-3;
@@ -304,12 +304,10 @@ TEST(LinuxCncByItself, OffsetsOfTheSceneAndThePlaceOfTheAxesAreItsOwn) {
   const Difference found = difference_of(ours, by_linuxcnc(text, options).path);
   EXPECT_EQ(found.text, "");
   std::cout << ours.blocks.size() << " blocks within " << found.off << "\n";
-  EXPECT_NE(
-      distribution_error("G10 L2 P1 X5\nG0 X1\nM2\n", options).find("part.ngc:1: expected neither"),
-      std::string::npos);
-  EXPECT_NE(
-      distribution_error("G0 X1\nG0 X#5221\nM2\n", options).find("part.ngc:2: expected neither"),
-      std::string::npos);
+  EXPECT_NE(error_text("G10 L2 P1 X5\nG0 X1\nM2\n", options).find("part.ngc:1: expected neither"),
+            std::string::npos);
+  EXPECT_NE(error_text("G0 X1\nG0 X#5221\nM2\n", options).find("part.ngc:2: expected neither"),
+            std::string::npos);
 }
 
 /// What is in a folder while its name lives; TMPDIR leads into it.
@@ -350,7 +348,7 @@ TEST(LinuxCncByItself, SubprogramsInFilesOfTheirOwnKeepTheirLines) {
   EXPECT_EQ(theirs.more_files[theirs.blocks[1].file - 1u], (folder.path() / "edge.ngc").string());
   EXPECT_EQ(theirs.blocks[1].line, 3);
   std::ofstream(folder.path() / "edge.ngc") << "o<edge> sub\n\nG1 Z-1 F100\nG12\no<edge> endsub\n";
-  const std::string fault = distribution_error(text, options);
+  const std::string fault = error_text(text, options);
   EXPECT_NE(fault.find((folder.path() / "edge.ngc").string() + ":4: "), std::string::npos) << fault;
   EXPECT_NE(fault.find("Unknown g code"), std::string::npos) << fault;
 }
@@ -368,7 +366,7 @@ TEST(LinuxCncByItself, WhatItRefusesIsAFaultWithItsPlaceAndItsMessage) {
       {"G0 X1\nM199\nM2\n", "Unknown m code used: M199"},
   };
   for (const auto& [text, expected] : programs) {
-    const std::string fault = distribution_error(text, options);
+    const std::string fault = error_text(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
   }
 }
@@ -392,23 +390,23 @@ TEST(LinuxCncByItself, WhatItCannotGiveIsRefusedByName) {
       {"G0 X2000000\nM2\n", "part.ngc:1: expected a position within 1e6 mm"},
   };
   for (const auto& [text, expected] : programs) {
-    const std::string fault = distribution_error(text, options);
+    const std::string fault = error_text(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
   }
-  EXPECT_EQ(distribution_error("G21 G43 H1\nG20\nG0 Z1\nG21\nG53 G0 Z0\nM2\n", options), "none");
-  EXPECT_NE(distribution_error("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options)
+  EXPECT_EQ(error_text("G21 G43 H1\nG20\nG0 Z1\nG21\nG53 G0 Z0\nM2\n", options), "none");
+  EXPECT_NE(error_text("G0 X1 (" + std::string(300, 'a') + ")\nM2\n", options)
                 .find("part.ngc:1: expected at most 252 characters"),
             std::string::npos);
   ReadOptions three;
   three.control = machines::options_for(machines::three_axis());
   three.dialect = Dialect::LinuxCnc;
-  const std::string fault = distribution_error("G0 X1\nG0 A5\nG0 X2\nG1 X3\nM2\n", three);
+  const std::string fault = error_text("G0 X1\nG0 A5\nG0 X2\nG1 X3\nM2\n", three);
   EXPECT_NE(fault.find("part.ngc:2: expected an axis of this machine (X Y Z)"), std::string::npos);
   EXPECT_EQ(fault.find("part.ngc:3: "), std::string::npos) << fault;
   EXPECT_NE(fault.find("part.ngc:4: expected a block"), std::string::npos) << fault;
   ReadOptions any = six_axes();
   any.dialect = Dialect::Auto;
-  EXPECT_NE(distribution_error("O1001\nG65 P9010 A1\nM30\n", any)
+  EXPECT_NE(error_text("O1001\nG65 P9010 A1\nM30\n", any)
                 .find("part.ngc:1: expected a program of LinuxCNC"),
             std::string::npos);
 }
@@ -432,15 +430,14 @@ TEST(LinuxCncByItself, ProgramsStartNothingAndReadNothingElsewhere) {
                                             "N5 O < ../" + path + " > CALL",
                                             ";" + python + std::string(400, ' ')};
   for (const std::string& line : escapes) {
-    const std::string fault = distribution_error("G0 X1\n" + line + "\nM2\n", options);
+    const std::string fault = error_text("G0 X1\n" + line + "\nM2\n", options);
     EXPECT_NE(fault.find("part.ngc:2: expected"), std::string::npos) << line << "\n" << fault;
     EXPECT_FALSE(fs::exists(written)) << line;
   }
   options.folder = folder.path();
-  const std::string fault = distribution_error("G0 X1\no<sub> call\nM2\n", options);
+  const std::string fault = error_text("G0 X1\no<sub> call\nM2\n", options);
   EXPECT_NE(fault.find("sub.ngc:4: expected no Python"), std::string::npos) << fault;
-  EXPECT_EQ(distribution_error("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options),
-            "none");
+  EXPECT_EQ(error_text("G0 X1 (logopen," + written.string() + ")\n(log,x)\nM2\n", options), "none");
   EXPECT_FALSE(fs::exists(written));
 }
 
@@ -449,7 +446,7 @@ TEST(LinuxCncByItself, ProgramsWithoutEndEndByTheLimits) {
   const auto seconds_of = [](const std::string& text, const ReadOptions& options,
                              const char* expected) {
     const auto start = std::chrono::steady_clock::now();
-    const std::string fault = distribution_error(text, options);
+    const std::string fault = error_text(text, options);
     EXPECT_NE(fault.find(expected), std::string::npos) << text << fault;
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
@@ -540,7 +537,7 @@ TEST(LinuxCncByItself, WithoutItTheFaultSaysHowToGetIt) {
   const char* named = std::getenv("ABBE_LINUXCNC");
   const std::string before = named == nullptr ? "" : named;
   setenv("ABBE_LINUXCNC", "/nowhere", 1);
-  const std::string fault = distribution_error("G0 X1\nM2\n", six_axes());
+  const std::string fault = error_text("G0 X1\nM2\n", six_axes());
   if (named == nullptr)
     unsetenv("ABBE_LINUXCNC");
   else

@@ -110,14 +110,14 @@ TEST_P(SamePart, IsCutFromFiveDialects) {
     const Cut seen = cut(posted);
     ASSERT_EQ(seen.surface.residual.size(), residual.size());
     EXPECT_EQ(seen.surface.status, expected.surface.status);
-    const double length_mismatch_text = (seen.surface.residual - residual).cwiseAbs().maxCoeff();
+    const double apart = (seen.surface.residual - residual).cwiseAbs().maxCoeff();
     std::cout << fmt::format(
         "  {}: tip within {:.2e} mm, axis within {:.2e}, residual within "
         "{:.2e} mm\n",
-        post.name, tip, axis, length_mismatch_text);
+        post.name, tip, axis, apart);
     EXPECT_LT(tip, 1e-6);
     EXPECT_LT(axis, 1e-9);
-    EXPECT_LT(length_mismatch_text, 1e-6);
+    EXPECT_LT(apart, 1e-6);
   }
 }
 

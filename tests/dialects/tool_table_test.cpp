@@ -30,7 +30,7 @@ const OneControl linuxcnc{"linuxcnc", ".ngc", "tool.tbl", "mm", "offsets.var"};
 const OneControl fanuc{"fanuc", ".nc", "tools.txt", "mm", "offsets.txt"};
 const OneControl siemens{"siemens", ".mpf", "to.ini", "mm", "ufr.ini"};
 const OneControl heidenhain{"heidenhain", ".h", "tool.t", "", "preset.pr"};
-const OneControl vector4[] = {linuxcnc, fanuc, siemens, heidenhain};
+const OneControl four_tools[] = {linuxcnc, fanuc, siemens, heidenhain};
 
 /// The table of one tool, in the control's format.
 std::string table_of(const OneControl& control, int number, double length, double radius) {
@@ -144,7 +144,7 @@ bool says(const std::vector<std::string>& warnings, const std::string& words) {
 TEST_F(ToolTable, ARadiusThatIsBelievedTooLargeIsLeftOnTheWall) {
   constexpr double same = 1e-7;  // mm
   for (const double more : {0.005, -0.003, 0.0}) {
-    for (const OneControl& control : vector4) {
+    for (const OneControl& control : four_tools) {
       SCOPED_TRACE(control.name);
       const Job job = prepare(scene(
           tool(7), wall, on_control(control, 7, 100.0, 5.0 + more, wall_program(control, 7))));
@@ -168,7 +168,7 @@ TEST_F(ToolTable, AWarningHasTheFigures) {
 }
 
 TEST_F(ToolTable, ALengthThatIsBelievedTooLongIsLeftOnTheFloor) {
-  for (const OneControl& control : vector4) {
+  for (const OneControl& control : four_tools) {
     SCOPED_TRACE(control.name);
     std::string program = wall_program(control, 7);
     const bool words = std::string(control.name) == "heidenhain";
@@ -199,7 +199,7 @@ std::string leaning_pass(const OneControl& control) {
 }
 
 TEST_F(ToolTable, ALengthIsBelievedWhereTheTipIsCommanded) {
-  for (const OneControl& control : vector4) {
+  for (const OneControl& control : four_tools) {
     SCOPED_TRACE(control.name);
     const auto prepared = [&](double length) {
       folder_.write(std::string("p") + control.ending, leaning_pass(control));
@@ -235,7 +235,7 @@ TEST_F(ToolTable, ALengthIsBelievedWhereTheTipIsCommanded) {
 }
 
 TEST_F(ToolTable, AToolThatTheTableHasNotIsRefusedAsTheControlDoes) {
-  for (const OneControl& control : vector4) {
+  for (const OneControl& control : four_tools) {
     SCOPED_TRACE(control.name);
     const std::string said =
         refusal(tool(7), wall, on_control(control, 8, 100.0, 5.0, wall_program(control, 7)));

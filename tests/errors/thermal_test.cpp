@@ -669,11 +669,9 @@ TEST(TemperatureSensor, LagIsASecondFirstOrderNode) {
     double worst = 0.0;
     for (Index i = 0; i < seen.size(); ++i) {
       const double t = double(i);
-      const double length_mismatch_text = tau - lag;
+      const double apart = tau - lag;
       const double behind =
-          length_mismatch_text == 0.0
-              ? t / tau
-              : -lag * std::expm1(-length_mismatch_text / lag * t / tau) / length_mismatch_text;
+          apart == 0.0 ? t / tau : -lag * std::expm1(-apart / lag * t / tau) / apart;
       const double reached = 1.0 - std::exp(-t / tau) * (1.0 + behind);
       worst = std::max(worst, std::abs(seen[i] - 20.0 - 10.0 * reached));
     }

@@ -301,9 +301,9 @@ TEST(WorkpieceField, CoverageReportsAFieldOfAnotherMesh) {
   EXPECT_LE(coverage(field, same), 0.25 + 1e-12);
   Points inches = field.points_w * 25.4;
   EXPECT_GT(coverage(field, inches), 1000.0);
-  Points length_mismatch_text(2, 3);
-  length_mismatch_text << 1, 1, 0, 100, 60, 305;  // the sheet lies below 6.1
-  const double far = coverage(field, length_mismatch_text);
+  Points apart(2, 3);
+  apart << 1, 1, 0, 100, 60, 305;  // the sheet lies below 6.1
+  const double far = coverage(field, apart);
   EXPECT_GT(far, 298.0);
   EXPECT_LT(far, 311.0);
   EXPECT_EQ(coverage(field, Points(0, 3)), 0.0);

@@ -85,8 +85,8 @@ VectorXd freed(const Estimate& estimate, const GeometricErrors& truth) {
 
 // ---- the design matrix
 
-constexpr double step = 1e-4;                     // mm or rad, of a difference
-constexpr double third_order_coefficient = 1e-6;  // step^2 / 6 times an arm of 600 mm
+constexpr double step = 1e-4;         // mm or rad, of a difference
+constexpr double third_order = 1e-6;  // step^2 / 6 times an arm of 600 mm
 
 /// Largest difference of the design matrix from central differences of the exact readings, over
 /// the largest change that the number makes.
@@ -120,7 +120,7 @@ TEST(Design, IsTheDerivativeOfTheExactReadingsForEveryInstrument) {
           set_up.eccentricity_sigma = set_up.scale_sigma = set_up.drift_sigma = 1e-3;
     const double worst = off_differences(model, {readings});
     std::cout << to_string(kind) << ": design matrix off central differences by " << worst << "\n";
-    EXPECT_LT(worst, third_order_coefficient) << to_string(kind);
+    EXPECT_LT(worst, third_order) << to_string(kind);
   }
 }
 
@@ -145,7 +145,7 @@ TEST(Design, HoldsForPrimedSlidesMeasuringLinesAndTurningAxes) {
     const metrology::Plan plan = metrology::plan(instrument, chain);
     const double worst = off_differences(model, {noise_free(plan, chain, GeometricErrors{})});
     std::cout << "turned gantry, " << to_string(kind) << ": " << worst << "\n";
-    EXPECT_LT(worst, third_order_coefficient);
+    EXPECT_LT(worst, third_order);
   }
 }
 

@@ -119,13 +119,13 @@ inline Chain oblique() {
                placed({1, 2, 3}, 0.8, {1, -1, 2}), placed({-6, 4, 90}, 0.3, {2, 1, 0}));
 }
 
-struct NamedFiles {
+struct Named {
   std::string name;
   Chain chain;
 };
 
 /// Every machine with three slides and two rotary axes.
-inline std::vector<NamedFiles> five_axis() {
+inline std::vector<Named> five_axis() {
   return {{"gantry", gantry()},
           {"trunnion", trunnion()},
           {"head_head", head_head()},
@@ -134,8 +134,8 @@ inline std::vector<NamedFiles> five_axis() {
           {"oblique", oblique()}};
 }
 
-inline std::vector<NamedFiles> all() {
-  std::vector<NamedFiles> machines = five_axis();
+inline std::vector<Named> all() {
+  std::vector<Named> machines = five_axis();
   machines.push_back({"platform", platform()});
   machines.push_back({"moving_table", moving_table()});
   return machines;

@@ -63,7 +63,7 @@ TEST(Pole, IsWhatPosesShowOnEveryMachine) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   double worst = 0.0, worst_turn = 0.0;
-  for (const machines::NamedFiles& machine : machines::five_axis())
+  for (const machines::Named& machine : machines::five_axis())
     for (int i = 0; i < 1000; ++i) {
       const Chain& chain = machine.chain;
       const AxisVector from = machines::anywhere(chain, random),

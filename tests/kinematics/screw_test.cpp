@@ -13,7 +13,7 @@ namespace {
 using Eigen::Vector3d;
 constexpr double pi = std::numbers::pi;
 
-double length_mismatch_text(const Pose& a, const Pose& b) {
+double apart(const Pose& a, const Pose& b) {
   return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff();
 }
 
@@ -34,11 +34,11 @@ TEST(Screw, LeadsFromOnePoseToTheOther) {
       const Pose from = pose(vector(), 500 * vector());
       const Pose to = from * pose(angle * vector().normalized(), 500 * vector());
       const Screw screw = screw_between(from, to);
-      EXPECT_EQ(length_mismatch_text(pose_at(screw, 0.0), from), 0.0);
-      worst = std::max(worst, length_mismatch_text(pose_at(screw, 1.0), to));
+      EXPECT_EQ(apart(pose_at(screw, 0.0), from), 0.0);
+      worst = std::max(worst, apart(pose_at(screw, 1.0), to));
       // a constant rate: two halves are the whole, and so is the way back
       const Screw half = screw_between(from, pose_at(screw, 0.5));
-      worst = std::max(worst, length_mismatch_text(pose_at(half, 2.0), to));
+      worst = std::max(worst, apart(pose_at(half, 2.0), to));
     }
   std::cout << "ends within " << worst << " mm of poses 1 m away\n";
   EXPECT_LT(worst, 1e-11);
@@ -53,12 +53,10 @@ TEST(Screw, OfOneJointIsItsMotion) {
   for (const double end : {1e-9, 1e-3, 0.3, 3.1}) {
     const Screw screw = screw_between(turned(0.0), turned(end));
     for (const double u : {0.1, 0.25, 0.5, 0.9})
-      EXPECT_LT(length_mismatch_text(pose_at(screw, u), turned(u * end)), 1e-12) << end;
+      EXPECT_LT(apart(pose_at(screw, u), turned(u * end)), 1e-12) << end;
   }
   const Screw slide = screw_between(Pose::Identity(), pose(Vector3d::Zero(), Vector3d(1, 2, 3)));
-  EXPECT_EQ(
-      length_mismatch_text(pose_at(slide, 0.25), pose(Vector3d::Zero(), Vector3d(0.25, 0.5, 0.75))),
-      0.0);
+  EXPECT_EQ(apart(pose_at(slide, 0.25), pose(Vector3d::Zero(), Vector3d(0.25, 0.5, 0.75))), 0.0);
 }
 
 TEST(Screw, NoPointIsFasterThanTheFastest) {

@@ -88,11 +88,11 @@ inline Chain lathe() {
       at(0, 0, 0), lying_tool());
 }
 
-struct NamedFiles {
+struct Named {
   std::string name;
   Chain chain;
 };
-inline std::vector<NamedFiles> all() {
+inline std::vector<Named> all() {
   return {{"gantry", gantry()},         {"trunnion", trunnion()}, {"head_head", head_head()},
           {"three_axis", three_axis()}, {"platform", platform()}, {"lathe", lathe()}};
 }

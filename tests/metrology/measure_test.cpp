@@ -207,7 +207,7 @@ TEST(Measure, TemperaturesAloneHaveNoValues) {
 }
 
 TEST(Measure, SpindleIsReadAsItTurnsAndAnEccentricBallGoesRound) {
-  for (const machines::NamedFiles& machine : machines::all()) {
+  for (const machines::Named& machine : machines::all()) {
     SCOPED_TRACE(machine.name);
     Instrument i = typical(Kind::Spindle);
     i.noise = i.resolution = i.drift_sigma = 0.0;

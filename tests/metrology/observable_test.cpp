@@ -276,13 +276,12 @@ Long extended(const Channel& c, const Bodies& bodies) {
   };
   const auto of = R(c.of), in = R(c.in);
   const Long3 p_b = of.leftCols<3>() * c.point_of.cast<Long>() + of.col(3);
-  const Long3 length_mismatch_text =
-      in.leftCols<3>().transpose() * (p_b - in.col(3)) - c.point_in.cast<Long>();
-  if (c.quantity == Quantity::Length) return length_mismatch_text.norm();
+  const Long3 apart = in.leftCols<3>().transpose() * (p_b - in.col(3)) - c.point_in.cast<Long>();
+  if (c.quantity == Quantity::Length) return apart.norm();
   const Long3 u = c.direction_in.cast<Long>();
-  if (c.quantity == Quantity::Displacement) return u.dot(length_mismatch_text);
+  if (c.quantity == Quantity::Displacement) return u.dot(apart);
   const Long3 n = in.leftCols<3>().transpose() * (of.leftCols<3>() * c.normal_of.cast<Long>());
-  return n.dot(length_mismatch_text) / n.dot(u);
+  return n.dot(apart) / n.dot(u);
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ namespace metrology = abbe::errors::metrology;
 namespace machines = metrology::machines;
 
 /// As bought, with a bar or a ball's place that the smaller machines have room for.
-Instrument on(const machines::NamedFiles& machine, Kind kind) {
+Instrument on(const machines::Named& machine, Kind kind) {
   Instrument i = typical(kind);
   if (machine.name == "platform") i.radius = 40.0;
   if (machine.name == "lathe") i.radius = 80.0;
@@ -45,8 +45,8 @@ bool suits(Kind kind, const std::string& machine) {
 }
 
 void visit_all(
-    const std::function<void(const machines::NamedFiles&, const Instrument&, const Plan&)>& f) {
-  for (const machines::NamedFiles& machine : machines::all()) {
+    const std::function<void(const machines::Named&, const Instrument&, const Plan&)>& f) {
+  for (const machines::Named& machine : machines::all()) {
     for (const Kind kind : all_kinds()) {
       if (!suits(kind, machine.name)) continue;
       SCOPED_TRACE(machine.name + ", " + to_string(kind));
@@ -70,7 +70,7 @@ std::string sentence(const std::function<void()>& f) {
 TEST(Plan, EveryKindKeepsWithinTheTravelOfEveryMachine) {
   int plans = 0;
   std::size_t measurements = 0;
-  visit_all([&](const machines::NamedFiles& machine, const Instrument&, const Plan& p) {
+  visit_all([&](const machines::Named& machine, const Instrument&, const Plan& p) {
     ++plans;
     measurements += p.measurements.size();
     EXPECT_FALSE(p.measurements.empty());
@@ -86,7 +86,7 @@ TEST(Plan, EveryKindKeepsWithinTheTravelOfEveryMachine) {
 }
 
 TEST(Plan, TimeRunsOnAndTheFirstReadingIsAtTheStart) {
-  visit_all([&](const machines::NamedFiles&, const Instrument& instrument, const Plan& p) {
+  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
     EXPECT_EQ(p.measurements.front().state.time_s, instrument.start_s);
     for (std::size_t i = 1; i < p.measurements.size(); ++i) {
       const Measurement& a = p.measurements[i - 1];
@@ -103,7 +103,7 @@ TEST(Plan, TimeRunsOnAndTheFirstReadingIsAtTheStart) {
 }
 
 TEST(Plan, StartMovesEveryReading) {
-  const machines::NamedFiles gantry{"gantry", machines::gantry()};
+  const machines::Named gantry{"gantry", machines::gantry()};
   Instrument i = on(gantry, Kind::Laser);
   const Plan now = plan(i, gantry.chain);
   i.start_s = -7200.0;
@@ -115,7 +115,7 @@ TEST(Plan, StartMovesEveryReading) {
 }
 
 TEST(Plan, TargetsAreTheSamePlaceInEveryRunAndFromBothSides) {
-  visit_all([&](const machines::NamedFiles&, const Instrument& instrument, const Plan& p) {
+  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
     if (instrument.kind == Kind::Spindle) return;
     std::map<std::tuple<int, int, int>, kinematics::AxisVector> places;
     for (const Measurement& measurement : p.measurements) {
@@ -131,7 +131,7 @@ TEST(Plan, TargetsAreTheSamePlaceInEveryRunAndFromBothSides) {
 TEST(Plan, BothWaysApproachEveryTargetUpAndDownWithOneReversalBetween) {
   for (const Kind kind : {Kind::Laser, Kind::Straightness, Kind::AngleOptics, Kind::Square,
                           Kind::Level, Kind::RollLines}) {
-    for (const machines::NamedFiles& machine : machines::all()) {
+    for (const machines::Named& machine : machines::all()) {
       SCOPED_TRACE(machine.name + ", " + to_string(kind));
       const Instrument instrument = on(machine, kind);
       const Plan p = plan(instrument, machine.chain);
@@ -242,7 +242,7 @@ TEST(Plan, ParallelSlidesAreNoPair) {
 }
 
 TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
-  visit_all([&](const machines::NamedFiles& machine, const Instrument& as_bought, const Plan&) {
+  visit_all([&](const machines::Named& machine, const Instrument& as_bought, const Plan&) {
     Instrument i = as_bought;
     i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
     i.rotation_sigma = i.position_sigma = i.scale_sigma = i.drift_sigma = 0.0;
@@ -320,7 +320,7 @@ TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
 
 TEST(Plan, BallAtTheToolStaysAtItsPlaceInTheWorkpiece) {
   for (const char* name : {"gantry", "trunnion", "head_head"}) {
-    for (const machines::NamedFiles& machine : machines::all()) {
+    for (const machines::Named& machine : machines::all()) {
       if (machine.name != name) continue;
       for (const Kind kind : {Kind::BallBarRotary, Kind::RTest}) {
         Instrument i = on(machine, kind);
@@ -400,7 +400,7 @@ TEST(Plan, WordsOfKindsComeBack) {
 }
 
 TEST(Plan, TimesAreAPersonsTimes) {
-  const machines::NamedFiles gantry{"gantry", machines::gantry()};
+  const machines::Named gantry{"gantry", machines::gantry()};
   for (const Kind kind : all_kinds()) {
     const Plan p = plan(on(gantry, kind), gantry.chain);
     std::cout << p.kind << ": " << p.set_ups.size() << " set-ups, " << p.measurements.size()

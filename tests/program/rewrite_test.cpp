@@ -77,7 +77,7 @@ struct Off {
 Off off_wanted(const Path& path, const RewrittenProgram& program, const Path& again,
                const std::vector<ControlledAxis>& axes, double lever, const Change& change) {
   Off off;
-  const int spindle = spindle_of(axes);
+  const int spindle = find_spindle(axes);
   for (const Block& block : again.blocks) {
     const Stretch& stretch = program.of_line.at(std::size_t(block.line) - 1);
     const Block& source = path.blocks.at(std::size_t(stretch.block));

@@ -245,7 +245,7 @@ bool names(const std::string& text, const Trial& trial) {
   return found;
 }
 
-std::string distribution_error(const Trial& trial, const Ended& end) {
+std::string error_text(const Trial& trial, const Ended& end) {
   if (end.code == 0) return "";
   if (end.code == 3 && end.text.find("expected") != std::string::npos && names(end.text, trial))
     return "";
@@ -271,7 +271,7 @@ TEST(AbsurdValues, OfEveryNumberOfEverySceneEndSoonAndSayWhichItWas) {
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (done >= 10 && spent > max_s) break;
     const Ended end = ended(trial);
-    EXPECT_EQ(distribution_error(trial, end), "");
+    EXPECT_EQ(error_text(trial, end), "");
     ++done;
     refused += end.code == 3;
     longest = std::max(longest, end.seconds);

@@ -161,7 +161,7 @@ TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
     while (i + 1 < job.samples.states.size() && commands.samples.states[i + 1].time_s <= time) ++i;
     const kinematics::AxisState& axes = commands.samples.states[i];
     kinematics::AxisVector q = axes.q;
-    if (const auto spindle = spindle_of(job.machine)) q[*spindle] = 0.0;
+    if (const auto spindle = find_spindle(job.machine)) q[*spindle] = 0.0;
     const auto T = carrier_poses(job.truth.actual, q, deviations(job.truth, axes).joints);
     for (std::size_t b = 0; b < moved.size(); ++b) {
       ASSERT_TRUE(state.T_b[b]);

@@ -38,9 +38,9 @@ TEST(BeliefFile, EveryPackagedErrorFileReadsBackAsItWas) {
     ASSERT_EQ(again.geometric.elements.size(), known.elements.size());
     for (std::size_t i = 0; i < known.elements.size(); ++i)
       EXPECT_EQ(again.geometric.elements[i].name, known.elements[i].name);
-    const double length_mismatch_text = largest_apart(again.geometric, known);
-    std::cout << name << ": " << length_mismatch_text << " mm or rad apart\n";
-    EXPECT_LT(length_mismatch_text, 1e-17);
+    const double apart = largest_apart(again.geometric, known);
+    std::cout << name << ": " << apart << " mm or rad apart\n";
+    EXPECT_LT(apart, 1e-17);
   }
 }
 
@@ -79,9 +79,8 @@ TEST(BeliefFile, ItsCovarianceReadsBack) {
   for (const Coefficient& one : belief.covariance.of)
     wanted.push_back(errors::name_of(one, belief.elements));
   EXPECT_EQ(names, wanted);
-  const Eigen::MatrixXd length_mismatch_text = again.covariance.matrix - belief.covariance.matrix;
-  EXPECT_LT((length_mismatch_text.array() / belief.covariance.matrix.array()).abs().maxCoeff(),
-            1e-12);
+  const Eigen::MatrixXd apart = again.covariance.matrix - belief.covariance.matrix;
+  EXPECT_LT((apart.array() / belief.covariance.matrix.array()).abs().maxCoeff(), 1e-12);
 }
 
 TEST(BeliefFile, TwoErrorFilesKeepTheCovarianceOfEach) {

@@ -72,7 +72,7 @@ TEST(ChainScenes, EveryMachineCutsTheMapOfTheGantry) {
   const Cut reference = cut_error_free(job_of(dome_on(gantry_kind)));
   for (const MachineKind& kind : other_machines) {
     const Job job = job_of(dome_on(kind));
-    const Apart d = length_mismatch_text(cut_error_free(job).surface, reference.surface);
+    const Apart d = apart(cut_error_free(job).surface, reference.surface);
     std::cout << kind.machine << " against the gantry: rms " << d.rms / units::nm << " nm, max "
               << d.max / units::nm << " nm over " << d.vertices << " vertices, "
               << job.path.motion_blocks << " moves\n";
@@ -92,9 +92,9 @@ TEST(ChainScenes, PerfectIteratedIdealMendsEveryMachine) {
       // at home Z stands at the end of its travel, where no correction has room
       const Job job = job_of(scene, {{"machine.home.Z_mm", "280"}});
       const Cut error_free = cut_error_free(job);
-      const Apart before = length_mismatch_text(cut(job).surface, error_free.surface);
+      const Apart before = apart(cut(job).surface, error_free.surface);
       const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
-      const Apart after = length_mismatch_text(compensated.surface, error_free.surface);
+      const Apart after = apart(compensated.surface, error_free.surface);
       std::cout << kind.machine << ", seed " << seed << ": uncompensated rms "
                 << before.rms / units::um << " um, iterated " << after.rms / units::nm
                 << " nm, worst direction left " << compensated.direction_left / units::urad

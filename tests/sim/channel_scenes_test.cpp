@@ -672,7 +672,7 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
   const long start = std::lround(wanted.value(0, 0) / period - phase);
   const double zero = height(wanted.time_s[0], 0.0);
   VectorXd before(n - 1), after(n - 1);
-  double length_mismatch_text = 0.0;
+  double apart = 0.0;
   long done = start, pairs = 0;
   for (Eigen::Index row = 0; row + 1 < n; ++row) {
     const long next = counts_closed(motion, row, minute_of(wanted, row, phase), done, phase);
@@ -681,19 +681,18 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
     const double end_s = wanted.time_s[row + 1], travelled = double(done - start) * period;
     before[row] = height(end_s, 0.0) - zero;
     after[row] = height(end_s, travelled) - zero;
-    length_mismatch_text = std::max(
-        length_mismatch_text, std::abs(compensation::value_at(fast, end_s - 0.5 * cycle_s)[0] -
-                                       fast.value(0, 0) - travelled));
+    apart = std::max(apart, std::abs(compensation::value_at(fast, end_s - 0.5 * cycle_s)[0] -
+                                     fast.value(0, 0) - travelled));
   }
   const Spread was = spread_of(before), is = spread_of(after);
   std::cout << "spindle along Z over " << (wanted.time_s[n - 1] - wanted.time_s[0]) / 3600
             << " h: drifts by up to " << was.max / units::um << " um (RMS " << was.rms / units::um
             << "), with " << pairs << " pairs of 1 um by up to " << is.max / units::um
-            << " um (RMS " << is.rms / units::um << "); off the fast model by "
-            << length_mismatch_text / units::nm << " nm\n";
+            << " um (RMS " << is.rms / units::um << "); off the fast model by " << apart / units::nm
+            << " nm\n";
   EXPECT_GT(was.max, 20.0_um);
   EXPECT_GT(pairs, 20);
-  EXPECT_LT(length_mismatch_text, 1e-9);
+  EXPECT_LT(apart, 1e-9);
   EXPECT_LT(is.max, 0.2 * was.max);
 }
 

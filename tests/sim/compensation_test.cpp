@@ -57,8 +57,8 @@ TEST_P(GantryScene, PerfectIteratedIdealGivesTheErrorFreeMapBack) {
   const Cut error_free = cut_error_free(job);
   const Cut wrong = cut(job);
   const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
-  const Apart before = length_mismatch_text(wrong.surface, error_free.surface);
-  const Apart after = length_mismatch_text(compensated.surface, error_free.surface);
+  const Apart before = apart(wrong.surface, error_free.surface);
+  const Apart after = apart(compensated.surface, error_free.surface);
   print_apart(std::string(GetParam().file) + " uncompensated", before);
   print_apart(std::string(GetParam().file) + " iterated", after);
   std::cout << "  weighted by area "
@@ -127,14 +127,13 @@ TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotCorrect) {
   const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
   const cutting::Surface apart_from_it = uncorrectable(job);
   const std::string name = GetParam();
-  print_apart(name + " uncompensated", length_mismatch_text(wrong.surface, error_free.surface));
-  print_apart(name + " left over", length_mismatch_text(compensated.surface, error_free.surface));
-  print_apart(name + " uncorrectable, computed apart",
-              length_mismatch_text(apart_from_it, error_free.surface));
-  const Apart d = length_mismatch_text(compensated.surface, apart_from_it);
+  print_apart(name + " uncompensated", apart(wrong.surface, error_free.surface));
+  print_apart(name + " left over", apart(compensated.surface, error_free.surface));
+  print_apart(name + " uncorrectable, computed apart", apart(apart_from_it, error_free.surface));
+  const Apart d = apart(compensated.surface, apart_from_it);
   print_apart(name + " left over less uncorrectable", d);
   EXPECT_TRUE(compensated.warnings.empty());
-  EXPECT_GT(length_mismatch_text(wrong.surface, error_free.surface).rms, 0.3_um);
+  EXPECT_GT(apart(wrong.surface, error_free.surface).rms, 0.3_um);
   EXPECT_GT(d.vertices, 2000);
   EXPECT_EQ(d.unlike, 0);
   EXPECT_LT(d.rms, 1.0_nm);
@@ -211,7 +210,7 @@ TEST(Compensation, RewrittenProgramDiffersFromTheIdealChannelByItsWords) {
                                                     {"compensation.angle_resolution_deg", words}}));
     const Cut ideal = cut(job, parse_case("perfect-iterated-ideal"));
     const Cut program = cut(job, parse_case("perfect-iterated-program"));
-    const Apart d = length_mismatch_text(program.surface, ideal.surface);
+    const Apart d = apart(program.surface, ideal.surface);
     print_apart(fmt::format("words of {0} mm and {0} deg", q), d);
     EXPECT_EQ(d.unlike, 0);
     EXPECT_LE(d.rms, q);
@@ -284,7 +283,7 @@ TEST(Compensation, RewrittenPvtReadsBackAndFollowsTheIdealChannel) {
   const std::vector<int> columns = {0, 1, 2};
   EXPECT_EQ(program::write_pvt(rows, control.axes, columns), program.rewritten_program);
   EXPECT_GE(rows.size(), job.path.blocks.size());
-  const Apart d = length_mismatch_text(program.surface, ideal.surface);
+  const Apart d = apart(program.surface, ideal.surface);
   print_apart(fmt::format("PVT of {} rows", rows.size()), d);
   EXPECT_EQ(d.unlike, 0);
   EXPECT_LT(d.rms, 1.0_nm);  // its words are not rounded

@@ -68,7 +68,7 @@ const std::string rounding_mill =
 TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
   for (const auto& [common, form] : {std::pair{ball_mill, apt_ball}, {bull_mill, apt_bull}})
     for (const std::string& part : {form_square, cap_r100}) {
-      const Apart d = length_mismatch_text(surface_with(common, part), surface_with(form, part));
+      const Apart d = apart(surface_with(common, part), surface_with(form, part));
       std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
       EXPECT_GT(d.vertices, 2500);
       EXPECT_EQ(d.unlike, 0);
@@ -78,7 +78,7 @@ TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
 
 /// The generated program puts the ball of a tapered ball on the part, whatever is above it.
 TEST(FormCutterScene, ATaperedBallCutsWithItsBall) {
-  const Apart d = length_mismatch_text(surface_with(ball_mill), surface_with(tapered_ball));
+  const Apart d = apart(surface_with(ball_mill), surface_with(tapered_ball));
   std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
   EXPECT_GT(d.vertices, 2500);
   EXPECT_LT(d.max, 0.1_nm);
@@ -113,7 +113,7 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
         stepped_mill + "[tool.actual]\nradii_mm = [2, 2, 5.01, 5.01]\n", rounding_mill,
         apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
     const Scene scene = form_scene(raster_with(tool));
-    const Scene again = build_scene(written(scene), "again.toml", {});
+    const Scene again = scene_from_tree(written(scene), "again.toml", {});
     for (auto shape : {&ToolDescription::nominal, &ToolDescription::actual}) {
       const auto& a = std::get<cutting::Cutter>(scene.tool.*shape);
       const auto& b = std::get<cutting::Cutter>(again.tool.*shape);
@@ -235,7 +235,7 @@ TEST(FormCutterScene, StockAndForceAreThoseOfTheCommonCutter) {
   std::cout << "force up to " << most << " N, " << apart_by << " N apart, " << removed << " mm^3\n";
   EXPECT_GT(most, 10.0);
   EXPECT_LT(apart_by, 1e-6 * most);
-  EXPECT_LT(length_mismatch_text(common.surface, form.surface).max, 0.1_nm);
+  EXPECT_LT(apart(common.surface, form.surface).max, 0.1_nm);
 }
 
 TEST(FormCutterScene, ATaperBendsAndRemovesWhatItsShapeDoes) {

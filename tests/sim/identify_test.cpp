@@ -112,9 +112,9 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
     for (std::size_t j = 0; j < is.size(); ++j) {
       const kinematics::Deviation motion = is[j].motion - believed[j].motion;
       const kinematics::Deviation place = is[j].location - believed[j].location;
-      for (const kinematics::Deviation& length_mismatch_text : {motion, place}) {
-        length = std::max(length, length_mismatch_text.head<3>().cwiseAbs().maxCoeff());
-        angle = std::max(angle, length_mismatch_text.tail<3>().cwiseAbs().maxCoeff());
+      for (const kinematics::Deviation& apart : {motion, place}) {
+        length = std::max(length, apart.head<3>().cwiseAbs().maxCoeff());
+        angle = std::max(angle, apart.tail<3>().cwiseAbs().maxCoeff());
       }
     }
   }

@@ -301,7 +301,7 @@ struct HeatLeft {
 HeatLeft heat_left(const Variant& variant, double history_s, unsigned seed) {
   const Scene scene = read_scene(packaged("gantry_warmup.toml"), variant.set);
   const Machine machine = compile(scene);
-  const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+  const Truth truth = make_truth(scene, machine, activity(scene, machine, {}, {}));
   const auto course =
       compensation::thermal_series(packaged_belief(), log_of(scene, history_s), machine.nominal);
   std::mt19937 random(seed);

@@ -15,7 +15,7 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double ignored_keys = std::numeric_limits<double>::quiet_NaN();
+constexpr double not_cut = std::numeric_limits<double>::quiet_NaN();
 
 /// A grid of (n + 1) x (n + 1) vertices over a square about the origin, each cell two triangles, at
 /// a height, with a map.
@@ -83,14 +83,14 @@ TEST(LineTrace, GoesAlongTheSurface) {
 
 TEST(LineTrace, TakesTheLongestStretchThatIsCut) {
   const SquareMap made = square_map(
-      10.0, 100, [](double x, double) { return std::abs(x + 2.0) < 0.45 ? ignored_keys : x; });
+      10.0, 100, [](double x, double) { return std::abs(x + 2.0) < 0.45 ? not_cut : x; });
   const auto trace = line_trace(made.map(), ProfileLine::X);
   ASSERT_TRUE(trace);
   EXPECT_EQ(trace->stretches, 2);
   EXPECT_NEAR(trace->along[0], -1.5, 1e-12);
   EXPECT_NEAR(trace->along[trace->s.size() - 1], 5.0, 1e-12);
   EXPECT_NEAR(trace->left_out, 2.5, 1e-12);
-  const SquareMap nothing = square_map(10.0, 10, [](double, double) { return ignored_keys; });
+  const SquareMap nothing = square_map(10.0, 10, [](double, double) { return not_cut; });
   EXPECT_FALSE(line_trace(nothing.map(), ProfileLine::X));
 }
 

@@ -30,7 +30,7 @@ using kinematics::AxisState;
 /// The truth that a scene's instruments meet.
 Truth truth_met(const Scene& scene) {
   const Machine machine = compile(scene);
-  return truth_of(scene, machine, activity(scene, machine, {}, {}));
+  return make_truth(scene, machine, activity(scene, machine, {}, {}));
 }
 
 /// What an instrument between tool and workpiece would read of a pose T_wt, and of the bed nothing.
@@ -256,9 +256,9 @@ TEST(Measure, TwoInstrumentsOfAKindErrApart) {
   two.instrument.name = "another laser";
   const Eigen::VectorXd a = measured(scene, one).value, b = measured(scene, two).value;
   ASSERT_EQ(a.size(), b.size());
-  const double length_mismatch_text = rms(a - b);
-  std::cout << "two lasers differ by " << length_mismatch_text / 1.0_um << " um RMS\n";
-  EXPECT_GT(length_mismatch_text,
+  const double apart = rms(a - b);
+  std::cout << "two lasers differ by " << apart / 1.0_um << " um RMS\n";
+  EXPECT_GT(apart,
             one.instrument.noise);  // sqrt(2) of noise, and what their scales do
 }
 
@@ -274,13 +274,12 @@ TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   ASSERT_EQ(twice.value.size(), 2 * once.value.size());
   EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
   EXPECT_EQ(twice.value.head(once.value.size()), once.value);
-  double length_mismatch_text = 0.0;  // the beam was laid again, and the air is another
+  double apart = 0.0;  // the beam was laid again, and the air is another
   for (Eigen::Index i = 0; i < once.value.size(); ++i)
-    length_mismatch_text = std::max(length_mismatch_text,
-                                    std::abs(twice.value[i + once.value.size()] - once.value[i]));
-  std::cout << "two set-ups differ by up to " << length_mismatch_text / 1.0_um << " um\n";
-  EXPECT_GT(length_mismatch_text, 0.01_um);
-  EXPECT_LT(length_mismatch_text, 2.0_um);
+    apart = std::max(apart, std::abs(twice.value[i + once.value.size()] - once.value[i]));
+  std::cout << "two set-ups differ by up to " << apart / 1.0_um << " um\n";
+  EXPECT_GT(apart, 0.01_um);
+  EXPECT_LT(apart, 2.0_um);
   const auto& measurements = twice.plan.measurements;
   EXPECT_NEAR(
       measurements[measurements.size() / 2].state.time_s - measurements.front().state.time_s,
@@ -338,7 +337,7 @@ Scene part_scene(const std::string& more) {
 
 using VertexPlace = std::array<double, 3>;
 template <typename Row>
-VertexPlace make_field_key(const Row& p) {
+VertexPlace make_key(const Row& p) {
   return {p.x(), p.y(), p.z()};
 }
 
@@ -346,7 +345,7 @@ VertexPlace make_field_key(const Row& p) {
 std::map<VertexPlace, double> map_of(const Job& job, const Cut& cut) {
   std::map<VertexPlace, double> map;
   for (Eigen::Index i = 0; i < cut.surface.residual.size(); ++i)
-    map[make_field_key(job.design_w.vertices.row(i))] = cut.surface.residual[i];
+    map[make_key(job.design_w.vertices.row(i))] = cut.surface.residual[i];
   return map;
 }
 
@@ -357,13 +356,13 @@ TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
   const Job job = prepare(scene);
   const std::map<VertexPlace, double> map = map_of(job, cut(job));
   const auto against_map = [&](const PartReadingsFile& file) {
-    Eigen::VectorXd length_mismatch_text = file.readings.deviation;
-    for (Eigen::Index i = 0; i < length_mismatch_text.size(); ++i) {
-      const auto found = map.find(make_field_key(file.readings.points_w.row(i)));
+    Eigen::VectorXd apart = file.readings.deviation;
+    for (Eigen::Index i = 0; i < apart.size(); ++i) {
+      const auto found = map.find(make_key(file.readings.points_w.row(i)));
       EXPECT_NE(found, map.end()) << "every point is a vertex";
-      if (found != map.end()) length_mismatch_text[i] -= found->second;
+      if (found != map.end()) apart[i] -= found->second;
     }
-    return length_mismatch_text;
+    return apart;
   };
   const auto clean = measured_part(scene, *find_part_instrument(scene, "cmm"));
   const auto noisy = measured_part(scene, *find_part_instrument(scene, "noisy"));
@@ -387,7 +386,7 @@ TEST(Measure, TheMachineCannotSeeItself) {
   const auto probed = measured_part(scene, *find_part_instrument(scene, "touch_probe")).readings;
   Eigen::VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
   for (Eigen::Index i = 0; i < seen.size(); ++i) {
-    const auto p = make_field_key(probed.points_w.row(i));
+    const auto p = make_key(probed.points_w.row(i));
     machine[i] = wrong.at(p) - cusps.at(p);
     seen[i] = probed.deviation[i] - cusps.at(p);
   }

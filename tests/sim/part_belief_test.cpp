@@ -55,8 +55,8 @@ TEST(PartBelief, MachineThatProbesWhereItCutCannotSeeItselfAndChangesNothing) {
   const Cut perfect = cut_error_free(job), before = cut(job);
   const PartReadings readings = probed(job, before);
   const Cut after = cut(job, parse_case("part-position-ideal"));
-  const double wrong = length_mismatch_text(before.surface, perfect.surface).rms;
-  const Apart changed = length_mismatch_text(after.surface, before.surface);
+  const double wrong = apart(before.surface, perfect.surface).rms;
+  const Apart changed = apart(after.surface, before.surface);
   std::cout << fmt::format(
       "{} points of a part wrong by {:.3f} um RMS: read as {:.3f} nm at most, the part cut "
       "again differs by {:.3f} nm at most\n",
@@ -83,10 +83,8 @@ TEST_P(OfTheCut, ErrorThatTheProbeDoesNotShareFalls) {
   const cutting::Surface geometric = cut(job_of(on_machine)).surface;
   const cutting::Surface perfect = cut_error_free(job).surface, before = cut(job).surface;
   const cutting::Surface after = cut(job, parse_case("part-position-ideal")).surface;
-  const double total = length_mismatch_text(before, perfect).rms,
-               total_left = length_mismatch_text(after, perfect).rms;
-  const double added = length_mismatch_text(before, geometric).rms,
-               added_left = length_mismatch_text(after, geometric).rms;
+  const double total = apart(before, perfect).rms, total_left = apart(after, perfect).rms;
+  const double added = apart(before, geometric).rms, added_left = apart(after, geometric).rms;
   std::cout << fmt::format(
       "{}: error of the part {:.3f} -> {:.3f} um RMS, what it adds to the geometric errors {:.3f} "
       "-> {:.4f}\n",
@@ -200,9 +198,9 @@ TEST(PartBelief, WhatAPartShowsCountsFromTheDatumFromWhichItWasCut) {
 TEST(PartBelief, MirroredProgramOfTheThinWallTakesNineTenthsOfItsDeflectionAway) {
   const Job job = job_of("thin_wall.toml", {{"part.vertices", "6000"}});
   const cutting::Surface perfect = cut_error_free(job).surface;
-  const double bent = length_mismatch_text(cut(job).surface, perfect).rms;
+  const double bent = apart(cut(job).surface, perfect).rms;
   for (const char* name : {"force-position-program", "part-position-program"}) {
-    const double left = length_mismatch_text(cut(job, parse_case(name)).surface, perfect).rms;
+    const double left = apart(cut(job, parse_case(name)).surface, perfect).rms;
     std::cout << fmt::format("{}: {:.3f} -> {:.4f} um RMS, {:.2f} % less\n", name, bent / 1.0_um,
                              left / 1.0_um, 100 * (1 - left / bent));
     EXPECT_LT(left, 0.1 * bent) << name;

@@ -10,7 +10,7 @@ namespace {
 using Eigen::Vector3d;
 
 /// The fault of a placement, empty for none.
-std::string distribution_error(const Job& job) {
+std::string error_text(const Job& job) {
   const Placement found = placement(job);
   return found.fault ? found.fault->what() : "";
 }
@@ -50,7 +50,7 @@ TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
   // the cap is 5.5 mm high, so the box of a program 15 mm above overlaps nothing only just
   for (const double gap : {4.0, 15.0, 80.0}) {
     const Job job = moved(fmt::format("work_offset.G54 = {{ Z_mm = {} }}\n", gap));
-    const std::string text = distribution_error(job);
+    const std::string text = error_text(job);
     EXPECT_TRUE(says(text, "; with G54 Z = ")) << text;
     const auto out = placement_suggestion(job);
     ASSERT_TRUE(out);
@@ -84,8 +84,8 @@ TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
 
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
-  EXPECT_TRUE(says(distribution_error(job), "mm beside the part, towards its +x; with G54 X = "))
-      << distribution_error(job);
+  EXPECT_TRUE(says(error_text(job), "mm beside the part, towards its +x; with G54 X = "))
+      << error_text(job);
   const auto out = placement_suggestion(job);
   ASSERT_TRUE(out);
   std::cout << out->words << ", " << 100.0 * out->reach.share << " %\n";
@@ -144,7 +144,7 @@ TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   const Job job =
       prepare(read_scene(folder_.write("s.toml", to_toml(FlatScene{.program = "p.csv"}))));
   const std::string words = "the lowest cut lies 50.0 mm above the part; with part.at_mm = [0, 0, ";
-  const std::string text = distribution_error(job);
+  const std::string text = error_text(job);
   ASSERT_TRUE(says(text, words)) << text;
   EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 50.0, 0.01) << text;
 }
@@ -158,11 +158,10 @@ TEST(Placement, AnOffsetOfAMachineWithRotaryAxesIsAPlace) {
   const std::string machine = "three_axis_table";
   text.replace(text.find(machine), machine.size(), "gantry_cxyza");
   const Job above = prepare(read_scene(folder.write("s.toml", text)));
-  EXPECT_TRUE(says(distribution_error(above), "; with G54 Z = 20 it fits best"))
-      << distribution_error(above);
+  EXPECT_TRUE(says(error_text(above), "; with G54 Z = 20 it fits best")) << error_text(above);
   const Job there =
       prepare(read_scene(folder.write("t.toml", text + "work_offset.G54 = { Z_mm = 20 }\n")));
-  EXPECT_EQ(distribution_error(there), "");
+  EXPECT_EQ(error_text(there), "");
 }
 
 /// Passes in several positions of the axes that turn, in words of the axes: an offset moves the
@@ -184,7 +183,7 @@ TEST(Placement, AnIndexedProgramHasAnOffsetToo) {
                 "400\nat_mm = [0, 0, 60]\n",
         .more = more});
     scene.replace(scene.find("three_axis_table"), 16, machine);
-    return distribution_error(prepare(read_scene(folder.write("s.toml", scene))));
+    return error_text(prepare(read_scene(folder.write("s.toml", scene))));
   };
   for (const char* machine : {"gantry_cxyza", "trunnion_ca"})
     for (const int z : {40, 80}) {
@@ -306,7 +305,7 @@ TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
                "endfacet\nendsolid part\n");
   folder.write("p.ngc", to_nc({.z = 0}));
   const auto fault_with = [&](const std::string& sampling) {
-    return distribution_error(prepare(read_scene(folder.write(
+    return error_text(prepare(read_scene(folder.write(
         "s.toml", to_toml(FlatScene{
                       .program = "p.ngc",
                       .part = "file = \"part.stl\"\nunit = \"mm\"\nopen = true\n" + sampling})))));
@@ -327,7 +326,7 @@ TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
       "s.toml",
       to_toml(FlatScene{.program = "p.ngc", .more = "work_offset.G55 = { Z_mm = 5 }\n"}))));
   // to 5 um: of offsets as good, the one that leaves the least of the rim uncut
-  const std::string text = distribution_error(job);
+  const std::string text = error_text(job);
   EXPECT_NEAR(offset_in(text.substr(text.find("G54")), "Z"), -80.0, 0.005) << text;
   EXPECT_NEAR(offset_in(text.substr(text.find("G55")), "Z"), -75.0, 0.005) << text;
   EXPECT_TRUE(says(text, "(now 5) it fits best")) << text;

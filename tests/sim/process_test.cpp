@@ -309,9 +309,8 @@ TEST(Shafts, ARingThatNothingLiesOnIsTold) {
 TEST(SteppedShaft, APerfectBeliefTakesTheForceOut) {
   const Job job = job_of("stepped_shaft.toml", straight);
   const cutting::Surface error_free = cut_error_free(job).surface;
-  const Apart before = length_mismatch_text(cut(job).surface, error_free);
-  const Apart after =
-      length_mismatch_text(cut(job, parse_case("perfect-iterated-ideal")).surface, error_free);
+  const Apart before = apart(cut(job).surface, error_free);
+  const Apart after = apart(cut(job, parse_case("perfect-iterated-ideal")).surface, error_free);
   std::cout << "force leaves " << before.rms / units::um << " um RMS, compensated "
             << after.rms / units::nm << " nm RMS\n";
   EXPECT_GT(before.rms, 5.0_um);

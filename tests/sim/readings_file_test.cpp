@@ -38,15 +38,15 @@ TEST(ReadingsFile, WhatIsWrittenReadsBackTheSame) {
     EXPECT_EQ(read.T_C, written.T_C);
     EXPECT_EQ(read.sensors, written.sensors);
     ASSERT_EQ(read.plan.measurements.size(), written.plan.measurements.size());
-    double length_mismatch_text = 0.0;
+    double apart = 0.0;
     for (std::size_t i = 0; i < read.plan.measurements.size(); ++i) {
       const auto &a = read.plan.measurements[i].state, &b = written.plan.measurements[i].state;
-      length_mismatch_text = std::max(length_mismatch_text, (a.q - b.q).cwiseAbs().maxCoeff());
+      apart = std::max(apart, (a.q - b.q).cwiseAbs().maxCoeff());
       EXPECT_EQ(a.direction, b.direction);
       EXPECT_EQ(a.stroke, b.stroke);
       EXPECT_EQ(a.time_s, b.time_s);
     }
-    EXPECT_LT(length_mismatch_text, 1e-15);
+    EXPECT_LT(apart, 1e-15);
     EXPECT_EQ(read.nominal.T_bt_home().matrix(), written.nominal.T_bt_home().matrix());
     ASSERT_EQ(read.plan.set_ups.size(), written.plan.set_ups.size());
   }

@@ -125,15 +125,15 @@ TEST(ResultFiles, OpenMeshReadsThePlyWithItsNormalsAndQuality) {
   const cutting::Points wanted = corners_of(map.design.vertices, map.design.triangles);
   const cutting::Points as_float = wanted.cast<float>().cast<double>();
   EXPECT_EQ(corners_of(mesh), as_float) << "OpenMesh reads float64 through float32";
-  OpenMesh::VPropHandleT<float> quality_range;
+  OpenMesh::VPropHandleT<float> quality;
   OpenMesh::VPropHandleT<unsigned char> status;
-  ASSERT_TRUE(mesh.get_property_handle(quality_range, "quality"));
+  ASSERT_TRUE(mesh.get_property_handle(quality, "quality"));
   ASSERT_TRUE(mesh.get_property_handle(status, "status"));
   for (const auto vertex : mesh.vertices()) {
     const Eigen::Index i = vertex.idx();
     for (int k = 0; k < 3; ++k)
       EXPECT_EQ(mesh.normal(vertex)[k], double(float(map.design.normals(i, k))));
-    const float seen = mesh.property(quality_range, vertex), given = float(map.residual_um[i]);
+    const float seen = mesh.property(quality, vertex), given = float(map.residual_um[i]);
     EXPECT_TRUE(seen == given || (std::isnan(seen) && std::isnan(given))) << i;
     EXPECT_EQ(mesh.property(status, vertex), map.status[std::size_t(i)]);
   }

@@ -191,9 +191,8 @@ TEST_F(SeveralTools, ACompensatorCorrectsEachByItsOwnLength) {
       on_gantry(listed({t1, bull}), program,
                 fmt::format("errors = \"{}errors/gantry_typical.toml\"\n", packaged("").string()));
   const cutting::Surface wanted = cut_error_free(both).surface;
-  const Apart before = length_mismatch_text(cut(both).surface, wanted);
-  const Apart after =
-      length_mismatch_text(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
+  const Apart before = apart(cut(both).surface, wanted);
+  const Apart after = apart(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
   std::cout << "uncompensated " << before.rms << " mm RMS, compensated " << after.rms
             << " mm from the error-free map\n";
   EXPECT_GT(before.rms, 5e-3);
@@ -217,7 +216,7 @@ TEST_F(SeveralTools, ToolsThatAreAlikeAreOne) {
   for (const bool error_free : {true, false}) {
     const cutting::Surface a = error_free ? cut_error_free(three).surface : cut(three).surface;
     const cutting::Surface b = error_free ? cut_error_free(one).surface : cut(one).surface;
-    const Apart by = length_mismatch_text(a, b);
+    const Apart by = apart(a, b);
     EXPECT_EQ(by.vertices, 900);
     EXPECT_LT(by.max, 1e-9);
     EXPECT_EQ(a.cut_line, b.cut_line);
@@ -232,7 +231,7 @@ TEST_F(SeveralTools, TheTipOfEachIsCountedByItsOwnChain) {
       tilted(1, -7, 0, 1000) + tilted(2, 0.5, 7, 1000));
   const Job one = on_gantry("[tool]\n" + ball + "length_mm = 100\nnumber = 1\n",
                             tilted(1, -7, 0, 1000) + tilted(1, 0.5, 7, 1000));
-  const Apart by = length_mismatch_text(cut_error_free(two).surface, cut_error_free(one).surface);
+  const Apart by = apart(cut_error_free(two).surface, cut_error_free(one).surface);
   std::cout << by.vertices << " vertices, at most " << by.max << " mm apart\n";
   EXPECT_EQ(by.vertices, 900);
   EXPECT_LT(by.max, 1e-6);  // turning moves are sampled for either length
@@ -252,8 +251,8 @@ TEST_F(SeveralTools, HeatAndSignalsGoOnFromOneToTheNext) {
   const Job one = on_gantry("[tool]\n" + ball + "number = 1\n",
                             tilted(1, -7, 0, 100) + tilted(1, 0.5, 7, 100), heat, rows);
   const Cut a = cut(two), b = cut(one);
-  EXPECT_GT(length_mismatch_text(b.surface, cut_error_free(one).surface).max, 1e-3) << "heat shows";
-  EXPECT_LT(length_mismatch_text(a.surface, b.surface).max, 1e-9);
+  EXPECT_GT(apart(b.surface, cut_error_free(one).surface).max, 1e-3) << "heat shows";
+  EXPECT_LT(apart(a.surface, b.surface).max, 1e-9);
   EXPECT_NEAR(a.tip_error.rms, b.tip_error.rms, 1e-3 * b.tip_error.rms);
   EXPECT_EQ(a.signals.columns, b.signals.columns);
   // rows every 5 s; the second tool begins with one of its own
@@ -308,8 +307,9 @@ TEST_F(SeveralTools, AnIndexBeyondTheListIsAnsweredWithTheNumbersOfAll) {
       refusal_by([&] { changed("tool.2.radius_mm"); }),
       "--set tool.2.radius_mm=3: expected an index from 0 to 1 in tool.2.radius_mm, for lists "
       "are counted from 0; tool.0 has number 1, tool.1 has number 2, seen 2");
-  EXPECT_EQ(std::get<cutting::Cutter>(changed("tool.1.radius_mm").more_tools.at(0).nominal).radius,
-            3.0);
+  EXPECT_EQ(
+      std::get<cutting::Cutter>(changed("tool.1.radius_mm").additional_tools.at(0).nominal).radius,
+      3.0);
 }
 
 TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {
@@ -339,12 +339,12 @@ TEST_F(SeveralTools, AProgramAboveThePartIsHeldAgainstItWithEveryTool) {
 TEST_F(SeveralTools, TheSceneIsWrittenWithAllOfThem) {
   const Scene read = read_scene(folder_.write(
       "s.toml", scene(listed({t1, t2}), passes(1, -7, 0, 0.0) + passes(2, 0, 7, 0.0))));
-  ASSERT_EQ(read.more_tools.size(), 1u);
-  EXPECT_EQ(read.more_tools.front().number, 2);
-  EXPECT_EQ(read.more_tools.front().name, "bull");
+  ASSERT_EQ(read.additional_tools.size(), 1u);
+  EXPECT_EQ(read.additional_tools.front().number, 2);
+  EXPECT_EQ(read.additional_tools.front().name, "bull");
   const Scene again = read_scene(folder_.write("again.toml", read.resolved));
-  ASSERT_EQ(again.more_tools.size(), 1u);
-  EXPECT_EQ(again.more_tools.front().length, 80.0);
+  ASSERT_EQ(again.additional_tools.size(), 1u);
+  EXPECT_EQ(again.additional_tools.front().length, 80.0);
 }
 
 }  // namespace

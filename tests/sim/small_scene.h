@@ -76,7 +76,7 @@ struct Apart {
   int unlike = 0;    ///< cut in one only
 };
 
-inline Apart length_mismatch_text(const cutting::Surface& a, const cutting::Surface& b) {
+inline Apart apart(const cutting::Surface& a, const cutting::Surface& b) {
   Apart d;
   for (std::size_t i = 0; i < a.status.size(); ++i) {
     const bool in_a = a.status[i] == cutting::VertexStatus::Cut;

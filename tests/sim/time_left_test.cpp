@@ -53,11 +53,11 @@ std::vector<Stage> comparison_of(int cases, double vertices, double samples) {
 
 /// @param speed  of the computer; kinds differ from it by a fifth, single stages by a tenth
 Simulated simulated(std::vector<Stage> plan, double speed, Random& random) {
-  std::map<std::string, double> default_of_kind;
+  std::map<std::string, double> of_kind;
   Simulated work{std::move(plan), {}};
   for (const Stage& one : work.plan) {
-    if (!default_of_kind.contains(one.kind)) default_of_kind[one.kind] = log_normal(random, 0.2);
-    work.took.push_back(one.seconds * default_of_kind[one.kind] * log_normal(random, 0.1) / speed);
+    if (!of_kind.contains(one.kind)) of_kind[one.kind] = log_normal(random, 0.2);
+    work.took.push_back(one.seconds * of_kind[one.kind] * log_normal(random, 0.1) / speed);
   }
   return work;
 }

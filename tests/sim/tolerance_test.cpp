@@ -98,7 +98,7 @@ TEST(Tolerance, RegionsSayWhatIsJudged) {
     return judged;
   };
   EXPECT_EQ(places(""), "-yn");
-  EXPECT_EQ(part_of("judged = \"regions\"\n").judged, PartDescription::JudgedSurface::Regions);
+  EXPECT_EQ(part_of("judged = \"regions\"\n").judged, PartDescription::JudgedArea::Regions);
 }
 
 TEST(Tolerance, VerdictIsALine) {

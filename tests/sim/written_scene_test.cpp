@@ -62,7 +62,7 @@ TEST_P(WrittenScene, IsReadAsTheSameScene) {
   const Node table = written_alone(scene);
   InputErrors input_errors;
   try {
-    EXPECT_EQ(difference(written_alone(build_scene(table, GetParam(), {})), table), "");
+    EXPECT_EQ(difference(written_alone(scene_from_tree(table, GetParam(), {})), table), "");
   } catch (const BadScene& bad) {
     for (const BadInput& fault : bad.input_errors) ADD_FAILURE() << fault.what();
   }
@@ -103,7 +103,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   Node table = written_alone(scene);
   std::vector<std::pair<std::string, Node*>> found;
   leaves(table, "", found);
-  const std::string before = to_toml(written(build_scene(table, GetParam(), {})));
+  const std::string before = to_toml(written(scene_from_tree(table, GetParam(), {})));
   // all of them take minutes
   const std::size_t stride = std::getenv("ABBE_LONG") ? 1 : 1 + found.size() / 30;
   std::set<std::string> without_effect;
@@ -115,7 +115,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
     if (!change(*leaf)) continue;
     ++tried;
     try {
-      if (to_toml(written(build_scene(table, GetParam(), {}))) == before)
+      if (to_toml(written(scene_from_tree(table, GetParam(), {}))) == before)
         without_effect.insert(path);
     } catch (const BadScene&) {
       ++refused;

@@ -254,8 +254,8 @@ TEST(BudgetRanking, SharesAddToOneAndTheLargestComesFirst) {
   for (const Ranking& r :
        {ranking(b.arms[0].responses[0], 46), change_ranking(b.arms[0].responses[0], 46),
         map_ranking(b.arms[0], 46)}) {
-    EXPECT_NEAR(r.shares.sum() + r.length_mismatch_text, 1.0, 1e-12);
-    EXPECT_GE(r.length_mismatch_text, 0.0);
+    EXPECT_NEAR(r.shares.sum() + r.apart, 1.0, 1e-12);
+    EXPECT_GE(r.apart, 0.0);
     EXPECT_EQ(std::set<int>(r.order.begin(), r.order.end()).size(), 46u);
     for (std::size_t k = 1; k < r.order.size(); ++k)
       EXPECT_GE(r.weights[r.order[k - 1]], r.weights[r.order[k]]);
@@ -272,7 +272,7 @@ TEST(BudgetRanking, NegativeAndMissingFiguresWeighNothing) {
   const Ranking order = ranking(r, 4);
   EXPECT_EQ(order.order, (std::vector<int>{2, 0, 1, 3}));
   EXPECT_EQ(order.shares, Eigen::Vector4d(0, 0, 0, 0));
-  EXPECT_EQ(order.length_mismatch_text, 1.0) << "it acts with others alone";
+  EXPECT_EQ(order.apart, 1.0) << "it acts with others alone";
 }
 
 double sum_of(const std::vector<ParetoBar>& bars) {
@@ -327,12 +327,12 @@ TEST(BudgetRanking, AWeakCorrelationIsNobodysAndAnEvenResponseIsItsInputs) {
   const Ranking weak = ranking(drawn({0.0, 0.006, 0.0}, -0.08), 3);
   EXPECT_EQ(weak.basis, Ranking::Basis::MainEffect);
   EXPECT_EQ(weak.shares.sum(), 0.0);
-  EXPECT_EQ(weak.length_mismatch_text, 1.0);
+  EXPECT_EQ(weak.apart, 1.0);
   EXPECT_TRUE(dominant_inputs(weak).empty());
   // even in its inputs: no correlation, all of the variance
   const Ranking even = ranking(drawn({0.2, 0.75, 0.0}, 0.0), 3);
   EXPECT_EQ(dominant_inputs(even), (std::vector<int>{1, 0}));
-  EXPECT_NEAR(even.length_mismatch_text, 0.05, 1e-12);
+  EXPECT_NEAR(even.apart, 0.05, 1e-12);
   // a large share of what inputs make alone is none of the whole
   EXPECT_TRUE(dominant_inputs(ranking(drawn({0.05, 0.04, 0.03}, 0.2), 3)).empty());
 }
@@ -503,7 +503,7 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
     }
   }
   const double chance = 4.0 / std::sqrt(double(b.arms[0].responses[0].answers->cases));
-  const auto factor_covariance = [&](int inputs) {
+  const auto correlated = [&](int inputs) {
     for (ResponseBudget& r : b.arms[0].responses)
       for (Contribution& c : r.contributions) {
         c.correlation = (c.input < inputs ? 1.01 : -0.99) * chance;
@@ -512,12 +512,12 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
     return written(b).count("correlation-uncompensated.png") > 0;
   };
   const auto height = [&] { return png_height(folder_ / "correlation-uncompensated.png"); };
-  EXPECT_FALSE(factor_covariance(0));
-  ASSERT_TRUE(factor_covariance(2));
+  EXPECT_FALSE(correlated(0));
+  ASSERT_TRUE(correlated(2));
   const int of_two = height();
-  ASSERT_TRUE(factor_covariance(12));
+  ASSERT_TRUE(correlated(12));
   const int of_twelve = height();
-  ASSERT_TRUE(factor_covariance(46));
+  ASSERT_TRUE(correlated(46));
   std::cout << "2 rows " << of_two << " px, 12 rows " << of_twelve << " px, 25 of 46 rows "
             << height() << " px\n";
   // the pixels of a row; a picture is as high as four rows at least

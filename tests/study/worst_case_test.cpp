@@ -67,7 +67,7 @@ struct Quality {
   double bound = 1.0;  ///< largest bound over it
 };
 
-void judge(const FlatMachine& machine, Response response, Quality& quality_range) {
+void judge(const FlatMachine& machine, Response response, Quality& quality) {
   const Box box = box_of(machine.study, 3.0);
   const ResponseFunction function = function_of(machine.influence, response);
   const Corner corner = worst_corner(box, machine.influence, response, function);
@@ -79,12 +79,12 @@ void judge(const FlatMachine& machine, Response response, Quality& quality_range
   EXPECT_LE(inside, corner.bound + 1e-15);
   for (Eigen::Index i = 0; i < box.low.size(); ++i)
     EXPECT_TRUE(corner.inputs[i] == box.low[i] || corner.inputs[i] == box.high[i]);
-  quality_range.found = std::min(quality_range.found, corner.response / worst);
-  quality_range.bound = std::max(quality_range.bound, corner.bound / worst);
+  quality.found = std::min(quality.found, corner.response / worst);
+  quality.bound = std::max(quality.bound, corner.bound / worst);
 }
 
 Quality judged(Response response, bool competing_passes, int min_inputs, int max_inputs) {
-  Quality quality_range;
+  Quality quality;
   for (unsigned seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE(testing::Message() << name_of(response) << " seed " << seed);
     Study study = study_of(normals(min_inputs + int(seed) % (max_inputs - min_inputs + 1)));
@@ -97,13 +97,12 @@ Quality judged(Response response, bool competing_passes, int min_inputs, int max
             std::min(machine.influence.first[std::size_t(v)], machine.influence.slope.cols() - 1));
       machine = flat(machine.study, first);
     }
-    judge(machine, response, quality_range);
+    judge(machine, response, quality);
   }
   std::cout << name_of(response) << (competing_passes ? ", rivals, " : ", linear, ") << min_inputs
-            << " .. " << max_inputs << " inputs: found at least " << 100.0 * quality_range.found
-            << " % of the worst of all corners, bound at most " << 100.0 * quality_range.bound
-            << " %\n";
-  return quality_range;
+            << " .. " << max_inputs << " inputs: found at least " << 100.0 * quality.found
+            << " % of the worst of all corners, bound at most " << 100.0 * quality.bound << " %\n";
+  return quality;
 }
 
 constexpr std::array bounded = {Response::Pv, Response::Rms, Response::Mean, Response::Std,
@@ -111,26 +110,25 @@ constexpr std::array bounded = {Response::Pv, Response::Rms, Response::Mean, Res
 
 TEST(WorstCase, PvOfOneRivalIsTheWorstOfAllCornersAndItsBoundIsThat) {
   for (const int inputs : {2, 13}) {
-    const Quality quality_range =
-        judged(Response::Pv, false, inputs, inputs + (inputs == 2 ? 10 : 1));
-    EXPECT_NEAR(quality_range.found, 1.0, 1e-12);
-    EXPECT_NEAR(quality_range.bound, 1.0, 1e-12);
+    const Quality quality = judged(Response::Pv, false, inputs, inputs + (inputs == 2 ? 10 : 1));
+    EXPECT_NEAR(quality.found, 1.0, 1e-12);
+    EXPECT_NEAR(quality.bound, 1.0, 1e-12);
   }
 }
 
 TEST(WorstCase, OfAFewInputsTheCornerIsTheWorstAndTheBoundHolds) {
   for (const Response response : bounded) {
-    const Quality quality_range = judged(response, true, 2, 12);
-    EXPECT_NEAR(quality_range.found, 1.0, 1e-12) << name_of(response);
-    EXPECT_LT(quality_range.bound, response == Response::Mean ? 3.0 : 1.5) << name_of(response);
+    const Quality quality = judged(response, true, 2, 12);
+    EXPECT_NEAR(quality.found, 1.0, 1e-12) << name_of(response);
+    EXPECT_LT(quality.bound, response == Response::Mean ? 3.0 : 1.5) << name_of(response);
   }
 }
 
 TEST(WorstCase, OfMoreInputsTheSearchComesNearTheWorstCorner) {
   for (const Response response : bounded) {
-    const Quality quality_range = judged(response, true, 13, 14);
-    EXPECT_GE(quality_range.found, 0.999) << name_of(response);
-    EXPECT_LT(quality_range.bound, response == Response::Mean ? 4.0 : 1.6) << name_of(response);
+    const Quality quality = judged(response, true, 13, 14);
+    EXPECT_GE(quality.found, 0.999) << name_of(response);
+    EXPECT_LT(quality.bound, response == Response::Mean ? 4.0 : 1.6) << name_of(response);
   }
 }
 

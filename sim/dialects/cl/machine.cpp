@@ -21,27 +21,29 @@ using program::FeedMode;
 
 namespace {
 
+// Both limits bound the memory of a statement that is continued without end.
 constexpr std::size_t max_items = 1000;
 constexpr std::size_t most_lines = 200;  // of one statement
-// What follows these is text to the end of the line, $ and all.
+// Statements whose items are text up to the end of the line, including any $.
 constexpr std::array<std::string_view, 9> text_words = {
     "PARTNO", "PPRINT", "REMARK", "INSERT", "TITLES", "LETTER", "PRINT", "TPRINT", "TOOL"};
 
 bool is_word_byte(char c) { return is_letter(c) || is_digit(c) || c == '-' || c == '_'; }
 
-/// The byte behind the blanks from `at`.
+/// Returns the position behind the blanks from `at` on.
 std::size_t skip_blanks_from(std::string_view text, std::size_t at) {
   while (at < text.size() && is_blank(text[at])) ++at;
   return at;
 }
 
-/// The first word of a line into the statement. @return the byte behind it
+/// Reads the first word of a line into the statement. Returns the position behind it.
 std::size_t take_major(std::string_view line, std::size_t at, Statement& statement) {
   const std::size_t from = at;
   statement.major.clear();
   if (at < line.size() && is_letter(line[at]))
     for (; at < line.size() && is_word_byte(line[at]); ++at) statement.major += upper(line[at]);
   statement.cause = {int(from) + 1, line.substr(from, at - from)};
+  // Without a word the rest of the line is the cause, for the message.
   if (statement.major.empty()) statement.cause.text = line.substr(from);
   return at;
 }
@@ -50,7 +52,8 @@ bool takes_text(const std::string& major) {
   return std::find(text_words.begin(), text_words.end(), major) != text_words.end();
 }
 
-/// The line up to its comment. @return whether it goes on in the next
+/// Removes the comment of a line. Returns true if the statement continues on the next line: one $
+/// continues, $$ begins a comment.
 bool cut_comment(std::string_view& line) {
   const std::size_t dollar = line.find('$');
   if (dollar == std::string_view::npos) return false;
@@ -59,7 +62,7 @@ bool cut_comment(std::string_view& line) {
   return goes_on;
 }
 
-/// Behind "$$->" or "$$ ->"; npos where the line has none.
+/// Returns the position behind "$$->" or "$$ ->", or npos.
 std::size_t skip_arrow(std::string_view line, std::size_t at) {
   if (line.substr(at, 2) != "$$") return std::string_view::npos;
   at = skip_blanks_from(line, at + 2);
@@ -99,12 +102,14 @@ bool Statements::next(Statement& statement) {
     goes_on = cut_comment(rest);
     line = line.substr(0, at + rest.size());
     at = skip_blanks_from(line, at);
+    // The slash may be missing, as in "GOTO 1,2,3".
     if (at < line.size() && line[at] == '/') ++at;
     statement.pieces.push_back({line, lines_.number(), at});
     while (goes_on) {
       auto more = lines_.next();
       if (!more) break;
       goes_on = cut_comment(*more);
+      // Lines beyond the limit are read on but not stored; `read_items` reports them.
       if (statement.pieces.size() <= most_lines)
         statement.pieces.push_back({*more, lines_.number(), 0});
     }
@@ -117,7 +122,7 @@ bool Statements::next(Statement& statement) {
 void read_items(Statement& statement, const program::Canon& canon) {
   if (statement.pieces.size() > most_lines)
     canon.refuse(statement.cause, "a statement of at most 200 lines", "more");
-  bool separated = true;  // a comma, or nothing yet
+  bool separated = true;  // a comma, or no item yet
   bool comma = false;
   Item last;
   for (const Statement::Piece& piece : statement.pieces)
@@ -126,6 +131,7 @@ void read_items(Statement& statement, const program::Canon& canon) {
       Item item{{}, {}, piece.line, int(at) + 1};
       if (piece.text[at] == ',') {
         item.text = piece.text.substr(at, 1);
+        // Blanks separate items as commas do, but an empty item between commas is an error.
         if (separated) refuse(canon, item, "a value between the commas");
         separated = comma = true;
         last = item;
@@ -144,6 +150,7 @@ void read_items(Statement& statement, const program::Canon& canon) {
   if (comma) refuse(canon, last, "a value behind the last comma", "none");
 }
 
+// The item may be on another line than the statement.
 void refuse(const program::Canon& canon, const Item& item, std::string expected,
             std::optional<std::string> seen) {
   program::refuse({canon.place().file, item.line}, item.cause(), std::move(expected),
@@ -154,7 +161,7 @@ namespace {
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
-/// The statement without what is not its meaning, to compare two of them.
+/// Text of a statement without blanks and comments, to compare two of them.
 std::string text_of(const Statement& s) {
   std::string text;
   for (const Item& item : s.items) text += std::string(item.text) + ",";
@@ -183,9 +190,10 @@ int Machine::whole(const Item& item, int most, const char* what) const {
   return int(value);
 }
 
-/// A minor word that the statement has not.
+/// Handles a minor word that the statement does not have.
 void Machine::unknown(const Statement& s, const Item& item, const std::string& expected) {
   const std::string word = s.major + "/" + std::string(item.text);
+  // The word may be on a continuation line, which the count of unknown words should name.
   if (item.line != canon_.line()) canon_.set_line(item.line);
   run_.unknown({item.column, word}, expected);
   canon_.set_line(s.line);
@@ -193,11 +201,13 @@ void Machine::unknown(const Statement& s, const Item& item, const std::string& e
 
 void Machine::execute(Statement& s) {
   canon_.set_line(s.line);
+  // Creo writes the cutter behind "$$->"; everything else there is a comment.
   if (s.in_comment && s.major != "CUTTER") return;
   if (s.major.empty()) refuse(s.cause, "a word at the beginning of the statement");
   const WordEntry* fact = find_entry(s.major);
   if (fact == nullptr) {
     const auto& first = s.pieces.front();
+    // A definition such as "L1 = LINE/..." is APT source that has not been processed.
     if (first.text.find('=', first.from) != std::string_view::npos)
       refuse(s.cause, "posted statements: an APT source with definitions is processed first",
              "a definition");
@@ -222,6 +232,7 @@ void Machine::units(const Statement& s) {
   else
     refuse(item, "MM or INCHES");
   units_stated_ = true;
+  // Also recorded for rewriting and for comments.
   canon_.set_inch(inch_);
 }
 
@@ -241,10 +252,11 @@ void Machine::rapid(const Statement& s) {
   rapid_ = true;
 }
 
-/// FEDRAT/250,MMPM and FEDRAT/MMPM,250.
+/// Reads the feed in both orders, FEDRAT/250,MMPM and FEDRAT/MMPM,250.
 void Machine::feedrate(const Statement& s) {
   std::optional<double> value;
   FeedMode mode = FeedMode::PerMinute;
+  // Without IPM or MMPM the feed is in the unit of the program.
   double mm = unit();
   for (const Item& item : s.items) {
     if (item.number) {
@@ -271,7 +283,7 @@ void Machine::feedrate(const Statement& s) {
   canon_.set_feed(Feed{*value, mm});
 }
 
-/// Seconds, or turns of the spindle.
+/// Reads a dwell in seconds, or in spindle turns with REV.
 void Machine::delay(const Statement& s) {
   double seconds = number(s, 0, "the seconds of a dwell");
   if (s.items.size() > 1) {
@@ -285,8 +297,8 @@ void Machine::delay(const Statement& s) {
 
 void Machine::stop(const Statement& s) { canon_.aside(s.major == "STOP" ? "M0" : "M1"); }
 
-/// Points count from the system that the program was made in; of a second one nothing says where
-/// the first is to it.
+/// Points count from the system in which the program was made. The position of a second system
+/// relative to the first one is not stated anywhere.
 void Machine::msys(const Statement& s) {
   const std::string text = text_of(s);
   if (system_ && *system_ != text)
@@ -300,7 +312,7 @@ void Machine::origin(const Statement& s) {
       refuse(item, "0,0,0: a work offset says where the points count from");
 }
 
-/// Words whose OFF asks for nothing.
+/// Accepts statements of which only OFF has no consequences.
 void Machine::require_off(const Statement& s) {
   if (s.items.size() == 1 && s.items.front().is("OFF")) return;
   refuse(s.cause, s.major == "CUTCOM"
@@ -316,10 +328,13 @@ void Machine::auxiliary(const Statement& s) {
 
 void Machine::finish() {
   if (!units_stated_ && canon_.blocks() > 0)
+    // A feed in inches suggests that the points are inches too, so it gets a warning of its own.
     run_.warn_once(inches_seen_ ? "the program states no UNITS/, and IPM or IPR as its feed: its "
                                   "points are taken as mm all the same"
                                 : "the program states no UNITS/: its points are taken as mm");
   vector_lines_.finish();
+  // The threshold keeps the warning silent for deviations that no tool makes visible: 2 um at 20 mm
+  // above the tip.
   if (axis_deviation_.angle > min_bulge)
     run_.warn_once(fmt::format(
         "between two points the tool axis leaves the great circle of their vectors by up to {:.3g} "
@@ -332,7 +347,7 @@ namespace {
 constexpr int max_tool = 1'000'000;
 constexpr double most_rpm = 1e7;
 
-/// What stands beside a tool's number and moves nothing: the point is the tip whatever its length.
+/// Words beside a tool number that have no effect: the point is the tip whatever the length.
 constexpr std::array<std::string_view, 13> beside_tools = {
     "LENGTH", "OSETNO", "ADJUST", "RADIUS", "MANUAL", "AUTO",  "HOLDER",
     "MINUS",  "PLUS",   "LARGE",  "SMALL",  "CLW",    "MAGAZN"};
@@ -345,7 +360,7 @@ bool is_one_of(const Item& item, const List& list) {
 
 }  // namespace
 
-/// LOADTL/n, LENGTH,l,OSETNO,k ...
+/// Example: LOADTL/n,LENGTH,l,OSETNO,k.
 void Machine::load_tool(const Statement& s) {
   if (s.items.empty()) refuse(s.cause, "the number of a tool behind LOADTL/", "none");
   const int tool = whole(s.items.front(), max_tool, "the number of a tool");
@@ -356,12 +371,13 @@ void Machine::load_tool(const Statement& s) {
   canon_.aside(fmt::format("T{} M6", tool));
   const auto& lengths = canon_.options().tool_length;
   tool_ = tool;
+  // With one tool in the scene its only length applies, whatever its number in the program.
   if (canon_.options().control_of_h.empty() && !lengths.count(tool) && !lengths.empty())
     tool_ = lengths.begin()->first;
   canon_.select_length(tool_, s.cause);
 }
 
-/// LOAD/TOOL,n ...
+/// LOAD/TOOL,n is LOADTL/n.
 void Machine::load(const Statement& s) {
   if (s.items.size() < 2 || !s.items.front().is("TOOL")) refuse(s.cause, "LOAD/TOOL and a number");
   Statement rest = s;
@@ -369,7 +385,7 @@ void Machine::load(const Statement& s) {
   load_tool(rest);
 }
 
-/// SELECT/TOOL,n and SELCTL/n: of the magazine, for the next change.
+/// SELECT/TOOL,n and SELCTL/n select the tool of the next change.
 void Machine::select(const Statement& s) {
   const std::size_t i = !s.items.empty() && s.items.front().is("TOOL") ? 1 : 0;
   if (i >= s.items.size()) refuse(s.cause, "the number of a tool", "none");
@@ -378,7 +394,7 @@ void Machine::select(const Statement& s) {
   canon_.aside(fmt::format("T{}", tool));
 }
 
-/// SPINDL/1000,RPM,CLW, SPINDL/RPM,1000,CLW, SPINDL/ON, SPINDL/OFF.
+/// Examples: SPINDL/1000,RPM,CLW, SPINDL/RPM,1000,CLW, SPINDL/ON and SPINDL/OFF.
 void Machine::spindle(const Statement& s) {
   int turns = spindle_turns_;
   for (std::size_t i = 0; i < s.items.size(); ++i) {
@@ -393,6 +409,7 @@ void Machine::spindle(const Statement& s) {
     } else if (item.is("OFF") || item.is("STOP")) {
       turns = 0;
     } else if (item.is("SFM") || item.is("SMM") || item.is("SFPM")) {
+      // A surface speed needs a diameter, which a milling tool path does not state.
       refuse(item, "a speed in RPM: surface speeds are not read");
     } else if (item.is("RANGE") || item.is("MAXRPM")) {
       skip_value();
@@ -414,7 +431,7 @@ void Machine::coolant(const Statement& s) {
   canon_.aside(item.is("OFF") ? "M9" : item.is("MIST") ? "M7" : "M8");
 }
 
-/// CUTTER/diameter,corner radius ...
+/// CUTTER/diameter,corner radius: compared with the tool of the scene.
 void Machine::cutter(const Statement& s) {
   CutterData words;
   words.diameter = number(s, 0, "the diameter of a cutter") * unit();
@@ -423,7 +440,7 @@ void Machine::cutter(const Statement& s) {
   if (words.diameter > 0) canon_.cutter("CUTTER/", words);
 }
 
-/// TLDATA/MILL,diameter,corner radius ...; of other tools nothing is taken.
+/// TLDATA/MILL,diameter,corner radius. Data of other tool types is ignored.
 void Machine::tool_data(const Statement& s) {
   if (s.items.empty() || !s.items.front().is("MILL")) return;
   CutterData words;
@@ -436,9 +453,10 @@ void Machine::tool_data(const Statement& s) {
 namespace {
 
 constexpr std::size_t n_columns = 7;
+// A table has seven columns of meaning; more cells are read only to report the width.
 constexpr std::size_t max_cells = 100;
 
-// The names that a head may give to x y z i j k and the feed.
+// Names that a header may give to x y z i j k and the feed.
 constexpr std::array<std::array<std::string_view, 4>, n_columns> names = {{
     {"X", "X_MM", "", ""},
     {"Y", "Y_MM", "", ""},
@@ -449,7 +467,7 @@ constexpr std::array<std::array<std::string_view, 4>, n_columns> names = {{
     {"FEED", "F", "FEED_MM_PER_MIN", "FEEDRATE"},
 }};
 
-/// A line without its comment and the blanks around.
+/// Returns true unless the line is blank or a comment.
 bool is_not_blank(std::string_view line) {
   const std::size_t at = line.find_first_not_of(" \t,;");
   return at != std::string_view::npos && line[at] != '#';
@@ -461,14 +479,14 @@ bool is(std::string_view cell, std::string_view word) {
                     [](char a, char b) { return upper(a) == b; });
 }
 
-/// Where each of x y z i j k feed stands in a row.
+/// Column of each of x y z i j k feed.
 using Columns = std::array<std::optional<std::size_t>, n_columns>;
 
 Item make_item(const Cell& cell, int line) {
   return {cell.text, number_of(cell.text), line, cell.column};
 }
 
-/// The columns that a head names, or those of a row of numbers.
+/// A table of locations, with the columns that its header names or that its width implies.
 class Table {
  public:
   explicit Table(ProgramRun& run) : run_(run), machine_(run) { machine_.assume_mm(); }
@@ -495,6 +513,7 @@ class Table {
 void Table::read_head(const std::vector<Cell>& cells) {
   Columns columns;
   for (std::size_t c = 0; c < cells.size(); ++c) {
+    // Several names are accepted for each column; unknown columns are handled like unknown words.
     const auto named = std::find_if(names.begin(), names.end(), [&](const auto& some) {
       return std::any_of(some.begin(), some.end(),
                          [&](std::string_view one) { return is(cells[c].text, one); });
@@ -509,6 +528,7 @@ void Table::read_head(const std::vector<Cell>& cells) {
   }
   for (std::size_t i = 0; i < 3; ++i)
     if (!columns[i]) run_.canon.refuse({1, {}}, fmt::format("a column {}", names[i][0]), "none");
+  // A vector needs all three components.
   const int vectors =
       int(columns[3].has_value()) + int(columns[4].has_value()) + int(columns[5].has_value());
   if (vectors != 0 && vectors != 3)
@@ -522,6 +542,7 @@ void Table::take_order(const std::vector<Cell>& cells) {
   if (n != 3 && n != 4 && n != 6 && n != 7)
     run_.canon.refuse({1, {}}, "a head, or 3, 4, 6 or 7 columns: x y z, feed, i j k",
                       fmt::format("{} columns", n));
+  // Four columns are x y z feed, so the fourth one is the feed and not i.
   for (std::size_t i = 0; i < n; ++i) columns[n == 4 && i == 3 ? 6 : i] = i;
   columns_ = columns;
 }
@@ -544,10 +565,11 @@ void Table::read_feed(const Cell& cell) {
 void Table::row(std::string_view line, int number_of_line) {
   const std::vector<Cell> cells = cells_of(line, cell_separator(line), max_cells);
   if (cells.size() > max_cells) run_.canon.refuse({1, {}}, "at most 100 columns", "more");
-  if (head_refused_) return;  // what its rows mean is not known
+  if (head_refused_) return;  // without a header the rows cannot be interpreted
   if (!columns_) {
     width_ = cells.size();
     if (!number_of(cells.front().text)) {
+      // Set while the header is read: if that throws, the flag stays.
       head_refused_ = true;
       read_head(cells);
       head_refused_ = false;
@@ -562,6 +584,7 @@ void Table::row(std::string_view line, int number_of_line) {
   if (const auto i = (*columns_)[3])
     to.direction = machine_.direction_of(make_item(cells[*i], number_of_line),
                                          {number(cells, 3), number(cells, 4), number(cells, 5)});
+  // The first row is reached at rapid, since nothing says where the tool comes from.
   if (!arrived_) machine_.rapid_next();
   if (const auto feed = (*columns_)[6]) read_feed(cells[*feed]);
   const Cell& first = cells[*(*columns_)[0]];

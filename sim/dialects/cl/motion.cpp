@@ -17,9 +17,11 @@ using program::FeedMode;
 
 namespace {
 
-constexpr double farthest = 1e6;         // mm
-constexpr double length_off = 1e-3;      // of a vector that counts as unit
-constexpr double upright_within = 1e-6;  // rad, what seven digits leave
+constexpr double farthest = 1e6;  // mm, the limit of positions of the canon
+// Deviation from length 1; vectors of three decimals stay within it.
+constexpr double length_off = 1e-3;
+constexpr double upright_within = 1e-6;  // rad, rounding of a vector of seven digits
+// A stated point determines every axis.
 constexpr std::uint32_t every_joint = ~std::uint32_t(0);
 
 std::string text_of(const Eigen::Vector3d& v) {
@@ -36,12 +38,13 @@ Eigen::Vector3d Machine::direction_of(const Item& first, const Eigen::Vector3d& 
   return ijk / length;
 }
 
+// Displacement of the work offset: the programmed zero in the coordinates of the tip.
 Eigen::Vector3d Machine::shift() const {
   const AxisVector zero = canon_.placed(AxisVector::Zero(canon_.position().size()));
   return {zero[canon_.joint_of('X')], zero[canon_.joint_of('Y')], zero[canon_.joint_of('Z')]};
 }
 
-/// x,y,z or x,y,z,i,j,k. Without a vector the last one stays.
+/// Reads x,y,z or x,y,z,i,j,k; without a vector the last one is kept.
 Location Machine::location(const Statement& s) {
   const std::size_t n = s.items.size();
   if (n != 3 && n != 6)
@@ -49,6 +52,7 @@ Location Machine::location(const Statement& s) {
            fmt::format("{} values", n));
   Location to{vector(s, 0, "a coordinate") * unit(), direction_};
   if (n == 6) to.direction = direction_of(s.items[3], vector(s, 3, "a tool vector"));
+  // MULTAX/OFF promises upright vectors; a tilted one contradicts it.
   if (upright_ &&
       kinematics::angle_between(to.direction, Eigen::Vector3d::UnitZ()) > upright_within)
     refuse(s.items[3], "MULTAX/ON before a tool vector that is not 0,0,1", text_of(to.direction));
@@ -62,10 +66,11 @@ Location Machine::here() const {
   return {tip_w - shift(), direction_};
 }
 
-/// The tip mode with the tool that runs; its number must be one that the control knows.
+/// Switches to tip mode with the current tool, whose number the control must know.
 void Machine::enter_tip_mode(const Cause& cause) {
   if (canon_.tip_mode() && canon_.coordinates() == program::Coordinates::Tip) return;
   if (tool_ < 0) {
+    // Without LOADTL the only tool is assumed, and reported.
     if (!canon_.options().tool_length.empty()) tool_ = run_.uncalled_tool(cause, "no LOADTL");
     canon_.select_length(tool_, cause);
   }
@@ -78,6 +83,8 @@ void Machine::enter_tip_mode(const Cause& cause) {
           "the tool in the workpiece");
 }
 
+// Positions are solved with travel limits first: a direction that is reachable only beyond them
+// gets a message of its own.
 kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vector3d& tip_w,
                                             const Cause& cause) {
   kinematics::NearestPose found;
@@ -94,12 +101,14 @@ kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vec
   if (found.q.size() == 0)
     refuse(cause, "a location within the travel of the axes",
            fmt::format("{} with the tool vector {}", text_of(to.tip), text_of(to.direction)));
+  // Fanuc's rule chooses among the solutions by travel axis by axis, not by total travel.
   if (vector_lines_.rule() == PoleRule::Fanuc)
     return vector_lines_.fanuc_rotary_axes(canon_.chain(), to.direction, cause);
   return std::move(found.q);
 }
 
-/// The tip and the rotary axes there. An equal vector leaves the rotary axes where they are.
+/// Returns the axes at a location. An equal vector keeps the rotary axes, so that rounding of the
+/// inverse does not move them.
 kinematics::AxisVector Machine::axes_at(const Location& to, const Cause& cause) {
   if (!(to.tip.cwiseAbs().maxCoeff() <= farthest)) refuse(cause, "a position within 1e6 mm");
   enter_tip_mode(cause);
@@ -117,9 +126,9 @@ void Machine::check_feed(const Cause& cause) const {
   if (!canon_.feed()) refuse(cause, "FEDRAT/ before the first move at feed", "none");
 }
 
-/// How far the tool axis is from the great circle in the middle of the move that is to come. Two
-/// turns of t rad in all bend the way of the axis, and the circle, by t^2 at most, so their middles
-/// are within t^2 / 4: most moves are too short to matter.
+/// Records how far the tool axis is from the great circle in the middle of the next move. Rotations
+/// of t rad in total bend the path of the axis, and the circle, by at most t^2, so their middles
+/// are within t^2 / 4: most moves are too short to need the exact value.
 void Machine::note_turn(const AxisVector& end, const Eigen::Vector3d& direction) {
   const AxisVector& start = canon_.position();
   double turn = 0.0;
@@ -141,7 +150,8 @@ void Machine::straight(const Location& to, const Cause& cause, bool stated, bool
   if (rapid) return canon_.traverse({.end = std::move(end), .cause = cause, .stated = joints});
   check_feed(cause);
   if (vector_lines_.on()) {
-    // led through a pole, the rotary axes do not stand for the vector: the next point turns them
+    // After a passage through a pole the rotary axes do not correspond to the vector: the next
+    // point solves them again.
     if (!vector_lines_.straight_feed(canon_.chain(), {std::move(end), cause, false, joints}))
       turned_to_.setZero();
     return;
@@ -154,6 +164,8 @@ void Machine::go_to(const Location& to, const Cause& cause, bool stated) {
   const bool rapid = rapid_;
   rapid_ = false;
   if (hole_) return hole(to, cause);
+  // RAPID between a circle and its first point makes no sense; behind the first arc it just ends
+  // the circle.
   if (circle_ && rapid && circle_->arcs == 0)
     refuse(cause, "a point at feed behind " + std::string(circle_->word), "one at rapid");
   if (circle_ && !rapid && continues_arc(to)) return arc(to, cause, stated);
@@ -163,7 +175,7 @@ void Machine::go_to(const Location& to, const Cause& cause, bool stated) {
 
 void Machine::go_to(const Statement& s) { go_to(location(s), s.cause, true); }
 
-/// Steps of x y z, or one along the tool axis.
+/// Steps of x y z, or one step along the tool axis.
 void Machine::go_delta(const Statement& s) {
   enter_tip_mode(s.cause);
   Location to = here();
@@ -178,7 +190,7 @@ void Machine::go_delta(const Statement& s) {
   go_to(to, s.cause, false);
 }
 
-/// Where the tool is said to stand. The axes come from their home, and go there at rapid.
+/// FROM states where the tool is. If the axes are elsewhere, they move there at rapid.
 void Machine::from(const Statement& s) {
   const Location to = location(s);
   circle_.reset();
@@ -190,12 +202,13 @@ void Machine::from(const Statement& s) {
         fmt::format("FROM on line {} is not where the axes stand: they go there at rapid", s.line));
 }
 
-/// To the point of FROM, else to where the axes stood at first.
+/// Moves to the point of FROM, or to the initial axis positions.
 void Machine::go_home(const Statement& s) {
   for (const Item& item : s.items) refuse(item, "nothing behind GOHOME");
   circle_.reset();
   if (home_) return straight(*home_, s.cause, true, true);
   enter_tip_mode(s.cause);
+  // Home is a position of the axes, not of the tip.
   canon_.go_to(program::Coordinates::Axis, s.cause);
   canon_.traverse({.end = start_of(canon_.options()), .cause = s.cause, .stated = every_joint});
   canon_.go_to(program::Coordinates::Tip, s.cause);
@@ -203,7 +216,7 @@ void Machine::go_home(const Statement& s) {
   turned_to_ = direction_;
 }
 
-/// The tool axis of the points that state none.
+/// Sets the tool axis of points that state none.
 void Machine::tool_axis(const Statement& s) {
   if (s.items.size() != 3) refuse(s.cause, "i,j,k behind TLAXIS/");
   if (upright_) refuse(s.cause, "MULTAX/ON before TLAXIS/");
@@ -212,19 +225,20 @@ void Machine::tool_axis(const Statement& s) {
 
 namespace {
 
-// As the canon allows radii to differ at the ends of an arc.
+// Tolerances of the canon for the radii at the ends of an arc, see the README of sim/program.
 constexpr double free_mm = 0.005, max_mm = 0.5, share = 1e-3;
 constexpr double one_point = 1e-8;         // mm, a circle closes
-constexpr double angle_allowed = 0.002;    // rad, of a stated sweep: digits of the points
-constexpr double same_angle = 1e-6;        // rad
+constexpr double angle_allowed = 0.002;    // rad, for a stated sweep: rounding of the points
+constexpr double same_angle = 1e-6;        // rad, rounding of a sweep
 constexpr double bulge_warning_mm = 0.01;  // mm between chord and arc
-constexpr double along_axis = 1e-9;        // rad
+constexpr double along_axis = 1e-9;  // rad, an axis this close to X, Y or Z needs no rotated plane
 
 double allowed(double radius) { return std::max(free_mm, std::min(max_mm, share * radius)); }
 
+// Component perpendicular to an axis.
 Vector3d across(const Vector3d& v, const Vector3d& axis) { return v - axis * axis.dot(v); }
 
-/// A turn that takes z to the axis.
+/// Returns a rotation that maps z to the axis. The reference axis is not closer than 45 deg to it.
 Eigen::Matrix3d frame_about(const Vector3d& axis) {
   Eigen::Matrix3d R;
   R.col(2) = axis;
@@ -236,7 +250,7 @@ Eigen::Matrix3d frame_about(const Vector3d& axis) {
 
 }  // namespace
 
-/// Centre, vector, radius.
+/// Reads centre, vector and radius.
 Machine::Circle Machine::stated_circle(const Statement& s, std::string_view word) const {
   Circle circle;
   circle.line = s.line;
@@ -249,8 +263,8 @@ Machine::Circle Machine::stated_circle(const Statement& s, std::string_view word
   return circle;
 }
 
-/// x,y,z,i,j,k,r: counter-clockwise about the vector, for the points that lie on it. With t,f,d,e
-/// behind (NX): clockwise about it, for one point.
+/// CIRCLE/x,y,z,i,j,k,r: counter-clockwise about the vector, for the points that lie on the circle.
+/// With t,f,d,e behind (NX): clockwise about the vector, for one point.
 void Machine::circle(const Statement& s) {
   const std::size_t n = s.items.size();
   if (n != 7 && n < 11)
@@ -259,6 +273,7 @@ void Machine::circle(const Statement& s) {
   Circle circle = stated_circle(s, "CIRCLE/");
   circle.for_next_point_only = n > 7;
   circle.sense_in_doubt = n == 7;
+  // NX's clockwise arc is a counter-clockwise one about the opposite vector.
   if (n > 7) circle.axis = -circle.axis;
   for (std::size_t i = 7; i < n; ++i) {
     if (i < 11) {
@@ -276,27 +291,31 @@ void Machine::moving_arc(const Statement& s) {
   std::size_t i = 7;
   if (i < s.items.size() && s.items[i].is("ANGLE")) ++i;
   circle.sweep = number(s, i, "the degrees of an arc") * units::deg;
+  // 1e6 rad keeps the number of turns within int.
   if (!(*circle.sweep > 0 && *circle.sweep < 1e6)) refuse(s.items[i], "an angle of 0 to 5.7e7 deg");
   if (i + 1 < s.items.size()) refuse(s.items[i + 1], "nothing behind the angle");
   circle_ = circle;
 }
 
-/// From where the tool is to there, rad, counter-clockwise about the axis, above 0 to a whole turn.
+/// Returns the sweep from the current position to a point, rad, counter-clockwise about the axis,
+/// above 0 and up to a whole turn.
 double Machine::sweep_to(const Vector3d& to) const {
   const Vector3d& axis = circle_->axis;
   const Vector3d a = across(here().tip - circle_->centre, axis);
   const Vector3d b = across(to - circle_->centre, axis);
+  // Coinciding ends are a full circle; a straight line would have no length.
   if ((a - b).norm() < one_point) return 2 * pi;
   const double angle = std::atan2(axis.dot(a.cross(b)), a.dot(b));
   return angle > 0 ? angle : angle + 2 * pi;
 }
 
-/// Whether the point is the end of an arc of the circle that was stated; behind the first arc of a
-/// circle for several points those that leave it go straight.
+/// Returns true if a point is the end of an arc of the stated circle. After the first arc of a
+/// circle for several points, a point off the circle is reached straight and ends it.
 bool Machine::continues_arc(const Location& to) {
   if (circle_->for_next_point_only || circle_->arcs == 0) return true;
   const Vector3d from_centre = across(to.tip - circle_->centre, circle_->axis);
   if (std::abs(from_centre.norm() - circle_->radius) > free_mm) return false;
+  // Sagitta of the arc: how far a wrong guess would be off.
   const double bulge = circle_->radius * (1 - std::cos(0.5 * sweep_to(to.tip)));
   if (bulge > bulge_warning_mm)
     run_.warn_once(fmt::format(
@@ -318,6 +337,7 @@ void Machine::check_radii(const Vector3d& to, const Cause& cause) const {
   }
 }
 
+// Checks the sweep against MOVARC's angle, modulo whole turns, and against one turn in total.
 void Machine::check_sense(double sweep, const Cause& cause) {
   Circle& circle = *circle_;
   if (circle.sweep) {
@@ -329,6 +349,7 @@ void Machine::check_sense(double sweep, const Cause& cause) {
              fmt::format("one of {:.6g} deg", sweep / units::deg));
   }
   circle.turned += sweep;
+  // Points that exceed one turn in total show that the vector points the other way.
   if (circle.turned > 2 * pi + same_angle && circle.arcs > 0)
     refuse(cause,
            fmt::format("points that go once around the CIRCLE/ of line {} at most, "
@@ -337,6 +358,7 @@ void Machine::check_sense(double sweep, const Cause& cause) {
            fmt::format("{:.4g} deg: the vector seems to point the other way",
                        circle.turned / units::deg));
   const bool whole = sweep > 2 * pi - same_angle;
+  // A sweep of more than half a turn is the sign of a vector with the opposite convention.
   if (circle.sense_in_doubt && sweep > pi - same_angle && !whole)
     run_.warn_once(
         fmt::format("the arc of line {} is taken counter-clockwise about the vector of its "
@@ -363,6 +385,7 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
   note_turn(move.end, to.direction);
   move.cause = move.named = cause;
   move.stated = stated ? ~std::uint32_t(0) : 0;
+  // Whole turns beyond the sweep between the ends are additional turns of a helix.
   if (circle.sweep) move.turns = 1 + int(std::lround((*circle.sweep - sweep) / (2 * pi)));
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
   const Vector3d centre = circle.centre + shift();
@@ -370,6 +393,7 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
   move.placed_centre[x] = centre.x();
   move.placed_centre[y] = centre.y();
   move.placed_centre[z] = centre.z();
+  // A circle about X, Y or Z lies in the plane of two axes, which needs no rotation.
   const std::array<std::array<int, 3>, 3> planes{{{y, z, x}, {z, x, y}, {x, y, z}}};
   for (int k = 0; k < 3; ++k)
     if (std::abs(circle.axis[k]) > std::cos(along_axis)) {
@@ -380,6 +404,7 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
     }
   move.first = x;
   move.second = y;
+  // Otherwise the frame is rotated for this one arc; the frame in force is restored in any case.
   const program::Frame upright = canon_.frame();
   canon_.set_frame(0, {upright.shift, frame_about(circle.axis)});
   try {
@@ -393,14 +418,14 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
 
 namespace {
 
-/// What the words behind CYCLE/DRILL said so far, mm from the point along the tool axis.
+/// Levels of CYCLE/DRILL read so far, mm from the point along the tool axis.
 struct HoleParameters {
   std::optional<double> bottom, clear, back;
 };
 
 }  // namespace
 
-/// CYCLE/DRILL: number pairs in any order.
+/// Reads CYCLE/DRILL, whose word and number pairs may be in any order.
 Machine::Hole Machine::parse_hole(const Statement& s) {
   HoleParameters words;
   Hole hole;
@@ -410,6 +435,7 @@ Machine::Hole Machine::parse_hole(const Statement& s) {
   };
   for (std::size_t i = 1; i < s.items.size(); ++i) {
     const Item& word = s.items[i];
+    // A number directly behind DRILL is the depth.
     if (word.number && i == 1) {
       words.bottom = -*word.number * unit();
       continue;
@@ -422,9 +448,11 @@ Machine::Hole Machine::parse_hole(const Statement& s) {
                        word.is("DWELL");
     if (!known) {
       unknown(s, word, "DEPTH, FEDTO, CLEAR, RAPTO, RTRCTO, RETURN, DWELL or a unit of feed");
+      // The numbers of an unknown word belong to it.
       while (i + 1 < s.items.size() && s.items[i + 1].number) ++i;
       continue;
     }
+    // A word without a number names a level that only the control knows.
     if (i + 1 < s.items.size() && !s.items[i + 1].number)
       refuse(s.items[i + 1], fmt::format("a number behind {}: levels that a control chooses are "
                                          "not known here",
@@ -438,6 +466,7 @@ Machine::Hole Machine::parse_hole(const Statement& s) {
       if (word.is("MMPR") || word.is("IPR") || word.is("PERREV"))
         hole.mode = FeedMode::PerRevolution;
     } else if (word.is("DEPTH") || word.is("FEDTO")) {
+      // DEPTH counts downwards, FEDTO is a position along the tool axis.
       one(words.bottom, word, (word.is("DEPTH") ? -value : value) * unit());
     } else if (word.is("CLEAR") || word.is("RAPTO")) {
       one(words.clear, word, value * unit());
@@ -452,6 +481,7 @@ Machine::Hole Machine::parse_hole(const Statement& s) {
   hole.depth = -*words.bottom;
   hole.clear = *words.clear;
   hole.back = words.back.value_or(hole.clear);
+  // Moves are made in this order, so the levels must be in order too.
   if (!(hole.clear > -hole.depth) || hole.back < hole.clear)
     refuse(s.cause, "the bottom below the clearance, and that not above the return",
            fmt::format("{:.6g}, {:.6g} and {:.6g} mm above the point", -hole.depth, hole.clear,
@@ -475,14 +505,15 @@ void Machine::go(const Location& to, const Cause& cause, bool rapid) {
   straight(to, cause, true, rapid);
 }
 
-/// Over the hole at the level at which the tool is, or up to the clearance first; down at feed,
-/// and back at rapid.
+/// Makes a hole: above it at the current level, or first up to the clearance; down at feed and back
+/// at rapid.
 void Machine::hole(const Location& at, const Cause& cause) {
   const Hole& hole = *hole_;
   enter_tip_mode(cause);
   const auto above = [&](double height) {
     return Location{at.tip + at.direction * height, at.direction};
   };
+  // A level is comparable only if the tool axis does not change.
   if (at.direction == turned_to_) {
     const Location now = here();
     const double level = at.direction.dot(now.tip - at.tip);
@@ -492,6 +523,7 @@ void Machine::hole(const Location& at, const Cause& cause) {
       go({now.tip + at.direction * (hole.clear - level), at.direction}, cause, true);
   }
   go(above(hole.clear), cause, true);
+  // The feed of the cycle holds for the hole alone.
   const auto feed = canon_.feed();
   const FeedMode mode = canon_.feed_mode();
   if (hole.feed) {

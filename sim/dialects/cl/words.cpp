@@ -10,8 +10,10 @@ namespace abbe::sim::dialects {
 namespace cl {
 namespace {
 
+// Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
+// The single source of the word table in the README, of the messages and of the dispatch.
 const WordEntry facts[] = {
     {"GOTO", read,
      "x,y,z or x,y,z,i,j,k: the tip there, the tool axis along i,j,k, else as before. Straight at "
@@ -72,6 +74,7 @@ const WordEntry facts[] = {
     {"CLAMP", none, "rotary axes clamped, free"},
     {"TRNTYP TOOLNO", none, "how a control turns and numbers its tools"},
     {"CSI_SET_FLUTE_LENGTH CSI_SET_EXTENSION_LENGTH", none, "lengths of a tool"},
+    // Reported once by its handler, since M codes may change the motion on a real control.
     {"AUXFUN", none, "an M code of the control", &Machine::auxiliary},
     {"INSERT PREFUN", refused,
      "statements: words of a control are not read within cutter locations"},
@@ -91,6 +94,7 @@ const WordEntry facts[] = {
 }  // namespace
 
 const WordEntry* find_entry(std::string_view major) {
+  // Built once: every statement of the program is looked up.
   static const std::unordered_map<std::string_view, const WordEntry*> by_word = [] {
     std::unordered_map<std::string_view, const WordEntry*> found;
     for (const WordEntry& fact : facts)

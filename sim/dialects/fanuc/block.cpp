@@ -12,13 +12,14 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-/// A vacant variable counts as zero.
+/// Returns zero for a vacant variable.
 double plain(double x) { return is_vacant(x) ? 0.0 : x; }
 
 const char* not_zero(double, double b) {
   return plain(b) == 0 ? "a divisor that is not zero" : nullptr;
 }
 
+// AND, OR, XOR and MOD work on whole numbers of 32 bits.
 const char* not_whole(double a, double b) {
   const auto whole = [](double x) { return x == std::floor(x) && std::abs(x) < 2147483648.0; };
   return whole(plain(a)) && whole(plain(b)) ? nullptr : "whole numbers of 32 bits on both sides";
@@ -31,9 +32,11 @@ const char* no_modulus(double a, double b) {
 
 long long bits(double x) { return (long long)(plain(x)); }
 
-/// Vacant is EQ nothing but vacant.
+/// Vacant is EQ only to vacant.
 bool equal(double a, double b) { return is_vacant(a) == is_vacant(b) && plain(a) == plain(b); }
 
+// Levels of custom macro B: multiplication and AND first, then addition, OR and XOR, comparisons
+// last.
 constexpr Operator operators[] = {
     {"*", 3, [](double a, double b) { return plain(a) * plain(b); }},
     {"/", 3, [](double a, double b) { return plain(a) / plain(b); }, not_zero},
@@ -53,13 +56,13 @@ constexpr Operator operators[] = {
 
 const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
 
-/// From 270 over 0 to 90 degrees, as parameter 6004.0 NAT = 0 has it.
+/// Arc sine from 270 over 0 to 90 degrees, as under parameter 6004.0 NAT = 0.
 double arc_sine(double x) {
   const double angle = std::asin(plain(x)) / units::deg;
   return angle < 0 ? angle + 360.0 : angle;
 }
 
-// ROUND, ATAN and POW are read by the operands.
+// ROUND, ATAN and POW take several arguments or depend on the address: Flow::operand parses them.
 constexpr Function functions[] = {
     {"ABS", [](double x) { return std::abs(plain(x)); }},
     {"ACOS", [](double x) { return std::acos(plain(x)) / units::deg; }, beyond_one},
@@ -88,7 +91,7 @@ const ExpressionGrammar& grammar() {
 namespace {
 
 constexpr std::string_view known_letters = "ABCDFGHIJKLMNPQRSTUVWXYZ";
-constexpr std::size_t max_words = 100;
+constexpr std::size_t max_words = 100;  // bounds the memory of a hostile line
 
 std::string_view comment_at(Cursor& cursor) {
   const std::size_t open = cursor.at;
@@ -110,6 +113,7 @@ void Block::clear() {
 
 int whole(const program::Canon& canon, const Word& word, int most) {
   const double near = std::round(word.value);
+  // A literal must be whole as written; a computed value carries rounding and is rounded.
   const bool written = word.text.find_first_of("#[") == std::string_view::npos;
   if ((written && word.pointed) || near < 0 || near > most)
     canon.refuse(word, fmt::format("a whole number of 0 to {} without a decimal point", most));
@@ -117,13 +121,15 @@ int whole(const program::Canon& canon, const Word& word, int most) {
 }
 
 double min_increment(char letter, bool inch) {
+  // IS-B in inches: rotary axes keep 0.001 degrees.
   return inch && !(letter >= 'A' && letter <= 'C') ? 1e-4 : 1e-3;
 }
 
 int skip_level(Cursor& cursor) {
-  const bool numbered_name = is_digit(cursor.next());
-  const int level = numbered_name ? cursor.next() - '0' : 1;
-  cursor.at += numbered_name ? 2 : 1;
+  // /n is a level only if a digit follows directly; a plain / is level 1 on a Fanuc.
+  const bool numbered = is_digit(cursor.next());
+  const int level = numbered ? cursor.next() - '0' : 1;
+  cursor.at += numbered ? 2 : 1;
   return level;
 }
 
@@ -132,6 +138,7 @@ void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
     comments.push_back(comment_at(cursor));
 }
 
+// Splits a block into words and codes.
 class BlockReader {
  public:
   BlockReader(Cursor& cursor, ProgramRun& run, MacroOperands& operands, Block& block)
@@ -151,13 +158,15 @@ class BlockReader {
   Block& block_;
 };
 
-/// The end of the block: of the line, ; with nothing behind it, or / with what is left out.
+/// Returns true at the end of the block: the end of the line, ; with nothing behind it, or / whose
+/// level is skipped.
 bool BlockReader::ends() {
   pass_comments(cursor_, block_.comments);
   if (cursor_.at_end()) return true;
   if (cursor_.here() == ';') {
     ++cursor_.at;
     pass_comments(cursor_, block_.comments);
+    // A second block on a line would be executed without a line number of its own.
     if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "the next block on a line of its own");
     return true;
   }
@@ -166,6 +175,7 @@ bool BlockReader::ends() {
 }
 
 void BlockReader::put_code(const Word& word) {
+  // Tenths: G43.4 is 434. The tolerance allows computed codes such as G[#1].
   const double scaled = word.value * 10, tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
@@ -181,6 +191,7 @@ void BlockReader::put_code(const Word& word) {
   if (fact.group == Group::None) block_.wordless = word;
   if (fact.group == Group::None || fact.group == Group::Beside) return;
   const Code& place = block_[fact.group];
+  // G codes of one modal group may be repeated, the last one counts; M codes may not.
   const bool one = word.letter == 'M' ? fact.group != Group::Coolant : fact.group == Group::OneShot;
   if (place && one)
     run_.canon.refuse(word, "one such code in a block",
@@ -200,6 +211,7 @@ void BlockReader::word() {
   const std::size_t from = cursor_.at;
   Word word;
   word.letter = upper(cursor_.here());
+  // ,C and ,R insert chamfers and roundings between this block and the next one.
   if (word.letter == ',')
     cursor_.refuse(from, "lines and arcs as they are: ,C and ,R of corners are not expanded");
   if (!is_letter(word.letter))
@@ -210,15 +222,18 @@ void BlockReader::word() {
   cursor_.skip_blanks();
   if (cursor_.at_end())
     cursor_.refuse(from, std::string("a number after ") + word.letter, "the end of the line");
+  // ROUND[] rounds to the increment of the address it is written behind.
   operands_.resolution = min_increment(word.letter, run_.canon.inch());
   word.value = value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
   word.pointed = word.text.find_first_of(".#[") != std::string_view::npos;
+  // An address with a vacant variable is ignored by the control.
   if (is_vacant(word.value)) return;
   const int macro = block_.tenths(Group::Macro);
   const bool calls = macro == 650 || macro == 660;
   if (word.letter == 'G') return put_code(word);
   if (word.letter == 'N') return run_.canon.refuse(word, "a sequence number first in its block");
+  // Behind G65 and G66 letters are arguments, except L and P.
   if (calls && std::string_view("LP").find(word.letter) == std::string_view::npos) {
     if (block_.arguments.size() == max_words) cursor_.refuse(from, "at most 100 arguments");
     block_.arguments.push_back(word);
@@ -241,6 +256,7 @@ void BlockReader::fill() {
 
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block) {
   block.clear();
+  // A NUL is not visible in messages, so it is reported by name.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
     cursor.refuse(nul, "text", "a NUL byte");
   BlockReader(cursor, run, operands, block).fill();

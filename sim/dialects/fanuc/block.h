@@ -10,7 +10,7 @@
 #include "sim/dialects/program_run.h"
 #include "sim/program/nc_block.h"
 
-/// One block of a Fanuc program with its values worked out.
+/// One block of a Fanuc program, with its expressions evaluated.
 namespace abbe::sim::dialects::fanuc {
 
 using program::Cause;
@@ -19,16 +19,17 @@ using program::Target;
 /// A letter and its number.
 struct Word : program::NcWord {
   char letter = '\0';
-  bool pointed = false;  ///< with a decimal point, or worked out: taken as it is
+  /// Written with a decimal point, or as an expression: the number is not in increments.
+  bool pointed = false;
 };
 
-/// Groups of G and M codes. Of a modal group the last code of a block counts, as the control has
-/// it; of OneShot a block has at most one.
+/// Groups of G and M codes. Of a modal group the last code of a block is in force, as on the
+/// control. A block has at most one code of group OneShot (00).
 enum class Group {
-  None,       ///< a code that is refused, or without effect and without axis words
-  Beside,     ///< without effect; axis words in its block are those of the motion in force
-  Alone,      ///< without effect, with all the words of its block
-  MirrorEnd,  ///< without effect, with the axis words of its block
+  None,       ///< rejected, or without effect and without axis words
+  Beside,     ///< without effect; axis words in its block belong to the motion in force
+  Alone,      ///< without effect, like all other words of its block
+  MirrorEnd,  ///< without effect, like the axis words of its block
   OneShot,
   Motion,
   Plane,
@@ -53,17 +54,18 @@ enum class Group {
   Count
 };
 
-/// Returns true for groups of codes that leave the axis words of their block to the motion.
+/// Returns true for groups whose codes leave the axis words of their block to the motion.
 bool is_beside_motion(Group group);
 
 using Code = TenthsCode<Word>;
 
+/// The words and codes of one block.
 struct Block {
   SparseSlots<Word, 26> words;  ///< by letter; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
-  std::vector<Word> arguments;  ///< of G65 and G66, in their order
-  Word skipped;                 ///< a code that the dialect has not, passed over
-  Word wordless;                ///< a code without effect that takes no axis words
+  std::vector<Word> arguments;  ///< of G65 and G66, in program order
+  Word skipped;                 ///< an unknown code that was skipped
+  Word wordless;                ///< a code without effect beside which axis words are an error
   std::vector<std::string_view> comments;
   bool percent = false;
 
@@ -74,44 +76,45 @@ struct Block {
   void clear();
 };
 
-/// What variables hold that nothing has been set to: a number that counts as zero wherever it is
-/// worked with, but is not EQ zero.
-inline constexpr double vacant = 4.9406564584124654e-324;  // the least double above zero
+/// Value of a variable that has not been set: it counts as zero in arithmetic, but is not EQ zero.
+inline constexpr double vacant = 4.9406564584124654e-324;  // smallest positive double
 inline bool is_vacant(double value) { return value == vacant || value == -vacant; }
 
-/// Variables and functions; where ROUND stands in a word it rounds to what its address resolves.
+/// Operands of macro expressions: variables and functions. ROUND in a word rounds to the resolution
+/// of its address.
 class MacroOperands : public Operands {
  public:
-  double resolution = 1.0;  ///< that ROUND rounds to
+  double resolution = 1.0;  ///< increment that ROUND rounds to
 };
 
-/// The operators and functions of custom macro B.
+/// Returns the operators and functions of custom macro B.
 const ExpressionGrammar& grammar();
 
-/// What the table of words says of a code.
+/// Entry of a code in the word table of the dialect.
 using CodeEntry = dialects::CodeEntry<Group>;
-/// @param letter  G or M
+/// Returns the table entry of a code. `letter` is G or M.
 const CodeEntry& find_entry(char letter, int tenths);
-/// The same of a turning control, G-code system A.
+/// Same for a turning control, G-code system A.
 const CodeEntry& find_lathe_entry(char letter, int tenths);
 
-/// What the table of words says of a word that is no code, "SETVN"; it has one.
+/// Returns the description of a word that is no code, such as "SETVN", which must be in the table.
 std::string_view word_sentence(std::string_view word);
 
-/// Least input increment of an address, system IS-B: 0.001 mm or degree, 0.0001 inch.
+/// Returns the least input increment of an address, system IS-B: 0.001 mm or degree, 0.0001 inch.
 double min_increment(char letter, bool inch);
 
-/// Reads a block into `block`, whose memory is used again. Words of vacant variables are left out.
-/// @throws BadInput
+/// Parses a block into `block`, whose memory is reused. Words with a vacant value are ignored.
+/// Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block);
 
-/// Blanks and comments, which are kept.
+/// Skips blanks and comments; the comments are collected.
 void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments);
 
-/// Returns the level of the block skip at the cursor, /2 or / for 1, and passes it.
+/// Returns the block skip level at the cursor, 2 for /2 and 1 for /, and advances past it.
 int skip_level(Cursor& cursor);
 
-/// A whole number from 0, as rounded from an expression. @throws BadInput
+/// Returns a whole number from 0 to `most`, rounded if it comes from an expression. Throws
+/// BadInput.
 int whole(const program::Canon& canon, const Word& word, int most);
 
 }  // namespace abbe::sim::dialects::fanuc

@@ -15,8 +15,10 @@ namespace abbe::sim::dialects::fanuc {
 
 namespace {
 
-constexpr int last_local = 33;
+constexpr int last_local = 33;  // #1 to #33 are local to a macro call
 
+// Common variables: #100 to #199 are lost at power off, #500 to #999 are kept; both belong to the
+// whole program here.
 bool is_common(int number) {
   return (number >= 100 && number <= 199) || (number >= 500 && number <= 999);
 }
@@ -35,6 +37,7 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 void Flow::run() {
   run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.is_aborted()) {
+    // Running over the end of the main program ends it; of a subprogram it is an error.
     if (at_ >= calls_.back().program->end) {
       if (calls_.size() == 1) break;
       run_.attempt([&] { end_of_program(); });
@@ -42,13 +45,14 @@ void Flow::run() {
     }
     run_.canon.set_line(int(at_) + 1, source().file);
     const std::size_t before = at_, depth = calls_.size();
+    // After an error reading continues at the next line, unless the line itself moved on.
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
   run_.attempt([&] { machine_.finish(); });
   warn_unread();
 }
 
-/// @return false at the end of the program
+/// Executes a line. Returns false at the end of the program.
 bool Flow::line() {
   run_.count_block();
   const std::string_view text = source().lines[at_];
@@ -65,6 +69,7 @@ bool Flow::line() {
   pass_comments(cursor, block_.comments);
   const char first = upper(cursor.here());
   int sequence = -1;
+  // O and : begin a program; their number has been read by `add_programs`.
   if ((first == 'O' || first == ':') && is_digit(cursor.next())) {
     ++cursor.at;
     cursor.number(false);
@@ -83,10 +88,12 @@ bool Flow::line() {
   return block(cursor);
 }
 
-/// A statement of custom macro B. @return false where none begins there
+/// Executes a statement of custom macro B. Returns false if none begins there.
 bool Flow::statement(Cursor& cursor) {
   const std::size_t from = cursor.at;
+  // Outside of words ROUND rounds to whole numbers.
   resolution = 1.0;
+  // GOTO, DO and END only count with their operand: letters of words may begin like them.
   const auto word_and = [&](std::string_view word, auto follows) {
     if (cursor.take(word) && (cursor.skip_blanks(), follows(cursor.here()))) return true;
     cursor.at = from;
@@ -126,6 +133,7 @@ bool Flow::block(Cursor cursor) {
   std::vector<std::string_view> before = std::move(block_.comments);
   read_block(cursor, run_, *this, block_);
   block_.comments.insert(block_.comments.begin(), before.begin(), before.end());
+  // Text behind % is outside of the program, which may not have been intended.
   if (block_.percent && has_words(cursor.text))
     run_.warn_once(fmt::format("{}:{}: {} on the line of % is not read", run_.canon.place().file,
                                run_.canon.line(), in_quotes(cursor.text)));
@@ -138,12 +146,14 @@ bool Flow::block(Cursor cursor) {
     call_macro();
     return true;
   }
+  // G67 ends the modal call before its block moves.
   if (macro.tenths == 670) modal_.reset();
   if (!machine_.execute(block_)) return false;
   if (block_[Group::Call]) {
     call_subprogram();
     return !ended_;
   }
+  // A macro called by G66 does not call itself for its own moves.
   const bool within =
       std::any_of(calls_.begin(), calls_.end(), [](const Call& c) { return c.modal; });
   if (modal_ && machine_.moved() && !within)
@@ -157,7 +167,7 @@ bool Flow::block(Cursor cursor) {
   return true;
 }
 
-/// Nothing but a comment follows.
+/// Throws BadInput unless only a comment follows.
 void Flow::ends(Cursor& cursor) {
   std::vector<std::string_view> comments;
   pass_comments(cursor, comments);
@@ -169,12 +179,13 @@ void Flow::ends(Cursor& cursor) {
 int Flow::whole_value(Cursor& cursor, int most, std::string_view what) {
   const std::size_t from = cursor.at;
   const double found = value(cursor, grammar(), *this);
+  // Expressions carry rounding, so the nearest whole number counts; a vacant value is none.
   const double near = is_vacant(found) ? -1.0 : std::round(found);
   if (near < 0 || near > most) cursor.refuse(from, fmt::format("{} of 0 to {}", what, most));
   return int(near);
 }
 
-/// #n or #[...], the number of a variable.
+/// Parses #n or #[...] and returns the number of the variable.
 int Flow::variable_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   if (cursor.here() == '_' || cursor.here() == '<' ||
@@ -190,8 +201,10 @@ int Flow::variable_number(Cursor& cursor) {
 }
 
 double Flow::read(int number, const Cursor& cursor, std::size_t from) {
+  // #0 is always vacant.
   if (number == 0) return vacant;
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
+  // An unset variable is vacant and not an error.
   if (number <= last_local) return variables_.number(number, Variables::Of::Call).value_or(vacant);
   if (is_common(number)) return variables_.number(number).value_or(vacant);
   if (const auto system = machine_.variable(number)) return *system;
@@ -215,6 +228,7 @@ void Flow::set(int number, double value, const Cursor& cursor, std::size_t from)
     return;
   }
   const Variables::Of of = local ? Variables::Of::Call : Variables::Of::Program;
+  // Assigning a vacant value clears the variable.
   if (is_vacant(value)) return variables_.unset(number, of);
   if (!variables_.set(number, value, of))
     throw ProgramLimitExceeded(cursor.place.file, cursor.place.line, 0,
@@ -222,7 +236,7 @@ void Flow::set(int number, double value, const Cursor& cursor, std::size_t from)
                                "more");
 }
 
-/// #3000 stops the control with what the program says.
+/// #3000 stops the control with an alarm of the program.
 void Flow::alarm(const Cursor& cursor, double number) {
   const std::size_t open = cursor.text.find('(', cursor.at);
   const std::size_t close = cursor.text.find(')', cursor.at);
@@ -235,6 +249,7 @@ void Flow::alarm(const Cursor& cursor, double number) {
 void Flow::assign(Cursor& cursor) {
   const std::size_t from = cursor.at;
   const int number = variable_number(cursor);
+  // A variable whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(fmt::format("#{}", number), [&] {
     if (!cursor.take("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
     const double result = expression(cursor, grammar(), *this);
@@ -252,6 +267,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
     const double x = plain(bracketed(cursor, grammar(), *this));
     return std::round(x / step) * step;
   }
+  // ATAN[y]/[x] has a range of 0 to 360 degrees; ATAN[y] alone that of the arc tangent.
   if (cursor.take("ATAN")) {
     const double y = plain(bracketed(cursor, grammar(), *this));
     if (!cursor.take("/")) return std::atan(y) / units::deg;
@@ -275,17 +291,20 @@ std::optional<double> Flow::operand(Cursor& cursor) {
 
 namespace {
 
-constexpr std::size_t max_file = std::size_t(1) << 26;  // bytes of a subprogram
+constexpr std::size_t max_file = std::size_t(1) << 26;  // bytes of a subprogram file
+// A directory of generated programs could otherwise use up all memory.
 constexpr std::size_t max_sources = 1000;
+// Eight digits, as the control accepts.
 constexpr int max_repeats = 99'999'999;
 constexpr int max_loops = 3;  // DO 1 to DO 3
 
-/// A line without blanks before it, its block delete and its sequence number, with that number.
+/// Sequence number of a line, without leading blanks and block skip.
 struct Head {
   int sequence = -1;
-  std::size_t at = 0;  ///< byte behind it
+  std::size_t at = 0;  ///< position behind it
 };
 
+// Returns the position behind blanks and comments.
 std::size_t skip(std::string_view text, std::size_t at) {
   while (at < text.size() && (is_blank(text[at]) || text[at] == '(')) {
     if (text[at] == '(') at = std::min(text.find(')', at), text.size() - 1);
@@ -294,6 +313,7 @@ std::size_t skip(std::string_view text, std::size_t at) {
   return at;
 }
 
+// Returns the number at the position, or -1; the limit keeps it within int.
 int digits(std::string_view text, std::size_t& at) {
   long long number = -1;
   for (; at < text.size() && is_digit(text[at]); ++at)
@@ -317,7 +337,7 @@ Head head_of(std::string_view text) {
   return head;
 }
 
-/// The number of the program that a line begins; none if it begins none.
+/// Returns the number of the program that a line begins, or nothing.
 std::optional<int> program_of(std::string_view text) {
   std::size_t at = skip(text, 0);
   if (at >= text.size() || (upper(text[at]) != 'O' && text[at] != ':')) return std::nullopt;
@@ -325,11 +345,12 @@ std::optional<int> program_of(std::string_view text) {
   return number < 0 ? std::nullopt : std::optional(number);
 }
 
-/// What of a line matters to loops: DO n (above zero) or END n (below), 0 if neither.
+/// Returns n for a line with DO n, -n for END n, 0 for neither.
 int loop_mark(std::string_view text) {
   static const std::string nowhere;
   Cursor cursor{text, {nowhere, 0}, head_of(text).at};
   const bool ends = cursor.take("END");
+  // WHILE [...] DO n: a comment may contain brackets too.
   if (!ends && cursor.take("WHILE")) {
     const std::size_t close = text.substr(0, text.find('(', cursor.at)).rfind(']');
     if (close == std::string_view::npos || close < cursor.at) return 0;
@@ -343,14 +364,14 @@ int loop_mark(std::string_view text) {
 
 }  // namespace
 
-/// The programs of a file, which ends at the % behind its first words: several of them before are
-/// one beginning.
+/// Splits a file into programs. It ends at the first % behind words; several % before the first
+/// word are one beginning.
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
   std::size_t end = file.lines.size();
   bool words = false;  // before this line
   std::vector<Program> programs{{.source = source}};
-  bool numbered_name = false;
+  bool numbered = false;
   for (std::size_t i = 0; i < end; ++i) {
     const std::size_t at = skip(file.lines[i], 0);
     const bool percent = at < file.lines[i].size() && file.lines[i][at] == '%';
@@ -358,12 +379,13 @@ void Flow::add_programs(std::size_t source) {
     words = words || (!percent && has_words(file.lines[i]));
     const auto number = program_of(file.lines[i]);
     if (!number) continue;
-    if (numbered_name) {
+    // Text before the first O number belongs to the first program.
+    if (numbered) {
       programs.back().end = i;
       programs.push_back({.source = source, .first = i});
     }
     programs.back().number = *number;
-    numbered_name = true;
+    numbered = true;
   }
   programs.back().end = end;
   file.end = end;
@@ -390,7 +412,7 @@ void Flow::branch(Cursor& cursor) {
   if (holds) assign(cursor);
 }
 
-/// Lines of DO with those of their END, and back.
+/// Returns the line of END for every DO and vice versa, built once for each program.
 const std::unordered_map<std::size_t, std::size_t>& Flow::loops() {
   Program& program = *calls_.back().program;
   if (program.loops) return *program.loops;
@@ -400,6 +422,8 @@ const std::unordered_map<std::size_t, std::size_t>& Flow::loops() {
     const int mark = loop_mark(source().lines[i]);
     if (mark > 0) open.emplace_back(mark, i);
     if (mark >= 0) continue;
+    // The innermost open loop of that number matches; loops opened inside it without an END are
+    // dropped.
     const auto begin = std::find_if(open.rbegin(), open.rend(),
                                     [&](const auto& one) { return one.first == -mark; });
     if (begin == open.rend()) continue;
@@ -435,7 +459,8 @@ void Flow::end_loop(Cursor& cursor, std::size_t from) {
   at_ = begin->second;
 }
 
-/// To the sequence number: the next one of the program, else from its beginning.
+/// Jumps to a sequence number: its next occurrence in the program, else the first one from the
+/// beginning.
 void Flow::jump(int number, const Cause& cause) {
   Program& program = *calls_.back().program;
   if (!program.sequence) {
@@ -443,6 +468,7 @@ void Flow::jump(int number, const Cause& cause) {
     for (std::size_t i = program.first; i < program.end; ++i)
       if (const Head head = head_of(source().lines[i]); head.sequence >= 0)
         program.sequence->emplace_back(head.sequence, i);
+    // Sorted by number, then by line, so that the next occurrence is found by bisection.
     std::sort(program.sequence->begin(), program.sequence->end());
   }
   const auto& all = *program.sequence;
@@ -455,7 +481,7 @@ void Flow::jump(int number, const Cause& cause) {
   at_ = found->second;
 }
 
-/// In a file of its own in the folder of the program.
+/// Searches a subprogram in a file of its own in the folder of the program.
 Program* Flow::program_in_file(int number) {
   const std::filesystem::path& folder = run_.options().folder;
   if (folder.empty()) return nullptr;
@@ -482,7 +508,7 @@ Program* Flow::program_in_file(int number) {
   return nullptr;
 }
 
-/// In the file of the main program, else in a file of its name.
+/// Searches in the file of the main program, then in a file of the program's name.
 Program* Flow::find_program(int number, const Cause& cause) {
   if (const auto known = found_.find(number); known != found_.end()) return known->second;
   Program* program = nullptr;
@@ -511,7 +537,7 @@ void Flow::enter(Program* program, Call call, const Cause& cause) {
   at_ = program->first;
 }
 
-/// M98 and M99.
+/// Executes M98 and M99.
 void Flow::call_subprogram() {
   const Code& code = block_[Group::Call];
   const Word &p = block_['P'], &l = block_['L'];
@@ -523,6 +549,7 @@ void Flow::call_subprogram() {
   if (!p) run_.canon.refuse(code.word, "P (program) beside M98", "none");
   int number = whole(run_.canon, p, 99'999'999);
   int repeats = l ? whole(run_.canon, l, max_repeats) : 1;
+  // P of up to 8 digits without L: repeats, then the number of the program.
   if (number > 9999 && !l) {
     repeats = number / 10000;
     number %= 10000;
@@ -531,7 +558,8 @@ void Flow::call_subprogram() {
   enter(find_program(number, p), {.back = at_, .left = repeats - 1}, p);
 }
 
-/// A B C D ... as the control assigns them to local variables; I J K up to ten times.
+/// Assigns arguments to local variables as the control does (argument assignment I and II): I J K
+/// may occur up to ten times.
 std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   static constexpr int local_variable_of_letter[26] = {
       1, 2, 3, 7, 8, 9, 0, 11, 4, 5, 6, 0, 13, 0, 0, 0, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26};
@@ -542,11 +570,13 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
     if (local == 0) run_.canon.refuse(word, "an argument of A to F, H to K, M, Q to Z");
     if (word.letter >= 'I' && word.letter <= 'K') {
       const int index = word.letter - 'I';
+      // A letter that does not follow in the order I J K begins the next set.
       if (index <= last) ++set;
       last = index;
       local = 4 + 3 * set + index;
       if (set > 9) run_.canon.refuse(word, "I J K at most ten times");
     }
+    // D H M S T are counts; other letters are lengths with their decimal point.
     const bool counts = std::string_view("DHMST").find(word.letter) != std::string_view::npos;
     if ((word.letter == 'E' || word.letter == 'F') && !word.pointed && word.value != 0.0)
       run_.canon.refuse(word, "a decimal point in an argument E or F");
@@ -555,11 +585,12 @@ std::vector<std::pair<int, double>> Flow::macro_arguments(const Block& block) {
   return values;
 }
 
-/// G65 and G66.
+/// Executes G65 and G66.
 void Flow::call_macro() {
   const Code& code = block_[Group::Macro];
   const Word &p = block_['P'], &l = block_['L'];
   if (!p) run_.canon.refuse(code.word, "P (program) beside " + shown(code.word.text), "none");
+  // Other codes of the block could be executed before or after the call.
   for (const Code& other : block_.codes)
     if (other && &other != &code)
       run_.canon.refuse(other.word, "a block of its own for " + shown(code.word.text));
@@ -577,7 +608,8 @@ void Flow::call_macro() {
         {.back = at_, .left = repeats - 1, .macro = true, .arguments = std::move(arguments)}, p);
 }
 
-/// The arguments of G66 are set once: a call finds what the one before it left.
+/// The arguments of G66 are set once: each call finds the local variables as the previous one left
+/// them.
 void Flow::store_locals() {
   modal_->arguments.clear();
   for (int number = 1; number <= 33; ++number)
@@ -585,10 +617,11 @@ void Flow::store_locals() {
       modal_->arguments.emplace_back(number, *value);
 }
 
-/// M99, with or without the sequence number to go on with in the caller.
+/// Executes M99, with or without the sequence number at which the caller continues.
 void Flow::leave(std::optional<int> to, const Cause& cause) {
   if (calls_.size() == 1) {
     if (to) return jump(*to, cause);
+    // A control would repeat the main program forever.
     run_.warn_once("M99 ends the main program, which a control would begin once more");
     ended_ = true;
     return;
@@ -597,6 +630,7 @@ void Flow::leave(std::optional<int> to, const Cause& cause) {
   if (call.left > 0 && !to) {
     --call.left;
     at_ = call.program->first;
+    // M98 has no local variables, so its repeats need no new call.
     if (!call.macro) return;
     Call again = std::move(call);
     if (again.modal && modal_) {
@@ -615,8 +649,9 @@ void Flow::leave(std::optional<int> to, const Cause& cause) {
   if (to) jump(*to, cause);
 }
 
-/// Programs that nothing calls, and what stands behind the end of the one that ended. Blocks with a
-/// sequence number may be where a condition that did not hold jumps to.
+/// Warns of programs that nothing calls, and of text behind the end of the main program. Blocks
+/// with a sequence number may be targets of a jump whose condition did not hold, so they are not
+/// reported.
 void Flow::warn_unread() {
   const Source& main = *sources_.front();
   const bool jumps = std::ranges::any_of(main.lines, [](std::string_view line) {
@@ -643,6 +678,7 @@ void Flow::end_of_program() {
   at_ = ended.back;
   calls_.pop_back();
   if (ended.macro) variables_.leave();
+  // Without M99 the control does not know where to return.
   const program::NcLocation place = run_.canon.place();
   throw BadInput(place.file, place.line, 0, fmt::format("M99 of O{:04}", ended.program->number),
                  "its end");

@@ -15,18 +15,18 @@
 
 namespace abbe::sim::dialects::fanuc {
 
-/// A program in a file: from its O number to the next one.
+/// A program of a file: from its O number to the next one.
 struct Program {
-  int number = 0;                  ///< of O; 0 where it has none
+  int number = 0;                  ///< O number; 0 if there is none
   std::size_t source = 0;          ///< index of its file
   std::size_t first = 0, end = 0;  ///< lines
-  /// Sequence numbers with their lines, and the two ends of loops; made when a jump first asks.
+  /// Sequence numbers with their lines, and both ends of loops; built at the first jump.
   std::optional<std::vector<std::pair<int, std::size_t>>> sequence = {};
   std::optional<std::unordered_map<std::size_t, std::size_t>> loops = {};
 };
 
-/// Runs the blocks of a program: variables, conditions, loops, jumps, calls; what is left is for
-/// the machine.
+/// Executes the blocks of a program: variables, conditions, loops, jumps and calls are handled
+/// here, everything else by the machine.
 class Flow : public MacroOperands {
  public:
   Flow(std::string_view text, ProgramRun& run);
@@ -36,28 +36,29 @@ class Flow : public MacroOperands {
 
  private:
   struct Source {
-    std::string text;  ///< of a subprogram; the main program's is the caller's
+    std::string text;  ///< of a subprogram file; that of the main program belongs to the caller
     std::vector<std::string_view> lines;
     std::vector<Program> programs;
-    std::size_t end = 0;  ///< line of the % that ends it
-    int file = 0;         ///< number of the canon
+    std::size_t end = 0;  ///< line of the % that ends the file
+    int file = 0;         ///< file number in the canon
   };
-  /// A program that runs.
+  /// A running program.
   struct Call {
     Program* program = nullptr;
-    std::size_t back = 0;  ///< line of the caller to go on with
-    int left = 0;          ///< repeats after this one
-    bool macro = false;    ///< with local variables of its own
-    bool modal = false;    ///< of G66
+    std::size_t back = 0;  ///< line of the caller to continue with
+    int left = 0;          ///< repeats still to come
+    bool macro = false;    ///< has local variables of its own
+    bool modal = false;    ///< called by G66
     std::vector<std::pair<int, double>> arguments = {};
   };
+  /// The call of G66, repeated after every block that moves.
   struct Modal {
     int program = 0, repeats = 1;
     std::vector<std::pair<int, double>> arguments;
     Cause cause;
   };
 
-  // fanuc_flow.cpp
+  // Lines, statements and variables.
   bool line();
   bool statement(Cursor& cursor);
   bool block(Cursor cursor);
@@ -72,7 +73,7 @@ class Flow : public MacroOperands {
   int whole_value(Cursor& cursor, int most, std::string_view what);
   Source& source() { return *sources_[calls_.back().program->source]; }
 
-  // fanuc_calls.cpp
+  // Programs, loops and calls.
   void add_programs(std::size_t source);
   void branch(Cursor& cursor);
   void begin_loop(Cursor& cursor, std::size_t from, bool conditional);
@@ -97,7 +98,7 @@ class Flow : public MacroOperands {
   std::vector<Call> calls_;
   std::optional<Modal> modal_;
   std::map<int, Program*> found_;
-  std::size_t at_ = 0;  ///< line of the running program's file, from 0
+  std::size_t at_ = 0;  ///< current line of the running program's file, from 0
   bool ended_ = false;
   Block block_;
 };

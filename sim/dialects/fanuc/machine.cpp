@@ -24,6 +24,7 @@ namespace {
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
+// Returns the letters that a code of group 00 takes besides axis words.
 std::string_view one_shot_letters(int code) {
   switch (code) {
     case 40:
@@ -53,6 +54,7 @@ Machine::Machine(ProgramRun& run)
   const auto take_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
     for (const auto& [number, mm] : wear) {
       Geometry& one = offsets[number];
+      // Tables state values with wear included; the control adds it again, so it is taken off here.
       if (one.value) one.value = *one.value - mm;
       one.wear = mm;
     }
@@ -66,9 +68,12 @@ Machine::Machine(ProgramRun& run)
     if (number == 0) external_ = offset;
     if (number > 100) systems_[number] = offset;
   }
+  // Fanuc's tables are taken to roll over in the shorter direction (parameters 1008.0 ROA = 1,
+  // 1008.1 RAB = 0).
   canon_.enable_table_rollover();
   apply_frame();
   if (!turning_) return;
+  // A turning control starts in G18 and with feed per revolution (G99).
   plane_ = 180;
   canon_.set_feed_mode(FeedMode::PerRevolution);
   note_turning_control();
@@ -85,10 +90,11 @@ double Machine::angle_in_degrees(const Word& word) {
   return counted(word, min_increment('A', false));
 }
 
-/// A number without a decimal point counts in increments.
+/// Applies the increment: a number without a decimal point counts in least input increments.
 double Machine::counted(const Word& word, double increment) {
   if (word.pointed || word.value == 0.0) return word.value;
   const double value = word.value * increment;
+  // Reported once: CAM systems write points, hand-written programs may not, and the factor is 1000.
   if (!warned_of_point_) {
     warned_of_point_ = true;
     run_.warn_once(fmt::format(
@@ -101,6 +107,7 @@ double Machine::counted(const Word& word, double increment) {
 
 double Machine::axis_word(int j, const Word& word) {
   if (!canon_.is_linear(j)) return angle_in_degrees(word) * units::deg;
+  // Diameters are halved here, so that everything behind works with radii.
   return length(word) * (diameters_ && j == joint(0) ? 0.5 : 1.0);
 }
 
@@ -120,6 +127,7 @@ const Word* Machine::first_axis_word(const Block& block) const {
   return first;
 }
 
+// The word at which messages about a motion point.
 Cause Machine::cause_of(const Block& block) const {
   for (const Group group : {Group::Motion, Group::OneShot, Group::Cycle})
     if (const Code& code = block[group]) return code.word;
@@ -129,7 +137,7 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Letters beside axis words that the codes of a block take.
+/// Returns the letters, beside axis words, that the codes of a block take.
 std::string Machine::letters_taken(const Block& block) const {
   const int once = block.tenths(Group::OneShot);
   std::string taken(one_shot_letters(once));
@@ -138,6 +146,7 @@ std::string Machine::letters_taken(const Block& block) const {
   if (rotation == 682) return taken + "IJKP";
   if (rotation == 680) return taken + "RIJK";
   const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  // A motion code in the block ends a cycle in force.
   const int cycle = block[Group::Motion]  ? 800
                     : block[Group::Cycle] ? block.tenths(Group::Cycle)
                                           : cycle_code_;
@@ -154,7 +163,7 @@ std::string Machine::letters_taken(const Block& block) const {
   return taken;
 }
 
-/// Words that make sense only beside others.
+/// Checks words that are valid only beside others.
 void Machine::check_words(const Block& block) const {
   const Code& once = block[Group::OneShot];
   if (turning_) check_corner_words(block);
@@ -166,6 +175,7 @@ void Machine::check_words(const Block& block) const {
   for (const char letter : {'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     const Word& word = block[letter];
     if (!word || taken.find(letter) != std::string::npos) continue;
+    // A letter beside a skipped code may belong to that code.
     if (block.skipped)
       run_.unknown(word, "a word of Fanuc's milling controls");
     else
@@ -181,8 +191,8 @@ void Machine::check_words(const Block& block) const {
   check_owners(block);
 }
 
-/// Axis words belong to one code of the block at most. A code of motion beside a code of group 00
-/// is in force from the next block on (B-63944EN, "G codes of different groups").
+/// Axis words belong to at most one code of a block. A motion code beside a code of group 00 is in
+/// force from the next block on (B-63944EN, "G codes of different groups").
 void Machine::check_owners(const Block& block) const {
   const Code* owner = nullptr;
   for (const Group group : {Group::OneShot, Group::Rotation, Group::MirrorEnd}) {
@@ -197,17 +207,21 @@ void Machine::check_owners(const Block& block) const {
 
 void Machine::set_feed(const Block& block) {
   if (const Code& code = block[Group::FeedMode]) {
-    // G94 and G95 are G98 and G99 of a turning control
+    // G94 and G95 are G98 and G99 of a turning control.
     const FeedMode mode = code.tenths == 930                         ? FeedMode::InverseTime
                           : code.tenths == 940 || code.tenths == 980 ? FeedMode::PerMinute
                                                                      : FeedMode::PerRevolution;
+    // F has another meaning after a change of mode, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
+  // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   const Word& f = block['F'];
   if (!f) return;
   if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+  // Without a point F in inches or per turn depends on parameters of the control; in mm/min it does
+  // not.
   if (!f.pointed && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
     refuse(f, turning_
                   ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
@@ -219,6 +233,7 @@ void Machine::set_feed(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   const Word& s = block['S'];
   const int once = block.tenths(Group::OneShot);
+  // S beside G92 or G50 limits the spindle speed instead of setting it.
   const bool limits = once == 920 || (turning_ && once == 500);
   if (const Code& code = block[Group::SpeedMode]) {
     const bool surface = code.tenths == 960;
@@ -242,6 +257,7 @@ void Machine::set_spindle(const Block& block) {
   if (block[Group::RigidTap]) rigid_ = true;
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+  // Set in every block, because S and its limit may have changed.
   if (surface_speed_)
     canon_.set_surface_speed(program::SurfaceSpeed{surface_m_per_min_.value_or(0.0), max_rpm_});
   else
@@ -254,6 +270,7 @@ void Machine::call_tools(const Block& block) {
   static const Word no_tool;
   const Word& t = turning_ ? no_tool : block['T'];
   if (t) selected_ = whole(canon_, t, 99'999'999);
+  // T selects, M6 changes: on a machining centre both may be in different blocks.
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || changes) canon_.call_tool(t ? selected_ : -1.0, changes);
   std::string text = t ? fmt::format("T{}", selected_) : "";
@@ -266,7 +283,7 @@ void Machine::call_tools(const Block& block) {
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
-/// Modes that the block states, then those it depends on.
+/// Records the modes that a block states, then those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {
       {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
@@ -275,6 +292,7 @@ void Machine::note_start_modes(const Block& block) {
       {Group::WorkOffset, StartMode::WorkOffset}};
   for (const auto& [group, mode] : groups)
     if (block[group]) run_.state(mode);
+  // A dwell and blocks without axis words depend on no mode.
   if (!first_axis_word(block) || block.tenths(Group::OneShot) == 40) return;
   run_.assume_mode(StartMode::Units, "mm (G21)");
   if (!run_.turning()) run_.assume_mode(StartMode::Distance, "absolute (G90)");  // else U and W
@@ -293,6 +311,7 @@ void Machine::note_start_modes(const Block& block) {
   run_.assume_offset(system_, "work offset G54");
 }
 
+// Order of execution: units, feed, spindle, tool, then the modes that moves depend on.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
   set_feed(block);
@@ -331,11 +350,14 @@ void Machine::dwell(const Block& block) {
   for (const char letter : axis_letters)
     if (const Word& word = block[letter]; word && &word != time)
       refuse(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
+  // A computed value has no written decimal point.
   const bool worked_out = time->text.find_first_of("#[") != std::string_view::npos;
   if (time->letter == 'P' && time->pointed && !worked_out)
     refuse(*time, "milliseconds without a decimal point after P, or X in seconds");
+  // X and U of G4 without a point count in increments, 0.001 s.
   const double seconds = time->letter == 'P' || !time->pointed ? time->value * 1e-3 : time->value;
   if (!(seconds >= 0 && seconds <= 1e6)) refuse(*time, "0 to 1e6 seconds beside G4");
+  // A dwell behind a waiting move must follow it.
   compensation_.after(
       [this, seconds, cause = Cause{time->column, {}}] { canon_.dwell(seconds, cause); });
 }
@@ -363,13 +385,14 @@ void Machine::one_shot(const Block& block) {
   }
 }
 
+// The words of a cycle do not survive G80 or a motion code.
 void Machine::end_cycle() {
   cycle_.begun = rigid_ = false;
   cycle_.q = cycle_.dwell_s = 0.0;
   cycle_code_ = 800;
 }
 
-/// A code of motion ends a cycle, a cycle leaves the code of motion.
+/// A motion code ends a cycle, but a cycle does not change the motion code.
 void Machine::set_motion(const Block& block) {
   const Code &cycle = block[Group::Cycle], &motion = block[Group::Motion];
   if (motion || cycle.tenths == 800) end_cycle();
@@ -378,7 +401,8 @@ void Machine::set_motion(const Block& block) {
   if (cycle && cycle.tenths != 800) cycle_code_ = cycle.tenths;
 }
 
-/// The words of G5 and its kind say nothing about other codes.
+/// G5 and similar codes give the words of their block other meanings, so nothing else may stand
+/// there.
 void Machine::check_alone(const Block& block) const {
   const std::string own = shown(block[Group::Alone].word.text);
   for (const Code& code : block.codes)
@@ -403,6 +427,7 @@ bool Machine::execute(const Block& block) {
   } else if (!block[Group::MirrorEnd]) {
     move(block);
   }
+  // M9 and stops take effect after the motion of the block.
   if (block.tenths(Group::Coolant) == 90) canon_.aside("M9");
   const Code& stop = block[Group::Stop];
   if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
@@ -411,11 +436,11 @@ bool Machine::execute(const Block& block) {
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
-// Words that a turning control reads otherwise than a milling control: G-code system A.
+// Words that a turning control (G-code system A) interprets differently from a milling control.
 
 namespace {
 
-constexpr int geometry_offsets = 10000;  // P of G10 from here on
+constexpr int geometry_offsets = 10000;  // P of G10 from here on is geometry, below it wear
 constexpr int max_offset = 99;
 
 /// Words of a line as far as signs of turning controls need them.
@@ -427,7 +452,7 @@ struct LineWords {
 
   bool has(char letter) const { return column[std::size_t(letter - 'A')] > 0; }
   double operator[](char letter) const { return value[std::size_t(letter - 'A')]; }
-  /// Column of a G code; 0 where there is none of that range.
+  /// Returns the column of a G code within a range, or 0.
   int g_within(double first, double last) const {
     for (const auto& [code, at] : g)
       if (code >= first && code <= last) return at;
@@ -452,7 +477,7 @@ LineWords words_of_line(Cursor cursor) {
     try {
       number = cursor.number();
     } catch (const BadInput&) {
-      break;  // reading says what is wrong with it
+      break;  // the reader reports the error
     }
     if (!number) continue;
     words.value[std::size_t(letter - 'A')] = *number;
@@ -468,6 +493,8 @@ LineWords words_of_line(Cursor cursor) {
 std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon) {
   const bool has_u = canon.joint_of('U') >= 0 || canon.joint_of('W') >= 0;
   std::optional<TurningSign> tool;
+  // T0101 is also a valid tool number on a mill, so it only counts together with G96 and without
+  // M6.
   bool surface_speed = false, changes = false;
   Lines lines(text);
   while (const auto line = lines.next()) {
@@ -498,10 +525,11 @@ bool Machine::is_increment(char letter) const {
 
 int Machine::joint_of_word(char letter) const {
   if (!is_increment(letter)) return canon_.joint_of(letter);
+  // U V W are X Y Z incrementally, H is C.
   return canon_.joint_of(letter == 'H' ? 'C' : char(letter - 'U' + 'X'));
 }
 
-/// What the program itself cannot say: the words are those of another control on another machine.
+/// Reports what a program cannot state: which kind of control it was written for.
 void Machine::note_turning_control() {
   if (run_.options().turning.control == ControlKind::FromMachine)
     canon_.assume(
@@ -513,7 +541,7 @@ void Machine::note_turning_control() {
                    "program.x_words", "--x-words"});
 }
 
-/// Feeds before a tool is called are those of the only one.
+/// A feed before the first T is that of the only tool.
 void Machine::note_uncalled_tool(const Cause& cause) {
   if (!turning_ || tool_offset_.called || motion_ == 0) return;
   run_.uncalled_tool(cause, "no T before the first feed");
@@ -521,11 +549,12 @@ void Machine::note_uncalled_tool(const Cause& cause) {
   tool_offset_.number = 1;
 }
 
+// Without T the only tool is in the turret.
 int Machine::tool_in_use() const {
   return tool_ != 0 ? tool_ : program::only_tool(canon_.options()).value_or(0);
 }
 
-/// C, R, I and K behind a line make a chamfer or a rounding of the corner at its end.
+/// C, R, I and K behind a line insert a chamfer or a rounding at its end.
 void Machine::check_corner_words(const Block& block) const {
   const int code = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   if (code != 10 || block[Group::OneShot] || block[Group::Macro] || block[Group::SpeedMode]) return;
@@ -536,11 +565,12 @@ void Machine::check_corner_words(const Block& block) const {
   }
 }
 
-/// T0101: tool and offset. T0100 and T0 end the offset.
+/// Executes T0101: tool and offset. T0100 and T0 end the offset.
 void Machine::call_tool_and_offset(const Block& block) {
   const Word& t = block['T'];
   if (!t) return;
   const int value = whole(canon_, t, 9999);
+  // T1 to T99 could be a tool or an offset, depending on parameters.
   if (value != 0 && value <= max_offset)
     refuse(t, "T with four digits, tool and offset, such as T0101");
   if (compensation_.on()) refuse(t, "G40 before another T");
@@ -566,9 +596,9 @@ AxisVector Machine::programmed_nose_offset() const {
   return nose_offset(canon_, run_.options().turning.tip, nose_radius());
 }
 
-/// An offset in force has been measured: X Z lead the tip of the tool, X0 being on the spindle
-/// line. Without one they are positions of the slides. Until a program calls a tool, the only one
-/// is taken to be in use with its offset.
+/// A tool offset in force is a measured one: X Z lead the tip of the tool, X0 on the spindle axis.
+/// Without it X Z are positions of the slides. Until a program calls a tool, the only one counts as
+/// called with its offset.
 void Machine::apply_tool_offset(const Cause& cause) {
   const kinematics::Chain* chain = chain_to_tip(canon_.options(), tool_in_use());
   const bool counts = tool_offset_.called ? tool_offset_.number != 0 : tool_in_use() != 0;
@@ -577,6 +607,7 @@ void Machine::apply_tool_offset(const Cause& cause) {
     return canon_.set_tool_shift({});
   }
   AxisVector shift = measured_offset(canon_, *chain, cause);
+  // Under nose compensation the centre of the nose is led, whatever the programmed tip.
   if (!compensation_.on()) shift += programmed_nose_offset();
   if (const auto wear = tool_offset_.wear.find(tool_offset_.number);
       wear != tool_offset_.wear.end()) {
@@ -587,7 +618,7 @@ void Machine::apply_tool_offset(const Cause& cause) {
   canon_.set_tool_shift(std::move(shift));
 }
 
-/// G10 P (number) X Z U W R: wear. What is geometry on the control is the scene's tool here.
+/// G10 P X Z U W R sets wear. Geometry on the control is the scene's tool here.
 void Machine::store_wear(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Word& p = block['P'];
@@ -607,12 +638,14 @@ void Machine::store_wear(const Block& block) {
   if (number == tool_offset_.number) apply_tool_offset(code.word);
 }
 
-/// G41 and G42 lead the nose along the contour: the centre of it beside by its radius.
+/// G41 and G42 lead the nose along the contour: its centre is offset by its radius.
 void Machine::set_nose_compensation(const Code& code) {
   cutter_ = code.tenths;
   if (code.tenths == 400) {
     if (!compensation_.on()) return;
     compensation_.end();
+    // The programmed point changes between tip and centre of the nose when compensation ends or
+    // begins.
     apply_tool_offset(code.word);
     return compensation_.shift_programmed(programmed_nose_offset());
   }
@@ -640,8 +673,8 @@ void Machine::set_nose_compensation(const Code& code) {
   compensation_.shift_programmed(-programmed_nose_offset());
 }
 
-/// G90 turns along Z, G94 faces along X: rapid to the cut, feed along it and out of it, rapid back.
-/// Words that a block leaves out stay as they were.
+/// Executes G90 (along Z) and G94 (along X): rapid to the cut, feed along it and out of it, rapid
+/// back. Values that a block does not state are kept from the previous one.
 void Machine::turning_cycle(const Block& block) {
   const Cause cause = cause_of(block);
   if (compensation_.on()) refuse(cause, "G40 before G90 and G94");
@@ -665,7 +698,7 @@ void Machine::turning_cycle(const Block& block) {
     end[x] = to_x;
     end[z] = to_z;
     const AxisVector placed = canon_.placed(std::move(end));
-    AxisVector there = canon_.position();  // a spindle among the joints goes on
+    AxisVector there = canon_.position();  // a spindle among the joints keeps turning
     there[x] = placed[x];
     there[z] = placed[z];
     canon_.straight({.end = std::move(there), .cause = cause}, rapid);

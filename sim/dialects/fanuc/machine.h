@@ -15,29 +15,29 @@ namespace abbe::sim::dialects::fanuc {
 
 inline constexpr std::string_view axis_letters = "XYZABCUVW";
 
-/// A Fanuc control as its words command it: modes, coordinate systems, tools, and the moves that
-/// they make on the canon.
+/// State of a Fanuc control as its words command it: modes, coordinate systems, tools, and the
+/// moves that they make on the canon.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
 
-  /// @return false at the end of the program
+  /// Executes a block. Returns false at the end of the program.
   bool execute(const Block& block);
-  /// The block executed last moved axes, as G66 asks.
+  /// Returns true if the last block moved axes, which triggers the call of G66.
   bool moved() const { return moved_; }
-  /// What is still to be put out, at the end of the program.
+  /// Makes the moves that still wait at the end of the program.
   void finish() {
     compensation_.finish();
     vector_lines_.finish();
   }
 
-  /// A number of an address in program units, the decimal point in place.
+  /// Returns the number of an address in program units, with the decimal point applied.
   double argument(const Word& word);
-  /// System variables. @return none where the control has no such variable that can be read
+  /// Returns the value of a system variable, or nothing if it cannot be read.
   std::optional<double> variable(int number);
-  /// @return false where there is none that can be set
+  /// Sets a system variable. Returns false if it cannot be set.
   bool set_variable(int number, double value);
-  /// Sequence and program number, for variables that say them.
+  /// Records sequence and program number, for the variables that hold them.
   void note_numbers(int sequence, int program);
 
  private:
@@ -46,16 +46,17 @@ class Machine {
   struct AxisWord {
     int joint = 0;
     const Word* word = nullptr;
-    bool step = false;  ///< it counts from where the axis stands
+    bool step = false;  ///< incremental: the value is added to the current position
   };
   using Words = std::vector<AxisWord>;
+  /// A tool offset and its wear.
   struct Geometry {
-    std::optional<double> value;  ///< mm; none where nobody has said it
+    std::optional<double> value;  ///< mm; empty if it is not known
     double wear = 0.0;            ///< mm
   };
   using Offsets = std::map<int, Geometry>;
 
-  // fanuc_machine.cpp
+  // Words and modes.
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
@@ -78,20 +79,20 @@ class Machine {
   double unit() const;
   double counted(const Word& word, double increment);
   int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
-  /// Letters of axis words: a turning control has U V W H for increments of X Y Z C.
+  /// Letters of axis words: on a turning control U V W H are increments of X Y Z C.
   std::string_view word_letters() const { return turning_ ? "XYZABCUVWH" : axis_letters; }
   bool is_increment(char letter) const;
-  /// The joint that a letter of `word_letters` moves; -1 where the machine has none.
+  /// Returns the joint that a letter of `word_letters` moves; -1 if the machine has none.
   int joint_of_word(char letter) const;
-  /// mm, of an address that is a length; degrees, of one that is an angle.
+  /// Returns mm for an address that is a length.
   double length(const Word& word) { return argument(word) * unit(); }
   double angle_in_degrees(const Word& word);
-  /// mm or rad of an axis word.
+  /// Returns mm or rad of an axis word.
   double axis_word(int j, const Word& word);
-  /// The axis words of a block with their joints.
+  /// Returns the axis words of a block with their joints.
   Words axis_words(const Block& block) const;
 
-  // fanuc_offsets.cpp
+  // Coordinate systems and tool offsets.
   const AxisVector& system(int number) const;
   AxisVector base() const;
   void apply_frame();
@@ -107,9 +108,9 @@ class Machine {
   void note_turned_table(const Cause& cause);
   double length_of(int h, const Cause& cause) const;
   void set_compensation(const Block& block);
-  void check_unique_names(const Cause& cause) const;
+  void check_free(const Cause& cause) const;
 
-  // fanuc_lathe.cpp: what a turning control alone has
+  // Turning controls only.
   void call_tool_and_offset(const Block& block);
   void apply_tool_offset(const Cause& cause);
   std::optional<double> nose_radius() const;  ///< mm
@@ -122,17 +123,18 @@ class Machine {
   void note_uncalled_tool(const Cause& cause);
   int tool_in_use() const;
 
-  // fanuc_tilted.cpp
+  // Tilted planes and tool directions.
   void tilt(const Block& block);
   void turn_to_plane(const Block& block);
   const kinematics::Chain& chain(const Cause& cause) const;
-  /// Positions of the rotary axes, (axes), that give the direction, by Fanuc's rule of two.
+  /// Returns the rotary positions, (axes), that give the direction; of two solutions the one of
+  /// Fanuc's rule.
   AxisVector rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause);
   AxisVector point_tool_along_direction(const Block& block, AxisVector end);
   void check_tilted(const Target& target, const Cause& cause) const;
   bool tip_words() const { return length_mode_ == 434 || length_mode_ == 435; }
 
-  // fanuc_motion.cpp
+  // Motion.
   void move(const Block& block);
   Target block_target(const Block& block, bool machine);
   void polar_words(const Block& block, Target& target);
@@ -144,7 +146,7 @@ class Machine {
     return plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
   }
 
-  // fanuc_cycles.cpp
+  // Canned cycles.
   void cycle(const Block& block);
   void take_cycle_words(const Block& block);
   void warn_low_start();
@@ -157,7 +159,7 @@ class Machine {
   void to_level(double level, bool rapid);
   void shift_tool(double by);
 
-  // fanuc_variables.cpp
+  // System variables.
   std::optional<double> mode(int group) const;
   std::optional<double> modal_word(int number) const;
   struct OffsetVariable {
@@ -181,9 +183,9 @@ class Machine {
   int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_ = 400;
   int side_ = 400;  ///< G41 or G42 as compensation began
   bool incremental_ = false, to_r_ = false, surface_speed_ = false, rigid_ = false;
-  double speed_ = 0.0;                       ///< S as it stands
+  double speed_ = 0.0;                       ///< S as programmed
   std::optional<double> surface_m_per_min_;  ///< S of G96
-  std::optional<double> max_rpm_;            ///< of G96
+  std::optional<double> max_rpm_;            ///< limit of G96
   int tool_ = 0, selected_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
 
   Offsets lengths_, radii_;
@@ -191,50 +193,55 @@ class Machine {
   std::map<int, AxisVector> systems_;  ///< (axes)
   AxisVector external_, g92_, g52_, zero_;
   std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
-  Eigen::Vector3d centre_{0, 0, 0};          ///< of G68: what stays; of G68.2: the origin
+  Eigen::Vector3d centre_{0, 0, 0};          ///< of G68 its fixed point, of G68.2 the origin
   bool tilted_ = false;
-  bool h_stated_ = false, d_stated_ = false;  ///< H since G49; D
+  bool h_stated_ = false, d_stated_ = false;  ///< an H since G49; a D
   bool seen_axis_length_ = false, seen_tip_length_ = false;
-  std::optional<kinematics::Chain> free_slides_;  ///< of the chain in use
+  std::optional<kinematics::Chain> free_slides_;  ///< chain in use with unlimited slides
   const kinematics::Chain* free_slides_of_ = nullptr;
-  std::vector<int> ranks_;  ///< its rotary joints
+  std::vector<int> ranks_;  ///< rotary joints of that chain
 
+  /// Tool offset of a turning control.
   struct ToolOffset {
-    int number = 0;       ///< the last two digits of T
+    int number = 0;       ///< last two digits of T
     bool called = false;  ///< a T word has been read
     struct Wear {
       double x = 0.0, z = 0.0, radius = 0.0;  ///< mm
     };
-    std::map<int, Wear> wear;  ///< by number
+    std::map<int, Wear> wear;  ///< by offset number
   } tool_offset_;
+  /// G90 and G94 of a turning control, whose words stay from block to block.
   struct TurningCycle {
-    double x = 0.0, z = 0.0, taper = 0.0;  ///< mm, program coordinates, X a radius
+    double x = 0.0, z = 0.0, taper = 0.0;  ///< mm, program coordinates, X as a radius
     bool has_x = false, has_z = false;
   } turning_cycle_;
 
+  /// G16.
   struct Polar {
     bool on = false;
     double radius = 0.0, angle = 0.0;  ///< mm, degrees
     Eigen::Vector2d centre{0, 0};
   } polar_;
 
+  /// Canned cycle in force.
   struct Cycle {
-    double r = 0.0, bottom = 0.0, initial = 0.0, q = 0.0, dwell_s = 0.0;  ///< levels: program
+    /// Levels in program coordinates.
+    double r = 0.0, bottom = 0.0, initial = 0.0, q = 0.0, dwell_s = 0.0;
     bool begun = false;
-    AxisVector at;  ///< where the tool is, in program coordinates
+    AxisVector at;  ///< tool position in program coordinates
     Cause cause;
   } cycle_;
 };
 
-/// What only a program of a turning control says, and where.
+/// A text that only a program for a turning control contains, and its location.
 struct TurningSign {
-  std::string words;  ///< "G50 with S, the largest speed of a turning control"
+  std::string words;  ///< for example "G50 with S, the largest speed of a turning control"
   int line = 0, column = 0;
 };
 
-/// Returns the first sign that a program is one of a turning control: G50 with S; G28 with U or W
-/// and G70 to G73 with P and Q on a machine without such axes; tools of four digits beside G96 and
-/// without M6. Comments are left out.
+/// Returns the first sign that a program is made for a turning control: G50 with S; G28 with U or
+/// W, or G70 to G73 with P and Q, on a machine without axes U and W; four-digit tools together with
+/// G96 and without M6. Comments are skipped.
 std::optional<TurningSign> find_turning_sign(std::string_view text, const program::Canon& canon);
 
 }  // namespace abbe::sim::dialects::fanuc

@@ -24,13 +24,14 @@ using program::Coordinates;
 using program::FeedMode;
 using program::Straight;
 
-/// The words of G16: of the axes of the plane the first is a radius about the origin, under G91
-/// about where the tool stands, the second an angle, under G91 from the one before.
+/// Reads the words of G16: in the plane the first axis is a radius, about the origin or under G91
+/// about the current position, the second an angle, under G91 added to the previous one.
 void Machine::polar_words(const Block& block, Target& target) {
   const std::string_view plane = plane_letters();
   const Word &r = block[plane[0]], &a = block[plane[1]];
   if (!r && !a) return;
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
+  // Under compensation the programmed position counts, not that of the offset tool.
   const AxisVector p =
       canon_.unplaced(compensation_.on() || compensation_.leaving() ? compensation_.programmed()
                                                                     : canon_.position());
@@ -49,6 +50,7 @@ Target Machine::block_target(const Block& block, bool machine) {
   Target target;
   const std::string_view plane = plane_letters();
   for (const auto& [j, word, step] : axis_words(block)) {
+    // Words of the plane are polar and handled together below.
     if (polar_.on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
     if (step && machine) refuse(*word, "X Y Z C beside G53");
     if (target.has(j)) refuse(*word, "an axis by its position or by its increment, not both");
@@ -64,7 +66,9 @@ Target Machine::block_target(const Block& block, bool machine) {
 
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated) {
   Straight move{std::move(end), cause_of(block), false, stated};
+  // Under compensation the move waits for the next one; without it the canon makes it at once.
   if (compensation_.on()) return compensation_.straight(std::move(move), motion_ == 0);
+  // Vectors (G43.5) follow the pole rule of the control at feed only.
   if (length_mode_ == 435 && motion_ == 10 && vector_lines_.on()) {
     const kinematics::Chain& own = chain(move.cause);
     vector_lines_.straight_feed(own, std::move(move));
@@ -90,6 +94,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                  return program::LengthValue{length(word), word};
                }});
   if (beside && !compensation_.entered())
+    // Type A needs the direction of a line to enter a contour.
     refuse(cause, "a line as the first move after G41 and G42");
   if (beside) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
@@ -103,10 +108,12 @@ void Machine::move(const Block& block) {
     if (axis || block[Group::Cycle]) cycle(block);
     return;
   }
+  // G90 and G94 of a turning control.
   if (motion_ == 900 || motion_ == 940) {
     if (axis) turning_cycle(block);
     return;
   }
+  // Under G43.5 I J K alone rotate the tool at the current tip.
   const bool turns = length_mode_ == 435 && arc_words && !is_arc;
   if (!axis && !turns && !(is_arc && arc_words)) return;
   moved_ = true;
@@ -118,6 +125,7 @@ void Machine::move(const Block& block) {
   AxisVector end = beside ? compensation_.end_of(target) : canon_.end_of(target);
   if (compensation_.leaving() && is_arc) refuse(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
+  // The end of X Y Z is known first, then the direction is solved there.
   if (length_mode_ == 435) end = point_tool_along_direction(block, std::move(end));
   if (is_arc)
     arc(block, std::move(end), target.stated());
@@ -125,7 +133,7 @@ void Machine::move(const Block& block) {
     straight(block, std::move(end), target.stated());
 }
 
-/// G53: positions of the axes, at once.
+/// G53: machine coordinates, always at rapid.
 void Machine::to_axes(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (incremental_) refuse(code.word, "G90 beside G53");
@@ -139,10 +147,11 @@ void Machine::to_axes(const Block& block) {
                    .without_offset = true,
                    .stated = target.stated()},
                   true);
+  // The tip mode is only suspended for the block.
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
 }
 
-/// G28, G30: over the point of the words to the reference position of their axes.
+/// G28 and G30: over the programmed point to the reference position, for the programmed axes only.
 void Machine::reference(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (const Word& p = block['P']; p && whole(canon_, p, 4) < 2) refuse(p, "P2 P3 or P4 beside G30");
@@ -158,6 +167,7 @@ void Machine::reference(const Block& block) {
     if (const int j = canon_.joint_of(axis.name); j >= 0 && words.has(j))
       where += fmt::format(" {}{:g}", axis.name,
                            stored[j] / (canon_.is_linear(j) ? 1.0 : units::deg) + 0.0);
+  // Reported because the scene does not state the reference position.
   if (canon_.options().reference.size() == 0)
     canon_.assume({"the reference position (G28, G30) is where the axes stand at first:" + where,
                    "machine.reference"});
@@ -173,9 +183,11 @@ void Machine::reference(const Block& block) {
 
 namespace {
 
-constexpr double max_lean = 0.02 * units::deg;  // of the tool from Z of a tilted plane
+// Inclination of the tool from Z of a tilted plane; angles of three decimals stay far below it.
+constexpr double max_lean = 0.02 * units::deg;
 
-/// The chain with slides without end: a change of direction does not ask where they are.
+/// Returns the chain with unlimited slides: a change of direction must not depend on where they
+/// are.
 Chain with_free_slides(const Chain& chain) {
   std::vector<Joint> joints = chain.joints();
   for (Joint& joint : joints)
@@ -188,11 +200,12 @@ Chain with_free_slides(const Chain& chain) {
 
 }  // namespace
 
-/// G68.2: origin and Euler angles, about Z, the new X and the new Z.
+/// G68.2: origin, and Euler angles about Z, the new X and the new Z.
 void Machine::tilt(const Block& block) {
   const Code& code = block[Group::Rotation];
   if (tip_words()) refuse(code.word, "G49 before G68.2");
   if (polar_.on) refuse(code.word, "G15 before G68.2");
+  // P1 to P4 of G68.2 state the plane by other angles, points or vectors.
   if (const Word& p = block['P']; p && p.value != 0.0)
     refuse(p, "Euler angles I J K beside G68.2: no other way to say a plane");
   const auto turn = [&](char letter, const Eigen::Vector3d& axis) {
@@ -225,13 +238,14 @@ const Chain& Machine::chain(const Cause& cause) const {
 
 AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause) {
   const Chain& own = chain(cause);
+  // Chains are rarely changed; the copy with free slides is kept.
   if (!free_slides_ || free_slides_of_ != &own) {
     free_slides_ = with_free_slides(own);
     free_slides_of_ = &own;
     ranks_ = rotary_judgement_order(own);
   }
   kinematics::InverseSolution found;
-  const AxisVector now = canon_.position();  // its rotary joints, in any coordinates
+  const AxisVector now = canon_.position();  // its rotary joints, valid in any coordinates
   try {
     found = kinematics::inverse(*free_slides_, {Eigen::Vector3d::Zero(), direction_w}, now);
   } catch (const std::invalid_argument&) {
@@ -248,7 +262,7 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
   return q;
 }
 
-/// G53.1 with the slides at rest, G53.6 with the tip.
+/// G53.1 rotates with the slides at rest, G53.6 with the tip at rest.
 void Machine::turn_to_plane(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (!tilted_) refuse(code.word, "G68.2 before " + shown(code.word.text));
@@ -256,6 +270,7 @@ void Machine::turn_to_plane(const Block& block) {
     refuse(*axis, "a block without axis words beside " + shown(code.word.text));
   const AxisVector turned = rotary_positions(rotation_->col(2), code.word);
   const bool keeps_tip = code.tenths == 536;
+  // With axes commanded the slides stay; with the tip commanded they compensate.
   if (!keeps_tip) canon_.go_to(program::Coordinates::Axis, code.word);
   AxisVector end = canon_.position();
   for (const int j : ranks_) end[j] = turned[j];
@@ -263,7 +278,7 @@ void Machine::turn_to_plane(const Block& block) {
   canon_.go_to(program::Coordinates::Tip, code.word);
 }
 
-/// The same end with the rotary axes where I J K of G43.5 want them.
+/// Returns the same end with the rotary axes at the direction I J K of G43.5.
 AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector end) {
   for (const auto& [j, word, step] : axis_words(block))
     if (canon_.options().axes[std::size_t(j)].motion == Motion::Rotary)
@@ -277,14 +292,15 @@ AxisVector Machine::point_tool_along_direction(const Block& block, AxisVector en
     }
   if (first == nullptr) return end;
   if (!(direction.norm() > 1e-9)) refuse(*first, "a direction I J K that is not zero");
+  // The direction is programmed in the tilted system.
   if (rotation_) direction = *rotation_ * direction;
   const AxisVector turned = rotary_positions(direction.normalized(), *first);
   for (const int j : ranks_) end[j] = turned[j];
   return end;
 }
 
-/// In a tilted plane X Y Z are the tip's while the tool stands along Z of the plane; without a
-/// length Z would be that of the nose.
+/// In a tilted plane X Y Z are those of the tip while the tool is along Z of the plane. Without a
+/// tool length Z would be that of the nose.
 void Machine::check_tilted(const Target& target, const Cause& cause) const {
   if (!tilted_ || tip_words()) return;
   const int x = joint(0), y = joint(1), z = joint(2);
@@ -301,7 +317,8 @@ void Machine::check_tilted(const Target& target, const Cause& cause) const {
 
 namespace {
 
-constexpr double peck_clearance = 0.5;  // mm: parameters 5114 and 5115, see the warning
+constexpr double peck_clearance = 0.5;  // mm, parameters 5114 and 5115; reported in a warning
+// Bounds a hole whose Q is far below any chip.
 constexpr double max_pecks = 1e5;
 
 bool is_tap(int code) { return code == 740 || code == 840; }
@@ -314,13 +331,13 @@ bool dwells(int code) { return is_tap(code) || shifts(code) || code == 820 || co
 void Machine::to_level(double level, bool rapid) {
   cycle_.at[joint(2)] = level;
   const AxisVector to = canon_.placed(cycle_.at);
-  AxisVector end = canon_.position();  // a spindle among the joints goes on
+  AxisVector end = canon_.position();  // a spindle among the joints keeps turning
   for (const char letter : axis_letters)
     if (const int j = canon_.joint_of(letter); j >= 0) end[j] = to[j];
   canon_.straight({.end = std::move(end), .cause = cycle_.cause}, rapid);
 }
 
-/// What is not said stays as the block before had it; levels stay where they are.
+/// Reads the words of a cycle. Words that are not programmed keep their values, and levels stay.
 void Machine::take_cycle_words(const Block& block) {
   const int z = joint(2);
   const Word &r = block['R'], &deep = block['Z'], &q = block['Q'], &p = block['P'];
@@ -328,14 +345,17 @@ void Machine::take_cycle_words(const Block& block) {
     if (!r || !deep) refuse(cycle_.cause, "Z and R in the first block of a cycle", "none");
     cycle_.initial = canon_.programmed()[z];
   }
+  // Under G91 R counts from the initial level and Z from R.
   if (r) cycle_.r = length(r) + (incremental_ ? cycle_.initial : 0.0);
   if (deep) cycle_.bottom = length(deep) + (incremental_ ? cycle_.r : 0.0);
   if (q && !is_peck(cycle_code_) && !shifts(cycle_code_))
     refuse(q, is_tap(cycle_code_) ? "no Q: tapping with pecks is not read" : "no Q in this cycle");
+  // Q is an amount; the control ignores its sign.
   if (q) cycle_.q = std::abs(length(q));
   if ((is_peck(cycle_code_) || shifts(cycle_code_)) && !(cycle_.q > 0))
     refuse(q ? Cause(q) : cycle_.cause, "Q above zero");
   if (p && !dwells(cycle_code_)) refuse(p, "no P in this cycle");
+  // P is in milliseconds.
   if (p) cycle_.dwell_s = whole(canon_, p, 99'999'999) * 1e-3;
   warn_low_start();
   const bool from_behind = cycle_code_ == 870;
@@ -346,6 +366,7 @@ void Machine::take_cycle_words(const Block& block) {
            fmt::format("R at {} mm, the bottom at {} mm", cycle_.r, cycle_.bottom));
   const int turns = canon_.spindle_direction();
   const int wanted = cycle_code_ == 740 ? -1 : 1;
+  // Tapping needs the spindle to turn the right way; M29 (rigid) makes the control turn it.
   if (is_tap(cycle_code_) && !rigid_ && turns != wanted)
     refuse(cycle_.cause,
            fmt::format("M{} or M29 before G{}", wanted > 0 ? 3 : 4, cycle_code_ / 10));
@@ -354,9 +375,9 @@ void Machine::take_cycle_words(const Block& block) {
   cycle_.begun = true;
 }
 
-/// The last operation of a cycle under G98 leads to where Z stood at its start, also where R lies
-/// above it (Haas VF operator's manual 96-8000, page 182: the six operations of a canned cycle).
-/// LinuxCNC stays at R then.
+/// Under G98 the last operation of a cycle returns to the Z of its start, even if R is above it
+/// (Haas VF operator's manual 96-8000, page 182: the six operations of a canned cycle). LinuxCNC
+/// stays at R in that case.
 void Machine::warn_low_start() {
   if (to_r_ || cycle_code_ == 870 || !(cycle_.initial < cycle_.r)) return;
   run_.warn_once(
@@ -375,6 +396,7 @@ void Machine::cycle(const Block& block) {
   if (tip_words()) refuse(cycle_.cause, "G43 beside a cycle, in a tilted plane where it is needed");
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) refuse(cycle_.cause, "a machine with X Y Z beside a canned cycle");
+  // A cycle whose definition has an error is not reported again for each hole.
   if (!cycle_.begun && !block[Group::Cycle]) run_.require_certain("cycle", cycle_.cause);
   run_.define("cycle", [&] { take_cycle_words(block); });
   moved_ = true;
@@ -382,11 +404,12 @@ void Machine::cycle(const Block& block) {
   cycle_holes(block);
 }
 
-/// K and L: how often, with 0 the words are only taken.
+/// K and L are the number of holes; with 0 the words are only stored.
 void Machine::cycle_holes(const Block& block) {
   const Word& repeats = block['K'] ? block['K'] : block['L'];
   if (block['K'] && block['L']) refuse(block['L'], "either K or L");
   const int n = repeats ? whole(canon_, repeats, 1'000'000) : 1;
+  // Moves of a hole: to the place, to R, to the bottom, back; each peck adds up to three.
   constexpr double moves_per_hole = 4.0, moves_per_peck = 3.0;  // at most
   const double pecks = is_peck(cycle_code_) ? std::abs(cycle_.r - cycle_.bottom) / cycle_.q : 0.0;
   run_.check_moves(n * (moves_per_hole + moves_per_peck * pecks), cycle_.cause);
@@ -394,6 +417,7 @@ void Machine::cycle_holes(const Block& block) {
     run_.count_block();
     Target target = block_target(block, false);
     const int z = joint(2);
+    // The place of a hole is reached at the current Z.
     target.by(z, 0.0, cycle_.cause);
     check_tilted(target, cycle_.cause);
     AxisVector end = canon_.end_of(target);
@@ -406,7 +430,7 @@ void Machine::turn_for_tap(int direction) {
   canon_.turn_spindle(cycle_code_ == 740 ? -direction : direction);
 }
 
-/// Across the hole by Q along +X, which parameter 5148 may say otherwise.
+/// Shifts the tool across the hole by Q along +X; parameter 5148 may state another direction.
 void Machine::shift_tool(double by) {
   run_.warn_once(
       "G76 and G87 shift the tool along +X (5101.4 RD1, 5101.5 RD2 and 5148 may say otherwise)");
@@ -424,12 +448,13 @@ void Machine::pecks() {
     const double depth = cycle_.r - n * cycle_.q;
     if (!(depth > cycle_.bottom)) return;
     to_level(depth, false);
+    // G83 clears the chips at R; G73 only breaks them by the clearance.
     if (cycle_code_ == 830) to_level(cycle_.r, true);
     to_level(std::min(cycle_.r, depth + peck_clearance), true);
   }
 }
 
-/// G87: shifted down to R, up to Z at feed, shifted out.
+/// G87: down to R with the tool shifted, up to Z at feed, shifted out.
 void Machine::bore_from_behind() {
   const int turns = canon_.spindle_direction();
   canon_.turn_spindle(0);
@@ -446,7 +471,7 @@ void Machine::bore_from_behind() {
   canon_.turn_spindle(turns);
 }
 
-/// What the cycle does at the bottom, and out to R.
+/// Operations at the bottom of the hole, and retraction to R.
 void Machine::bottom_of_hole() {
   const int turns = canon_.spindle_direction();
   if (dwells(cycle_code_)) canon_.dwell(cycle_.dwell_s, cycle_.cause);
@@ -455,6 +480,7 @@ void Machine::bottom_of_hole() {
     case 840:
       turn_for_tap(-1);
       to_level(cycle_.r, false);
+      // Rigid tapping leaves the spindle at rest.
       return turn_for_tap(rigid_ ? 0 : 1);
     case 760:
       canon_.turn_spindle(0);
@@ -474,7 +500,7 @@ void Machine::bottom_of_hole() {
   }
 }
 
-/// One hole, from above its place.
+/// Makes one hole, starting above its place.
 void Machine::hole(const AxisVector& place) {
   cycle_.at = place;
   if (cycle_code_ == 870) return bore_from_behind();

@@ -15,11 +15,13 @@ using kinematics::AxisVector;
 using program::FeedMode;
 
 namespace {
+// Limits of the control's memory.
 constexpr int max_additional = 300;   // G54.1 P
 constexpr int max_offsets = 999;      // D and H
-constexpr double same_length = 1e-9;  // mm
-constexpr double same_zero = 1e-6;    // mm
-constexpr double one_plane = 1e-14;   // rad^2 / 2: turned about what is across it alone
+constexpr double same_length = 1e-9;  // mm, rounding of a length converted from inches
+constexpr double same_zero = 1e-6;    // mm, below anything that a scene states
+// 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about the normal of the plane only
+constexpr double one_plane = 1e-14;
 }  // namespace
 
 const AxisVector& Machine::system(int number) const {
@@ -27,12 +29,14 @@ const AxisVector& Machine::system(int number) const {
   return found == systems_.end() ? zero_ : found->second;
 }
 
+// Offsets of a Fanuc add up in this order: external, G54 to G59, G92, G52.
 AxisVector Machine::base() const { return external_ + system(system_) + g92_ + g52_; }
 
-/// Program to axes: turned about the centre of G68 or to the plane of G68.2, then shifted.
+/// Sets the frame: rotated about the centre of G68 or into the plane of G68.2, then shifted.
 void Machine::apply_frame() {
   program::Frame frame{base(), rotation_};
   if (rotation_) {
+    // A rotation about a centre leaves that centre fixed, which adds a shift.
     const Eigen::Vector3d rest =
         tilted_ ? centre_ : Eigen::Vector3d(centre_ - *rotation_ * centre_);
     for (int k = 0; k < 3; ++k) frame.shift[joint(k)] += rest[k];
@@ -40,8 +44,9 @@ void Machine::apply_frame() {
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
-/// Nothing that a change of the coordinate systems would leave in doubt.
-void Machine::check_unique_names(const Cause& cause) const {
+/// Throws BadInput where a change of the coordinate system would be ambiguous: in a rotated system,
+/// and during cutter compensation.
+void Machine::check_free(const Cause& cause) const {
   if (rotation_) refuse(cause, "G69 before " + shown(cause.text));
   if (compensation_.on()) refuse(cause, "G40 before " + shown(cause.text));
 }
@@ -49,6 +54,7 @@ void Machine::check_unique_names(const Cause& cause) const {
 void Machine::choose_system(const Block& block) {
   const Code& code = block[Group::WorkOffset];
   const Word& p = block['P'];
+  // G54 to G59 are systems 1 to 6; G54.1 Pn, also written G54 Pn, is 100 + n.
   int number = (code.tenths - 530) / 10;
   if (code.tenths == 541 || (code.tenths == 540 && p)) {
     if (!p) refuse(code.word, "P (number of the coordinate system) beside G54.1", "none");
@@ -56,8 +62,9 @@ void Machine::choose_system(const Block& block) {
     if (number < 1) refuse(p, "a coordinate system of P1 to P300");
     number += 100;
   }
+  // Selecting the system in force again changes nothing, and is allowed anywhere.
   if (number == system_) return;
-  check_unique_names(code.word);
+  check_free(code.word);
   system_ = number;
   apply_frame();
 }
@@ -68,6 +75,7 @@ void Machine::set_rotation(const Block& block) {
     rotation_.reset();
     tilted_ = false;
     apply_frame();
+    // The end of G68.2 also ends the tip coordinates it needs.
     apply_length(code.word);
     return move(block);
   }
@@ -81,6 +89,7 @@ void Machine::set_rotation(const Block& block) {
   const Word& r = block['R'];
   if (!r) refuse(code.word, "R (angle) beside G68", "none");
   const std::string_view plane = plane_letters();
+  // A centre coordinate that is not programmed is the current position.
   const AxisVector here = canon_.programmed();
   for (int k = 0; k < 3; ++k) {
     const char letter = axis_letters[std::size_t(k)];
@@ -101,8 +110,9 @@ void Machine::store_origin(const Block& block, bool additional) {
   const int number = whole(canon_, p, additional ? max_additional : 6);
   if (additional && number < 1) refuse(p, "a coordinate system of P1 to P300");
   if (block['R']) refuse(block['R'], "axis words beside G10 L2 and L20");
-  check_unique_names(code.word);
+  check_free(code.word);
   AxisVector& origin =
+      // P0 of L2 is the external offset, which shifts all systems.
       !additional && number == 0
           ? external_
           : systems_.try_emplace(additional ? 100 + number : number, zero_).first->second;
@@ -119,6 +129,7 @@ void Machine::store_tool(const Block& block, int kind) {
   const int number = whole(canon_, p, max_offsets);
   if (number < 1) refuse(p, "an offset of P1 to P999");
   Geometry& one = kind < 12 ? lengths_[number] : radii_[number];
+  // L10 and L12 are geometry, L11 and L13 wear.
   const double before = kind % 2 == 0 ? one.value.value_or(0.0) : one.wear;
   const double value = length(r) + (incremental_ ? before : 0.0);
   if (kind % 2 == 0)
@@ -129,6 +140,7 @@ void Machine::store_tool(const Block& block, int kind) {
 
 void Machine::store_data(const Block& block) {
   const Word& l = block['L'];
+  // On a turning control G10 without L sets wear.
   if (turning_ && !(l && (l.value == 2.0 || l.value == 20.0))) return store_wear(block);
   const int kind = l ? whole(canon_, l, 999) : -1;
   switch (kind) {
@@ -146,15 +158,16 @@ void Machine::store_data(const Block& block) {
   }
 }
 
-/// G52, G92 and G92.1; of a turning control G52, G50 and G50.3.
+/// G52, G92 and G92.1; on a turning control G52, G50 and G50.3.
 void Machine::shift_origin(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Words words = axis_words(block);
   if (words.empty()) {
+    // G92 S and G50 S limit the spindle speed and are handled in `set_spindle`.
     if ((code.tenths == 920 || code.tenths == 500) && block['S']) return;
     refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
   }
-  check_unique_names(code.word);
+  check_free(code.word);
   if (code.tenths == 920 && tip_words()) refuse(code.word, "G49 before G92");
   const AxisVector here = canon_.programmed();
   for (const auto& [j, word, step] : words) {
@@ -162,6 +175,8 @@ void Machine::shift_origin(const Block& block) {
     const double value = axis_word(j, *word);
     if (step && !sets) refuse(*word, "X Y Z C beside " + shown(code.word.text));
     if (sets)
+      // G92 makes the current position read as programmed: the shift takes the difference. An
+      // increment (U, W) moves the zero by it.
       g92_[j] += step ? -value : here[j] - value;
     else
       g52_[j] = code.tenths == 520 ? value : 0.0;
@@ -194,6 +209,7 @@ void Machine::set_tool_length(const Block& block) {
   if (compensation_.on()) refuse(cause, "no other tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
   if (length_mode_ == 490) h_ = 0, h_stated_ = false;
+  // A tool that was never called: with one tool there is no doubt which one is meant.
   if ((length_mode_ == 430 || length_mode_ == 440) && !h_stated_) {
     h_ = run_.uncalled_tool(cause, "no H beside " + shown(code.word.text));
     h_stated_ = true;
@@ -208,7 +224,9 @@ void Machine::set_tool_length(const Block& block) {
   const bool tip_before = canon_.tip_mode();
   apply_length(cause);
   const double change = shift_of_z() - before;
+  // A Z word in the block moves the tip to where it is programmed, so nothing is left open.
   if (change == 0.0 || tip_before || canon_.tip_mode() || block['Z']) return;
+  // G49 where Z stands at first is the usual safety block of a program: nothing to report.
   const double reference = program::start_of(canon_.options())[z];
   if (length_mode_ == 490 && canon_.position()[z] == reference) return;
   run_.warn_once(
@@ -216,7 +234,7 @@ void Machine::set_tool_length(const Block& block) {
       "control with TOS = 0 moves Z by it");
 }
 
-/// Puts the length in force: as a shift of Z, or in the chain that the tip is counted with.
+/// Puts the tool length in force: as a shift of Z, or in the chain with which the tip is computed.
 void Machine::apply_length(const Cause& cause) {
   const bool has = length_mode_ != 490 && h_ != 0;
   const int h = has ? h_ : -1;
@@ -236,6 +254,7 @@ void Machine::apply_length(const Cause& cause) {
   if (length_mode_ == 440) refuse(cause, "G43 for a tool length in a tilted plane");
   if (tip_words() && !has) refuse(cause, "H (tool length) beside G43.4 and G43.5", "none");
   const auto& known = canon_.options().tool_length;
+  // The chain has the length of the scene's tool; another length would need a chain of its own.
   const auto own = known.find(h);
   if (has && (own == known.end() || std::abs(own->second - mm) > same_length))
     refuse(cause,
@@ -245,6 +264,7 @@ void Machine::apply_length(const Cause& cause) {
   const bool of_tool = canon_.options().control_of_h.contains(tool_);
   canon_.set_tool_shift({});
   canon_.select_length(has ? h : of_tool ? tool_ : -1, cause);
+  // Only the begin of G43.4 depends on where the table stands.
   const bool begins = !canon_.tip_mode();
   canon_.set_tip_mode(true, cause);
   if (begins && tip_words()) note_turned_table(cause);
@@ -252,11 +272,11 @@ void Machine::apply_length(const Cause& cause) {
   compare_zeros(cause);
 }
 
-/// Under parameter 19696.5 WKP = 0 the workpiece coordinate system as it lies on the table at that
-/// block is what X Y Z count in (FANUC A-79348E, "Explanation"): a table that has turned by then
-/// takes no part of it along. Here they count in the workpiece with its table at zero.
+/// With parameter 19696.5 WKP = 0, X Y Z count in the workpiece coordinate system as it lies over
+/// the table at the block that begins G43.4 (FANUC A-79348E, "Explanation"): a rotation of the
+/// table up to then is not included. Here they count in the workpiece with the table at zero.
 void Machine::note_turned_table(const Cause& cause) {
-  constexpr double turned = 1e-6;  // rad
+  constexpr double turned = 1e-6;  // rad, rounding of a position
   const AxisVector offsets = base();
   std::string tables;
   for (const kinematics::Joint& joint : chain(cause).joints()) {
@@ -276,12 +296,13 @@ void Machine::note_turned_table(const Cause& cause) {
       length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
 }
 
-/// A control's words count from one point under G43 and G43.4. Here they do not where the scene
-/// states no offset, or where another length is believed than that of the chain.
+/// On a control words count from the same point under G43 and G43.4. Here they do not if the scene
+/// states no offset, or if the tool length differs from that of the chain.
 void Machine::compare_zeros(const Cause& cause) {
   if (!seen_axis_length_ || !seen_tip_length_ || length_mode_ == 490 || h_ == 0) return;
   AxisVector axes = base();
   const int n = int(axes.size());
+  // The comparison is made with rotary axes at zero, where both must agree.
   for (int j = 0; j < n; ++j)
     if (!canon_.is_linear(j)) axes[j] = 0.0;
   const Eigen::Vector3d under_tip(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
@@ -289,20 +310,20 @@ void Machine::compare_zeros(const Cause& cause) {
       program::offset_correction(canon_.zero(), program::Coordinates::Axis);
   for (int k = 0; k < 3; ++k) axes[joint(k)] += more[k];
   axes[joint(2)] += length_of(h_, cause);
-  const Eigen::Vector3d length_mismatch_text =
-      chain(cause).tool_in_workpiece(axes).translation() - under_tip;
-  if (length_mismatch_text.norm() <= same_zero) return;
+  const Eigen::Vector3d apart = chain(cause).tool_in_workpiece(axes).translation() - under_tip;
+  if (apart.norm() <= same_zero) return;
   run_.warn_once(fmt::format(
       "with the rotary axes at zero X Y Z under G43 H{} lead to a point {:.6g} {:.6g} {:.6g} mm "
       "from where they lead under G43.4 and G68.2: tool_length_mm of the program, or where the "
       "nose stands with the axes at zero, does not fit",
-      h_, length_mismatch_text.x(), length_mismatch_text.y(), length_mismatch_text.z()));
+      h_, apart.x(), apart.y(), apart.z()));
 }
 
 void Machine::set_compensation(const Block& block) {
   const Code& code = block[Group::CutterRadius];
   if (const Word& d = block['D']) {
     const int number = whole(canon_, d, max_offsets);
+    // Another radius in the middle of a contour would leave the transition undefined.
     if (compensation_.on() && number != d_ && code.tenths != 400) refuse(d, "G40 before another D");
     d_ = number;
     d_stated_ = true;
@@ -323,6 +344,7 @@ void Machine::set_compensation(const Block& block) {
   if (first < 0 || second < 0)
     refuse(code.word,
            fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  // Under G43.4 the plane of compensation would rotate with the table.
   if (tip_words()) refuse(code.word, "G40 beside G43.4 and G43.5");
   const int across = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   if (rotation_ && (*rotation_)(across, across) < 1.0 - one_plane)
@@ -332,6 +354,7 @@ void Machine::set_compensation(const Block& block) {
   if (!has && d_ != 0)
     refuse(block['D'] ? Cause(block['D']) : Cause(code.word), "a tool whose radius is known",
            fmt::format("D{}", d_));
+  // D0 is a radius of zero.
   const double radius = has ? *known->second.value + known->second.wear : 0.0;
   run_.warn_once(
       "cutter compensation ends its first move across the beginning of the next (type A, parameter "
@@ -343,7 +366,7 @@ void Machine::set_compensation(const Block& block) {
 
 namespace {
 
-/// Number of a variable within a range of `most`, from 0; -1 if it is beyond.
+/// Returns the index of a variable within `most` numbers from `first` on, or -1.
 int within(int number, int first, int most) {
   return number >= first && number < first + most ? number - first : -1;
 }
@@ -355,21 +378,21 @@ void Machine::note_numbers(int sequence, int program) {
   program_ = program;
 }
 
-/// The joint of the k-th axis as the control counts them: X Y Z, then the others by letter.
+/// Returns the joint of the k-th axis as the control counts them: X Y Z, then the others by letter.
 int Machine::axis_of(int k) const {
   for (const char letter : axis_letters)
     if (const int j = canon_.joint_of(letter); j >= 0 && k-- == 0) return j;
   return -1;
 }
 
-/// In program units: mm or inch, degrees.
+/// Returns a position in program units: mm or inch, degrees; X as a diameter where words are.
 double Machine::shown_value(int j, const AxisVector& q) const {
   if (j < 0 || q.size() == 0) return 0.0;
   if (diameters_ && j == joint(0)) return 2.0 * q[j] / unit();
   return canon_.is_linear(j) ? q[j] / unit() : q[j] / units::deg;
 }
 
-/// #4001 on: the G codes in force, by group.
+/// #4001 and following: the G codes in force, by group.
 std::optional<double> Machine::mode(int group) const {
   const FeedMode feed = canon_.feed_mode();
   switch (group) {
@@ -387,6 +410,7 @@ std::optional<double> Machine::mode(int group) const {
     case 7:
       return cutter_ / 10;
     case 8:
+      // G43.4 reads as 43.4.
       return length_mode_ / 10.0;
     case 9:
       return cycle_code_ / 10;
@@ -407,7 +431,7 @@ std::optional<double> Machine::mode(int group) const {
   }
 }
 
-/// #4107 on: words in force.
+/// #4107 and following: words in force.
 std::optional<double> Machine::modal_word(int number) const {
   switch (number) {
     case 4107:
@@ -433,7 +457,7 @@ std::optional<double> Machine::modal_word(int number) const {
   }
 }
 
-/// The tool offset that a variable holds: memory C.
+/// Returns the tool offset that a variable holds, in the layout of memory C.
 Machine::OffsetVariable Machine::offset(int number) {
   if (turning_) return {};  // those of a turning control have other numbers
   const struct {
@@ -449,7 +473,8 @@ Machine::OffsetVariable Machine::offset(int number) {
   return {};
 }
 
-/// The coordinate system that a variable belongs to, and its axis.
+/// Returns the coordinate system that a variable belongs to, and its axis: 20 numbers for each
+/// system, from #5201 the external offset and G54 to G59, from #7001 G54.1 P1 to P48.
 AxisVector* Machine::origin(int number, int& k) {
   if (const int i = within(number, 5201, 140); i >= 0 && i % 20 < 9) {
     k = i % 20;
@@ -472,10 +497,12 @@ std::optional<double> Machine::variable(int number) {
   if (const AxisVector* of = origin(number, k)) return shown_value(axis_of(k), *of);
   if (const int group = within(number, 4001, 30); group >= 0) return mode(group + 1);
   if (const auto word = modal_word(number)) return word;
+  // Under compensation a program reads the programmed position, not that of the offset tool.
   const bool beside = compensation_.on() || compensation_.leaving();
   const AxisVector at = beside ? compensation_.programmed() : canon_.position();
   if (const int i = within(number, 5001, 9); i >= 0)
     return shown_value(axis_of(i), canon_.unplaced(at));
+  // #5041: position with tool length; #5021: machine coordinates.
   if (const int i = within(number, 5041, 9); i >= 0) {
     AxisVector with_length = canon_.unplaced(canon_.position());
     if (canon_.tool_shift().size() > 0) with_length += canon_.tool_shift();
@@ -490,6 +517,7 @@ std::optional<double> Machine::variable(int number) {
   }
   if (const int i = within(number, 5081, 9); i >= 0)
     return shown_value(axis_of(i), canon_.tool_shift());
+  // #3003 and #3004 suppress single block and feed hold, which a virtual control does not have.
   if (number == 3003 || number == 3004) return 0.0;
   return std::nullopt;
 }
@@ -506,6 +534,7 @@ bool Machine::set_variable(int number, double value) {
   }
   int k = 0;
   AxisVector* of = origin(number, k);
+  // A change of the system in a rotated frame or under compensation is ambiguous, as for G10.
   if (of == nullptr || axis_of(k) < 0 || rotation_ || compensation_.on()) return false;
   const int j = axis_of(k);
   const double scale = diameters_ && j == joint(0) ? 0.5 : 1.0;

@@ -10,8 +10,10 @@ namespace {
 
 using Line = CodeLine<Group>;
 
+// Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
+// The single source of the word table in the README, of the messages and of the groups of codes.
 constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid, in force at first; line"},
     {"G2 G3", Group::Motion, read,
@@ -136,6 +138,7 @@ constexpr Line lines[] = {
     {"M198", Group::None, refused, "M98: programs stand in the file or beside it"},
 };
 
+// Words other than codes.
 constexpr WordTableEntry other_words[] = {
     {"O :", read, "number of a program"},
     {"N", read, "sequence number"},
@@ -206,6 +209,7 @@ bool is_beside_motion(Group group) {
   return false;
 }
 
+// Tables are built at first use and indexed by tenths: every code of a program is looked up.
 const CodeEntry& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);
@@ -230,6 +234,7 @@ using LatheLine = CodeLine<Group>;
 
 constexpr Use is_read = Use::Read, no_effect = Use::WithoutEffect, is_refused = Use::Refused;
 
+// G-code system A differs in most groups, so a turning control has a table of its own.
 constexpr LatheLine lathe_lines[] = {
     {"G0 G1", Group::Motion, is_read, "rapid, in force at first; line"},
     {"G2 G3", Group::Motion, is_read,
@@ -318,6 +323,7 @@ constexpr LatheLine lathe_lines[] = {
     {"M198", Group::None, is_refused, "M98: programs stand in the file or beside it"},
 };
 
+// Words other than codes, of a turning control.
 constexpr WordTableEntry other_lathe_words[] = {
     {"O :", is_read, "number of a program"},
     {"N", is_read, "sequence number"},

@@ -13,9 +13,10 @@ namespace abbe::sim::dialects {
 namespace heidenhain {
 namespace {
 
+// Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
-// Parts of one word are held together by no-break spaces.
+// Parts of one word are joined by no-break spaces, because blanks separate words of an entry.
 constexpr WordTableEntry words[] = {
     {"BEGIN\u00a0PGM END\u00a0PGM", read,
      "begin and end of a program, MM or INCH; a called one goes back at END PGM"},
@@ -176,15 +177,16 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-constexpr std::size_t max_joined = 1000;  // lines of one block
+constexpr std::size_t max_joined = 1000;  // lines of one block; bounds memory
 
+// The part of a line that contains words.
 struct Taken {
   std::size_t from = 0, to = 0;  ///< bytes of the line without comment and ~
   std::size_t comment = std::string_view::npos;
   bool goes_on = false;
 };
 
-/// What of a line is words. A ~ at its end stands behind the comment.
+/// Finds the words of a line. A ~ at its end stands behind the comment.
 Taken words_of(std::string_view line) {
   Taken taken;
   std::size_t end = line.size();
@@ -193,6 +195,7 @@ Taken words_of(std::string_view line) {
   if (taken.goes_on) --end;
   bool quoted = false;
   for (std::size_t i = 0; i < end; ++i) {
+    // A ; inside a quoted name is no comment.
     if (line[i] == '"') quoted = !quoted;
     if (line[i] != ';' || quoted) continue;
     taken.comment = i + 1;
@@ -203,7 +206,7 @@ Taken words_of(std::string_view line) {
   return taken;
 }
 
-/// Behind the number of the block, and / if it has one.
+/// Returns the position behind the block number, and behind a / before or after it.
 std::size_t skip_block_number(std::string_view line, bool& skipped) {
   std::size_t at = 0;
   const auto blanks = [&] {
@@ -214,6 +217,7 @@ std::size_t skip_block_number(std::string_view line, bool& skipped) {
   blanks();
   const std::size_t digits = at;
   while (at < line.size() && is_digit(line[at])) ++at;
+  // Digits directly followed by other characters are no block number.
   if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
       line[at] != '*' && line[at] != ';')
     at = digits;  // no number of a block
@@ -233,6 +237,7 @@ const char* power_range_error(double a, double b) {
   return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
 }
 
+// Levels of Q formulas: ^ first, then * / %, then + -.
 constexpr Operator operators[] = {
     {"^", 3, [](double a, double b) { return std::pow(a, b); }, power_range_error},
     {"*", 2, [](double a, double b) { return a * b; }},
@@ -245,6 +250,7 @@ constexpr Operator operators[] = {
 const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
 const char* not_positive(double x) { return x <= 0 ? "a number above zero" : nullptr; }
 
+// SQRT before SQ, and longer names first where one begins another.
 constexpr Function functions[] = {
     {"SQRT", [](double x) { return std::sqrt(x); },
      [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
@@ -272,6 +278,7 @@ const ExpressionGrammar& grammar() {
   return all;
 }
 
+// Functions need no brackets: SIN Q1 is the sine of Q1.
 std::optional<double> function_value(Cursor& cursor, Operands& parameters) {
   const std::size_t from = cursor.at;
   if (cursor.take_word("PI")) return pi;
@@ -297,6 +304,7 @@ void read_block(const std::vector<std::string_view>& lines, std::size_t at, Bloc
   Taken taken = words_of(line);
   std::size_t first = begin;
   while (first < taken.to && is_blank(line[first])) ++first;
+  // * begins a structure comment, which is a block without words.
   if (first < line.size() && line[first] == '*') {
     block.comment = line.substr(first + 1);
     block.text = {};
@@ -304,6 +312,7 @@ void read_block(const std::vector<std::string_view>& lines, std::size_t at, Bloc
   }
   if (first >= taken.to && taken.comment != std::string_view::npos)
     block.comment = line.substr(taken.comment);
+  // A block of one line, as nearly all are, refers to the text of the file without copying it.
   if (!taken.goes_on) {
     block.text = line.substr(0, std::max(taken.to, begin));
     block.pieces.push_back({begin, int(at) + 1, int(begin)});
@@ -328,6 +337,7 @@ BadInput relocate_error(const Block& block, const BadInput& fault) {
   if (block.lines == 1 || fault.column < 1) return fault;
   const std::size_t offset = std::size_t(fault.column - 1);
   const Block::Piece* piece = &block.pieces.front();
+  // The piece that contains the offset gives line and column.
   for (const Block::Piece& one : block.pieces)
     if (one.offset <= offset) piece = &one;
   return {fault.file, piece->line, int(offset - piece->offset) + piece->column + 1, fault.expected,
@@ -339,6 +349,7 @@ std::string Words::name() {
   std::string letters;
   while (is_letter(cursor.here())) letters += upper(cursor.text[cursor.at++]);
   if (!is_digit(cursor.here())) return letters;
+  // In X+Q1 the letters are those of the axis; in XQ1 the Q1 behind them is a parameter.
   for (const std::string_view parameter : {"Q", "QL", "QR", "QS"})
     if (letters.size() > parameter.size() && letters.ends_with(parameter)) {
       letters.resize(letters.size() - parameter.size());
@@ -375,6 +386,7 @@ std::string Words::label() {
   const std::size_t from = cursor.at;
   if (cursor.here() != '"') return fmt::format("{}", whole(65535));
   const std::size_t end = cursor.text.find('"', from + 1);
+  // The limit of 32 characters is that of the control.
   if (end == std::string_view::npos || end == from + 1 || end - from > 33)
     cursor.refuse(from, "a name of 1 to 32 characters in quotes");
   cursor.at = end + 1;

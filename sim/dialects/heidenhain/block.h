@@ -14,7 +14,8 @@
 
 namespace abbe::sim::dialects {
 
-/// The words of Klartext; those of several parts have no-break spaces between them, as TOOL CALL.
+/// Returns the words of Klartext. Words of several parts, such as TOOL CALL, contain no-break
+/// spaces.
 std::span<const WordTableEntry> heidenhain_words();
 
 }  // namespace abbe::sim::dialects
@@ -24,38 +25,39 @@ namespace abbe::sim::dialects::heidenhain {
 using program::Cause;
 using program::Target;
 
-// A block of Klartext as text, and its words one by one.
+// A block of Klartext as text, and the parser of its words.
 
-/// A block: its lines, which all but the last end in ~, joined by blanks, without number and
+/// A block: its lines, all but the last one ending in ~, joined by blanks, without block number and
 /// comments.
 struct Block {
-  /// A line of it begins at `offset` of the text.
+  /// A line of the block; it begins at `offset` of the joined text.
   struct Piece {
     std::size_t offset = 0;
     int line = 0;
     int column = 0;  ///< of its first byte, from 0
   };
-  std::string_view text;     ///< of the line itself where there is only one
-  std::string_view comment;  ///< behind ; or * of a block of no words
+  std::string_view text;     ///< refers to the line itself if there is only one
+  std::string_view comment;  ///< behind ;, or behind * in a block without words
   std::size_t lines = 1;
-  bool skipped = false;  ///< it begins with /
+  bool skipped = false;  ///< begins with /
   std::vector<Piece> pieces;
   std::string joined;
 };
 
-/// Reads the block that begins at line `at` (from 0) into `block`, whose memory is used again.
+/// Reads the block that begins at line `at` (from 0) into `block`, whose memory is reused.
 void read_block(const std::vector<std::string_view>& lines, std::size_t at, Block& block);
 
-/// The same fault at the line and column where what it points at stands.
+/// Returns an error with the line and column in the file instead of those in the joined text.
 BadInput relocate_error(const Block& block, const BadInput& fault);
 
-/// The operators and functions of Q formulas; functions take what follows them, brackets or not.
+/// Returns the operators and functions of Q formulas. A function takes the value that follows, with
+/// or without brackets.
 const ExpressionGrammar& grammar();
-/// The function of a formula that begins at the cursor, applied to what follows it; none if none
-/// does.
+/// Returns the value of the function of a formula at the cursor, applied to what follows; nothing
+/// if there is none.
 std::optional<double> function_value(Cursor& cursor, Operands& parameters);
 
-/// The words of a block from the left.
+/// Parses the words of a block from left to right.
 class Words {
  public:
   Words(Cursor cursor, Operands& parameters) : cursor(cursor), parameters_(parameters) {}
@@ -64,22 +66,22 @@ class Words {
     cursor.skip_blanks();
     return cursor.at_end();
   }
-  /// Letters that begin there, in upper case; a Q parameter behind them is left. Empty if there is
-  /// no letter.
+  /// Returns the letters at the cursor in upper case, without a Q parameter that follows them;
+  /// empty if there are none.
   std::string name();
   bool take(std::string_view word) { return cursor.take_word(word); }
-  /// A number or a Q parameter begins there.
+  /// Returns true if a number or a Q parameter follows.
   bool has_value() const;
-  /// It. @throws BadInput
+  /// Returns the value that follows. Throws BadInput.
   double value();
-  /// The same where it is a whole number of 0 to `most`.
+  /// Returns the value that follows, which must be a whole number of 0 to `most`.
   int whole(int most);
-  /// A number or a name in quotes, as a label has. @throws BadInput
+  /// Returns a label: a number or a name in quotes. Throws BadInput.
   std::string label();
-  /// @throws BadInput unless nothing follows
+  /// Throws BadInput unless nothing follows.
   void ends();
   Cause cause(std::size_t from) const { return cursor.cause(from); }
-  /// Refuses the word there, or behind blanks.
+  /// Throws BadInput at the word there, after blanks.
   [[noreturn]] void refuse(std::size_t from, std::string expected) const {
     while (from < cursor.text.size() && is_blank(cursor.text[from])) ++from;
     cursor.refuse(from, std::move(expected));

@@ -18,10 +18,11 @@ using program::Cause;
 namespace {
 
 constexpr double same_point = 1e-9;  // mm
-constexpr double rounding = 1e-6;    // mm by which a corner may be too long
+constexpr double rounding = 1e-6;    // mm by which a corner may exceed a move
+// Bounds memory between RL and the first move in the plane.
 constexpr std::size_t max_waiting = 100;
 
-/// With a cause that outlives the text of its block.
+/// Returns the element with a cause that remains valid after the text of its block is gone.
 Element lasting(Element element) {
   element.cause.text = element.round ? "an arc" : "a straight move";
   return element;
@@ -32,6 +33,7 @@ double cross_of(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a
 }  // namespace
 
 void Contour::put(Element element, const std::array<int, 2>& plane, bool before_corner) {
+  // The plane must not change while compensation is in force.
   if (!beside_.on()) plane_ = plane;
   element.line = canon_.line();
   element.file = canon_.file();
@@ -41,7 +43,7 @@ void Contour::put(Element element, const std::array<int, 2>& plane, bool before_
   if (corner_)
     after_corner = cut_corner(element);
   else if (held_)
-    pass(*std::exchange(held_, std::nullopt));  // RND or CHF was refused
+    pass(*std::exchange(held_, std::nullopt));  // RND or CHF had an error
   if (before_corner) {
     held_from_ = after_corner ? *after_corner : from;
     held_ = lasting(std::move(element));
@@ -52,6 +54,7 @@ void Contour::put(Element element, const std::array<int, 2>& plane, bool before_
   at_ = end;
 }
 
+// The corner is cut when the move behind it is known.
 void Contour::corner(bool round, double size, std::optional<program::Feed> feed,
                      const Cause& cause) {
   if (!held_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
@@ -60,11 +63,13 @@ void Contour::corner(bool round, double size, std::optional<program::Feed> feed,
                    canon_.line(), canon_.file()};
 }
 
-/// Between the straight move that is held and the next one. @return where the corner ends
+/// Makes the corner between the held straight move and the next one. Returns where the corner ends.
 AxisVector Contour::cut_corner(const Element& next) {
   const Corner corner = *std::exchange(corner_, std::nullopt);
   Element before = *std::exchange(held_, std::nullopt);
   const AxisVector corner_end = before.end;
+  // On an error the held move is still made, so that the following moves start where they are
+  // programmed.
   const auto fail = [&](std::string expected, std::string seen) -> AxisVector {
     pass(std::move(before));
     canon_.set_line(corner.line, corner.file);
@@ -73,6 +78,7 @@ AxisVector Contour::cut_corner(const Element& next) {
   if (before.round || next.round)
     return fail("straight moves on both sides of RND and CHF", "an arc");
   const Vector2d from = in_plane(held_from_), at = in_plane(before.end), to = in_plane(next.end);
+  // Both moves must be in the working plane: otherwise the corner would have no plane.
   const auto flat = [&](AxisVector way) {
     for (const int j : plane_) way[j] = 0.0;
     return way.cwiseAbs().maxCoeff() < same_point;
@@ -89,6 +95,8 @@ AxisVector Contour::cut_corner(const Element& next) {
     return corner_end;
   }
   if (half > pi / 2 - 1e-6) return fail("a corner that is no way straight back", "one");
+  // Length cut off each side: R tan(turn/2) for an arc; for a bevel of length L, L / (2
+  // cos(turn/2)).
   const double cut =
       corner.round ? corner.size * std::tan(half) : corner.size / (2 * std::cos(half));
   if (cut > in + rounding || cut > out + rounding)
@@ -100,11 +108,13 @@ AxisVector Contour::cut_corner(const Element& next) {
   piece.first = plane_[0];
   piece.second = plane_[1];
   piece.clockwise = turn < 0;
+  // Without an F of its own the corner has the feed of the move before it.
   piece.feed = corner.feed ? corner.feed : before.feed;
   piece.line = corner.line;
   piece.file = corner.file;
   piece.end = piece.centre = before.end;
   const Vector2d begin = at - cut * a, end = at + cut * b;
+  // The centre of the arc lies on the inner side of the corner.
   const Vector2d side = turn > 0 ? Vector2d(-a.y(), a.x()) : Vector2d(a.y(), -a.x());
   for (int k = 0; k < 2; ++k) {
     const int j = plane_[std::size_t(k)];
@@ -120,6 +130,7 @@ AxisVector Contour::cut_corner(const Element& next) {
 
 void Contour::set_side(std::optional<bool> left, double radius, const Cause& cause) {
   if (left == side_) return;
+  // A direct change of side would leave the offset point of the transition undefined.
   if (left && side_) canon_.refuse(cause, "R0 between RL and RR");
   if (left) {
     side_ = left;
@@ -138,6 +149,7 @@ void Contour::after(std::function<void()> action) {
     action();
 }
 
+// Moves that were waiting for a contour that never came, at their programmed positions.
 void Contour::emit_entry_moves() {
   for (const Element& element : std::exchange(entry_, {})) make(element);
 }
@@ -151,6 +163,8 @@ void Contour::finish() {
   moved_ = false;
 }
 
+// Without compensation a move is made at once; with it, the first move waits for the direction of
+// the contour.
 void Contour::pass(Element element) {
   if (!side_) return make(element);
   if (beside_.on()) return go_beside(element);
@@ -160,6 +174,7 @@ void Contour::pass(Element element) {
     entry_.push_back(lasting(std::move(element)));
     return;
   }
+  // Moves of other axes between RL and the contour wait as well.
   if (!element.round && (in_plane(element.end) - in_plane(entry_.back().end)).norm() < same_point) {
     if (entry_.size() == max_waiting)
       canon_.refuse(element.cause,
@@ -171,7 +186,7 @@ void Contour::pass(Element element) {
   go_beside(element);
 }
 
-/// Unit, in which an element leaves its beginning.
+/// Returns the unit direction in which an element leaves its start.
 Vector2d Contour::leaves(const Element& element, const AxisVector& start) const {
   const Vector2d from = in_plane(start);
   if (!element.round) return (in_plane(element.end) - from).normalized();
@@ -183,13 +198,14 @@ Vector2d Contour::leaves(const Element& element, const AxisVector& start) const 
   return element.clockwise ? Vector2d(out.y(), -out.x()) : Vector2d(-out.y(), out.x());
 }
 
-/// To the place across the beginning of the next move.
+/// Moves to the point perpendicular to the beginning of the next move, one radius from it.
 void Contour::enter(const Element& next) {
   const AxisVector begin = entry_.back().end;
   const Vector2d d = leaves(next, begin);
   const Vector2d side = *side_ ? Vector2d(-d.y(), d.x()) : Vector2d(d.y(), -d.x());
   const Vector2d place = in_plane(begin) + radius_ * side;
   const auto feed = canon_.feed();
+  // All waiting moves end beside the contour.
   for (Element element : std::exchange(entry_, {})) {
     for (int k = 0; k < 2; ++k) element.end[plane_[std::size_t(k)]] = place[k];
     make(element);
@@ -198,6 +214,7 @@ void Contour::enter(const Element& next) {
   beside_.begin_at_offset(*side_, radius_, plane_, begin);
 }
 
+// Feed and line are those of the element's own block, not of the current one.
 void Contour::go_beside(const Element& element) {
   const auto feed = canon_.feed();
   canon_.set_feed(element.feed);

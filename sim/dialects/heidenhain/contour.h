@@ -11,13 +11,13 @@
 
 namespace abbe::sim::dialects::heidenhain {
 
-/// A straight or circular move as the program says it.
+/// A straight or circular move as programmed.
 struct Element {
   bool rapid = false, round = false;
-  kinematics::AxisVector end;          ///< (axes), offsets already in
+  kinematics::AxisVector end;          ///< (axes), offsets included
   int first = 0, second = 1;           ///< joints of the plane of an arc
-  kinematics::AxisVector centre = {};  ///< as `Canon::placed` gives it
-  std::optional<double> radius = {};   ///< instead, as that of `ArcMove`
+  kinematics::AxisVector centre = {};  ///< as `Canon::placed` returns it
+  std::optional<double> radius = {};   ///< alternative to the centre, as in `ArcMove`
   bool clockwise = false;
   int turns = 1;
   program::Cause cause = {};
@@ -26,39 +26,42 @@ struct Element {
   int line = 0, file = 0;
 };
 
-/// What becomes of the moves before the canon makes them: corners that RND and CHF round and bevel,
-/// and the path beside the programmed one by the radius of the tool, RL and RR. A move waits for
-/// the next one where that decides its end.
+/// Processes moves before the canon makes them: corners rounded by RND and bevelled by CHF, and
+/// compensation of the tool radius by RL and RR. A move waits for the next one if that determines
+/// its end.
 ///
-/// RL and RR begin with a straight move, which ends across the beginning of the move in the plane
-/// that follows; R0 ends them across the end of the last one. Corners are those of
-/// `Compensation`.
+/// RL and RR begin with a straight move, which ends perpendicular to the beginning of the next move
+/// in the plane; R0 ends compensation perpendicular to the end of the last move. Corners are made
+/// as in `Compensation`.
 class Contour {
  public:
   explicit Contour(ProgramRun& run) : run_(run), canon_(run.canon), beside_(run) {}
 
-  /// Where the program is, which the axes may be beside or behind, offsets in.
+  /// Returns the programmed position, offsets included, which the axes may have an offset from or
+  /// not have reached.
   const kinematics::AxisVector& position() const { return moved_ ? at_ : canon_.position(); }
-  /// The same in program coordinates.
+  /// Returns the programmed position in program coordinates.
   kinematics::AxisVector programmed() const { return canon_.unplaced(position()); }
 
-  /// @param plane  joints of the working plane
-  /// @param before_corner  RND or CHF follows
-  /// @throws BadInput for a corner that is too small, and what RL and RR cannot do
+  /// Processes a move. `plane` holds the joints of the working plane; `before_corner` is true if
+  /// RND or CHF follows. Throws BadInput for moves too short for a corner, and for moves that RL
+  /// and RR cannot have.
   void put(Element element, const std::array<int, 2>& plane, bool before_corner);
-  /// The corner at the end of the move before. @param size  mm, radius or length of the bevel
+  /// Adds a corner at the end of the previous move. `size` is the radius or the length of the
+  /// bevel, mm.
   void corner(bool round, double size, std::optional<program::Feed> feed,
               const program::Cause& cause);
-  /// Left or right of the path from the next move on, none for on it. @param radius  mm
+  /// Sets compensation left or right of the path from the next move on, or none. `radius` in mm.
   void set_side(std::optional<bool> left, double radius, const program::Cause& cause);
   bool beside() const { return side_.has_value(); }
   bool waits() const { return corner_ || held_; }
-  /// Now, or behind the move that waits.
+  /// Runs an action now, or after the waiting move.
   void after(std::function<void()> action);
-  /// All that waits is made as it stands.
+  /// Makes all waiting moves as they are.
   void finish();
 
  private:
+  /// A corner that waits for the move behind it.
   struct Corner {
     bool round = true;
     double size = 0.0;
@@ -81,15 +84,15 @@ class Contour {
   program::Canon& canon_;
   Compensation beside_;
   std::array<int, 2> plane_{0, 1};
-  bool moved_ = false;  ///< the program is not where the axes stand
+  bool moved_ = false;  ///< the programmed position is ahead of the axes
   kinematics::AxisVector at_;
-  std::optional<Element> held_;  ///< its corner follows
+  std::optional<Element> held_;  ///< waits for its corner
   kinematics::AxisVector held_from_;
   std::optional<Corner> corner_;
   std::optional<bool> side_;
   double radius_ = 0.0;
-  std::vector<Element>
-      entry_;  ///< the move that begins RL or RR, and those of other axes behind it
+  /// The move that begins RL or RR, and moves of other axes behind it.
+  std::vector<Element> entry_;
 };
 
 }  // namespace abbe::sim::dialects::heidenhain

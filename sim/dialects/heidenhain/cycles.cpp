@@ -13,7 +13,7 @@
 #include "sim/dialects/heidenhain/block.h"
 #include "sim/dialects/heidenhain/machine.h"
 
-/// CYCL DEF of coordinates, and what TRANS and presets do; drilling is elsewhere.
+/// Cycles of coordinates (CYCL DEF, TRANS, presets), and cycles that drill, bore and tap.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Matrix3d;
@@ -24,6 +24,7 @@ using program::FeedMode;
 
 namespace {
 
+// Reads at most five digits.
 int digits_at(Cursor& cursor) {
   int number = 0;
   for (int n = 0; n < 5 && is_digit(cursor.here()); ++n)
@@ -33,7 +34,7 @@ int digits_at(Cursor& cursor) {
 
 }  // namespace
 
-/// CYCL DEF 7.1 X+10, CYCL DEF 200 DRILLING Q200=2 ...
+/// Examples: CYCL DEF 7.1 X+10 or CYCL DEF 200 DRILLING Q200=2.
 void Machine::cycle_definition(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -48,15 +49,17 @@ void Machine::cycle_definition(Words& words) {
   const std::string name = fmt::format("CYCL\u00a0DEF\u00a0{}", number);
   const WordTableEntry* use = find_word(heidenhain_words(), name);
   if (use == nullptr) {
-    cycle_ = {};  // a call of what is skipped is no call of the cycle before it
+    cycle_ = {};  // calling a skipped cycle must not call the previous one
     return run_.unknown(cause, "a cycle that is read");
   }
   if (use->use == Use::Refused) {
     run_.doubt(the_cycle);
     refuse(cause, std::string(use->sentence));
   }
+  // Block 7.0 of a new cycle ends a previous one.
   if (part <= 0) require_whole_cycle(cause);
   if (use->use == Use::WithoutEffect) return;
+  // A new definition ends the modal call of M89.
   modal_cycle_ = false;
   if (part > 0 && (!old_cycle_ || old_cycle_->first != number))
     refuse(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
@@ -65,7 +68,7 @@ void Machine::cycle_definition(Words& words) {
   run_.define(the_cycle, [&] { new_cycle(number, from, words); });
 }
 
-/// The name of a cycle alone, CYCL DEF 7.0, defines nothing.
+/// Throws BadInput if the name of a cycle, CYCL DEF 7.0, was not followed by its values.
 void Machine::require_whole_cycle(const Cause& cause) {
   const auto begun = std::exchange(old_cycle_, std::nullopt);
   if (begun && begun->second == 0)
@@ -73,11 +76,12 @@ void Machine::require_whole_cycle(const Cause& cause) {
 }
 
 void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
-  if (part == 0) return;  // its name
+  if (part == 0) return;  // the name of the cycle
   switch (number) {
     case 7:
       return datum_shift(words);
     case 8:
+      // Values of mirror image and scaling are accepted only if they have no effect.
       if (!words.at_end()) words.refuse(words.cursor.at, "no axis: nothing is mirrored");
       return;
     case 9: {
@@ -102,7 +106,7 @@ void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
   }
 }
 
-/// X+10 IY-5 of cycle 7 and of TRANS DATUM AXIS.
+/// Reads shifts of cycle 7 and of TRANS DATUM AXIS, for example X+10 IY-5.
 void Machine::datum_shift(Words& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
@@ -117,7 +121,8 @@ void Machine::datum_shift(Words& words) {
   apply_frame({1, "CYCL DEF 7"});
 }
 
-/// Of a shift in which the plane began only its end is certain, and that once the plane ends.
+/// Sets the shift of an axis. Of a shift from before the plane only its end is known, and that
+/// takes effect when the plane ends.
 void Machine::shift_axis(char letter, double value, bool step, const Cause& cause) {
   const int j = joint_of(letter, cause);
   value *= canon_.is_linear(j) ? unit() : units::deg;
@@ -133,6 +138,7 @@ void Machine::shift_axis(char letter, double value, bool step, const Cause& caus
     return;
   }
   if (of_place && !plane_) {
+    // An increment of an uncertain shift would be uncertain too.
     if (step && (shift_doubt_ & shift_bit(letter)))
       refuse(cause, "an absolute shift behind PLANE RESET: that within the plane was another");
     shift_doubt_ &= ~shift_bit(letter);
@@ -140,7 +146,7 @@ void Machine::shift_axis(char letter, double value, bool step, const Cause& caus
   datum_shift_[j] = step ? datum_shift_[j] + value : value;
 }
 
-/// Where X Y Z count from is known.
+/// Throws BadInput unless the origin of X Y Z is known.
 void Machine::require_certain_shift(const Cause& cause) const {
   if (shift_doubt_ == 0) return;
   if (plane_)
@@ -159,6 +165,7 @@ void Machine::cycle_rotation(Words& words) {
   const double angle = words.value() * units::deg;
   words.ends();
   if (name == "IROT" && (shift_doubt_ & turn_bit)) words.refuse(from, "ROT behind PLANE RESET");
+  // Restored on an error, so that later blocks count from the old rotation.
   const double before = turn_;
   turn_ = name == "IROT" ? turn_ + angle : angle;
   try {
@@ -183,7 +190,7 @@ void Machine::cycle_plane(Words& words) {
     if (name.size() == 1 && name[0] >= 'A' && name[0] <= 'C')
       angles[std::size_t(name[0] - 'A')] = words.value() * units::deg;
     else if (name == "F" || name == "DIST" || name == "ABST")
-      words.value();  // of machines whose maker lets the cycle position
+      words.value();  // used by machines whose cycle positions the axes
     else
       words.refuse(from, "A, B and C");
   }
@@ -201,7 +208,7 @@ void Machine::cycle_plane(Words& words) {
   tilt(R, how);
 }
 
-/// TRANS DATUM AXIS X+10, TRANS DATUM RESET
+/// Examples: TRANS DATUM AXIS X+10 or TRANS DATUM RESET.
 void Machine::trans(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -224,7 +231,7 @@ void Machine::trans(Words& words) {
   apply_frame(words.cause(from));
 }
 
-/// Presets 1 to 6 may be the scene's G54 to G59; shift and rotation end.
+/// Selects a preset: 1 to 6 may be G54 to G59 of the scene. Datum shift and rotation end.
 void Machine::choose_preset(int number, const Cause& cause) {
   if (contour_.beside()) refuse(cause, "R0 before another preset");
   if (plane_) refuse(cause, "PLANE RESET before another preset");
@@ -246,15 +253,17 @@ void Machine::choose_preset(int number, const Cause& cause) {
 namespace {
 
 constexpr double rapid_feed = 99999.0;  // a feed of a cycle from here on is FMAX
+// Bounds a hole whose infeed is far below any chip.
 constexpr int max_pecks = 100000;
 
+// Parameters of a cycle.
 struct CycleEntry {
   int number;
-  std::array<int, 16> parameters;  ///< the first `needed` must be given
+  std::array<int, 16> parameters;  ///< the first `needed` ones are mandatory
   int needed;
 };
 
-// Q200 set-up clearance, Q201 depth, Q203 surface, Q204 second clearance, Q206 feed
+// Q200 set-up clearance, Q201 depth, Q203 surface, Q204 second set-up clearance, Q206 feed.
 constexpr CycleEntry cycles[] = {
     {200, {200, 201, 206, 202, 203, 204, 210, 211, 395}, 6},
     {201, {200, 201, 206, 203, 204, 211, 208}, 5},
@@ -302,6 +311,7 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
     if (!cycle.values.contains(fact->parameters[std::size_t(i)]))
       words.cursor.refuse(
           from, fmt::format("Q{} of cycle {}", fact->parameters[std::size_t(i)], number), "none");
+  // Cycle 247 selects a preset and is executed at once.
   if (number == 247) {
     const double preset = cycle.values[339];
     const bool is_whole = preset == std::floor(preset) && preset >= 0.0 && preset <= max_preset;
@@ -311,7 +321,8 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
   check_cycle(words.cause(from));
 }
 
-/// The value of a parameter of a cycle; a feed may be written as in a block, with F or without.
+/// Returns the value of a parameter of a cycle; a feed may be written as in a block, with or
+/// without F.
 double Machine::cycle_word(int q, std::set<int>& per_turn, Words& words) const {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -324,10 +335,11 @@ double Machine::cycle_word(int q, std::set<int>& per_turn, Words& words) const {
   return feed.word == FeedWord::Rapid ? 99999.9 : feed.value;
 }
 
-/// What a cycle is asked that is not done, before it runs.
+/// Throws BadInput for settings of a cycle that are not supported, before it runs.
 void Machine::check_cycle(const Cause& cause) {
   const auto only = [&](int q, double value, const char* sentence) {
     if (cycle_value(q, value) == value) return;
+    // The cycle is discarded, so that calls report no further errors.
     cycle_.number = 0;
     refuse(cause, sentence, fmt::format("Q{} = {:.6g}", q, cycle_.values[q]));
   };
@@ -354,7 +366,7 @@ double Machine::cycle_value(int number, double otherwise) const {
   return found == cycle_.values.end() ? otherwise : found->second;
 }
 
-/// CYCL CALL M3, CYCL CALL POS X+10 Y+20 Z+0 FMAX
+/// Examples: CYCL CALL M3 or CYCL CALL POS X+10 Y+20 Z+0 FMAX.
 void Machine::cycle_call(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -380,6 +392,7 @@ void Machine::cycle_call(Words& words) {
       const int j = joint_of(letter, move.cause);
       plane.to(j, canon_.unplaced(canon_.end_of(target))[j], move.cause);
     }
+    // The tool first rises to the clearance, so that it does not move sideways through the part.
     if (canon_.programmed()[z] < r) to_depth(r, true);
     program::Straight straight{canon_.end_of(plane), move.cause, false, plane.stated()};
     if (move.feed_word == FeedWord::Rapid)
@@ -399,18 +412,19 @@ void Machine::require_cycle(const Cause& cause) const {
   if (cycle_.number == 0) refuse(cause, "CYCL DEF of a hole before it", "none");
 }
 
-/// @param surface  mm, what the place of the call adds to Q203
+/// Executes the cycle. `surface` is what the position of the call adds to Q203, mm.
 void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
   require_certain_shift(cause);
   if (contour_.beside() || contour_.waits()) refuse(cause, "R0, and no corner, before a cycle");
   joint_of('Z', cause);
   const double depth = cycle_value(201) * unit();
-  if (depth == 0.0) return;  // it is not run
+  if (depth == 0.0) return;  // with a depth of zero the control does not run the cycle
   surface += cycle_value(203) * unit();
   const double r = surface + cycle_value(200) * unit();
   const auto feed = canon_.feed();
   const auto mode = canon_.feed_mode();
+  // Feeds of cycles are per minute unless stated otherwise; the mode of the program is restored.
   canon_.set_feed_mode(FeedMode::PerMinute);
   to_depth(r, true);
   switch (cycle_.number) {
@@ -433,6 +447,7 @@ void Machine::run_cycle(double surface, const Cause& cause) {
     default:
       ream(surface, surface + depth);
   }
+  // The second clearance may be programmed below the first one.
   to_depth(surface + std::max(cycle_value(204), cycle_value(200)) * unit(), true);
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed);
@@ -450,7 +465,8 @@ void Machine::to_depth(double z, bool rapid) {
     canon_.straight_feed(std::move(straight));
 }
 
-/// At the feed of a parameter, that of the other one where it is zero or not given.
+/// Feeds to a level with the feed of a parameter, or of the other parameter if that is zero or not
+/// given.
 void Machine::feed_to(double z, int parameter, int otherwise) {
   if (cycle_value(parameter, 0.0) == 0.0) parameter = otherwise;
   const double feed = cycle_value(parameter, 0.0);
@@ -467,10 +483,11 @@ void Machine::feed_to(double z, int parameter, int otherwise) {
 
 void Machine::wait(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {1, {}}); }
 
-/// 200: each infeed ends above the surface, and begins by the clearance above the last one.
+/// Cycle 200: each infeed ends above the surface and begins one clearance above the last depth.
 void Machine::drill(double surface, double bottom) {
   const double clear = cycle_value(200) * unit(), step = cycle_value(202) * unit();
   check_infeeds(surface - bottom, step);
+  // 1e-9 mm: a remainder of rounding is no infeed.
   for (double level = surface - step; level > bottom + 1e-9; level -= step) {
     run_.count_block();
     feed_to(level, 206, 206);
@@ -486,22 +503,23 @@ void Machine::check_pecks(double pecks) const {
   if (!(pecks <= max_pecks)) refuse({1, {}}, "at most 1e5 infeeds in a hole", "more");
 }
 
-/// Infeeds of a depth that become no longer: known before the first is made.
+/// Checks the number of infeeds of constant depth before the first one is made.
 void Machine::check_infeeds(double depth, double step) const {
   constexpr double moves_per_infeed = 2.0;  // at least: in and out
   check_pecks(depth / step);
   run_.check_moves(moves_per_infeed * depth / step, {1, {}});
 }
 
-/// 201, 240
+/// Cycles 201 and 240.
 void Machine::ream(double surface, double bottom) {
   feed_to(bottom, 206, 206);
   wait(211);
   if (cycle_.number == 201) feed_to(surface + cycle_value(200) * unit(), 208, 206);
 }
 
-/// 203: infeeds become smaller; of every Q213 + 1 the last one leaves the hole.
+/// Cycle 203: infeeds become smaller; chips are broken Q213 times before the tool leaves the hole.
 void Machine::peck_universal(double surface, double bottom) {
+  // Without Q256 chips are broken by a retraction of 0.2 mm.
   const double clear = cycle_value(200) * unit(), back = cycle_value(256, 0.2) * unit();
   const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
   double step = cycle_value(202) * unit();
@@ -524,6 +542,7 @@ void Machine::peck_universal(double surface, double bottom) {
       wait(210);
       to_depth(level + clear, true);
     }
+    // Infeeds shrink by Q212 down to Q205.
     if (less > 0) step = std::min(step, std::max(step - less, least));
     if (!(step > 0)) refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
   }
@@ -531,7 +550,7 @@ void Machine::peck_universal(double surface, double bottom) {
   feed_to(surface + clear, 208, 206);
 }
 
-/// 205: chips are broken every Q257, the hole is left after every infeed.
+/// Cycle 205: chips are broken every Q257, and the tool leaves the hole after every infeed.
 void Machine::peck_deep(double surface, double bottom) {
   const double clear = cycle_value(200) * unit(), back = cycle_value(256, 0.2) * unit();
   const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
@@ -554,6 +573,7 @@ void Machine::peck_deep(double surface, double bottom) {
     level = next;
     if (level <= bottom + 1e-9) break;
     to_depth(surface + clear, true);
+    // Back at rapid to the stop distance above the last depth.
     to_depth(std::min(level + stop, surface + clear), true);
     if (less > 0) step = std::min(step, std::max(step - less, least));
     if (!(step > 0)) refuse({1, {}}, "Q205 above zero beside Q212", "infeeds that come to nothing");
@@ -562,7 +582,7 @@ void Machine::peck_deep(double surface, double bottom) {
   feed_to(surface + clear, 208, 206);
 }
 
-/// 202: out with the spindle standing, off the wall by 0.2 mm where Q214 says which way.
+/// Cycle 202: out with the spindle at rest, 0.2 mm off the wall in the direction of Q214.
 void Machine::bore(double surface, double bottom) {
   feed_to(bottom, 206, 206);
   wait(211);
@@ -585,12 +605,13 @@ void Machine::bore(double surface, double bottom) {
   canon_.turn_spindle(turns);
 }
 
-/// 207 with the feed of the pitch, 206 with its own.
+/// Cycle 207 at the feed of the pitch, cycle 206 at its own feed.
 void Machine::tap(double surface, double bottom) {
   const int turns = canon_.spindle_direction();
   const double top = surface + cycle_value(200) * unit();
   if (cycle_.number == 207) {
     const double pitch = cycle_value(239);
+    // A negative pitch is a left-hand thread.
     const int in = pitch > 0 ? 1 : -1;
     canon_.set_feed_mode(FeedMode::PerRevolution);
     canon_.set_feed(Feed{std::abs(pitch), unit()});

@@ -18,17 +18,19 @@ namespace abbe::sim::dialects::heidenhain {
 
 namespace {
 
-/// Letters with which a line begins behind its number, upper case.
+/// Returns the first letters of a line behind its number, in upper case.
 std::string first_word(std::string_view line) {
   std::size_t at = 0;
   while (at < line.size() && (is_blank(line[at]) || is_digit(line[at]) || line[at] == '/')) ++at;
   std::string word;
   while (at < line.size() && is_letter(line[at]) && word.size() < 8) word += upper(line[at++]);
+  // A line that begins with another character is not empty.
   if (word.empty() && at < line.size() && line[at] != ';' && line[at] != '*') word = "?";
   return word;
 }
 
-/// The label behind LBL in a line, as CALL LBL 5 and GOTO LBL "END" have it; empty if none.
+/// Returns the label behind LBL in a line, as in CALL LBL 5 or GOTO LBL "END"; empty if there is
+/// none.
 std::string label_at(std::string_view line) {
   std::size_t at = line.find("LBL");
   if (at == std::string_view::npos) return {};
@@ -57,6 +59,7 @@ void Flow::run() {
   });
   while (!ended_ && !run_.is_aborted()) {
     const Call& now = calls_.back();
+    // END PGM is missing: the file ends the program.
     if (at_ >= now.source->lines.size()) {
       run_.attempt([&] { end_program(); });
       continue;
@@ -67,6 +70,7 @@ void Flow::run() {
       at_ += block_.lines;
       try {
         block();
+        // Limits and consequences of other errors keep their own location.
       } catch (const ProgramLimitExceeded&) {
         throw;
       } catch (const program::BadGeometry&) {
@@ -83,7 +87,7 @@ void Flow::run() {
   warn_unread();
 }
 
-/// What stands behind the end of the program: subprograms that no CALL LBL and no jump names, and
+/// Warns of text behind the end of the program: subprograms that no CALL LBL or jump names, and
 /// everything behind END PGM.
 void Flow::warn_unread() {
   const std::vector<std::string_view>& lines = sources_.front()->lines;
@@ -91,6 +95,7 @@ void Flow::warn_unread() {
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const std::string word = first_word(lines[i]);
     sections.back().end = i;
+    // A label begins a section, LBL 0 ends one.
     if (word == "LBL") {
       const std::size_t first = label_at(lines[i]) == "0" ? i + 1 : i;
       sections.push_back({first, first});
@@ -100,6 +105,7 @@ void Flow::warn_unread() {
   sections.back().end = std::max(sections.back().first, lines.size());
   std::map<std::string, int> named;
   for (const std::string_view line : lines) ++named[label_at(line)];
+  // A label named more than once is called or jumped to somewhere.
   std::erase_if(sections, [&](const Section& section) {
     return section.first < lines.size() && first_word(lines[section.first]) == "LBL" &&
            named[label_at(lines[section.first])] > 1;
@@ -107,9 +113,9 @@ void Flow::warn_unread() {
   run_.warn_unread(lines, sections);
 }
 
-/// The block behind it rounds or bevels the corner at its end.
+/// Returns true if the block that follows rounds or bevels the corner at the end of this one.
 bool Flow::before_corner(const Call& now, std::size_t line) const {
-  constexpr std::size_t furthest = 20;  // comments between them
+  constexpr std::size_t furthest = 20;  // lines; comments may stand between them
   for (std::size_t i = line; i < now.source->lines.size() && i < line + furthest; ++i) {
     const std::string word = first_word(now.source->lines[i]);
     if (word.empty()) continue;
@@ -127,8 +133,10 @@ void Flow::block() {
               *this);
   if (words.at_end() || block_.pieces.empty()) return;
   run_.count_block();
+  // A skipped block is parsed for its extent but not executed.
   if (block_.skipped && run_.skips(0)) return run_.discount_block();
   const std::size_t from = words.cursor.at;
+  // A block that begins with a parameter is an assignment.
   if (const auto parameter = parameter_at(words.cursor)) return assign(words, *parameter);
   words.cursor.at = from;
   const std::string keyword = words.name();
@@ -136,6 +144,7 @@ void Flow::block() {
   machine_.execute(keyword, from, words, before_corner(calls_.back(), at_));
 }
 
+// Keywords of the flow; all others belong to the machine.
 bool Flow::flow_block(const std::string& keyword, Words& words) {
   if (keyword == "LBL") return label(words), true;
   if (keyword == "CALL") return call(words), true;
@@ -154,6 +163,7 @@ bool Flow::flow_block(const std::string& keyword, Words& words) {
 void Flow::begin_program(Words& words) {
   if (!words.take("PGM")) words.refuse(words.cursor.at, "PGM after BEGIN");
   words.cursor.skip_blanks();
+  // MM or INCH is the last word; the name of the program may contain blanks.
   const std::string_view rest = words.cursor.text.substr(words.cursor.at);
   const std::size_t end = rest.find_last_not_of(" \t");
   const std::size_t space = end == std::string_view::npos ? end : rest.find_last_of(" \t", end);
@@ -171,7 +181,7 @@ void Flow::begin_program(Words& words) {
   machine_.set_inch(unit == "INCH");
 }
 
-/// Behind the last block of a file.
+/// Ends a program at the end of its file or at END PGM.
 void Flow::end_program() {
   while (!calls_.back().is_program) calls_.pop_back();
   if (calls_.size() == 1) {
@@ -179,12 +189,14 @@ void Flow::end_program() {
     return;
   }
   at_ = calls_.back().back;
+  // The unit of the caller is in force again.
   machine_.set_inch(calls_.back().inch);
   calls_.pop_back();
   variables_.leave();
 }
 
 std::size_t Flow::line_of(const std::string& label, const Words& words, std::size_t from) {
+  // Labels are collected once for each file.
   Source& source = *calls_.back().source;
   if (!source.labels_known) {
     source.labels_known = true;
@@ -195,7 +207,7 @@ std::size_t Flow::line_of(const std::string& label, const Words& words, std::siz
       Words there({block.text, run_.canon.place(), block.pieces[0].offset}, *this);
       there.name();
       if (!there.has_value() && there.cursor.here() != '"')
-        there.cursor.skip_blanks();  // what is no label is refused where it runs
+        there.cursor.skip_blanks();  // a malformed label is reported where it is executed
       try {
         source.labels[there.label()].push_back(i);
       } catch (const BadInput&) {
@@ -206,6 +218,7 @@ std::size_t Flow::line_of(const std::string& label, const Words& words, std::siz
   const Cause cause = words.cursor.cause(from);
   if (found == source.labels.end() || label == "0")
     run_.refuse_once("LBL " + label, cause, "a label of this program", "LBL " + label);
+  // A label must be unique, as on the control.
   if (found->second.size() > 1)
     run_.refuse_once("LBL " + label, cause, "a label that stands once",
                      fmt::format("LBL {} in the lines {} and {}", label, found->second[0] + 1,
@@ -216,6 +229,7 @@ std::size_t Flow::line_of(const std::string& label, const Words& words, std::siz
 void Flow::label(Words& words) {
   const std::string name = words.label();
   words.ends();
+  // LBL 0 ends a subprogram; in the main program it has no effect.
   if (name != "0" || calls_.back().is_program) return;
   at_ = calls_.back().back;
   calls_.pop_back();
@@ -243,8 +257,10 @@ void Flow::call_label(Words& words) {
   const int times = words.whole(65534);
   if (words.cursor.here() == '/') ++words.cursor.at, words.whole(65534);
   words.ends();
+  // A repeat goes back; a label behind it would be a jump.
   if (line >= at_) words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
   auto& left = calls_.back().left;
+  // The count is kept with the block, so that repeats may nest.
   const auto begun = left.emplace(at_, times).first;
   if (begun->second == 0) {
     left.erase(begun);
@@ -262,6 +278,7 @@ void Flow::call_program(Words& words) {
   while (!name.empty() && is_blank(name.back())) name.pop_back();
   if (name.size() > 1 && name.front() == '"' && name.back() == '"')
     name = name.substr(1, name.size() - 2);
+  // The name becomes a file name: a path could lead out of the folder of the program.
   if (name.empty() || name.size() > longest || name.find_first_of("/\\:\"") != std::string::npos ||
       name.starts_with('.'))
     words.refuse(from, "the name of a program beside this one, without a path");
@@ -293,11 +310,11 @@ Source& Flow::load_source(const std::filesystem::path& file) {
   return *(files_[file.string()] = sources_.back().get());
 }
 
-// Q parameters: what Flow does with numbers.
+// Q parameters.
 
 namespace {
 
-constexpr double equal = 1e-9;  // Q parameters this near are EQU: their rounding
+constexpr double equal = 1e-9;  // rounding of Q parameters
 
 bool holds(const std::string& comparison, double a, double b) {
   if (comparison == "EQU") return std::abs(a - b) < equal;
@@ -320,6 +337,7 @@ std::optional<Flow::Parameter> Flow::parameter_at(Cursor& cursor) const {
   const std::size_t digits = cursor.at;
   while (is_digit(cursor.here()) && cursor.at < digits + 4)
     parameter.number = 10 * parameter.number + (cursor.text[cursor.at++] - '0');
+  // Ranges of the control: Q0 to Q1999, QL and QR 0 to 499.
   const int most = parameter.kind == "Q" ? 1999 : 499;
   if (parameter.kind == "QS")
     cursor.refuse(parameter.from, "a parameter of numbers: texts in QS are not kept");
@@ -339,6 +357,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
 
 double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
   std::optional<double> known;
+  // Q is shared by all programs, QL is local to one, QR is stored behind the others from 10000 on.
   if (parameter.kind == "Q") {
     known = variables_.number(parameter.number);
     if (!known) known = machine_.preset_parameter(parameter.number);
@@ -355,8 +374,10 @@ double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
 void Flow::set(const Parameter& parameter, double value, const Words& words) {
   const bool local = parameter.kind == "QL";
   const int number = parameter.kind == "QR" ? 10000 + parameter.number : parameter.number;
+  // Q100 to Q199 are set by the control itself.
   if (parameter.kind == "Q" && number >= 100 && number < 200)
     words.cursor.refuse(parameter.from, "a parameter that the control does not set itself");
+  // Cycles copy their parameters at CYCL DEF, so a later assignment has no effect on them.
   if (parameter.kind == "Q" && number >= 200 && number < 500 && machine_.has_cycle())
     run_.warn_once(
         "Q200 to Q499 are set outside of CYCL DEF: a cycle that is defined keeps its values");
@@ -366,7 +387,7 @@ void Flow::set(const Parameter& parameter, double value, const Words& words) {
         fmt::format("at most {} parameters", run_.options().limits.variables), "more");
 }
 
-/// Those that the machine sets: of CYCL DEF and of tilted planes.
+/// Sets parameters on behalf of the machine: those of CYCL DEF and of tilted planes.
 void Flow::set_cycle_parameter(int number, double value) {
   if (!variables_.set(number, value))
     throw ProgramLimitExceeded(
@@ -379,6 +400,7 @@ void Flow::assign(Words& words, const Parameter& parameter) {
   words.cursor.skip_blanks();
   if (words.cursor.here() == '"')
     words.refuse(words.cursor.at, "a number: texts in parameters are not kept");
+  // A parameter whose assignment has an error is uncertain: its uses are not reported again.
   run_.define(parameter.name(), [&] {
     const double value = expression(words.cursor, grammar(), *this);
     words.ends();
@@ -391,6 +413,7 @@ void Flow::fn(Words& words) {
   const std::size_t from = words.cursor.at;
   const int number = words.whole(99);
   if (!words.cursor.take(":")) words.refuse(words.cursor.at, ": after FN and its number");
+  // FN 9 to FN 12 are the four comparisons of IF.
   if (number >= 9 && number <= 12) return jump_if(words);
   const std::string name = fmt::format("FN\u00a0{}", number);
   if (const WordTableEntry* use = find_word(heidenhain_words(), name);
@@ -405,7 +428,7 @@ void Flow::fn(Words& words) {
   });
 }
 
-/// What stands behind = of FN 0 to FN 8 and FN 13.
+/// Returns the value behind = of FN 0 to FN 8 and FN 13.
 double Flow::fn_result(int number, Words& words) {
   const auto word = [&](std::string_view wanted) {
     if (!words.cursor.take(wanted)) words.refuse(words.cursor.at, std::string(wanted));
@@ -430,6 +453,7 @@ double Flow::fn_result(int number, Words& words) {
     if (number == 4 && b == 0) words.refuse(second, "a divisor that is not zero");
     if (number == 13 && a == 0 && b == 0) words.refuse(second, "two legs of an angle");
     double angle = std::atan2(a, b) / units::deg;
+    // ANG has a range of 0 to 360 degrees.
     if (angle < 0) angle += 360;
     const double all[] = {0, a + b, a - b, a * b, number == 4 ? a / b : 0};
     result = number == 8 ? std::hypot(a, b) : number == 13 ? angle : all[number];
@@ -439,7 +463,7 @@ double Flow::fn_result(int number, Words& words) {
   return result;
 }
 
-/// IF +Q1 EQU +Q2 GOTO LBL 5
+/// Example: IF +Q1 EQU +Q2 GOTO LBL 5.
 void Flow::jump_if(Words& words) {
   words.take("IF");
   const double a = words.value();
@@ -454,6 +478,7 @@ void Flow::jump_if(Words& words) {
   const std::size_t at = words.cursor.at;
   const std::string label = words.label();
   words.ends();
+  // The label is checked even if the condition does not hold: errors do not depend on parameters.
   const std::size_t line = line_of(label, words, at);
   if (holds(comparison, a, b)) at_ = line;
 }

@@ -16,15 +16,15 @@ namespace abbe::sim::dialects::heidenhain {
 
 /// A file of a program, line by line.
 struct Source {
-  std::string text;  ///< of a called program; the main program's is the caller's
+  std::string text;  ///< of a called program; that of the main program belongs to the caller
   std::vector<std::string_view> lines;
-  int file = 0;  ///< number of the canon
+  int file = 0;  ///< file number in the canon
   bool labels_known = false;
   std::unordered_map<std::string, std::vector<std::size_t>> labels;  ///< lines, from 0
 };
 
-/// Runs the blocks of a program: Q parameters, jumps, labels and calls; what is left is of the
-/// machine.
+/// Executes the blocks of a program: Q parameters, jumps, labels and calls are handled here,
+/// everything else by the machine.
 class Flow : public Operands {
  public:
   Flow(std::string_view text, ProgramRun& run);
@@ -33,16 +33,16 @@ class Flow : public Operands {
   std::optional<double> operand(Cursor& cursor) override;
 
  private:
-  /// A program or a label that runs.
+  /// A running program or label.
   struct Call {
     Source* source = nullptr;
-    std::size_t back = 0;  ///< line to go on with behind it
+    std::size_t back = 0;  ///< line to continue with behind the call
     bool is_program = true;
     bool inch = false;                     ///< unit of the caller
-    bool begun = false;                    ///< BEGIN PGM was read
-    std::map<std::size_t, int> left = {};  ///< repeats, by the line of their CALL LBL
+    bool begun = false;                    ///< BEGIN PGM has been read
+    std::map<std::size_t, int> left = {};  ///< repeats still to come, by the line of their CALL LBL
   };
-  /// A Q parameter as words name it.
+  /// A Q parameter as programmed.
   struct Parameter {
     std::string kind;  ///< "Q", "QL", "QR"
     int number = 0;
@@ -51,7 +51,7 @@ class Flow : public Operands {
   };
 
   void block();
-  /// @return false where the keyword is not of the flow
+  /// Executes a block of the flow. Returns false if the keyword is not one of its.
   bool flow_block(const std::string& keyword, Words& words);
   bool before_corner(const Call& now, std::size_t line) const;
   void begin_program(Words& words);
@@ -78,7 +78,7 @@ class Flow : public Operands {
   std::vector<std::unique_ptr<Source>> sources_;
   std::map<std::string, Source*> files_;
   std::vector<Call> calls_;
-  std::size_t at_ = 0;  ///< line of the running source, from 0
+  std::size_t at_ = 0;  ///< current line of the running source, from 0
   bool ended_ = false;
   Block block_;
 };

@@ -22,10 +22,12 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
   radius_ = canon_.options().tool_radius;
   datum_shift_ = turns_ = AxisVector::Zero(canon_.position().size());
   if (canon_.options().tool_table)
+    // A tool that is in the spindle before the first TOOL CALL: that of the scene.
     tool_ = canon_.options().control_tool;
   else if (!length_.empty())
     tool_ = length_.contains(1) ? 1 : length_.begin()->first;
   canon_.set_inch(false);
+  // Presets are points in the workpiece whether or not one is stated.
   canon_.count_from_workpiece();
   apply_frame({1, {}});
 }
@@ -41,6 +43,7 @@ int Machine::joint_of(char letter, const Cause& cause) const {
 }
 
 void Machine::end_of_program() {
+  // A program may end with compensation in force; its last move must not be lost.
   if (contour_.beside() || contour_.waits()) contour_.finish();
 }
 
@@ -55,7 +58,7 @@ std::optional<double> Machine::preset_parameter(int number) const {
     case 108:
       return of_tool(radius_, delta_radius_);
     case 109:
-      return 2.0;  // the tool axis is Z
+      return 2.0;  // 2 stands for the tool axis Z
     case 110:
       return canon_.spindle_direction() > 0 ? 0.0 : canon_.spindle_direction() < 0 ? 1.0 : 2.0;
     case 113:
@@ -71,7 +74,7 @@ std::optional<double> Machine::preset_parameter(int number) const {
   }
 }
 
-/// Refuses a word that the table has as refused.
+/// Throws BadInput with the sentence of the word table if that marks the word as rejected.
 void Machine::refuse_if_named(const std::string& word, const Cause& cause) const {
   if (const WordTableEntry* use = find_word(heidenhain_words(), word);
       use != nullptr && use->use == Use::Refused)
@@ -80,20 +83,23 @@ void Machine::refuse_if_named(const std::string& word, const Cause& cause) const
 
 void Machine::execute(const std::string& keyword, std::size_t from, Words& words,
                       bool before_corner) {
+  // A cycle of several blocks must be complete before another block begins.
   if (keyword != "CYCL") require_whole_cycle(words.cause(from));
   if (execute_motion(keyword, from, words, before_corner)) return;
   const Cause cause = words.cause(from);
+  // A corner needs its second move directly behind it.
   if (contour_.waits()) {
     contour_.finish();
     refuse(cause, "a move right behind RND or CHF");
   }
   if (keyword == "M") return lone_function(from, words);
-  if (keyword == "BLK") return;  // the blank is the scene's
+  if (keyword == "BLK") return;  // the blank is that of the scene
   if (execute_definition(keyword, from, words)) return;
   refuse_if_named(keyword, cause);
   if (const WordTableEntry* use = find_word(heidenhain_words(), keyword);
       use != nullptr && use->use == Use::WithoutEffect)
     return;
+  // An unknown block without letters is quoted, up to 40 characters.
   const std::size_t end = std::min(words.cursor.text.size(), from + 40);
   run_.unknown(keyword.empty() ? words.cursor.cause(from, end) : cause, "a block of Klartext");
 }
@@ -132,7 +138,7 @@ bool Machine::execute_definition(const std::string& keyword, std::size_t from, W
   return false;
 }
 
-/// M words that stand alone, as 15 M30.
+/// M functions in a block of their own, for example 15 M30.
 void Machine::lone_function(std::size_t from, Words& words) {
   words.cursor.at = from;
   Move only = read_move("", from, words);
@@ -160,6 +166,7 @@ void Machine::function_block(Words& words) {
     if (words.name() != "TIME") words.refuse(at, "TIME and seconds after FUNCTION DWELL");
     const double seconds = words.value();
     words.ends();
+    // The dwell of FUNCTION is executed at once, while compensation still holds a move back.
     if (contour_.beside()) words.refuse(from, "R0 before FUNCTION DWELL");
     return canon_.dwell(seconds, words.cause(at));
   }
@@ -172,7 +179,7 @@ void Machine::function_block(Words& words) {
   words.refuse(from, "TCPM, RESET TCPM, DWELL or MODE MILL after FUNCTION");
 }
 
-/// PRESET SELECT #1
+/// Example: PRESET SELECT #1.
 void Machine::preset(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -187,6 +194,7 @@ double Machine::length_of(int number, const Cause& cause) {
   const auto known = length_.find(number);
   if (known != length_.end()) return known->second;
   if (number == 0) return 0.0;
+  // With a single tool in the scene there is no doubt which one is meant, whatever its number.
   if (canon_.options().tool_length.size() == 1 && canon_.options().control_of_h.empty() &&
       !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
@@ -202,8 +210,8 @@ double Machine::length_of(int number, const Cause& cause) {
   refuse(cause, "a tool whose length is known (" + (numbers.empty() ? "none is" : numbers) + ")");
 }
 
-/// The length of the chain's tool is that of the tool itself where the scene has several, else that
-/// of H1; what the control believes beyond it lies along the tool axis.
+/// The chain has the length of the tool itself if the scene has several tools, else that of H1; the
+/// remainder of the control's length lies along the tool axis.
 void Machine::select_tool(int number, const Cause& cause) {
   const double length = length_of(number, cause) + delta_length_;
   const auto& known = canon_.options().tool_length;
@@ -221,7 +229,7 @@ void Machine::select_tool(int number, const Cause& cause) {
   update_tip_mode(cause);
 }
 
-/// TOOL CALL "BALL 10": a tool of the control's table or of the scene.
+/// Example: TOOL CALL "BALL 10": a tool of the control's table or of the scene.
 int Machine::tool_of_name(Words& words) {
   Cursor& cursor = words.cursor;
   const std::size_t from = cursor.at, close = cursor.text.find('"', from + 1);
@@ -245,6 +253,7 @@ void Machine::tool_call(Words& words) {
   else if (words.has_value())
     number = words.whole(32767);
   const Cause cause = words.cause(from);
+  // DL and DR hold for the call they are programmed in.
   if (number) delta_length_ = delta_radius_ = 0.0;
   while (!words.at_end()) {
     const std::size_t at = words.cursor.at;
@@ -258,6 +267,7 @@ void Machine::tool_call(Words& words) {
     } else if (name == "F") {
       tool_feed_ = words.value();
       if (!(tool_feed_ > 0)) words.refuse(at, "a feed above zero");
+      // In inch programs F counts tenths of an inch per minute.
       feed_ = Feed{tool_feed_, canon_.inch() ? 0.1 * units::inch : 1.0};
       feed_per_turn_ = per_turn_;
     } else if (name == "DL") {
@@ -274,10 +284,11 @@ void Machine::tool_call(Words& words) {
     canon_.call_tool(*number, true);
     canon_.aside(fmt::format("T{} M6", *number));
   }
+  // A TOOL CALL without number changes S, F, DL and DR of the current tool.
   if (number || tool_ >= 0) select_tool(number.value_or(tool_), cause);
 }
 
-/// TOOL DEF 5 L+100 R+5; without L and R it only makes ready.
+/// Example: TOOL DEF 5 L+100 R+5; without L and R it only prepares the tool.
 void Machine::tool_def(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
@@ -296,18 +307,18 @@ void Machine::tool_def(Words& words) {
   }
 }
 
-// M words: what Machine does with them.
+// M functions.
 
 namespace {
 
-/// M words whose effect begins at the end of their block.
+/// Returns true for M functions that take effect at the end of their block.
 bool is_after_motion(int number) {
   static constexpr int all[] = {0, 1, 2, 5, 9, 30, 89, 99, 127, 129};
   return std::find(std::begin(all), std::end(all), number) != std::end(all);
 }
 
-/// Words behind M functions without effect are their own: M118 X1 Y1 moves nothing, the F of M103
-/// is a percentage.
+/// Skips the values that belong to M functions without effect: the X and Y of M118 move nothing,
+/// the F of M103 is a percentage.
 void skip_function_words(int number, Words& words) {
   const auto pass = [&](auto is_own) {
     Words ahead = words;
@@ -331,6 +342,7 @@ void skip_function_words(int number, Words& words) {
     case 118:
       while (pass(is_axis)) {
       }
+      // An F behind M118 could be read as its own or as the feed of the block.
       if (Words ahead = words; ahead.name().starts_with('F'))
         words.refuse(words.cursor.at, "F before M118: what stands behind it is its own");
       break;
@@ -344,7 +356,7 @@ void skip_function_words(int number, Words& words) {
 
 }  // namespace
 
-/// Behind M: its number, and what belongs to it.
+/// Reads the number of an M function and the values that belong to it.
 void Machine::read_function(Words& words, std::size_t from, M& m) {
   m.number = words.whole(999);
   m.cause = words.cause(from);
@@ -360,6 +372,7 @@ void Machine::read_function(Words& words, std::size_t from, M& m) {
   skip_function_words(m.number, words);
   if (m.number == 140) {
     words.cursor.skip_blanks();
+    // MB MAX may be written with or without a blank.
     if (next_is("MBMAX"))
       m.mb_max = true;
     else if (!next_is("MB"))
@@ -382,11 +395,13 @@ void Machine::read_function(Words& words, std::size_t from, M& m) {
         words.refuse(at, "a feed per minute after M140 and M128");
     }
   }
+  // M128 F limits the compensating moves, which take no time of their own here.
   if (m.number == 128 && m.feed)
     run_.warn_once("F beside M128 limits the feed of compensating moves: it has no effect here");
   if (m.number == 94 && !words.at_end()) {
     Words ahead = words;
     const std::string axis = ahead.name();
+    // M94 takes an axis letter without a value.
     if (axis.size() == 1 && !ahead.has_value()) {
       m.axis = axis.front();
       words.cursor.at = ahead.cursor.at;
@@ -401,6 +416,7 @@ void Machine::apply_functions_before_motion(Move& move) {
 
 void Machine::start_function(const M& m, Move& move) {
   const auto spindle = [&](int direction) {
+    // Under compensation M functions follow the waiting move.
     contour_.after([this, direction] { canon_.turn_spindle(direction); });
   };
   const auto aside = [&](const char* text) {
@@ -434,6 +450,7 @@ void Machine::start_function(const M& m, Move& move) {
       feed_.reset();
       return;
     case 137:
+      // F has another meaning after a change of mode, so the old value must not survive.
       if (per_turn_) feed_.reset();
       per_turn_ = feed_per_turn_ = false;
       return;
@@ -444,6 +461,7 @@ void Machine::start_function(const M& m, Move& move) {
   }
 }
 
+// M89 and M99 call the cycle after the motion of the block, where the other functions follow too.
 void Machine::apply_functions_after_motion(const Move& move) {
   bool calls = modal_cycle_ && std::any_of(move.axes.begin(), move.axes.end(),
                                            [](const auto& axis) { return axis.has_value(); });
@@ -480,6 +498,7 @@ void Machine::end_function(const M& m) {
       return set_tcpm(false, m.cause);
     case 2:
     case 30:
+      // Waiting moves are made before the program ends.
       contour_.finish();
       ended_ = true;
       return;
@@ -488,7 +507,7 @@ void Machine::end_function(const M& m) {
   }
 }
 
-/// M94: whole turns are taken off what the control counts.
+/// M94 removes whole turns from the position of a rotary axis.
 void Machine::reduce_turns(const M& m) {
   if (contour_.beside()) refuse(m.cause, "R0 before M94");
   const AxisVector p = canon_.programmed();
@@ -497,12 +516,14 @@ void Machine::reduce_turns(const M& m) {
   for (const char letter : {'A', 'B', 'C'})
     if (const int j = canon_.joint_of(letter);
         j >= 0 && !canon_.is_linear(j) && (only == '\0' || only == letter))
+      // 1e-9 turns absorb rounding, so that 360 degrees become 0 and not 360.
       turns_[j] += 2 * pi * std::floor(p[j] / (2 * pi) + 1e-9);
   apply_frame(m.cause);
 }
 
 void Machine::retract(const M& m, const Move& move) {
   if (contour_.beside()) refuse(m.cause, "R0 before M140");
+  // A block with axes could retract before or after its motion.
   for (const auto& axis : move.axes)
     if (axis)
       refuse(m.cause, "M140 in a block without axes: which of the two is first is not known");

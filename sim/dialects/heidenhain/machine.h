@@ -18,27 +18,27 @@
 
 namespace abbe::sim::dialects::heidenhain {
 
-/// The control of a TNC as its blocks command it: modes, datum, tilted planes, tools and cycles,
-/// and the moves that they make on the canon. Program coordinates are mm and rad.
+/// State of a TNC as its blocks command it: modes, datum, tilted planes, tools and cycles, and the
+/// moves that they make on the canon. Program coordinates are in mm and rad.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
 
-  /// Runs a block that is not of the flow. @param before_corner  RND or CHF follows it
+  /// Executes a block that is not part of the flow. `before_corner` is true if RND or CHF follows.
   void execute(const std::string& keyword, std::size_t from, Words& words, bool before_corner);
   void set_inch(bool inch);
   bool inch() const { return canon_.inch(); }
-  /// M2 or M30 has run.
+  /// Returns true after M2 or M30.
   bool ended() const { return ended_; }
-  /// END PGM: what a program leaves in force ends with it.
+  /// Ends a program (END PGM): compensation and corners in force end with it.
   void end_of_program();
-  /// What is still to be put out.
+  /// Makes the moves that still wait.
   void finish();
 
-  /// A Q parameter that the control sets itself, as Q108, the radius of the tool.
+  /// Returns a Q parameter that the control sets itself, for example Q108, the radius of the tool.
   std::optional<double> preset_parameter(int number) const;
   bool has_cycle() const { return cycle_.number > 0; }
-  /// Called for parameters that CYCL DEF sets.
+  /// Called for the parameters that CYCL DEF sets.
   std::function<void(int, double)> on_parameter;
 
  private:
@@ -49,11 +49,13 @@ class Machine {
   using AxisVector = kinematics::AxisVector;
   using Vector3d = Eigen::Vector3d;
 
+  /// Kinds of F values.
   enum class FeedWord { None, Number, PerTurn, Rapid, OfTool };
   struct FeedValue {
     FeedWord word = FeedWord::None;
-    double value = 0.0;  ///< of all but Rapid
+    double value = 0.0;  ///< not used by Rapid
   };
+  /// An M function and the values behind it.
   struct M {
     int number = 0;
     Cause cause;
@@ -61,14 +63,15 @@ class Machine {
     bool mb_max = false;
     std::optional<double> feed;  ///< F behind M128 and M140
     bool rapid = false;
-    char axis = '\0';  ///< behind M94
+    char axis = '\0';  ///< axis behind M94
   };
+  /// A value of a word.
   struct WordValue {
     double value = 0.0;
-    bool step = false;  ///< I before it
+    bool step = false;  ///< preceded by I
     Cause cause;
   };
-  /// The words of a block of motion.
+  /// The words of a motion block.
   struct Move {
     std::string keyword;
     Cause cause;
@@ -84,11 +87,11 @@ class Machine {
     bool machine = false;  ///< M91
     bool before_corner = false;
   };
-  /// How rotary axes go to a plane.
+  /// The way rotary axes are moved to a plane.
   struct Positioning {
     enum class Kind { Stay, Turn, Move } kind = Kind::Stay;
     bool rapid = false;
-    double feed = 0.0;  ///< as programmed, where it is not rapid
+    double feed = 0.0;  ///< as programmed, if not rapid
     std::optional<double> distance, retract;
     bool retract_to_end = false;
     int sign = 0;  ///< of the master axis, SEQ or SYM
@@ -96,13 +99,13 @@ class Machine {
     Cause cause;
   };
 
-  // heidenhain_machine.cpp
+  // Tools and definitions.
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void refuse_if_named(const std::string& word, const Cause& cause) const;
-  double unit() const;  ///< mm
+  double unit() const;  ///< mm per unit
   int joint_of(char letter, const Cause& cause) const;
   bool execute_motion(const std::string& keyword, std::size_t from, Words& words,
                       bool before_corner);
@@ -117,7 +120,7 @@ class Machine {
   void function_block(Words& words);
   void preset(Words& words);
 
-  // heidenhain_functions.cpp
+  // M functions.
   void read_function(Words& words, std::size_t from, M& m);
   void apply_functions_before_motion(Move& move);
   void apply_functions_after_motion(const Move& move);
@@ -126,12 +129,12 @@ class Machine {
   void reduce_turns(const M& m);
   void retract(const M& m, const Move& move);
 
-  // heidenhain_motion.cpp
+  // Motion.
   Move read_move(const std::string& keyword, std::size_t from, Words& words);
   bool read_axis(const std::string& name, Words& words, std::size_t from, Move& move);
   bool read_polar(const std::string& name, Words& words, std::size_t from, Move& move);
-  /// A feed as a TNC writes it: FMAX, F MAX, FAUTO, FU0.2, F500; in a cycle also without F.
-  /// @param kind  letters behind F
+  /// Parses a feed: FMAX, F MAX, FAUTO, FU0.2 or F500; in a cycle also without F. `kind` holds the
+  /// letters behind F.
   FeedValue feed_value(std::string kind, Words& words, std::size_t from) const;
   void read_side(const std::string& name, Words& words, std::size_t from, Move& move);
   void set_feed(const Move& move);
@@ -154,7 +157,7 @@ class Machine {
   void require_pole(const Cause& cause) const;
   std::array<int, 2> working_plane(const Cause& cause) const;
 
-  // heidenhain_plane.cpp
+  // Tilted planes.
   void plane(Words& words);
   Eigen::Matrix3d plane_matrix(const std::string& kind, std::size_t from, Words& words);
   double word_value(Words& words, std::string_view name) const;
@@ -167,7 +170,7 @@ class Machine {
   void position_axes(const Eigen::Matrix3d& R, const Positioning& how);
   void tcpm(Words& words);
 
-  // heidenhain_frame.cpp
+  // Frames and rotary axes.
   void set_tcpm(bool on, const Cause& cause);
   void apply_frame(const Cause& cause);
   void update_tip_mode(const Cause& cause);
@@ -176,7 +179,7 @@ class Machine {
   const kinematics::Chain& chain(const Cause& cause) const;
   const kinematics::Chain& free_chain(const Cause& cause);
   bool is_rotary(int joint) const;
-  /// Program coordinates to the workpiece.
+  /// Returns the rotation from program coordinates to the workpiece.
   Eigen::Matrix3d rotation() const;
   AxisVector axes_now(const Cause& cause) const;
   kinematics::InverseSolution solve(const Vector3d& direction, const AxisVector& previous,
@@ -186,7 +189,7 @@ class Machine {
   AxisVector nearest_axes(const Vector3d& direction, const Cause& cause);
   void retract_by(double distance, bool to_end, bool rapid, const Cause& cause);
 
-  // heidenhain_cycles.cpp
+  // Cycles of coordinates.
   void cycle_definition(Words& words);
   void old_cycle(int number, int part, std::size_t from, Words& words);
   void require_whole_cycle(const Cause& cause);
@@ -197,7 +200,7 @@ class Machine {
   void trans(Words& words);
   void choose_preset(int number, const Cause& cause);
 
-  // heidenhain_drilling.cpp
+  // Cycles of holes.
   void new_cycle(int number, std::size_t from, Words& words);
   double cycle_word(int q, std::set<int>& per_turn, Words& words) const;
   void check_cycle(const Cause& cause);
@@ -221,34 +224,37 @@ class Machine {
   ProgramRun& run_;
   program::Canon& canon_;
   Contour contour_;
-  std::optional<program::Feed> feed_;  ///< of the last F
+  std::optional<program::Feed> feed_;  ///< the last F
   bool per_turn_ = false, feed_per_turn_ = false;
   bool ended_ = false, tool_called_ = false;
   std::map<int, double> length_, radius_;  ///< mm, of TOOL DEF
   int tool_ = -1;
-  double delta_ = 0.0;  ///< mm by which the believed length exceeds that of the chain: DL, TOOL DEF
+  /// mm by which the length in the control exceeds that of the chain: DL, TOOL DEF
+  double delta_ = 0.0;
   double delta_radius_ = 0.0, tool_feed_ = 0.0, delta_length_ = 0.0;
-  int preset_ = 0;                           ///< of the offsets, counted from 0: G54
-  AxisVector datum_shift_;                   ///< of cycle 7 in force, of the plane if there is one
-  Vector3d outer_shift_ = Vector3d::Zero();  ///< of cycle 7 before the plane
-  double turn_ = 0.0;                        ///< rad, of cycle 10
-  unsigned shift_doubt_ = 0;  ///< bits of X Y Z, and of the rotation: where they count from is not
-                              ///< known until a plane ends or it is stated again
-  AxisVector turns_;          ///< rad, whole turns that M94 took off
-  std::optional<Eigen::Matrix3d> plane_;  ///< in the workpiece
+  int preset_ = 0;                           ///< index of the work offset: 0 is G54
+  AxisVector datum_shift_;                   ///< cycle 7 in force, inside the plane if there is one
+  Vector3d outer_shift_ = Vector3d::Zero();  ///< cycle 7 from before the plane
+  double turn_ = 0.0;                        ///< rad, cycle 10
+  /// Bits of X Y Z and of the rotation: their origin is unknown until the plane ends or they are
+  /// programmed again.
+  unsigned shift_doubt_ = 0;
+  AxisVector turns_;                      ///< rad, whole turns removed by M94
+  std::optional<Eigen::Matrix3d> plane_;  ///< rotation in the workpiece
   std::array<double, 3> plane_axes_{};    ///< deg, Q120 to Q122
   bool tcpm_ = false, short_way_ = false, modal_cycle_ = false;
-  std::optional<std::pair<int, int>> old_cycle_;  ///< of the block before, CYCL DEF 7.1: 7 and 1
+  std::optional<std::pair<int, int>> old_cycle_;  ///< previous block, CYCL DEF 7.1: 7 and 1
   std::optional<std::array<double, 3>> pole_;
   std::array<int, 2> pole_plane_{0, 1};
-  std::optional<Vector3d> tangent_;  ///< in which the last move arrived, program coordinates
+  /// Direction in which the last move arrived, program coordinates.
+  std::optional<Vector3d> tangent_;
   struct Cycle {
     int number = 0;
     int line = 0;
-    std::map<int, double> values;  ///< as the words have them; a feed of 99999 and more is FMAX
-    std::set<int> per_turn = {};   ///< feeds that are per turn of the spindle
+    std::map<int, double> values;  ///< as programmed; a feed of 99999 or more is FMAX
+    std::set<int> per_turn = {};   ///< feeds that are per spindle turn
   } cycle_;
-  std::map<int, kinematics::Chain> free_chains_;  ///< of tools, their slides without limits
+  std::map<int, kinematics::Chain> free_chains_;  ///< by tool, with unlimited slides
 };
 
 }  // namespace abbe::sim::dialects::heidenhain

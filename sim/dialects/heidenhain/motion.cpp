@@ -10,7 +10,7 @@
 #include "sim/dialects/heidenhain/machine.h"
 #include "sim/program/block_motion.h"
 
-/// The words of a block of motion.
+/// Words of a motion block, and the moves they make.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::Vector2d;
@@ -29,7 +29,7 @@ bool is_axis_letter(char c) {
 
 }  // namespace
 
-/// X+10, IX+10
+/// Reads an axis word, for example X+10 or IX+10.
 bool Machine::read_axis(const std::string& name, Words& words, std::size_t from, Move& move) {
   const bool step = name.size() == 2 && name[0] == 'I';
   if ((name.size() != 1 && !step) || !is_axis_letter(name.back())) return false;
@@ -43,7 +43,7 @@ bool Machine::read_axis(const std::string& name, Words& words, std::size_t from,
   return true;
 }
 
-/// PR, PA, DR, R with a radius, NX ... TZ
+/// Reads PR, PA, DR and the components NX ... TZ.
 bool Machine::read_polar(const std::string& name, Words& words, std::size_t from, Move& move) {
   const bool step = !name.empty() && name[0] == 'I';
   const std::string_view bare = std::string_view(name).substr(step ? 1 : 0);
@@ -57,6 +57,7 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
   if (name == "DR") {
     words.cursor.skip_blanks();
     const char sign = words.cursor.here();
+    // DR+5 would be the tool radius of a TOOL CALL.
     if ((sign != '+' && sign != '-') || is_digit(words.cursor.next()))
       words.refuse(from, "DR+ or DR-");
     ++words.cursor.at;
@@ -75,6 +76,7 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
 }
 
 Machine::FeedValue Machine::feed_value(std::string kind, Words& words, std::size_t from) const {
+  // In F MAX the word behind F is separated by a blank.
   if (kind.empty() && !words.has_value()) kind = words.name();
   if (kind == "MAX") return {FeedWord::Rapid};
   if (kind == "AUTO") {
@@ -92,13 +94,14 @@ Machine::FeedValue Machine::feed_value(std::string kind, Words& words, std::size
   return {kind.empty() ? FeedWord::Number : FeedWord::PerTurn, value};
 }
 
-/// R0, RL, RR; of CR the radius
+/// Reads R0, RL or RR; of CR the radius.
 void Machine::read_side(const std::string& name, Words& words, std::size_t from, Move& move) {
   const bool had_side = move.side.has_value();
   if (name == "RL" || name == "RR") {
     move.side = name[1];
   } else if (words.cursor.here() == '0' && !is_digit(words.cursor.next()) &&
              words.cursor.next() != '.') {
+    // R0 is not a radius of 0: CR has no such radius.
     ++words.cursor.at;
     move.side = '0';
   } else {
@@ -133,6 +136,7 @@ Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, W
       move.feed_word = feed.word;
       move.feed = feed.value;
     } else if (read_axis(name, words, at, move)) {
+      // Behind an M function the axis word could belong to it.
       if (!move.functions.empty())
         words.refuse(at, "axis words before the M functions of a block: those behind are theirs");
     } else if (!read_polar(name, words, at, move)) {
@@ -144,9 +148,10 @@ Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, W
   return move;
 }
 
-/// FMAX holds for its block; every other F until the next.
+/// FMAX holds for its own block, every other F until the next one.
 void Machine::set_feed(const Move& move) {
-  const double f_unit = canon_.inch() ? 0.1 * units::inch : 1.0;  // in inches F counts tenths
+  // In inch programs F counts tenths of an inch per minute.
+  const double f_unit = canon_.inch() ? 0.1 * units::inch : 1.0;
   switch (move.feed_word) {
     case FeedWord::Number:
     case FeedWord::OfTool:
@@ -161,12 +166,14 @@ void Machine::set_feed(const Move& move) {
       break;
   }
   const FeedMode mode = feed_per_turn_ ? FeedMode::PerRevolution : FeedMode::PerMinute;
+  // A waiting move would be made with the wrong unit of feed.
   if (mode != canon_.feed_mode() && contour_.beside())
     refuse(move.cause, "R0 before the feed counts otherwise, per minute or per turn");
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed_);
 }
 
+// Compensation works in X Y of a machine whose tool does not tilt.
 void Machine::set_side(const Move& move) {
   if (!move.side) return;
   if (*move.side == '0') return contour_.set_side({}, 0.0, move.side_cause);
@@ -201,12 +208,13 @@ void Machine::require_pole(const Cause& cause) const {
   if (!pole_) refuse(cause, "CC before it", "none");
 }
 
-/// CC X+10 IY-5, CC Y Z, CC
+/// Examples: CC X+10 IY-5, CC Y Z, or CC alone.
 void Machine::pole(Words& words) {
   const Cause cause{1, "CC"};
   const AxisVector p = contour_.programmed();
   std::array<double, 3> at{};
   unsigned given = 0;
+  // CC alone, and coordinates that are not programmed, take the current position.
   for (const char letter : {'X', 'Y', 'Z'})
     if (const int j = canon_.joint_of(letter); j >= 0) at[std::size_t(letter - 'X')] = p[j];
   while (!words.at_end()) {
@@ -224,11 +232,13 @@ void Machine::pole(Words& words) {
   }
   if (given != 0 && given != 3 && given != 5 && given != 6)
     refuse(cause, "two of X Y Z after CC, or none");
+  // Two coordinates define the plane of the pole.
   const char* plane = given == 6 ? "YZ" : given == 5 ? "ZX" : "XY";
   pole_plane_ = {joint_of(plane[0], cause), joint_of(plane[1], cause)};
   pole_ = at;
 }
 
+// M126: the nearest position modulo 360 degrees, if the travel of the axis allows it.
 double Machine::nearest_rotary_position(int joint, double end, double from) const {
   const auto& limits = canon_.options().control;
   const double turn = 2 * pi;
@@ -250,8 +260,8 @@ Target Machine::block_target(const Move& move) const {
     if (letter >= 'X' && !move.machine) require_certain_shift(word.cause);
     const int j = canon_.joint_of(letter);
     if (move.machine && word.step) refuse(word.cause, "an absolute position beside M91");
-    if (word.step)
-      target.by(j, word.value, word.cause);
+    if (word.step) target.by(j, word.value, word.cause);
+    // A direction decided here must not be changed by the roll-over rule of the axis.
     else if (short_way_ && !move.machine && !canon_.is_linear(j))
       target.turn_to(j, nearest_rotary_position(j, word.value, p[j]), word.cause);
     else
@@ -260,7 +270,8 @@ Target Machine::block_target(const Move& move) const {
   return target;
 }
 
-/// PR and PA as X and Y, or what the plane of the pole is. @param sweep  rad, of CP
+/// Converts PR and PA to X and Y, or to the axes of the plane of the pole. `sweep` receives that of
+/// CP, rad.
 Target Machine::polar_target(const Move& move, double& sweep) const {
   require_pole(move.cause);
   require_certain_shift(move.cause);
@@ -276,6 +287,7 @@ Target Machine::polar_target(const Move& move, double& sweep) const {
   double radius = from.norm(), angle = std::atan2(from.y(), from.x());
   const double start = angle;
   if (move.pr) {
+    // CP keeps the radius at which it begins; a PR would contradict it.
     if (move.keyword == "CP")
       refuse(move.pr->cause, "CP without PR: the radius is where it begins");
     radius = move.pr->value + (move.pr->step ? radius : 0.0);
@@ -287,6 +299,8 @@ Target Machine::polar_target(const Move& move, double& sweep) const {
     if (radius < same_place) refuse(move.cause, "a start beside the pole of CP");
   }
   const double whole = std::round((angle - start) / (2 * pi));
+  // A full circle must end exactly where it began, or rounding would decide between a turn and
+  // none.
   const bool same = move.keyword == "CP" && std::abs(angle - start - 2 * pi * whole) < 1e-12;
   const Cause& cause = move.pa ? move.pa->cause : move.pr ? move.pr->cause : move.cause;
   Target target = block_target(move);
@@ -297,11 +311,12 @@ Target Machine::polar_target(const Move& move, double& sweep) const {
   return target;
 }
 
-/// Everything that moves of a block, and its M words before and behind.
+/// Executes the motion of a block and its M functions before and behind it.
 void Machine::move(Move move) {
   const bool turns_with_path = canon_.tip_mode();
   set_side(move);
   apply_functions_before_motion(move);
+  // Compensation and tip coordinates cannot be changed together.
   if (canon_.tip_mode() != turns_with_path && contour_.beside())
     refuse(move.cause, "R0 before M128");
   set_feed(move);
@@ -310,6 +325,7 @@ void Machine::move(Move move) {
   if (is_polar_move(move.keyword) || any || move.keyword == "LN" ||
       (!move.keyword.empty() && is_arc(move.keyword))) {
     if (move.keyword.empty()) refuse(move.cause, "L before axes");
+    // Before the first TOOL CALL only rapids and M91 need no tool.
     if (!tool_called_ && move.feed_word != FeedWord::Rapid && !move.machine) {
       run_.uncalled_tool(move.cause, "no TOOL CALL");
       tool_called_ = true;
@@ -332,13 +348,13 @@ void Machine::move(Move move) {
   apply_functions_after_motion(move);
 }
 
-/// To the contour; where it arrives is kept for CT.
+/// Passes a move to the contour and keeps the direction of arrival for CT.
 void Machine::element(Element made, const Move& move, std::uint32_t stated) {
   made.cause = move.cause;
   made.rapid = move.feed_word == FeedWord::Rapid;
   made.stated = stated;
   if (made.round && made.rapid) refuse(move.cause, "F for an arc: FMAX runs straight");
-  // on a machine without X and Y nothing asks for the plane: R0 and no corners
+  // A machine without X and Y never uses the plane: it has no compensation and no corners.
   const std::array<int, 2> plane{std::max(canon_.joint_of('X'), 0),
                                  std::max(canon_.joint_of('Y'), 0)};
   contour_.put(std::move(made), plane, move.before_corner);
@@ -349,6 +365,7 @@ void Machine::line(const Move& move, const Target& target) {
   bool turns = false;
   for (int j = 0; j < int(canon_.position().size()); ++j)
     turns = turns || (target.has(j) && !canon_.is_linear(j));
+  // In a plane without M128 rotary words move axes, not the tool about its tip.
   if (turns && plane_ && !tcpm_)
     return turn_in_plane(move, target, move.feed_word == FeedWord::Rapid);
   const AxisVector before = contour_.programmed();
@@ -375,8 +392,8 @@ void Machine::machine_line(const Move& move, const Target& target) {
   tangent_.reset();
 }
 
-/// Rotary words in a tilted plane without M128: the axes go straight to where they are to end, and
-/// slides without words stay.
+/// Rotary words in a tilted plane without M128: the axes move straight to their ends, and slides
+/// without words stay.
 void Machine::turn_in_plane(const Move& move, const Target& target, bool rapid) {
   bool slides = false;
   for (int j = 0; j < int(canon_.position().size()); ++j)
@@ -387,6 +404,7 @@ void Machine::turn_in_plane(const Move& move, const Target& target, bool rapid) 
             z = joint_of('Z', move.cause);
   canon_.go_to(Coordinates::Axis, move.cause);
   if (slides) {
+    // Programmed X Y Z are where the tip is to be at the end.
     const auto q = kinematics::slides_for_tip(chain(move.cause), tip_end,
                                               {tip_end[x], tip_end[y], tip_end[z]});
     if (!q) refuse(move.cause, "slides that reach the tip", "a tip out of their reach");
@@ -404,13 +422,14 @@ void Machine::turn_in_plane(const Move& move, const Target& target, bool rapid) 
   tangent_.reset();
 }
 
-/// LN with the direction of the tool, or without.
+/// LN, with or without a tool direction.
 void Machine::vector_line(const Move& move) {
   const auto complete = [&](const std::array<std::optional<double>, 3>& v, const char* name) {
     const int n = int(v[0].has_value()) + int(v[1].has_value()) + int(v[2].has_value());
     if (n == 0) return false;
     if (n != 3) refuse(move.cause, fmt::format("{0}X {0}Y {0}Z together", name));
     const double length = Vector3d(*v[0], *v[1], *v[2]).norm();
+    // Vectors of three decimals stay within a thousandth of length 1.
     if (!(std::abs(length - 1.0) < 1e-3))
       refuse(move.cause, fmt::format("{0}X {0}Y {0}Z of length 1", name),
              fmt::format("{:.6g}", length));
@@ -418,6 +437,7 @@ void Machine::vector_line(const Move& move) {
   };
   if (contour_.beside()) refuse(move.cause, "R0 before LN");
   complete(move.normal, "N");
+  // Compensation along the surface normal would change the path by DL and DR.
   if (std::abs(delta_) > 0 || delta_radius_ != 0)
     refuse(move.cause, "DL 0 and DR 0 beside LN: no compensation along the normal", "others");
   const Target target = block_target(move);
@@ -429,6 +449,7 @@ void Machine::vector_line(const Move& move) {
       if (target.has(j) && !canon_.is_linear(j))
         refuse(target.cause(j), "either TX TY TZ or positions of rotary axes");
     const Vector3d t(*move.direction[0], *move.direction[1], *move.direction[2]);
+    // The direction is programmed in the plane; solved for the workpiece.
     const AxisVector q = nearest_axes(rotation() * t.normalized(), move.cause);
     for (int j = 0; j < int(end.size()); ++j)
       if (!canon_.is_linear(j) &&
@@ -441,7 +462,7 @@ void Machine::vector_line(const Move& move) {
   tangent_.reset();
 }
 
-/// C about the pole, CP by an angle.
+/// C about the pole, and CP by an angle.
 void Machine::arc(const Move& move, const Target& target, double sweep) {
   require_pole(move.cause);
   if (!move.clockwise) refuse(move.cause, "DR+ or DR-", "none");
@@ -452,8 +473,10 @@ void Machine::arc(const Move& move, const Target& target, double sweep) {
                 .clockwise = *move.clockwise};
   if (move.keyword == "CP") {
     const bool step = move.pa->step;
+    // Under IPA the sign is stated twice.
     if (step && sweep != 0 && (sweep < 0) != *move.clockwise)
       refuse(move.pa->cause, "IPA with the sign of DR");
+    // 1e-9 turns absorb rounding, so that 720 degrees are two turns and not three.
     round.turns = step ? std::max(1, int(std::ceil(std::abs(sweep) / (2 * pi) - 1e-9))) : 1;
     if (round.turns > 100000) refuse(move.pa->cause, "at most 1e5 turns");
   }
@@ -475,7 +498,7 @@ namespace {
 constexpr double min_length = 1e-9;  // mm
 }
 
-/// Keeps the direction in which an arc arrives. @param out  from its centre to its end, mm
+/// Stores the direction in which an arc arrives. `out` points from its centre to its end, mm.
 void Machine::arrive(const std::array<int, 2>& plane, const Vector2d& out, bool clockwise) {
   if (out.norm() < min_length) return tangent_.reset();
   const Vector2d d = clockwise ? Vector2d(out.y(), -out.x()) : Vector2d(-out.y(), out.x());
@@ -487,7 +510,7 @@ void Machine::arrive(const std::array<int, 2>& plane, const Vector2d& out, bool 
   tangent_ = in.normalized();
 }
 
-/// CT: from where the last move arrived, in its direction. CTP in the plane of the pole, else X Y.
+/// CT: from where the last move arrived, in its direction; CTP in the plane of the pole, CT in X Y.
 void Machine::tangent_arc(const Move& move, const Target& target) {
   if (!tangent_) refuse(move.cause, "a line or arc before CT, whose direction goes on", "none");
   const auto [first, second] = move.keyword == "CTP" ? pole_plane_ : working_plane(move.cause);
@@ -505,12 +528,13 @@ void Machine::tangent_arc(const Move& move, const Target& target) {
   t.normalize();
   const Vector2d left(-t.y(), t.x());
   const double across = left.dot(chord);
+  // Straight ahead the arc is a line; straight back there is none.
   if (std::abs(across) < 1e-9 * chord.norm()) {
     if (t.dot(chord) < 0)
       refuse(move.cause, "an end of CT that an arc reaches", "one straight back");
     return line(move, target);
   }
-  const double radius = chord.squaredNorm() / (2 * across);  // to the left where above zero
+  const double radius = chord.squaredNorm() / (2 * across);  // to the left if positive
   const Vector2d centre = start + radius * left;
   Element round{.round = true,
                 .end = std::move(end),
@@ -551,7 +575,7 @@ void Machine::radius_arc(const Move& move, const Target& target) {
   arrive(plane, out, *move.clockwise);
 }
 
-/// RND R5, CHF 2: with F a feed of the corner alone.
+/// Examples: RND R5 or CHF 2; F is a feed of the corner alone.
 void Machine::corner(const std::string& keyword, Words& words) {
   const Cause cause{1, keyword == "RND" ? "RND" : "CHF"};
   std::optional<program::Feed> feed;

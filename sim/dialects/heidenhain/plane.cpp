@@ -10,8 +10,8 @@
 #include "kinematics/units.h"
 #include "sim/dialects/heidenhain/machine.h"
 
-/// Where program coordinates lie: datum, tool and tilted plane, and the rotary axes that belong to
-/// a direction.
+/// Position of program coordinates: datum, tool and tilted plane, and the rotary axes for a
+/// direction.
 namespace abbe::sim::dialects::heidenhain {
 
 using Eigen::AngleAxisd;
@@ -25,7 +25,7 @@ using program::Coordinates;
 namespace {
 
 constexpr double same_direction = 1e-9;  // rad
-constexpr double unlimited = 1e8;        // mm, travel of a slide that has no limits
+constexpr double unlimited = 1e8;        // mm, travel of a slide without limits
 
 bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() == 0.0; }
 
@@ -44,7 +44,7 @@ const Chain& Machine::chain(const Cause& cause) const {
   return *known;
 }
 
-/// The same without limits of the slides, for directions alone.
+/// Returns the chain with unlimited slides, for directions alone.
 const Chain& Machine::free_chain(const Cause& cause) {
   const auto made = free_chains_.find(tool_);
   if (made != free_chains_.end()) return made->second;
@@ -59,12 +59,14 @@ const Chain& Machine::free_chain(const Cause& cause) {
       .first->second;
 }
 
+// A B C that turn; a C that is the spindle is no rotary axis.
 bool Machine::is_rotary(int joint) const {
   for (const char letter : {'A', 'B', 'C'})
     if (canon_.joint_of(letter) == joint) return !canon_.is_linear(joint);
   return false;
 }
 
+// Rotation of cycle 10 is inside the tilted plane.
 Matrix3d Machine::rotation() const {
   const Matrix3d in_plane = turn_ == 0.0
                                 ? Matrix3d(Matrix3d::Identity())
@@ -72,8 +74,8 @@ Matrix3d Machine::rotation() const {
   return plane_ ? Matrix3d(*plane_ * in_plane) : in_plane;
 }
 
-/// Of the tool that the control believes in, where the axes are commanded: on a machine with rotary
-/// axes that of its chain.
+/// Shift of the axes for the tool that the control has in force while the axes are commanded; on a
+/// machine with rotary axes that of its chain.
 AxisVector Machine::axis_shift(const Cause& cause) {
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
@@ -82,6 +84,7 @@ AxisVector Machine::axis_shift(const Cause& cause) {
       zero && zero->places && known != nullptr ? program::tip_at_zero(*known) : std::nullopt;
   const int z = canon_.joint_of('Z');
   if (tip_w) {
+    // Nose minus tip at zero is the length of the tool in all three directions.
     for (int k = 0; k < 3; ++k) shift[canon_.joint_of("XYZ"[k])] = zero->nose_w[k] - (*tip_w)[k];
     shift[z] += delta_;
   } else if (z >= 0 && tool_ >= 0) {
@@ -103,6 +106,7 @@ void Machine::apply_frame(const Cause& cause) {
       if (j < 0) refuse(cause, "a machine with X Y Z for coordinates that are turned");
     frame.rotation = R;
   }
+  // Shifts: outer_shift_ in the workpiece, cycle 7 and the additional tool length in the plane.
   if (plane_) {
     const Vector3d inner(datum_shift_[xyz[0]], datum_shift_[xyz[1]], datum_shift_[xyz[2]]);
     const Vector3d shift = outer_shift_ + *plane_ * (inner + delta_ * Vector3d::UnitZ());
@@ -110,12 +114,14 @@ void Machine::apply_frame(const Cause& cause) {
   }
   if (offset.size() > 0) frame.shift += offset;
   canon_.set_frame(preset_, std::move(frame));
+  // In tip mode the chain contains the tool.
   canon_.set_tool_shift(canon_.tip_mode() ? AxisVector{} : axis_shift(cause));
 }
 
 void Machine::update_tip_mode(const Cause& cause) {
   if (contour_.beside() || contour_.waits())
     refuse(cause, "R0, and no corner, where coordinates or tools change");
+  // An additional length under M128 would have to follow the tool direction within a move.
   if (tcpm_ && !plane_ && delta_ != 0.0)
     refuse(cause, "a tool of the length that the scene has, without DL, under M128",
            fmt::format("one that is {:.6g} mm longer", delta_));
@@ -129,6 +135,7 @@ void Machine::set_tcpm(bool on, const Cause& cause) {
   try {
     update_tip_mode(cause);
   } catch (const BadInput&) {
+    // On an error the mode stays as it was, so that later blocks are judged correctly.
     tcpm_ = canon_.tip_mode() && !plane_;
     throw;
   }
@@ -138,11 +145,13 @@ AxisVector Machine::axes_now(const Cause& cause) const {
   const AxisVector& at = canon_.position();
   if (canon_.coordinates() == Coordinates::Axis) return at;
   const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
+  // The slides are solved because the position is that of the tip.
   const auto q = kinematics::slides_for_tip(chain(cause), at, {at[x], at[y], at[z]});
   if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
   return *q;
 }
 
+// Reach of the direction alone: the position of the tip does not matter.
 kinematics::InverseSolution Machine::solve(const Vector3d& direction, const AxisVector& previous,
                                            const Cause& cause) {
   try {
@@ -160,8 +169,8 @@ AxisVector Machine::nearest_axes(const Vector3d& direction, const Cause& cause) 
   return solve(direction, axes_now(cause), cause).branches.front();
 }
 
-/// A rotary axis that turns about the tool's direction goes to zero, or (TABLE ROT) where the
-/// machine's x is that of the plane.
+/// Sets a rotary axis that turns about the tool's own direction to zero, or with TABLE ROT to where
+/// the machine's x is that of the plane.
 AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positioning& how) {
   const Chain& machine = chain(how.cause);
   const auto pose = [&](const AxisVector& at) -> Matrix3d {
@@ -170,12 +179,15 @@ AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positi
   for (int j = 0; j < int(q.size()); ++j) {
     if (!is_rotary(j)) continue;
     AxisVector turned = q;
+    // 0.3 rad: an arbitrary rotation, far from zero and from half a turn, that shows whether the
+    // axis changes the tool direction.
     turned[j] += 0.3;
     if ((pose(turned).col(2) - pose(q).col(2)).norm() > same_direction) continue;
     q[j] = canon_.frame().shift.size() > 0 ? canon_.frame().shift[j] : 0.0;
     if (!how.table) return q;
     const Vector3d from = pose(q).col(0), to = R.col(0), about = R.col(2);
     const double angle = std::atan2(from.cross(to).dot(about), from.dot(to));
+    // The sign of the axis depends on the side that carries it.
     for (const double way : {angle, -angle}) {
       turned = q;
       turned[j] += way;
@@ -186,10 +198,12 @@ AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positi
   return q;
 }
 
-/// The master axis, whose sign SEQ and SYM choose, is the rotary axis nearest to the tool.
+/// Selects the rotary axes for a plane. SEQ and SYM choose the sign of the master axis, the rotary
+/// axis nearest to the tool.
 AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
   AxisVector previous = axes_now(how.cause);
   auto found = solve(R.col(2), previous, how.cause);
+  // In a singular pose one axis is free: it is fixed first, and the other solved again.
   if (found.reach == Reach::Singular) {
     const AxisVector wanted = with_free_axis(found.branches.front(), R, how);
     for (int j = 0; j < int(wanted.size()); ++j)
@@ -197,6 +211,7 @@ AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
     found = solve(R.col(2), previous, how.cause);
   }
   int master = -1;
+  // The last rotary joint is nearest to the tool.
   for (int j = 0; j < int(previous.size()); ++j)
     if (is_rotary(j)) master = j;
   if (master < 0) return previous;
@@ -209,6 +224,7 @@ AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
   const AxisVector* best = nullptr;
   for (const AxisVector& q : found.branches) {
     if (how.sign != 0 && q[master] * how.sign < -same_direction) continue;
+    // Shorter travel wins; of two equal ones the solution with a positive master axis.
     const double more = best == nullptr ? -1.0 : travel(q) - travel(*best);
     if (more < -same_direction || (more < same_direction && best != nullptr && q[master] > 0) ||
         best == nullptr)
@@ -220,21 +236,24 @@ AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
   return *best;
 }
 
-/// Along the tool, by the slides alone.
+/// Moves along the tool direction with the slides alone.
 void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& cause) {
   const int x = joint_of('X', cause), y = joint_of('Y', cause), z = joint_of('Z', cause);
   const AxisVector q = axes_now(cause);
   AxisVector way = AxisVector::Zero(q.size());
   way[z] = 1.0;
   const Chain& machine = chain(cause);
+  // Slides that move the tip by 1 mm along the tool.
   const auto T_wt = machine.tool_in_workpiece(q);
   const auto next =
       kinematics::slides_for_tip(machine, q, T_wt.translation() + T_wt.linear().col(2));
   if (!next) refuse(cause, "slides that follow the tool", "others");
   const AxisVector along = *next - q;
+  // Without M128 and PLANE only the direction of an upright tool is certain: Z.
   if (!canon_.tip_mode() && (along - way).norm() > 1e-6)
     refuse(cause, "M128 or PLANE before MB where the tool leans");
   way = along;
+  // The nearest limit of any slide ends the retraction.
   if (to_end) {
     distance = unlimited;
     for (const int j : {x, y, z}) {
@@ -263,7 +282,8 @@ Matrix3d about(int axis, double rad) {
   return AngleAxisd(rad, Vector3d::Unit(axis)).toRotationMatrix();
 }
 
-/// x along the base, z along the normal, the base turned into the plane.
+/// Returns a rotation with z along the normal and x along the projection of the base onto the
+/// plane.
 Matrix3d rotation_from_base_and_normal(const Vector3d& base, const Vector3d& normal) {
   Matrix3d R;
   R.col(2) = normal.normalized();
@@ -272,11 +292,11 @@ Matrix3d rotation_from_base_and_normal(const Vector3d& base, const Vector3d& nor
   return R;
 }
 
-constexpr double parallel = 1e-6;  // rad
+constexpr double parallel = 1e-6;  // rad; below it the plane is not defined
 
 }  // namespace
 
-/// The value behind a word that must come next, as SPA+30.
+/// Returns the value behind a word that must follow, for example SPA+30.
 double Machine::word_value(Words& words, std::string_view name) const {
   if (!words.cursor.take(name)) words.refuse(words.cursor.at, std::string(name));
   return words.value();
@@ -289,10 +309,12 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words&
   };
   if (kind == "SPATIAL") {
     const double a = angle("SPA"), b = angle("SPB"), c = angle("SPC");
+    // Spatial angles turn about fixed axes, A first.
     return about(2, c) * about(1, b) * about(0, a);
   }
   if (kind == "EULER") {
     const double precession = angle("EULPR"), nutation = angle("EULNU"), own = angle("EULROT");
+    // Euler angles turn about z, the new x and the new z.
     return about(2, precession) * about(0, nutation) * about(2, own);
   }
   if (kind == "VECTOR") {
@@ -309,7 +331,7 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words&
       words.refuse(from, "three points that are not on one line");
     return rotation_from_base_and_normal(x, normal);
   }
-  // RELATIV
+  // RELATIV turns about an axis of the plane in force.
   const Matrix3d before = plane_.value_or(Matrix3d::Identity());
   for (int k = 0; k < 3; ++k)
     if (const std::string name = std::string("SP") + char('A' + k); words.cursor.take(name)) {
@@ -351,7 +373,7 @@ bool Machine::read_positioning_word(const std::string& name, Words& words, Posit
   return false;
 }
 
-/// STAY, or TURN and MOVE with a feed.
+/// Reads STAY, or TURN and MOVE with a feed.
 Machine::Positioning Machine::read_positioning(Words& words) {
   Positioning how;
   words.cursor.skip_blanks();
@@ -386,7 +408,7 @@ void Machine::plane(Words& words) {
   tilt(R, read_positioning(words));
 }
 
-/// Nothing is in force within the plane that its change would move.
+/// Throws BadInput if something in force inside the plane would be moved by a change of plane.
 void Machine::check_plane_is_free(const Cause& cause) const {
   if (!plane_) require_certain_shift(cause);
   if (turn_ != 0.0) refuse(cause, "CYCL DEF 10 with ROT+0 before PLANE");
@@ -399,9 +421,11 @@ void Machine::check_plane_is_free(const Cause& cause) const {
 void Machine::tilt(const Matrix3d& R, const Positioning& how) {
   check_plane_is_free(how.cause);
   for (const char letter : {'X', 'Y', 'Z'}) joint_of(letter, how.cause);
+  // DL lies along the tool, which STAY leaves at an angle to the plane.
   if (delta_ != 0.0 && how.kind == Positioning::Kind::Stay)
     refuse(how.cause, "TURN or MOVE beside a tool that is longer than the scene's, by DL");
   if (delta_ != 0.0 && tcpm_) refuse(how.cause, "M129 before PLANE beside DL");
+  // The datum shift from before the plane stays outside of it.
   if (!plane_)
     for (const char letter : {'X', 'Y', 'Z'}) {
       double& shift = datum_shift_[canon_.joint_of(letter)];
@@ -415,8 +439,8 @@ void Machine::tilt(const Matrix3d& R, const Positioning& how) {
   tangent_.reset();
 }
 
-/// What was shifted and turned within the plane is not known to the workpiece: it is in doubt until
-/// it is stated again.
+/// Ends the plane. A shift or rotation inside the plane has no known meaning outside: it is
+/// uncertain until it is programmed again.
 void Machine::untilt(const Positioning& how) {
   if (how.kind != Positioning::Kind::Stay) {
     if (!canon_.tip_mode()) canon_.set_tip_mode(true, how.cause);
@@ -436,9 +460,10 @@ void Machine::untilt(const Positioning& how) {
   tangent_.reset();
 }
 
-/// The rotary axes to where the tool stands along z of R. The tip mode is on.
+/// Moves the rotary axes so that the tool is along z of R. Tip mode must be on.
 void Machine::position_axes(const Matrix3d& R, const Positioning& how) {
   const AxisVector q = axes_for(R, how);
+  // Q120 to Q122 are set even with STAY, for blocks that position the axes.
   for (const char letter : {'A', 'B', 'C'}) {
     const int j = canon_.joint_of(letter);
     plane_axes_[std::size_t(letter - 'A')] =
@@ -454,10 +479,12 @@ void Machine::position_axes(const Matrix3d& R, const Positioning& how) {
   if (how.retract || how.retract_to_end)
     retract_by(how.retract.value_or(0.0), how.retract_to_end, how.rapid, how.cause);
   const AxisVector before = axes_now(how.cause);
+  // TURN moves the rotary axes with the slides at rest, MOVE with the tip at rest.
   if (how.kind == Positioning::Kind::Turn) canon_.go_to(Coordinates::Axis, how.cause);
   AxisVector end = canon_.position();
   for (int j = 0; j < int(end.size()); ++j)
     if (is_rotary(j)) end[j] = q[j];
+  // With DIST the point at that distance in front of the tip stays at rest.
   if (how.kind == Positioning::Kind::Move && how.distance) {
     const Vector3d moved =
         *how.distance * (R.col(2) - chain(how.cause).tool_in_workpiece(before).linear().col(2));
@@ -472,7 +499,7 @@ void Machine::position_axes(const Matrix3d& R, const Positioning& how) {
   canon_.set_feed_mode(mode);
 }
 
-/// FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS REFPNT TIP-TIP
+/// Example: FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS REFPNT TIP-TIP.
 void Machine::tcpm(Words& words) {
   const Cause cause{1, "FUNCTION TCPM"};
   const auto one_of = [&](std::string_view done, std::initializer_list<std::string_view> refused,

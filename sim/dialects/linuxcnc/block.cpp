@@ -12,8 +12,9 @@ namespace abbe::sim::dialects::linuxcnc {
 
 namespace {
 
-constexpr double equal = 1e-4;  // numbers this near are EQ
+constexpr double equal = 1e-4;  // tolerance of EQ and NE, TOLERANCE_EQUAL of LinuxCNC
 
+// MOD of RS274 is never negative, unlike std::fmod.
 double modulo(double a, double b) {
   const double rest = std::fmod(a, b);
   return rest < 0 ? rest + std::abs(b) : rest;
@@ -26,6 +27,7 @@ const char* power_range_error(double a, double b) {
   return a == 0 && b < 0 ? "an exponent of zero that is not below zero" : nullptr;
 }
 
+// Levels of RS274/NGC as the README lists them: ** first, logical operators last.
 constexpr Operator operators[] = {
     {"**", 6, [](double a, double b) { return std::pow(a, b); }, power_range_error},
     {"*", 5, [](double a, double b) { return a * b; }},
@@ -46,7 +48,7 @@ constexpr Operator operators[] = {
 
 const char* beyond_one(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
 
-// The argument of ATAN, which has a second one, is read by the operands.
+// ATAN takes two arguments and is parsed by Flow::operand.
 constexpr Function functions[] = {
     {"ABS", [](double x) { return std::abs(x); }},
     {"ACOS", [](double x) { return std::acos(x) / units::deg; }, beyond_one},
@@ -57,7 +59,7 @@ constexpr Function functions[] = {
     {"FUP", [](double x) { return std::ceil(x); }},
     {"LN", [](double x) { return std::log(x); },
      [](double x) -> const char* { return x <= 0 ? "a number above zero" : nullptr; }},
-    {"ROUND", [](double x) { return double(std::round(x)); }},  // halves away from zero
+    {"ROUND", [](double x) { return double(std::round(x)); }},  // half away from zero
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"SQRT", [](double x) { return std::sqrt(x); },
      [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},
@@ -73,6 +75,7 @@ const ExpressionGrammar& grammar() {
 
 namespace {
 
+// Both limits bound the memory of a hostile line; LinuxCNC allows 50 settings in a block too.
 constexpr std::size_t longest_name = 100;
 constexpr std::size_t max_settings = 50;  // of parameters in a block
 
@@ -101,6 +104,7 @@ void Block::clear() {
 
 int whole(const Cursor& cursor, std::size_t from, double value, int most) {
   const double near = std::round(value);
+  // An index may be computed; rs274 accepts it within 1e-4 of a whole number.
   if (!(std::abs(value - near) < 1e-4) || near < 0 || near > most)
     cursor.refuse(from, fmt::format("a whole number of 0 to {}", most), fmt::format("{}", value));
   return int(near);
@@ -112,6 +116,7 @@ std::string name_in_brackets(Cursor& cursor) {
   for (++cursor.at; cursor.here() != '>'; ++cursor.at) {
     if (cursor.at_end()) cursor.refuse(from, "> after a name", "the end of the line");
     const char c = cursor.here();
+    // Names are compared without blanks and case, as rs274 reads every line.
     if (!is_blank(c)) name += c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
     if (name.size() > longest_name) cursor.refuse(from, "a name of at most 100 letters");
   }
@@ -140,6 +145,7 @@ class BlockReader {
   Block& block_;
 };
 
+// A comment behind ; extends to the end of the line.
 void BlockReader::skip_blanks_and_comments() {
   for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
     if (cursor_.here() == '(') {
@@ -153,6 +159,7 @@ void BlockReader::skip_blanks_and_comments() {
   }
 }
 
+// Parameters are assigned after the whole block has been read: a block sees the old values.
 void BlockReader::setting() {
   const std::size_t from = cursor_.at++;
   cursor_.skip_blanks();
@@ -161,6 +168,7 @@ void BlockReader::setting() {
   if (cursor_.here() == '<')
     name = name_in_brackets(cursor_);
   else
+    // #1 to #5601 exist.
     number = whole(cursor_, from, value(cursor_, grammar(), operands_), 5601);
   double result = 0.0;
   run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
@@ -175,6 +183,7 @@ void BlockReader::setting() {
     block_.names.emplace_back(std::move(name), result);
 }
 
+// Classifies a code by its tenths: G59.1 is 591.
 void BlockReader::put_code(char letter, const NcWord& word) {
   const double scaled = word.value * 10;
   const double tenths = std::round(scaled);
@@ -193,7 +202,7 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     return;
   }
   const Code& place = block_[group];
-  // rs274 lets G80 stand beside another code of motion, and obeys the other
+  // rs274 accepts G80 beside another motion code, and obeys the other one.
   const bool ends_cycle = group == Group::Motion && place && (code == 800) != (place.tenths == 800);
   if (ends_cycle && code == 800) return;
   if (place && !ends_cycle)
@@ -221,6 +230,7 @@ void BlockReader::word(bool first) {
     cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
   word.value = value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
+  // A line number must be literal: it is not an expression.
   const std::size_t digits = word.text.find_first_not_of(" \t", 1);
   if (letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
     run_.canon.refuse(word, "a line number in digits");
@@ -252,6 +262,7 @@ void BlockReader::fill() {
   if (cursor_.here() == '/') {
     ++cursor_.at;
     block_.deleted = true;
+    // A skipped block is not parsed, so that errors in it do not matter.
     if (run_.canon.options().block_skip.test(0)) return;
   }
   bool first = true;
@@ -266,6 +277,7 @@ void BlockReader::fill() {
 
 void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block) {
   block.clear();
+  // A NUL is not visible in messages, so it is reported by name.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
     cursor.refuse(nul, "text", "a NUL byte");
   BlockReader(cursor, run, operands, block).fill();

@@ -11,16 +11,16 @@
 #include "sim/dialects/program_run.h"
 #include "sim/program/nc_block.h"
 
-/// One line of RS274/NGC with its values worked out.
+/// One line of RS274/NGC, with its expressions evaluated.
 namespace abbe::sim::dialects::linuxcnc {
 
 using program::Cause;
 using program::NcWord;
 using program::Target;
 
-/// Groups of G and M codes of which a block has at most one each.
+/// Modal groups of G and M codes: a block has at most one code of each.
 enum class Group {
-  None,  ///< a code that is refused, or without effect and without axis words
+  None,  ///< rejected, or without effect and without axis words
   OneBlock,
   Motion,
   Plane,
@@ -45,18 +45,20 @@ enum class Group {
   Count
 };
 
-/// Returns true for groups of codes that leave the axis words of their block to the motion.
+/// Returns true for groups whose codes leave the axis words of their block to the motion.
 bool is_beside_motion(Group group);
 
 using Code = TenthsCode<NcWord>;
 
+/// The words, codes and parameter settings of one line.
 struct Block {
   SparseSlots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   SparseSlots<Code, std::size_t(Group::Count)> codes;
-  NcWord skipped;   ///< a code that the dialect has not, passed over
-  NcWord wordless;  ///< a code without effect that takes no axis words
+  NcWord skipped;   ///< an unknown code that was skipped
+  NcWord wordless;  ///< a code without effect beside which axis words are an error
   std::vector<std::string_view> comments;
-  std::vector<std::pair<int, double>> numbers;        ///< #n = value, set when the block is read
+  /// #n = value, set after the whole block has been read
+  std::vector<std::pair<int, double>> numbers;
   std::vector<std::pair<std::string, double>> names;  ///< #<name> = value
   bool deleted = false, percent = false;
 
@@ -71,23 +73,22 @@ struct Block {
   void clear();
 };
 
-/// The operators and functions of RS274/NGC.
+/// Returns the operators and functions of RS274/NGC.
 const ExpressionGrammar& grammar();
 
-/// What the table of words says of a code.
+/// Entry of a code in the word table of the dialect.
 using CodeEntry = dialects::CodeEntry<Group>;
-/// @param letter  G or M
+/// Returns the table entry of a code. `letter` is G or M.
 const CodeEntry& find_entry(char letter, int tenths);
 
-/// Reads a line that has no O word into `block`, whose memory is used again.
-/// @param operands  parameters and functions
-/// @throws BadInput
+/// Parses a line without O word into `block`, whose memory is reused. `operands` evaluates
+/// parameters and functions. Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block);
 
-/// The whole number that an index or a code is. @throws BadInput
+/// Returns the whole number of an index or a code. Throws BadInput.
 int whole(const Cursor& cursor, std::size_t from, double value, int most);
 
-/// The name in < >, lower case without blanks, at the cursor. @throws BadInput
+/// Returns the name in < > at the cursor, in lower case without blanks. Throws BadInput.
 std::string name_in_brackets(Cursor& cursor);
 
 }  // namespace abbe::sim::dialects::linuxcnc

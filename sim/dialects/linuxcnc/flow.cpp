@@ -30,12 +30,15 @@ void Flow::run() {
   while (!ended_ && !run_.is_aborted()) {
     const Call& now = calls_.back();
     if (at_ >= now.source->lines.size()) {
+      // Running over the end of the main file ends the program; of a subprogram file it is an
+      // error.
       if (calls_.size() == 1) break;
       run_.attempt([&] { finish_file(); });
       continue;
     }
     run_.canon.set_line(int(at_) + 1, now.source->file);
     const std::size_t before = at_;
+    // After an error reading continues at the next line, unless the line itself moved on.
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before) ++at_;
   }
   run_.attempt([&] { machine_.finish(); });
@@ -43,13 +46,15 @@ void Flow::run() {
   run_.warn_unread(lines, {{0, lines.size()}});
 }
 
-/// @return false at the end of the program
+/// Executes a line. Returns false at the end of the program.
 bool Flow::line() {
   run_.count_block();
   const std::string_view text = calls_.back().source->lines[at_];
   Cursor cursor{text, run_.canon.place()};
+  // Only lines with an O can have an O word; the search costs little beside parsing.
   if (text.find_first_of("oO") != std::string_view::npos)
     if (const auto o = o_word(cursor)) {
+      // Counted as executed behind a /; a skipped line has no O word here.
       if (text[text.find_first_not_of(" \t")] == '/') run_.skips(0);
       o_line(*o, cursor);
       return true;
@@ -61,11 +66,12 @@ bool Flow::line() {
 bool Flow::block(Cursor cursor) {
   try {
     read_block(cursor, run_, *this, block_);
-  } catch (const BadInput&) {  // nothing of the block is set
+  } catch (const BadInput&) {  // no parameter of the block is set
     for (const auto& [number, value] : block_.numbers) run_.doubt(fmt::format("#{}", number));
     for (const auto& [name, value] : block_.names) run_.doubt(fmt::format("#<{}>", name));
     throw;
   }
+  // The second % of the main program ends it.
   if (block_.percent && calls_.size() == 1 && ++percents_ == 2) return false;
   if (block_.percent) return true;
   if (block_.deleted && run_.skips(0)) {
@@ -81,7 +87,7 @@ bool Flow::block(Cursor cursor) {
   return machine_.execute(block_);
 }
 
-/// M70 to M73: every call has a state of its own.
+/// M70 to M73: each call has one saved state.
 void Flow::save_modes() {
   const Code& code = block_[Group::State];
   bool alone = block_.words.empty();
@@ -104,12 +110,14 @@ void Flow::set(const Block& block, const Cursor& cursor) {
   };
   for (const auto& [number, value] : block.numbers) {
     if (number < 1) cursor.refuse(0, "a parameter of #1 to #5601", fmt::format("#{}", number));
+    // #1 to #30 are local to the call.
     if (number <= 30)
       calls_.back().locals[std::size_t(number)] = value;
     else if (!machine_.set_parameter(number, value))
       cursor.refuse(0, "a parameter that can be set", fmt::format("#{}", number));
   }
   for (const auto& [name, value] : block.names) {
+    // Names with a leading _ are global.
     const bool global = name.front() == '_';
     if (global && machine_.named(name))
       cursor.refuse(0, "a parameter that can be set", "#<" + name + ">");
@@ -119,6 +127,7 @@ void Flow::set(const Block& block, const Cursor& cursor) {
 }
 
 double Flow::named(const std::string& name, const Cursor& cursor, std::size_t from) {
+  // A parameter whose assignment has an error is uncertain: its uses are not reported again.
   if (run_.is_uncertain()) run_.require_certain(fmt::format("#<{}>", name), cursor.cause(from));
   const bool global = name.front() == '_';
   if (const auto own =
@@ -137,7 +146,7 @@ bool Flow::exists(const std::string& name) const {
          (global && machine_.named(name));
 }
 
-/// #n, ##n, #[...], #<name>
+/// Parses #n, ##n, #[...] or #<name>.
 double Flow::parameter(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   cursor.skip_blanks();
@@ -151,6 +160,7 @@ double Flow::parameter(Cursor& cursor) {
 std::optional<double> Flow::operand(Cursor& cursor) {
   if (cursor.here() == '#') return parameter(cursor);
   const std::size_t from = cursor.at;
+  // ATAN[y]/[x] has two arguments and a range of +-180 degrees.
   if (cursor.take("ATAN")) {
     const double y = bracketed(cursor, grammar(), *this);
     if (!cursor.take("/")) cursor.refuse(cursor.at, "/ after the first argument of ATAN");
@@ -169,13 +179,16 @@ std::optional<double> Flow::operand(Cursor& cursor) {
 
 namespace {
 
-constexpr std::size_t max_file = std::size_t(1) << 26;  // bytes of a subprogram
+constexpr std::size_t max_file = std::size_t(1) << 26;  // bytes of a subprogram file
+// A folder of generated programs could otherwise use up all memory.
 constexpr std::size_t max_sources = 1000;
+// Keeps the count within a long long and names an endless repeat before it runs.
 constexpr double max_repeats = 1e9;
 
 }  // namespace
 
-/// The O word that a line begins with, block delete and line number left out; none if it has none.
+/// Returns the O word that a line begins with, after block skip and line number; nothing if there
+/// is none.
 std::optional<OWord> Flow::o_word(Cursor& cursor) {
   cursor.skip_blanks();
   if (cursor.here() == '/') {
@@ -205,13 +218,14 @@ std::optional<OWord> Flow::o_word(Cursor& cursor) {
   return o;
 }
 
-/// The same of a line that is only looked at: labels that are worked out there are none.
+/// Same for a line that is searched, not executed: a computed label with an error matches nothing.
 std::optional<OWord> Flow::parse_o_word(const Source& source, std::size_t at) {
   const std::string_view text = source.lines[at];
   Cursor cursor = cursor_at(source, at);
   std::size_t i = text.find_first_not_of(" \t");
   if (i == std::string_view::npos) return std::nullopt;
   const char c = upper(text[i]);
+  // A quick test: few lines of a program begin with O.
   if (c != 'O' && c != 'N' && c != '/') return std::nullopt;
   try {
     return o_word(cursor);
@@ -220,6 +234,7 @@ std::optional<OWord> Flow::parse_o_word(const Source& source, std::size_t at) {
   }
 }
 
+// Found jumps are remembered, since loops repeat them.
 std::size_t Flow::find_next(const OWord& o, std::initializer_list<std::string_view> words) {
   const Source& source = *calls_.back().source;
   std::string key = fmt::format("{}:{}:{}", source.file, at_, *words.begin());
@@ -240,7 +255,7 @@ double Flow::condition(Cursor& cursor) {
   return result;
 }
 
-/// Nothing but a comment follows.
+/// Throws BadInput unless only a comment follows.
 void Flow::ends(Cursor& cursor) const {
   cursor.skip_blanks();
   if (!cursor.at_end() && cursor.here() != '(' && cursor.here() != ';')
@@ -259,6 +274,7 @@ void Flow::o_line(const OWord& o, Cursor cursor) {
   if (is({"return", "endsub"})) return leave(o, cursor);
   if (o.word == "sub") {
     if (calls_.size() > 1) run_.canon.refuse(o.cause, "endsub before another sub");
+    // A subprogram is skipped where it is defined.
     at_ = find_next(o, {"endsub"}) + 1;
     return;
   }
@@ -268,6 +284,7 @@ void Flow::o_line(const OWord& o, Cursor cursor) {
 }
 
 void Flow::branch(const OWord& o, Cursor& cursor) {
+  // LinuxCNC rejects elseif, else and endif whose if has not been executed.
   std::string key = fmt::format("{}:{}", calls_.back().source->file, o.label);
   if (o.word == "if")
     begun_ifs_.insert(std::move(key));
@@ -277,7 +294,7 @@ void Flow::branch(const OWord& o, Cursor& cursor) {
     ++at_;
     return;
   }
-  if (o.word != "if") {  // the branch before it has run
+  if (o.word != "if") {  // the branch before it has been executed
     at_ = find_next(o, {"endif"}) + 1;
     return;
   }
@@ -285,6 +302,7 @@ void Flow::branch(const OWord& o, Cursor& cursor) {
     ++at_;
     return;
   }
+  // Conditions of elseif are evaluated in order until one holds.
   while (true) {
     at_ = find_next(o, {"elseif", "else", "endif"});
     run_.count_block();
@@ -301,11 +319,13 @@ void Flow::branch(const OWord& o, Cursor& cursor) {
 void Flow::loop(const OWord& o, Cursor& cursor) {
   std::vector<Loop>& loops = calls_.back().loops;
   run_.check_depth(int(loops.size()), o.cause, "loops");
+  // A keyword belongs to the innermost loop only if its label matches.
   const bool running = !loops.empty() && loops.back().label == o.label;
   if (o.word == "do") {
     loops.push_back({o.label, Loop::Kind::Do, at_});
     ++at_;
   } else if (o.word == "while" && running && loops.back().kind == Loop::Kind::Do) {
+    // The while that ends a do-while has the same keyword as one that begins a loop.
     if (condition(cursor) != 0) {
       at_ = loops.back().line + 1;
     } else {
@@ -313,6 +333,7 @@ void Flow::loop(const OWord& o, Cursor& cursor) {
       ++at_;
     }
   } else if (o.word == "while") {
+    // The loop itself returns to its while, so it must not be opened again.
     const bool again =
         running && loops.back().kind == Loop::Kind::While && loops.back().line == at_;
     if (condition(cursor) != 0) {
@@ -347,7 +368,7 @@ void Flow::loop(const OWord& o, Cursor& cursor) {
   }
 }
 
-/// break and continue, of the loop of that label; loops within it end.
+/// break and continue of the loop with that label; loops inside it end.
 void Flow::leave_loop(const OWord& o, bool again) {
   std::vector<Loop>& loops = calls_.back().loops;
   const auto found = std::find_if(loops.rbegin(), loops.rend(),
@@ -360,6 +381,7 @@ void Flow::leave_loop(const OWord& o, bool again) {
                                : loop.kind == Loop::Kind::Do  ? "while"
                                                               : "endrepeat";
   if (again) {
+    // continue of a do or repeat loop goes to its last line, which decides about another pass.
     at_ = loop.kind == Loop::Kind::While ? loop.line : find_next(o, {end});
   } else {
     at_ = find_next(o, {end}) + 1;
@@ -378,7 +400,7 @@ const Source& Flow::load_source(const std::filesystem::path& file) {
   return *sources_.back();
 }
 
-/// In the file that runs, in the main program, else in a file of its name.
+/// Searches a subprogram in the running file, then in the main program, then in a file of its name.
 Flow::Sub Flow::find_sub(const OWord& o) {
   const auto key = [&](const Source& source) { return fmt::format("{}:{}", source.file, o.label); };
   for (const Source* source : {calls_.back().source, (const Source*)sources_.front().get()}) {
@@ -392,6 +414,7 @@ Flow::Sub Flow::find_sub(const OWord& o) {
   if (const auto known = subs_.find(of_file); known != subs_.end()) return known->second;
   const bool named = o.label.front() == '<';
   const std::string name = named ? o.label.substr(1, o.label.size() - 2) : o.label;
+  // The name becomes a file name: only letters, digits, _ - and . are allowed, and no path.
   const auto is_name = [](char c) {
     return is_letter(c) || is_digit(c) || c == '_' || c == '-' || c == '.';
   };
@@ -423,6 +446,7 @@ void Flow::call(const OWord& o, Cursor& cursor) {
   run_.check_depth(int(calls_.size()), o.cause);
   const Sub sub = find_sub(o);
   Call next{.source = sub.source, .back = at_ + 1, .name = o.label};
+  // Arguments become #1 to #30; missing ones are zero.
   next.locals = arguments;
   calls_.push_back(std::move(next));
   variables_.enter();
@@ -431,6 +455,7 @@ void Flow::call(const OWord& o, Cursor& cursor) {
 
 void Flow::leave(const OWord& o, Cursor& cursor) {
   if (calls_.size() == 1) run_.canon.refuse(o.cause, "a call before " + o.word, "none");
+  // The label of endsub must match, since subprograms do not nest.
   if (calls_.back().name != o.label)
     run_.canon.refuse(o.cause, fmt::format("o{} {}", calls_.back().name, o.word));
   cursor.skip_blanks();
@@ -441,6 +466,7 @@ void Flow::leave(const OWord& o, Cursor& cursor) {
   at_ = ended.back;
   calls_.pop_back();
   variables_.leave();
+  // M73 restores the modes at the end of the call.
   if (ended.restores && ended.saved) machine_.restore(*ended.saved, o.cause);
   if (!variables_.set("_value", result.value_or(0.0)) ||
       !variables_.set("_value_returned", result ? 1.0 : 0.0))
@@ -452,6 +478,7 @@ void Flow::finish_file() {
   at_ = ended.back;
   calls_.pop_back();
   variables_.leave();
+  // Without endsub the end of the file leaves the call open.
   const program::NcLocation place = run_.canon.place();
   throw BadInput(place.file, place.line, 0, fmt::format("o{} endsub", ended.name),
                  "the end of the file");

@@ -17,21 +17,21 @@ namespace abbe::sim::dialects::linuxcnc {
 
 /// A file of a program, line by line.
 struct Source {
-  std::string text;  ///< of a subprogram; the main program's is the caller's
+  std::string text;  ///< of a subprogram file; that of the main program belongs to the caller
   std::vector<std::string_view> lines;
-  int file = 0;  ///< number of the canon
+  int file = 0;  ///< file number in the canon
 };
 
-/// What stands behind O in a line: its label and its word.
+/// An O word of a line: its label and its keyword.
 struct OWord {
   std::string label;  ///< "100" or "<name>"
   std::string word;   ///< lower case
   Cause cause;
-  std::size_t rest = 0;  ///< byte of the line behind it
+  std::size_t rest = 0;  ///< byte behind the keyword
 };
 
-/// Runs the lines of a program: parameters, expressions, O words, and what is left as blocks of the
-/// machine.
+/// Executes the lines of a program: parameters, expressions and O words are handled here,
+/// everything else by the machine.
 class Flow : public Operands {
  public:
   Flow(std::string_view text, ProgramRun& run);
@@ -40,22 +40,24 @@ class Flow : public Operands {
   std::optional<double> operand(Cursor& cursor) override;
 
  private:
+  /// A loop that is running.
   struct Loop {
     std::string label;
     enum class Kind { While, Do, Repeat } kind = Kind::While;
-    std::size_t line = 0;  ///< of the word that begins it
-    long long left = 0;    ///< of repeat
+    std::size_t line = 0;  ///< line of its first keyword
+    long long left = 0;    ///< repeats still to come
   };
-  /// A subprogram that runs, or the main program.
+  /// A running subprogram, or the main program.
   struct Call {
     const Source* source = nullptr;
-    std::size_t back = 0;  ///< line to go on with
+    std::size_t back = 0;  ///< line of the caller to continue with
     std::string name = {};
     std::vector<Loop> loops = {};
     std::array<double, 31> locals{};  ///< #1 .. #30
-    std::optional<Modes> saved = {};  ///< of M70 and M73
-    bool restores = false;            ///< M73
+    std::optional<Modes> saved = {};  ///< by M70 and M73
+    bool restores = false;            ///< M73: restore at the end
   };
+  /// Location of a subprogram.
   struct Sub {
     const Source* source = nullptr;
     std::size_t line = 0;
@@ -76,7 +78,8 @@ class Flow : public Operands {
   void finish_file();
   Sub find_sub(const OWord& o);
   const Source& load_source(const std::filesystem::path& file);
-  /// Line of the next of these words with the same label. @throws BadInput where there is none
+  /// Returns the line of the next of these keywords with the same label. Throws BadInput if there
+  /// is none.
   std::size_t find_next(const OWord& o, std::initializer_list<std::string_view> words);
   double condition(Cursor& cursor);
   void ends(Cursor& cursor) const;
@@ -92,9 +95,9 @@ class Flow : public Operands {
   std::vector<std::unique_ptr<Source>> sources_;
   std::map<std::string, Sub> subs_;  ///< found so far
   std::unordered_map<std::string, std::size_t> jumps_;
-  std::set<std::string> begun_ifs_;  ///< file and label of each `if` that has run
+  std::set<std::string> begun_ifs_;  ///< file and label of each executed `if`
   std::vector<Call> calls_;
-  std::size_t at_ = 0;  ///< line of the running source, from 0
+  std::size_t at_ = 0;  ///< current line of the running source, from 0
   int percents_ = 0;
   bool ended_ = false;
   Block block_;

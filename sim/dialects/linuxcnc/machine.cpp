@@ -19,11 +19,12 @@ namespace {
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
+// Canned cycles: G73, G74 and G81 to G89.
 bool is_drilling(int motion) {
   return motion == 730 || motion == 740 || (motion >= 810 && motion <= 890);
 }
 
-/// Letters beside axis words that a code of motion takes.
+/// Returns the letters, beside axis words, that a motion code takes.
 std::string_view motion_letters(int motion) {
   switch (motion) {
     case 20:
@@ -52,18 +53,19 @@ std::string_view motion_letters(int motion) {
   }
 }
 
-/// Codes of motion that do nothing without axis words.
+/// Returns true for motion codes that are an error without axis words.
 bool needs_axes(int motion) {
   return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
 }
 
-/// Of the codes of overrides and outputs.
+/// Returns the letters that codes of overrides and outputs take.
 std::string_view override_letters(int code) {
   if (code >= 500 && code <= 530) return "P";
   if (code >= 620 && code <= 650) return "P";
   return code == 670 || code == 680 ? "EQ" : "";
 }
 
+// Returns the letters that a code of group 0 takes besides axis words.
 std::string_view one_block_letters(int code) {
   switch (code) {
     case 40:
@@ -89,12 +91,14 @@ Machine::Machine(ProgramRun& run)
     const AxisVector& offset = program::work_offset(canon_.options(), system);
     for (int k = 0; k < 9 && offset.size() > 0; ++k)
       if (const int j = joint(k); j >= 0)
+        // Parameters of the coordinate systems, in mm and degrees as in the variables file.
         parameters_[5221 + 20 * std::size_t(system - 1) + std::size_t(k)] =
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
   take_origin(1);
   parameters_[5220] = 1;
   parameters_[5599] = 1;  // (debug,) comments are shown
+  // The reference position of the scene is what G28 and G30 have stored.
   const AxisVector& reference = canon_.options().reference;
   for (int k = 0; k < 9 && reference.size() > 0; ++k)
     if (const int j = joint(k); j >= 0)
@@ -102,7 +106,7 @@ Machine::Machine(ProgramRun& run)
           canon_.is_linear(j) ? reference[j] : reference[j] / units::deg;
 }
 
-/// Modes that the block states, then those it depends on.
+/// Records the modes that a block states, then those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {{Group::Units, StartMode::Units},
                                                 {Group::Distance, StartMode::Distance},
@@ -113,6 +117,7 @@ void Machine::note_start_modes(const Block& block) {
     if (block[group]) run_.state(mode);
   if (block[Group::LatheDiameter]) diameter_stated_ = true;
   if (!first_axis_word(block)) return;
+  // LinuxCNC begins in G8 on a lathe as well, unlike Fanuc and Siemens: worth reporting.
   if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
       run_.options().turning.x_words == XWordMeaning::FromControl)
     canon_.assume(
@@ -133,6 +138,7 @@ void Machine::note_start_modes(const Block& block) {
 
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
 
+// X under G7 is a diameter and halved here, so that everything behind works with radii.
 double Machine::axis_word(int k, const NcWord& word) const {
   const bool turns = k >= 3 && k <= 5;
   if (turns) return word.value;
@@ -151,6 +157,7 @@ const NcWord& Machine::first_axis_word(const Block& block) const {
   return *first;
 }
 
+// The word at which messages about a motion point.
 Cause Machine::cause_of(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.word;
   if (const NcWord& axis = first_axis_word(block)) return axis;
@@ -160,7 +167,7 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Words that make sense only beside others.
+/// Checks words that are valid only beside others.
 void Machine::check_words(const Block& block) const {
   for (const char letter : axis_letters)
     if (const NcWord& word = block[letter]; word && canon_.joint_of(letter) < 0)
@@ -172,7 +179,7 @@ void Machine::check_words(const Block& block) const {
   const NcWord& axis = first_axis_word(block);
   const bool is_arc = motion == 20 || motion == 30;
   const bool centre = is_arc && (block['I'] || block['J'] || block['K']);
-  // letters of a motion in force count in blocks that move
+  // Letters of the motion in force count only in blocks that move.
   if (!takes_axes && (axis || block[Group::Motion] || centre)) taken += motion_letters(motion);
   const int length = block.tenths(Group::ToolLength);
   if (length == 430 || length == 432 || length == 434) taken += 'H';
@@ -184,6 +191,7 @@ void Machine::check_words(const Block& block) const {
   if (block.tenths(Group::Spindle) == 190) taken += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     if (!block[letter] || taken.find(letter) != std::string::npos) continue;
+    // A letter beside a skipped code may belong to that code.
     if (block.skipped)
       run_.unknown(block[letter], "a word of LinuxCNC");
     else
@@ -193,6 +201,7 @@ void Machine::check_words(const Block& block) const {
                                 ? "G2 or G3 beside I J K R"
                                 : fmt::format("a code that takes {}", letter));
   }
+  // An unknown G code may give the axis words another meaning; an unknown M code does not.
   if (axis && upper(block.skipped.text.empty() ? 'M' : block.skipped.text.front()) == 'G')
     refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
            fmt::format("{} beside {}", shown(axis.text), shown(block.skipped.text)));
@@ -206,7 +215,8 @@ void Machine::check_words(const Block& block) const {
   check_motion(block);
   check_outputs(block);
   const bool by_words = length == 431;
-  const bool follows = motion < 0 && !run_.input_errors().empty();  // its code may be in that block
+  // Its motion code may be in the block with an error.
+  const bool follows = motion < 0 && !run_.input_errors().empty();
   if (axis && !takes_axes && !by_words && follows)
     throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
                                   "a code of motion", "none");
@@ -218,7 +228,7 @@ void Machine::check_words(const Block& block) const {
   }
   if (const NcWord& wordless = block.wordless; axis && wordless)
     refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(wordless.text)));
-  // LinuxCNC moves by them although the code takes them, which nobody means
+  // LinuxCNC moves by these axis words although the code takes them, which is never intended.
   if (axis && (once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923))
     refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(once.word.text)));
   const bool stores = once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923;
@@ -229,7 +239,7 @@ void Machine::check_words(const Block& block) const {
     refuse(tool, "a whole tool number");
 }
 
-/// Refuses a code of motion without the words that it needs in its block.
+/// Throws BadInput for a motion code without the words that it needs in its block.
 void Machine::check_motion(const Block& block) const {
   const Code& code = block[Group::Motion];
   const bool is_arc = code.tenths == 20 || code.tenths == 30;
@@ -243,7 +253,7 @@ void Machine::check_motion(const Block& block) const {
     refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
 }
 
-/// Refuses M19 and outputs of the control without the words that they need in their block.
+/// Throws BadInput for M19 and outputs without the words that they need in their block.
 void Machine::check_outputs(const Block& block) const {
   if (const Code& code = block[Group::Override]) {
     const bool digital = code.tenths >= 620 && code.tenths <= 650;
@@ -268,9 +278,10 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.tenths == 930   ? FeedMode::InverseTime
                           : code.tenths == 940 ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
-    canon_.set_feed({});  // rs274 forgets F at each G94 and G95, also where the mode stays
+    canon_.set_feed({});  // rs274 forgets F at each G94 and G95, even if the mode stays
     canon_.set_feed_mode(mode);
   }
+  // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
     if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
@@ -281,6 +292,7 @@ void Machine::set_feed(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   if (const Code& code = block[Group::SpeedMode]) {
     surface_speed_ = code.tenths == 960;
+    // D belongs to its own G96.
     max_rpm_.reset();
     if (const NcWord& d = block['D']; d && surface_speed_) {
       if (!(d.value > 0 && d.value <= 1e7)) refuse(d, "a largest speed of more than 0 to 1e7 rpm");
@@ -288,11 +300,12 @@ void Machine::set_spindle(const Block& block) {
     }
     if (surface_speed_ && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
     if (surface_speed_ && !block['S']) refuse(code.word, "S (surface speed) beside G96", "none");
+    // G97 without S continues at the S of before.
     if (!surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
   if (const NcWord& s = block['S']) {
     if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
-    // m/min in mm, ft/min in inches
+    // Surface speed is in m/min in mm, in ft/min in inches.
     speed_ = surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
     if (!surface_speed_) canon_.set_spindle_speed(s.value);
   }
@@ -302,6 +315,7 @@ void Machine::set_spindle(const Block& block) {
                                           : std::nullopt);
 }
 
+// T selects, M6 changes: both may be in different blocks.
 void Machine::call_tools(const Block& block) {
   const Code& change = block[Group::ToolChange];
   const NcWord& t = block['T'];
@@ -309,8 +323,10 @@ void Machine::call_tools(const Block& block) {
   if (t) selected_ = int(std::min(t.value, 1e9));
   if (t && !program::knows_tool(canon_.options(), selected_)) refuse(t, "a tool of the tool table");
   if (changes && selected_ >= 0) tool_ = selected_;
-  if (changes) compensation_.clear_leaving();  // a control looks again where its axes stand
+  // A control reads its axis positions anew after a tool change.
+  if (changes) compensation_.clear_leaving();
   if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
+  // M61 declares the tool in the spindle without a change.
   if (change.tenths == 610) {
     const NcWord& q = block['Q'];
     if (!q || q.value < 0 || q.value != std::floor(q.value))
@@ -329,6 +345,8 @@ void Machine::call_tools(const Block& block) {
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
+// The order of execution of LinuxCNC: units, feed, spindle, tool, dwell, plane, compensation,
+// length, system, distance mode.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Units]) canon_.set_inch(code.tenths == 200);
   if (const Code& code = block[Group::LatheDiameter]) diameter_ = code.tenths == 70;
@@ -343,11 +361,13 @@ void Machine::set_modes(const Block& block) {
   if (block[Group::CutterRadius]) set_compensation(block);
   if (block[Group::ToolLength]) set_tool_length(block);
   if (const Code& code = block[Group::Kinematics]) {
+    // M429 also ends the tip mode of G43.4.
     tip_kinematics_ = code.tenths == 4280;
     tip_length_ = tip_length_ && tip_kinematics_;
     apply_length(code.word);
   }
   if (const Code& code = block[Group::WorkOffset]) {
+    // The offset path was computed in the other system.
     if (compensation_.on()) refuse(code.word, "no other coordinate system under G41 or G42");
     choose_system(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);
   }
@@ -360,11 +380,12 @@ void Machine::dwell(const Block& block) {
   const NcWord& p = block['P'];
   if (!(p.value >= 0 && p.value <= 1e6))
     refuse(p, "0 to 1e6 seconds beside " + shown(block[Group::OneBlock].word.text));
+  // A dwell behind a waiting move must follow it.
   compensation_.after(
       [this, seconds = p.value, cause = Cause{p.column, {}}] { canon_.dwell(seconds, cause); });
 }
 
-/// What a control does after the motion of the block: M0 M1 M9.
+/// Records what a control executes after the motion of the block: M0 M1 M9.
 void Machine::note_after_motion(const Block& block) {
   if (block[Group::Coolant].tenths == 90) canon_.aside("M9");
   if (const Code& stop = block[Group::Stop]; stop && stop.tenths <= 10)
@@ -409,6 +430,8 @@ Modes Machine::modes() const {
 }
 
 void Machine::restore(const Modes& modes, const Cause& cause) {
+  // Tool length and compensation are not restored by LinuxCNC either; a difference shows an error
+  // of the program.
   const bool same_length =
       modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
   if (!same_length || modes.tip_length != tip_length_ || modes.tip_kinematics != tip_kinematics_)
@@ -435,14 +458,16 @@ void Machine::restore(const Modes& modes, const Cause& cause) {
   if (modes.system != system_) choose_system(modes.system);
 }
 
-/// What is said to a spindle that the machine has not is left out.
+/// Removes words addressed to a spindle that the machine does not have.
 Block Machine::without_spindle(const Block& block) const {
   const NcWord& which = block.spindle();
   if (which.value < -1 || which.value > 7 || which.value != std::floor(which.value))
     refuse(which, "a spindle of 0 to 7, or -1 for all");
   Block own = block;
   own.words.put(28, {});
+  // $0 and $-1 address the spindle of the machine.
   if (which.value <= 0) return own;
+  // A synchronised motion follows the named spindle, so it cannot be ignored.
   if (const int motion = block.tenths(Group::Motion);
       motion == 330 || motion == 331 || motion == 760)
     refuse(which, "spindle 0 beside a move that follows it");
@@ -462,7 +487,7 @@ bool Machine::execute(const Block& block) {
   note_start_modes(block);
   set_modes(block);
   const Code& once = block[Group::OneBlock];
-  // rs274 keeps the motion that was in force before G5 and G5.1
+  // rs274 keeps the motion mode that was in force before G5 and G5.1.
   struct MotionBefore {
     int& motion;
     std::optional<int> before = {};
@@ -475,11 +500,13 @@ bool Machine::execute(const Block& block) {
     if (!is_drilling(code.tenths))
       cycle_ = {};
     else if (code.tenths != motion_)
-      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};  // a dwell stays, as LinuxCNC has it
+      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};  // the dwell survives, as in LinuxCNC
+    // Poles of G5.2 are only kept until another motion code.
     if (code.tenths != 52 && code.tenths != 53) poles_.clear();
     if (code.tenths != 50) spline_arm_.reset();
     motion_ = code.tenths;
   } else if (first_axis_word(block)) {
+    // Any other motion breaks the chain of G5.
     spline_arm_.reset();
   }
   if (once && once.tenths != 530 && once.tenths != 40)
@@ -491,6 +518,7 @@ bool Machine::execute(const Block& block) {
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
+// A move that waits for its successor has none at the end.
 void Machine::finish() { compensation_.finish(); }
 
 double Machine::parameter(int number) const {
@@ -500,7 +528,7 @@ double Machine::parameter(int number) const {
     return joint(k) < 0 ? 0.0 : programmed(k) / (turns ? 1.0 : unit());
   }
   if (number == 5400) return tool_;
-  // of the tool in the spindle, whatever length is in force
+  // The table value of the tool in the spindle, whatever length is in force.
   if (number == 5403 && !run_.turning()) {
     const auto length = length_.find(tool_);
     return length == length_.end() ? 0.0 : length->second;
@@ -522,8 +550,11 @@ double Machine::tool_shift(int k) const {
 }
 
 bool Machine::set_parameter(int number, double value) {
+  // Position, tool data and version are read only.
   if (number == 5220 || (number >= 5400 && number <= 5428) || number >= 5600) return false;
   parameters_[std::size_t(number)] = value;
+  // The origin of a system is no longer that of the scene; it takes effect when the system is
+  // selected.
   if (number >= 5221 && number < 5221 + 180)
     system_changed_[std::size_t((number - 5221) / 20)] = true;
   return true;
@@ -565,6 +596,7 @@ std::optional<double> Machine::named(std::string_view name) const {
       {"_ccomp", compensation_.on() ? (compensation_.left() ? 410 : 420) : 400},
       {"_line", canon_.line()},
       {"_task", 0},
+      // The version decides which features a program tests for.
       {"_vmajor", 2.9},
       {"_vminor", 0},
   };

@@ -16,7 +16,7 @@ inline constexpr std::string_view axis_letters = "XYZABCUVW";
 /// One number for every axis letter, mm and degrees.
 using Nine = std::array<double, 9>;
 
-/// What M70 saves: all modes but that of motion.
+/// Modes saved by M70: all except the motion mode.
 struct Modes {
   bool inch = false, incremental = false, absolute_centre = false, diameter = false, to_r = true;
   int plane = 170, system = 1, spindle = 0;
@@ -30,31 +30,33 @@ struct Modes {
   kinematics::AxisVector length_shift = {};
 };
 
-/// The control of LinuxCNC as its words command it: modes, coordinate systems, tools, and the moves
-/// that they make on the canon.
+/// State of a LinuxCNC control as its words command it: modes, coordinate systems, tools, and the
+/// moves that they make on the canon.
 class Machine {
  public:
   explicit Machine(ProgramRun& run);
 
-  /// @return false at the end of the program
+  /// Executes a block. Returns false at the end of the program.
   bool execute(const Block& block);
   Modes modes() const;
-  /// @throws BadInput where the tool length or cutter compensation is another
+  /// Restores saved modes. Throws BadInput if tool length or cutter compensation differ from those
+  /// saved.
   void restore(const Modes& modes, const Cause& cause);
-  /// What is still to be put out, at the end of the program.
+  /// Makes the moves that still wait at the end of the program.
   void finish();
 
-  /// A numbered parameter from 31 on, those of the machine among them; 0 where nothing was set.
+  /// Returns a numbered parameter from 31 on, including those of the machine; 0 if it has not been
+  /// set.
   double parameter(int number) const;
-  /// @return false where it is read only
+  /// Sets a parameter. Returns false if it is read only.
   bool set_parameter(int number, double value);
-  /// A named parameter that the control itself has, as _x and _metric.
+  /// Returns a named parameter that the control itself defines, such as _x or _metric.
   std::optional<double> named(std::string_view name) const;
 
  private:
   using AxisVector = kinematics::AxisVector;
 
-  // linuxcnc_machine.cpp
+  // Words and modes.
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
@@ -74,11 +76,11 @@ class Machine {
   const NcWord& first_axis_word(const Block& block) const;
   double unit() const;
   int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
-  /// mm or degrees of an axis word; X under G7 is a diameter.
+  /// Returns mm or degrees of an axis word; under G7 X is a diameter.
   double axis_word(int k, const NcWord& word) const;
   Cause cause_of(const Block& block) const;
 
-  // linuxcnc_offsets.cpp
+  // Coordinate systems and tool offsets.
   void set_tool_length(const Block& block);
   double length_of(int tool, const Cause& cause) const;
   void choose_system(int number);
@@ -89,17 +91,17 @@ class Machine {
   void store_tool(const Block& block, int which);
   void shift_origin(const Block& block);
   void reference(const Block& block);
-  /// Where the axes stand, in program coordinates and in those of the axes.
+  /// Return the current position in program coordinates and in those of the axes.
   double programmed(int k) const;
   double absolute(int k) const;
   double from_zero(int k) const;
   double tool_shift(int k) const;
   void apply_length(const Cause& cause);
 
-  // linuxcnc_motion.cpp
+  // Motion.
   void move(const Block& block);
   Target block_target(const Block& block, bool machine) const;
-  /// X and Y in program coordinates that @ and ^ lead to from there, mm.
+  /// Returns the X and Y, mm, in program coordinates, that @ and ^ lead to.
   Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
   void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
@@ -107,11 +109,11 @@ class Machine {
   void spindle_synchronised(const Block& block, AxisVector end);
   void spline(const Block& block);
 
-  // linuxcnc_cycles.cpp
+  // Canned cycles.
   void cycle(const Block& block);
   void take_cycle(const Block& block);
   void cycle_holes(const Block& block);
-  /// A hole in program coordinates: its place, the joint along it, its levels.
+  /// A hole in program coordinates: its position, the joint along it, its levels.
   struct Hole {
     AxisVector at;
     int deep = 2;
@@ -122,7 +124,7 @@ class Machine {
   void go(const AxisVector& end, bool rapid);
   void thread(const Block& block);
 
-  // linuxcnc_offsets.cpp
+  // Cutter compensation.
   void set_compensation(const Block& block);
 
   friend class ThreadPasses;
@@ -130,22 +132,23 @@ class Machine {
   ProgramRun& run_;
   program::Canon& canon_;
   std::vector<double> parameters_;
-  std::array<bool, 9> system_changed_{};   ///< from what the scene says
+  std::array<bool, 9> system_changed_{};   ///< changed from what the scene states
   int system_ = 1;                         ///< 1 .. 9
-  std::array<double, 10> origin_{};        ///< of the system in force: its axes, then its angle
-  Nine g92_{};                             ///< in force
-  std::map<int, double> length_, radius_;  ///< mm, of tools
-  int motion_ = -1;                        ///< tenths; -1 none
+  std::array<double, 10> origin_{};        ///< of the system in force: nine axes, then its rotation
+  Nine g92_{};                             ///< shift of G92 in force
+  std::map<int, double> length_, radius_;  ///< mm, by tool
+  int motion_ = -1;                        ///< ten times the G number; -1: none
   int plane_ = 170;
-  AxisVector length_shift_;                           ///< (axes) of G43 and its kin; empty for none
+  AxisVector length_shift_;  ///< (axes) of G43 and similar codes; empty: none
   bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428
   bool incremental_ = false, absolute_centre_ = false, diameter_ = false;
-  bool diameter_stated_ = false;  ///< G7 or G8, or it has been reported that neither was
-  bool to_r_ = true;              ///< G99; what LinuxCNC begins with
+  bool diameter_stated_ = false;  ///< G7 or G8, or the assumption has been reported
+  bool to_r_ = true;              ///< G99, LinuxCNC's initial state
   bool surface_speed_ = false;
-  double speed_ = 0.0;             ///< S as it stands; of G96 m/min
-  std::optional<double> max_rpm_;  ///< of G96
+  double speed_ = 0.0;             ///< S as programmed; under G96 m/min
+  std::optional<double> max_rpm_;  ///< limit of G96
   int tool_ = 0, selected_ = -1;
+  /// Canned cycle in force.
   struct Cycle {
     double r = 0.0, z = 0.0, q = 0.0, p = 0.0;
     std::optional<double> initial;  ///< level of G98
@@ -154,9 +157,9 @@ class Machine {
   struct Pole {
     double x = 0.0, y = 0.0, weight = 1.0;
   };
-  std::vector<Pole> poles_;  ///< of G5.2 so far
+  std::vector<Pole> poles_;  ///< poles of G5.2 so far
   int order_ = 3;
-  std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the G5 before, from its end
+  std::optional<Eigen::Vector2d> spline_arm_;  ///< P Q of the previous G5, from its end
   Compensation compensation_;
 };
 

@@ -18,6 +18,7 @@ using program::Feed;
 using program::FeedMode;
 using program::Straight;
 
+// Under G91 radius and angle are increments of the current polar position.
 Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& from) const {
   const NcWord &r = block.radius(), &a = block.angle();
   double radius = from.norm(), angle = std::atan2(from.y(), from.x()) / units::deg;
@@ -39,6 +40,7 @@ Target Machine::block_target(const Block& block, bool machine) const {
       target.to(j, value, word);
   }
   if (block.is_polar()) {
+    // Under compensation the programmed position counts, not that of the offset tool.
     const bool beside = compensation_.on() || compensation_.leaving();
     const AxisVector p = canon_.unplaced(beside ? compensation_.programmed() : canon_.position());
     const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
@@ -82,12 +84,13 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
   canon_.arc(std::move(arc));
 }
 
-/// A line at so much per turn of the spindle, whatever F says.
+/// Makes a line at a feed per spindle turn, whatever F is.
 void Machine::feed_per_turn(const NcWord& pitch, const Straight& move) {
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   canon_.set_feed_mode(FeedMode::PerRevolution);
   canon_.set_feed(Feed{std::abs(pitch.value), unit()});
+  // F and its mode are restored on errors too, or every later block would get the wrong time.
   const auto again = [&] {
     canon_.set_feed_mode(mode);
     canon_.set_feed(feed);
@@ -105,11 +108,13 @@ void Machine::spindle_synchronised(const Block& block, AxisVector end) {
   const Cause cause = cause_of(block);
   const NcWord& k = block['K'];
   if (!k || k.value == 0) refuse(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
+  // K alone sets the pitch of both directions.
   if (block['I']) refuse(block['I'], "no I beside G33.1: the way back is as fast");
   const AxisVector start = canon_.position();
   feed_per_turn(k, {.end = std::move(end), .cause = cause});
   if (motion_ != 331) return;
   const int direction = canon_.spindle_direction();
+  // Rigid tapping (G33.1): back at the same pitch with the spindle reversed.
   canon_.turn_spindle(-direction);
   AxisVector back = canon_.position();
   for (int k9 = 0; k9 < 9; ++k9)
@@ -126,6 +131,7 @@ void Machine::move(const Block& block) {
     if (axis || block[Group::Motion]) spline(block);
     return;
   }
+  // G76 is not modal: it acts only in its own block.
   if (motion_ == 760) {
     if (block[Group::Motion]) thread(block);
     return;
@@ -139,6 +145,8 @@ void Machine::move(const Block& block) {
   const bool beside = compensation_.on() || compensation_.leaving();
   AxisVector end =
       beside && !machine ? compensation_.end_of(target) : canon_.end_of(target, machine);
+  // The first move after G40 leads from beside the contour back to the path, for which an arc has
+  // no centre.
   if (compensation_.leaving() && is_arc) refuse(cause, "a line as the first move after G40");
   compensation_.clear_leaving();
   if (is_arc)
@@ -152,17 +160,20 @@ void Machine::move(const Block& block) {
 
 namespace {
 
-constexpr double chord = 1e-4;       // mm, of a spline from its chords
+constexpr double chord = 1e-4;       // mm, chord error of a spline
 constexpr double most_chords = 1e6;  // of one spline
+// Halvings of one span: 65536 chords.
 constexpr int max_halvings = 16;
+// Bounds the memory of G5.2.
 constexpr std::size_t max_poles = 10000;
 
-/// A rational B-spline with the knots of its poles spaced evenly, its ends clamped.
+/// A rational B-spline with uniform knots, clamped at both ends.
 struct Spline {
-  std::vector<Eigen::Vector3d> poles;  ///< x w, y w, w
+  std::vector<Eigen::Vector3d> poles;  ///< homogeneous coordinates: x w, y w, w
   std::vector<double> knots;
   int order = 3;
 
+  // De Boor's algorithm in homogeneous coordinates.
   Vector2d at(double u) const {
     const int degree = order - 1, n = int(poles.size());
     int span = degree;
@@ -180,6 +191,7 @@ struct Spline {
   }
 };
 
+// Distance to the segment, not to the infinite line.
 double distance_to_chord(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
   const Vector2d way = b - a;
   const double length = way.squaredNorm();
@@ -187,14 +199,16 @@ double distance_to_chord(const Vector2d& p, const Vector2d& a, const Vector2d& b
   return (p - a - t * way).norm();
 }
 
-/// Halves a stretch until its quarters lie on its chord.
+/// Halves a part until its quarter points lie on its chord.
 void refine(const Spline& spline, double from, double to, int halvings,
             std::vector<Vector2d>& points) {
   const Vector2d a = spline.at(from), b = spline.at(to);
   double off = 0.0;
   for (const double part : {0.25, 0.5, 0.75})
     off = std::max(off, distance_to_chord(spline.at(from + part * (to - from)), a, b));
-  const bool enough = double(points.size()) > most_chords;  // refused when all is there
+  const bool enough = double(points.size()) > most_chords;  // reported when all points are there
+  // Two halvings at least: a symmetric S has its quarter points near the chord. Half of the
+  // tolerance, since three samples may miss the largest deviation.
   if ((halvings >= 2 && off <= 0.5 * chord) || halvings == max_halvings || enough) {
     points.push_back(b);
     return;
@@ -204,7 +218,7 @@ void refine(const Spline& spline, double from, double to, int halvings,
   refine(spline, middle, to, halvings + 1, points);
 }
 
-/// Chords of a cubic Bezier curve: n of them err by at most |B''| / 8 n^2.
+/// Chords of a cubic Bezier curve: n of them deviate by at most |B''| / 8 n^2.
 std::vector<Vector2d> bezier_points(const std::array<Vector2d, 4>& p) {
   const double bend =
       6 * std::max((p[0] - 2 * p[1] + p[2]).norm(), (p[1] - 2 * p[2] + p[3]).norm());
@@ -218,6 +232,7 @@ std::vector<Vector2d> bezier_points(const std::array<Vector2d, 4>& p) {
   return points;
 }
 
+// Clamped knots: the curve begins and ends at the first and last pole.
 std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order) {
   Spline spline{std::move(poles), {}, order};
   const int n = int(spline.poles.size());
@@ -230,7 +245,7 @@ std::vector<Vector2d> nurbs_points(std::vector<Eigen::Vector3d> poles, int order
 
 }  // namespace
 
-/// G5 G5.1 G5.2 G5.3, in X Y.
+/// G5, G5.1, G5.2 and G5.3, in X Y.
 void Machine::spline(const Block& block) {
   const Cause cause = cause_of(block);
   if (compensation_.on()) refuse(cause, "G40 before a spline");
@@ -251,12 +266,14 @@ void Machine::spline(const Block& block) {
     if (!block['P'] || !block['Q']) refuse(cause, "P and Q beside G5", "none");
     if (!block['I'] != !block['J']) refuse(cause, "both I and J beside G5, or none", "one");
     if (!block['I'] && !spline_arm_) refuse(cause, "I and J in the first G5", "none");
+    // Without I J the arm continues that of the previous G5, so that the tangent is continuous.
     const Vector2d arm = block['I'] ? Vector2d(word('I'), word('J')) : Vector2d(-*spline_arm_);
     spline_arm_ = Vector2d(word('P'), word('Q'));
     points = bezier_points({start, start + arm, end + *spline_arm_, end});
   } else if (motion_ == 51) {
     if (!block['I'] || !block['J']) refuse(cause, "both I and J beside G5.1");
     const Vector2d middle = start + Vector2d(word('I'), word('J'));
+    // A quadratic Bezier curve as a cubic one: arms of two thirds.
     points = bezier_points(
         {start, start + 2.0 / 3 * (middle - start), end + 2.0 / 3 * (middle - end), end});
   } else if (motion_ == 52) {
@@ -267,6 +284,7 @@ void Machine::spline(const Block& block) {
     if (!p || !(p.value > 0)) refuse(p ? Cause(p) : cause, "P (weight) above zero beside G5.2");
     if (poles_.size() == max_poles) refuse(cause, "at most 10000 poles of a spline", "more");
     poles_.push_back({end.x(), end.y(), p.value});
+    // G5.2 only collects poles; G5.3 makes the curve.
     return;
   } else {
     if (int(poles_.size()) < order_)
@@ -275,6 +293,7 @@ void Machine::spline(const Block& block) {
     std::vector<Eigen::Vector3d> poles;
     for (const Pole& pole : poles_)
       poles.emplace_back(pole.x * pole.weight, pole.y * pole.weight, pole.weight);
+    // The curve begins at the first pole, which is reached by a line.
     points.emplace_back(poles_.front().x, poles_.front().y);
     for (const Vector2d& point : nurbs_points(std::move(poles), order_)) points.push_back(point);
     poles_.clear();
@@ -282,6 +301,7 @@ void Machine::spline(const Block& block) {
   }
   if (double(points.size()) > most_chords)
     refuse(cause, fmt::format("at most {:.0f} chords of a spline", most_chords), "more");
+  // Checked before the moves are made, so that no memory is taken for too many.
   run_.check_moves(double(points.size()), cause);
   for (const Vector2d& point : points) {
     at[x] = point.x();
@@ -291,26 +311,29 @@ void Machine::spline(const Block& block) {
 }
 
 namespace {
-constexpr double peck_clearance = 0.254;  // mm, above the last peck
+// mm (0.01 inch), distance above the last peck to which the tool returns
+constexpr double peck_clearance = 0.254;
+// Bounds a hole whose Q is far below any chip.
 constexpr double max_pecks = 1e5;
 }  // namespace
 
-/// To a place in program coordinates.
+/// Moves to a point in program coordinates.
 void Machine::go(const AxisVector& end, bool rapid) {
   canon_.straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
 }
 
-/// A cycle whose first block has an input error is not begun: the blocks behind it have none of
+/// A cycle whose first block has an error is not begun, so the blocks behind it report no errors of
 /// their own.
 void Machine::cycle(const Block& block) {
   if (!cycle_.begun && !block[Group::Motion]) run_.require_certain("cycle", cause_of(block));
   run_.define("cycle", [&] { take_cycle(block); });
 }
 
-/// Takes the words of a cycle; what is not said stays as the block before had it.
+/// Reads the words of a cycle. Words that are not programmed keep their values.
 void Machine::take_cycle(const Block& block) {
   const Cause cause = cause_of(block);
   if (compensation_.on()) refuse(cause, "G40 before a canned cycle");
+  // In inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime) refuse(cause, "G94 or G95 beside a cycle");
   const int deep = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   for (int k = 0; k < 3; ++k)
@@ -329,6 +352,7 @@ void Machine::take_cycle(const Block& block) {
   if (q) cycle_.q = q.value * unit();
   if (pecks && !(cycle_.q > 0)) refuse(q ? Cause(q) : cause, "Q (depth of a peck) above zero");
   if (p) cycle_.p = p.value;
+  // The dwell of G82, G86 and G89 must be stated once.
   if (!cycle_.begun && !p && (motion_ == 820 || motion_ == 860 || motion_ == 890))
     refuse(cause, fmt::format("P (seconds) in the first block of G{}", motion_ / 10), "none");
   if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) refuse(p, "0 to 1e6 seconds after P");
@@ -336,6 +360,7 @@ void Machine::take_cycle(const Block& block) {
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))
     refuse(l, "whole repeats of 1 to 1e6 after L");
   const int turns = canon_.spindle_direction();
+  // LinuxCNC does not start the spindle: it must turn in the direction of the tap.
   if ((motion_ == 840 && turns != 1) || (motion_ == 740 && turns != -1))
     refuse(cause, motion_ == 840 ? "M3 before G84" : "M4 before G74");
   if (motion_ == 860 && turns == 0) refuse(cause, "a spindle that turns before G86");
@@ -347,21 +372,26 @@ void Machine::cycle_holes(const Block& block) {
   const int deep = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
   const int d = joint(deep);
   AxisVector at = canon_.programmed();
+  // G98 returns to the level at which the first block of the cycles began.
   if (!cycle_.initial) cycle_.initial = at[d];
   const double initial = *cycle_.initial;
   const double r = incremental_ ? cycle_.r + initial : cycle_.r;
   const double bottom = incremental_ ? r + cycle_.z : cycle_.z;
+  // The tool goes from R down to the bottom at feed; reversed levels are an error of the program.
   if (r < bottom)
     refuse(block['R'] ? Cause(block['R']) : cause_of(block), "R above the bottom of the hole",
            fmt::format("R at {} mm, the bottom at {} mm", r, bottom));
+  // Below R the tool first rises to R, before it moves sideways.
   if (initial < r) {
     at[d] = r;
     go(at, true);
   }
   const double clear = to_r_ ? r : std::max(initial, r);
-  double level = std::max(at[d], r);  // the first hole is reached where the axes stand, G98 or not
+  // The first hole is reached at the current level, under G98 and G99 alike.
+  double level = std::max(at[d], r);
   const int repeats = block['L'] ? int(block['L'].value) : 1;
   const bool pecks = motion_ == 730 || motion_ == 830;
+  // Moves of a hole: to the place, to R, to the bottom, back; each peck adds up to three.
   constexpr double moves_per_hole = 4.0, moves_per_peck = 3.0;  // at most
   run_.check_moves(
       repeats * (moves_per_hole + (pecks ? moves_per_peck * (r - bottom) / cycle_.q : 0.0)),
@@ -387,7 +417,7 @@ void Machine::cycle_holes(const Block& block) {
   }
 }
 
-/// One hole from R down and out again.
+/// Makes one hole from R down and out again.
 void Machine::hole(const Hole& hole) {
   AxisVector at = hole.at;
   const auto to = [&](double level, bool rapid) {
@@ -399,6 +429,7 @@ void Machine::hole(const Hole& hole) {
       refuse({1, {}}, "at most 1e5 pecks in a hole", "more");
     for (double depth = hole.r - cycle_.q; depth > hole.bottom; depth -= cycle_.q) {
       to(depth, false);
+      // G83 clears the chips at R; G73 only breaks them by the clearance.
       if (motion_ == 830) to(hole.r, true);
       to(depth + peck_clearance, true);
     }
@@ -409,6 +440,7 @@ void Machine::hole(const Hole& hole) {
   switch (motion_) {
     case 740:
     case 840:
+      // Tapping: the spindle reverses at the bottom and again outside.
       canon_.turn_spindle(-turns);
       wait();
       to(hole.clear, false);
@@ -436,7 +468,7 @@ void Machine::hole(const Hole& hole) {
 
 namespace {
 
-/// Words of G76 in mm.
+/// Words of G76, in mm.
 struct Thread {
   double pitch = 0.0, z_end = 0.0, peak = 0.0, first = 0.0, height = 0.0;
   double degression = 1.0, angle = 0.0, taper = 0.0;
@@ -459,14 +491,19 @@ class ThreadPasses {
         z0_(at_[z_]) {}
 
   void cut() {
+    // Depths count from the drive line, where X stands at the start; the thread peak is `full` away
+    // from it.
     const double full = std::abs(thread_.peak);
     const double end = std::abs(thread_.height) + full;
     double depth = full + thread_.first;
+    // Depth of pass n: first * n^(1/R). With R = 1 all cuts have equal depth, with R = 2 equal
+    // area.
     for (int n = 1; depth < end;) {
       machine_.run_.count_block();
       pass(depth, end);
       depth = full + thread_.first * std::pow(++n, 1.0 / thread_.degression);
     }
+    // Spring passes repeat the full depth.
     for (int n = 0; n <= thread_.springs; ++n) pass(end, end);
     to(x0_, thread_.z_end, true);
   }
@@ -481,6 +518,7 @@ class ThreadPasses {
     machine_.canon_.set_feed(program::Feed{per_turn, 1.0});
     to(x, z, false);
   }
+  // The infeed follows the compound slide angle Q: deeper passes begin further back along Z.
   void pass(double depth, double end) {
     const double side = thread_.peak > 0 ? 1.0 : -1.0;
     const double tangent = std::tan(thread_.angle * units::deg);
@@ -488,7 +526,10 @@ class ThreadPasses {
     const double z_start = z0_ - back, z_end = thread_.z_end + thread_.height * tangent - back;
     const double x_safe = x0_ - side * (end - depth), x_cut = x0_ + side * depth;
     const double x_out = x_cut - side * thread_.height;
+    // The sign of the taper follows the direction of the thread along Z.
     const double taper = thread_.z_end > z0_ ? -thread_.taper : thread_.taper;
+    // The pitch along the slanted entry keeps the spindle angle per Z: pitch times length over its
+    // Z.
     const double slanted =
         thread_.taper > 0
             ? thread_.pitch * std::hypot(thread_.taper, thread_.height) / thread_.taper
@@ -542,6 +583,7 @@ void Machine::thread(const Block& block) {
     if (!block['E']) refuse(cause, "E (length of the taper) beside L", "none");
     thread.taper = positive('E');
   }
+  // The feed of the thread ends with the cycle.
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   canon_.set_feed_mode(FeedMode::PerRevolution);

@@ -14,8 +14,10 @@ namespace abbe::sim::dialects::linuxcnc {
 
 namespace {
 
+// A B C are in degrees.
 bool turns(int k) { return k >= 3 && k <= 5; }
 
+// Parameters of a system: 20 numbers each, from #5221 on.
 std::size_t system_at(int number) { return 5221 + 20 * std::size_t(number - 1); }
 
 }  // namespace
@@ -27,19 +29,20 @@ double Machine::programmed(int k) const {
   return canon_.is_linear(j) ? p[j] : p[j] / units::deg;
 }
 
+// Position of the axes without any offset, mm or degrees.
 double Machine::absolute(int k) const {
   const int j = joint(k);
   if (j < 0) return 0.0;
   return canon_.is_linear(j) ? canon_.position()[j] : canon_.position()[j] / units::deg;
 }
 
-/// The same from what offsets count from.
+/// Position of an axis from the origin of the work offsets.
 double Machine::from_zero(int k) const {
   return absolute(k) - (k < 3 ? canon_.shift_correction()[k] : 0.0);
 }
 
-/// Program to axes: turned about Z, shifted by the system, and first of all by G92 or G52. Offsets
-/// of the scene that nothing has changed keep their bits.
+/// Sets the frame as LinuxCNC composes it: the shift of G92 or G52 first, then the rotation about
+/// Z, then the origin of the system. Unchanged offsets of the scene keep their bits.
 void Machine::apply_frame() {
   const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
   const double angle = origin_[9];
@@ -49,6 +52,7 @@ void Machine::apply_frame() {
     return canon_.set_frame(system_ - 1, std::move(frame));
   }
   frame.shift = AxisVector::Zero(canon_.position().size());
+  // G92 is inside the rotation, so its shift is rotated as well.
   Nine first = g92_;
   if (angle != 0.0) {
     for (const int k : {0, 1, 2})
@@ -67,7 +71,7 @@ void Machine::apply_frame() {
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
-/// The system that is in force stays as it is, whatever its parameters have become, as in rs274.
+/// Selecting the system in force does not reload its parameters, as in rs274.
 void Machine::choose_system(int number) {
   if (number != system_) take_origin(number);
   parameters_[5220] = number;
@@ -87,6 +91,7 @@ double Machine::length_of(int tool, const Cause& cause) const {
   std::string known;
   for (const auto& [number, mm] : length_) known += fmt::format(" H{}", number);
   refuse(cause,
+         // An unknown H lists the known ones: usually the tool table is missing an entry.
          "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
 }
 
@@ -103,6 +108,7 @@ void Machine::set_tool_length(const Block& block) {
     return apply_length(code.word);
   }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
+  // G43.1 states the offset in the block instead of the table.
   if (code.tenths == 431) {
     for (int k = 0; k < 9; ++k)
       if (const NcWord& word = block[axis_letters[std::size_t(k)]])
@@ -120,20 +126,24 @@ void Machine::set_tool_length(const Block& block) {
   const int z = joint(2);
   if (code.tenths != 434) {
     if (z < 0) refuse(code.word, "a machine with a Z axis");
+    // G43.2 adds to the offset in force.
     if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
     const kinematics::Chain* to_tip = chain_to_tip(canon_.options(), tool);
+    // On a turning control the offset of a tool has X and Z.
     if (run_.turning() && to_tip != nullptr && tool != 0)
       shift += measured_offset(canon_, *to_tip, code.word);
     else
       shift[z] += length;
   }
+  // G43.2 does not change the tool whose tip is led.
   if (code.tenths != 432) canon_.select_length(tool, code.word);
   tip_length_ = code.tenths == 434;
   length_shift_ = tip_length_ ? AxisVector() : std::move(shift);
   apply_length(code.word);
 }
 
-/// The length as a shift of the axes, or in the chain to the tip, which must be as long.
+/// Puts the tool length in force: as a shift of the axes, or in the chain to the tip, which must
+/// have the same length.
 void Machine::apply_length(const Cause& cause) {
   const bool tip = tip_length_ || tip_kinematics_;
   if (!tip || length_shift_.size() == 0) {
@@ -142,9 +152,10 @@ void Machine::apply_length(const Cause& cause) {
   }
   canon_.set_tip_mode(true, cause);
   canon_.set_tool_shift({});
-  constexpr double same_length = 1e-9;  // mm
+  constexpr double same_length = 1e-9;  // mm, rounding of a length converted from inches
   const auto zero = program::known_zero(canon_.options());
   const auto tip_w = program::tip_at_zero(canon_.chain());
+  // Without a known zero nothing can be compared.
   if (!zero || !tip_w) return;
   AxisVector beyond = length_shift_;
   beyond[joint(2)] -= zero->nose_w.z() - tip_w->z();
@@ -166,8 +177,8 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
       words[std::size_t(k)] = axis_word(k, word);
   Nine origin = words;
   if (by_position) {
-    // abs = R (p + g92) + origin + zero + tool, with p as the words say and as it is where they are
-    // silent
+    // absolute = R (p + g92) + origin + zero + tool, where p is the programmed value, or the
+    // current one for axes that are not programmed.
     const double angle = parameters_[at + 9] * units::deg;
     const double c = std::cos(angle), s = std::sin(angle);
     Nine tool{}, rest{};
@@ -184,11 +195,12 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
     for (std::size_t k = 2; k < 9; ++k)
       origin[k] = from_zero(int(k)) - tool[k] - g92_[k] - words[k];
   }
-  // where the system is turned X and Y depend on each other
+  // In a rotated system X and Y depend on each other, so both origins change.
   const bool both = by_position && parameters_[at + 9] != 0.0 && (block['X'] || block['Y']);
   for (int k = 0; k < 9; ++k)
     if (block[axis_letters[std::size_t(k)]] || (both && k < 2 && joint(k) >= 0))
       parameters_[at + std::size_t(k)] = origin[std::size_t(k)];
+  // Another system than the one in force is only stored.
   if (number != system_) return;
   take_origin(number);
   apply_frame();
@@ -197,11 +209,13 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
 void Machine::store_tool(const Block& block, int which) {
   const NcWord& p = block['P'];
   const int tool = int(p.value);
+  // A scene's tool has its length along Z only.
   for (const char letter : {'X', 'Y', 'A', 'B', 'C', 'U', 'V', 'W'})
     if (block[letter] && block[letter].value != 0.0)
       refuse(block[letter], "Z and R of a tool: its length lies along Z");
   if (const NcWord& z = block['Z']) {
     const double word = axis_word(2, z);
+    // L11 counts from system 9 (G59.3), L10 from the one in force.
     const std::size_t at = system_at(which == 11 ? 9 : system_);
     length_[tool] = which == 1
                         ? word
@@ -220,6 +234,7 @@ void Machine::store_data(const Block& block) {
   const bool is_system = kind == 2 || kind == 20;
   if (!p)
     refuse(code, is_system ? "P (coordinate system) beside G10" : "P (tool) beside G10", "none");
+  // P0 is the system in force.
   if (p.value != std::floor(p.value) || p.value < (is_system ? 0 : 1) ||
       p.value > (is_system ? 9 : 1e9))
     refuse(p, is_system ? "a coordinate system of 0 to 9" : "a whole tool number");
@@ -230,7 +245,7 @@ void Machine::store_data(const Block& block) {
   store_system(block, p.value == 0 ? system_ : int(p.value), kind == 20);
 }
 
-/// G92 and its kin, G52.
+/// G92, its variants and G52.
 void Machine::shift_origin(const Block& block) {
   const Code& code = block[Group::OneBlock];
   const auto stored = [&](int k) -> double& { return parameters_[5211 + std::size_t(k)]; };
@@ -241,10 +256,12 @@ void Machine::shift_origin(const Block& block) {
     for (int k = 0; k < 9; ++k) {
       const NcWord& word = block[axis_letters[std::size_t(k)]];
       if (!word) continue;
+      // G52 sets the shift; G92 makes the current position read as programmed.
       g92_[std::size_t(k)] = code.tenths == 520
                                  ? axis_word(k, word)
                                  : programmed(k) + before[std::size_t(k)] - axis_word(k, word);
     }
+    // G52 and G92 share one shift in LinuxCNC, and its parameters.
     for (int k = 0; k < 9; ++k) stored(k) = g92_[std::size_t(k)];
     parameters_[5210] = 1;
   } else if (code.tenths == 923) {
@@ -253,17 +270,19 @@ void Machine::shift_origin(const Block& block) {
   } else {
     g92_ = {};
     parameters_[5210] = 0;
+    // G92.1 also clears the stored shift; G92.2 keeps it for G92.3.
     if (code.tenths == 921)
       for (int k = 0; k < 9; ++k) stored(k) = 0.0;
   }
   apply_frame();
 }
 
-/// G28, G30: over the point of the words to the stored position, of those axes alone where there
-/// are words.
+/// G28 and G30: over the programmed point to the stored position, of the programmed axes only if
+/// there are any.
 void Machine::reference(const Block& block) {
   const Code& code = block[Group::OneBlock];
   const std::size_t at = code.tenths < 300 ? 5161 : 5181;
+  // G28.1 and G30.1 store the current position.
   if (code.tenths % 10 == 1) {
     for (int k = 0; k < 9; ++k) parameters_[at + std::size_t(k)] = absolute(k);
     return;
@@ -279,6 +298,7 @@ void Machine::reference(const Block& block) {
     if (j < 0 || (!words.empty() && !words.has(j))) continue;
     end[j] = parameters_[at + std::size_t(k)] * (turns(k) ? units::deg : 1.0);
   }
+  // Nine zeros are taken as nothing stored, which LinuxCNC cannot distinguish either.
   const bool stored = std::any_of(parameters_.begin() + std::ptrdiff_t(at),
                                   parameters_.begin() + std::ptrdiff_t(at) + 9,
                                   [](double value) { return value != 0.0; });
@@ -304,6 +324,7 @@ void Machine::set_compensation(const Block& block) {
   if (first < 0 || second < 0)
     refuse(code.word,
            fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  // A rotated XY system is not a rotation about the normal of ZX.
   if (plane_ == 180 && canon_.frame().rotation)
     refuse(code.word, "G17 beside cutter compensation in a coordinate system that is turned");
   if (plane_ == 190) refuse(code.word, "G17 or G18 beside cutter compensation");
@@ -327,7 +348,7 @@ void Machine::set_compensation(const Block& block) {
     radius = known == radius_.end() ? 0.0 : known->second;
   }
   const bool left = code.tenths / 10 == 41;
-  // Z X is the right-handed order of G18, in which left is left seen against Y
+  // Z X is the right-handed order of G18; left is seen against Y.
   compensation_.begin(left, radius, {first, second}, linuxcnc_compensation);
 }
 

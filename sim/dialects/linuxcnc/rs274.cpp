@@ -38,10 +38,10 @@
 
 namespace abbe::sim::dialects {
 
-/// A folder of this run alone in the temporary folder, removed with its name. Linux.
+/// A folder of this run only, in the temporary folder, removed by the destructor. Linux.
 class PrivateFolder {
  public:
-  /// @throws BadInput where none can be made
+  /// Throws BadInput if no folder can be made.
   PrivateFolder();
   ~PrivateFolder();
   PrivateFolder(const PrivateFolder&) = delete;
@@ -52,20 +52,19 @@ class PrivateFolder {
   std::filesystem::path path_;
 };
 
-/// How the interpreter ended.
+/// The way in which the interpreter ended.
 struct InterpreterExit {
   enum class ExitReason { Exit, Signal, Time, Bytes, Stopped } why = ExitReason::Exit;
-  int number = 0;    ///< exit code, or the signal
-  std::string said;  ///< on stderr, at most 64 kB of it
+  int number = 0;    ///< exit code, or signal number
+  std::string said;  ///< its stderr, at most 64 kB
 };
 
-/// Runs rs274 in `folder`, which is its home and its working directory: `machine.ini`, `tool.tbl`,
-/// `numbers.var` and `program` (a path in the folder) are there. It sees nothing of our environment
-/// and no open file of ours, and cannot write more than 16 MB into files or take more than 4 GB of
-/// memory. Its canonical commands come line by line as it writes them.
-/// @param take  is given each line, without its end; false ends the run. What it throws passes
-///              through; the process is ended before
-/// @throws BadInput if it cannot be started
+/// Runs rs274 in `folder`, which is its home and its working directory and contains `machine.ini`,
+/// `tool.tbl`, `numbers.var` and `program` (a path in the folder). It gets none of our environment
+/// and none of our open files, and can write at most 16 MB into files and take at most 4 GB of
+/// memory. `take` receives each line of its output, without line end, as it is written; false ends
+/// the run. An exception of `take` passes through after the process has been ended. Throws BadInput
+/// if the process cannot be started.
 InterpreterExit run_rs274(const std::filesystem::path& packages,
                           const std::filesystem::path& folder, const std::string& program,
                           const InterpreterLimits& limits,
@@ -81,15 +80,16 @@ constexpr rlim_t max_memory = rlim_t(4) << 30;    // bytes
 constexpr std::size_t max_said = 65536;           // bytes of stderr that are read
 constexpr std::size_t longest_line = 1 << 20;     // bytes; its commands have some hundred
 constexpr std::size_t chunk = 1 << 18;            // bytes read at a time
-constexpr int commands_file = 3;                  // where the process writes its commands
+constexpr int commands_file = 3;                  // file descriptor for its commands
 
-/// Two ends of a pipe; what is open is closed.
+/// A pipe whose open ends are closed by the destructor.
 struct PipeEnds {
   std::array<int, 2> ends{-1, -1};
   PipeEnds() {
     if (pipe2(ends.data(), O_CLOEXEC) != 0)
       throw BadInput("rs274", 0, 0, "a pipe for its commands", std::strerror(errno));
-    fcntl(ends[0], F_SETPIPE_SZ, 1 << 20);  // fewer turns; it works without
+    fcntl(ends[0], F_SETPIPE_SZ, 1 << 20);  // fewer context switches; not needed to work
+    // Reading must not block beyond the time limit.
     fcntl(ends[0], F_SETFL, O_NONBLOCK);
   }
   ~PipeEnds() {
@@ -101,6 +101,7 @@ struct PipeEnds {
   }
 };
 
+// Debian keeps libraries in folders by architecture, such as x86_64-linux-gnu.
 std::string library_path(const fs::path& root) {
   std::string path = "root/usr/lib";
   std::error_code failure;
@@ -110,6 +111,7 @@ std::string library_path(const fs::path& root) {
   return path;
 }
 
+// rs274 links Python, which does not start without its standard library.
 bool has_python(const fs::path& lib) {
   std::error_code failure;
   for (const auto& entry : fs::directory_iterator(lib, failure))
@@ -119,13 +121,14 @@ bool has_python(const fs::path& lib) {
   return false;
 }
 
-/// Its environment: paths relative to the folder, whose links lead around blanks and colons in
+/// Environment of the process: paths relative to the folder, whose links avoid blanks and colons in
 /// ours.
 std::vector<std::string> environment_of(const fs::path& packages, const fs::path& folder) {
   std::vector<std::string> all = {
       "HOME=" + folder.string(),    "LC_ALL=C",
       "PATH=/usr/bin:/bin",         "PYTHONDONTWRITEBYTECODE=1",
       "LD_PRELOAD=./all_digits.so", "LD_LIBRARY_PATH=" + library_path(packages)};
+  // Unpacked packages bring their own Python; the system's is preferred if there is one.
   if (has_python(packages / "usr/lib") && !has_python("/usr/lib"))
     all.push_back("PYTHONHOME=" + (folder / "root/usr").string());
   return all;
@@ -143,13 +146,17 @@ void limit(int resource, rlim_t most) {
   setrlimit(resource, &both);
 }
 
-/// Between fork and exec, where only what is safe in a signal handler may be called.
+/// Runs between fork and exec, where only functions that are safe in a signal handler may be
+/// called.
 [[noreturn]] void exec_in_child(const char* folder, char* const* arguments,
                                 char* const* environment, int commands, int said) {
   sigset_t none;
   sigemptyset(&none);
+  // Handlers and masks of abbe must not be inherited.
   for (int number = 1; number < NSIG; ++number) signal(number, SIG_DFL);
   sigprocmask(SIG_SETMASK, &none, nullptr);
+  // A process group of its own, so that its children can be ended with it; it also ends if abbe
+  // does.
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
@@ -160,13 +167,14 @@ void limit(int resource, rlim_t most) {
   const bool ready = chdir(folder) == 0 && dup2(nothing, 0) == 0 && dup2(nothing, 1) == 1 &&
                      dup2(said, 2) == 2 && dup2(commands, commands_file) == commands_file;
   if (ready) {
+    // No file of abbe stays open in the process.
     close_range(commands_file + 1, ~0u, 0);
     execve(arguments[0], arguments, environment);
   }
   _exit(127);
 }
 
-/// The process while it runs; it and its children are ended with its name.
+/// The running process; it and its children are ended by the destructor.
 class InterpreterProcess {
  public:
   InterpreterProcess(const fs::path& packages, const fs::path& folder, const std::string& program)
@@ -184,7 +192,7 @@ class InterpreterProcess {
     std::vector<std::string> environment = environment_of(packages, folder);
     const std::vector<char*> argv = exec_pointers(arguments), envp = exec_pointers(environment);
     const std::string home = folder.string();
-    // above the numbers that are laid over
+    // Above the descriptors 0 to 3, which dup2 overwrites in the child.
     const int said = fcntl(open(said_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600),
                            F_DUPFD_CLOEXEC, 10);
     const int commands = fcntl(pipe_.ends[1], F_DUPFD_CLOEXEC, 10);
@@ -208,17 +216,18 @@ class InterpreterProcess {
     text.resize(std::size_t(in.gcount()));
     return text;
   }
-  /// Waits until then. @return its status, none if it has not ended
+  /// Waits until the deadline. Returns the exit status, or nothing if the process is still running.
   std::optional<int> ended_before(Clock::time_point deadline) {
     for (;;) {
       siginfo_t info{};
+      // WNOWAIT keeps the process number reserved until its group has been ended.
       const int failed = waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
       if (failed == 0 && info.si_pid == pid_) return end();
       if (Clock::now() >= deadline) return std::nullopt;
       poll(nullptr, 0, 1);
     }
   }
-  /// Ends what is left of its group before its number is free for others.
+  /// Ends the rest of its process group before its number can be reused.
   int end() {
     if (pid_ <= 0) return status_;
     ::kill(-pid_, SIGKILL);
@@ -247,11 +256,11 @@ int milliseconds_to(Clock::time_point deadline) {
   return int(std::clamp<long long>(left, 0, 1'000'000'000));
 }
 
-/// Text in pieces to whole lines.
+/// Joins pieces of text to whole lines.
 class LineCutter {
  public:
   explicit LineCutter(const std::function<bool(std::string_view)>& take) : take_(take) {}
-  /// @return false when no more is wanted
+  /// Returns false if no more lines are wanted.
   bool add(std::string_view piece) {
     for (std::size_t end; (end = piece.find('\n')) != std::string_view::npos;
          piece.remove_prefix(end + 1)) {
@@ -260,6 +269,7 @@ class LineCutter {
       rest_.clear();
       if (!more) return false;
     }
+    // A line longer than any command is cut instead of filling the memory.
     rest_ += piece.substr(0, longest_line - std::min(rest_.size(), longest_line));
     return true;
   }
@@ -286,6 +296,7 @@ PrivateFolder::~PrivateFolder() {
 InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
                           const std::string& program, const InterpreterLimits& limits,
                           const std::function<bool(std::string_view line)>& take) {
+  // Links avoid paths with blanks and colons in LD_PRELOAD and LD_LIBRARY_PATH.
   link(all_digits_library(), folder / "all_digits.so");
   link(packages, folder / "root");
   const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
@@ -299,6 +310,8 @@ InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
     return InterpreterExit{why, 0, process.said()};
   };
   for (;;) {
+    // Both the wait and the loop are limited: a process that prints without end never lets poll
+    // time out.
     pollfd file{process.commands(), POLLIN, 0};
     if (poll(&file, 1, milliseconds_to(deadline)) == 0 || Clock::now() >= deadline)
       return ended(InterpreterExit::ExitReason::Time);
@@ -326,9 +339,10 @@ using linuxcnc::NumberedProgram;
 using program::NcOptions;
 
 constexpr std::string_view six_letters = "XYZABC";
-constexpr std::size_t max_tools = 1000;  // that its table takes
+constexpr std::size_t max_tools = 1000;  // size of its tool table
 
-// Tables and parameters are in inches whatever the machine is, by this factor and not by 1 / 25.4.
+// rs274 converts tables and parameters with this factor, and not with 1 / 25.4, on a metric machine
+// too.
 constexpr double inches_of_mm = 0.03937007874016;
 
 void write_whole(const fs::path& file, const std::string& text) {
@@ -343,8 +357,8 @@ std::string machine_text() {
          "ANGULAR_UNITS = deg\n";
 }
 
-/// Tools that are known or called; the others up to 999 too, so that a call that is worked out
-/// finds one. What is not known is refused where it would count.
+/// Tool table with the tools that are known or called, filled with others up to 999 so that a
+/// computed call finds one. Unknown values are rejected where they would matter.
 std::string tool_table(const NcOptions& control, const std::set<int>& called,
                        const ProgramRun& run) {
   std::set<int> tools = called;
@@ -354,6 +368,7 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
   if (tools.size() > max_tools)
     run.canon.refuse({}, fmt::format("at most {} tools for LinuxCNC's own interpreter", max_tools),
                      fmt::format("{}", tools.size()));
+  // Filled up only to the size of the table.
   for (int n = 1; n < int(max_tools) && tools.size() < max_tools; ++n) tools.insert(n);
   const auto known = [](const std::map<int, double>& all, int tool, double otherwise) {
     const auto found = all.find(tool);
@@ -374,11 +389,13 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
   int place = 0;
   for (const int tool : tools)
     text += fmt::format("T{} P{} {} D{:.17g}\n", tool, ++place, length(tool),
+                        // D is a diameter.
                         2 * known(control.tool_radius, tool, linuxcnc::unknown_radius));
   return text;
 }
 
-/// Origins of the nine coordinate systems, those of the scene with `zero` on top.
+/// Parameter file with the origins of the nine coordinate systems, those of the scene with `zero`
+/// added.
 std::string parameter_text(const program::Canon& canon, const Eigen::Vector3d& zero) {
   std::string text = "5220\t1\n";
   for (std::size_t i = 0; i < 9; ++i) {
@@ -396,7 +413,7 @@ std::string parameter_text(const program::Canon& canon, const Eigen::Vector3d& z
   return text;
 }
 
-/// Leads rs274, whose axes stand at zero first, to where those of the machine stand.
+/// Lines that move rs274, whose axes start at zero, to the initial position of the machine.
 std::string lead_in(const program::Canon& canon) {
   std::string words;
   for (const char letter : six_letters)
@@ -406,7 +423,8 @@ std::string lead_in(const program::Canon& canon) {
   return words.empty() ? "" : "G53 G0" + words + "\nG80\n";
 }
 
-/// Offsets of the scene count from the workpiece then, those of the program from elsewhere.
+/// Throws BadInput if the program sets origins while those of the scene count from the workpiece:
+/// those of the program would count from the axes.
 void refuse_systems(const NumberedProgram& program, const ProgramRun& run,
                     const Eigen::Vector3d& zero, program::Canon& canon) {
   if (zero.isZero(0.0)) return;
@@ -422,6 +440,7 @@ void refuse_systems(const NumberedProgram& program, const ProgramRun& run,
   }
 }
 
+// Messages before "executing" belong to the start of the interpreter.
 std::vector<std::string> error_lines(const std::string& said) {
   std::vector<std::string> lines;
   Lines all(said);
@@ -442,7 +461,8 @@ int number_behind(std::string_view text, std::string_view word) {
   return number;
 }
 
-/// The message and the text of the line, as rs274 says them; some messages name a line themselves.
+/// Builds an error from the message of rs274 and the text of the line; some messages name a line
+/// themselves.
 BadInput rs274_error(const std::string& said, const NumberedProgram& program, ProgramRun& run) {
   std::vector<std::string> lines = error_lines(said);
   std::string message = lines.empty() ? "no message" : lines.front();
@@ -452,7 +472,8 @@ BadInput rs274_error(const std::string& said, const NumberedProgram& program, Pr
   if (const std::size_t at = message.find("file:"); at != std::string::npos) {
     const std::size_t from = at + 5, length = message.find(' ', from) - from;
     file = fs::path(message.substr(from, length)).filename().string();
-    message.replace(from, length, file);  // it is not for others where the private folder is
+    // The name of the private folder means nothing to the user.
+    message.replace(from, length, file);
   }
   int number = block.starts_with("N") ? number_behind(block, "N") : 0;
   if (const int line = number_behind(message, "from line: "); line > 0)
@@ -483,6 +504,7 @@ void check_interpreter_exit(const InterpreterExit& end, const InterpreterLimits&
   else if (end.why == ExitReason::Signal)
     add("that LinuxCNC's own interpreter ends by itself",
         fmt::format("signal {} ({})", end.number, strsignal(end.number)));
+  // 127 is the code of a failed exec.
   else if (end.why == ExitReason::Exit && end.number == 127)
     add("that rs274 can be started", in_quotes(end.said));
   else if (end.why == ExitReason::Exit && end.number != 0)
@@ -510,6 +532,7 @@ void read_by_linuxcnc(std::string_view text, const Recognised& found, ProgramRun
   const PrivateFolder folder;
   fs::create_directory(folder.path() / "program");
   run.attempt([&] {
+    // The private folder contains everything the process may read of the program.
     std::string before = lead_in(run.canon);
     if (!run.options().startup_code.empty()) before += run.options().startup_code + "\n";
     const NumberedProgram program(text, file, before, run, folder.path() / "program");
@@ -541,12 +564,13 @@ bool is_file(const path& file) {
 
 std::optional<path> find_linuxcnc() {
   const auto has = [](const path& folder) { return is_file(folder / "usr/bin/rs274"); };
+  // A named folder without rs274 is an error and does not fall back to another one.
   if (const char* named = std::getenv("ABBE_LINUXCNC"); named != nullptr && *named != '\0') {
     const path folder = std::filesystem::absolute(named);
     if (has(folder)) return folder;
     return std::nullopt;
   }
-  // build/release/abbe and the tests in build/release/tests
+  // build/release/abbe, and the tests in build/release/tests.
   const path program = program_folder();
   for (const path& folder : {program.parent_path(), program.parent_path().parent_path()})
     if (!folder.empty() && has(folder / "linuxcnc")) return folder / "linuxcnc";

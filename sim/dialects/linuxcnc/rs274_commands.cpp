@@ -25,12 +25,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t longest_for_rs274 = 252;             // bytes; longer ones are "too long"
-constexpr std::size_t largest_sub = std::size_t(1) << 26;  // bytes
+constexpr std::size_t longest_for_rs274 = 252;  // bytes; rs274 rejects longer lines as "too long"
+constexpr std::size_t largest_sub = std::size_t(1) << 26;  // bytes of a subprogram file
 constexpr std::size_t max_subs = 1000;
-constexpr std::size_t max_numbered = 1'000'000'000;  // lines
+// Lines; the N word and our int hold nine digits.
+constexpr std::size_t max_numbered = 1'000'000'000;
 
-/// The line in capitals without blanks and comments, as RS274 takes it.
+/// Returns the line in capitals without blanks and comments, as RS274 reads it.
 std::string compact(std::string_view line) {
   std::string text;
   bool inside = false;
@@ -43,7 +44,7 @@ std::string compact(std::string_view line) {
   return text;
 }
 
-/// A number without sign at `at`, which is moved behind it.
+/// Parses an unsigned number at `at`, which is advanced past it.
 std::optional<double> literal(std::string_view text, std::size_t& at) {
   double value = 0.0;
   const char* from = text.data() + at;
@@ -55,7 +56,7 @@ std::optional<double> literal(std::string_view text, std::size_t& at) {
   return value;
 }
 
-/// Behind a bracket or a name that begins at `at`.
+/// Returns the position behind the bracket or name that begins at `at`.
 std::size_t behind(std::string_view text, std::size_t at) {
   const char open = text[at], close = open == '[' ? ']' : '>';
   int depth = 0;
@@ -66,14 +67,16 @@ std::size_t behind(std::string_view text, std::size_t at) {
   return text.size();
 }
 
+// Words of a line that decide how it is passed to rs274.
 struct Words {
   LineCodes codes;
   bool changes = false, changes_by_number = false, calls_number = false;
-  bool other_length = false;  ///< G43.1 G43.2
+  bool other_length = false;  ///< G43.1 or G43.2
   int p = -1, q = -1;
 };
 
 void note_code(Words& words, char letter, double value) {
+  // M codes are offset by 100000, so that one number identifies a code.
   const int code =
       int(std::lround(std::clamp(value, 0.0, 1e4) * 10)) + (letter == 'M' ? 100000 : 0);
   LineCodes& codes = words.codes;
@@ -96,6 +99,7 @@ Words words_of(std::string_view line) {
   words.codes.assigns = text.find('=') != std::string::npos;
   for (std::size_t at = 0; at < text.size();) {
     const char letter = text[at];
+    // Numbers inside expressions and names are no words.
     if (letter == '[' || letter == '<') {
       at = behind(text, at);
       continue;
@@ -123,11 +127,12 @@ Words words_of(std::string_view line) {
     if (letter == 'P') words.p = whole;
     if (letter == 'Q') words.q = whole;
   }
+  // M61 names its tool by Q.
   if (words.changes_by_number) words.codes.tool = words.q;
   return words;
 }
 
-/// The subprogram that the line calls by a literal name or number, in small letters.
+/// Returns the subprogram that the line calls by a literal name or number, in lower case.
 std::string called(std::string_view line, const Words& words) {
   if (words.calls_number && words.p >= 0) return std::to_string(words.p);
   std::string text = compact(line);
@@ -144,8 +149,7 @@ std::string called(std::string_view line, const Words& words) {
   return name;
 }
 
-/// The words of a block as they stand in it, comments too; blanks between them go with the word
-/// before.
+/// Splits a block into its words and comments; blanks go with the preceding word.
 std::vector<std::string_view> pieces_of(std::string_view block) {
   std::vector<std::string_view> pieces;
   std::size_t from = 0;
@@ -174,15 +178,15 @@ std::vector<std::string_view> pieces_of(std::string_view block) {
   return pieces;
 }
 
-/// Whether the block changes a tool and the tool length.
+/// Returns true if the block changes both the tool and the tool length.
 bool changes_tool_and_length(std::string_view block) {
   const Words words = words_of(block);
   return words.changes && !words.codes.assigns &&
          (words.codes.length || words.codes.no_length || words.other_length);
 }
 
-/// T and M6 of such a block, and the rest of it: rs274 alone, without the rest of a control, takes
-/// the places of the axes again after the block and leaves the new length out of them.
+/// Splits such a block into T and M6, and the rest. rs274 alone, without the rest of a control,
+/// reads the axis positions anew after the block and omits the new length from them.
 std::pair<std::string, std::string> parted(std::string_view block) {
   std::string change, rest;
   for (const std::string_view piece : pieces_of(block)) {
@@ -192,6 +196,7 @@ std::pair<std::string, std::string> parted(std::string_view block) {
   return {change, rest};
 }
 
+// A name that is safe as a file name in the private folder: no path, no leading dot or dash.
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name.front() != '.' && name.front() != '-' && name.size() < 100 &&
          name.find_first_not_of(
@@ -199,7 +204,7 @@ bool is_plain_name(const std::string& name) {
              "-") == std::string::npos;
 }
 
-/// A line without blanks before it, a block delete and a line number.
+/// Returns a line without leading blanks, block skip and line number.
 std::string_view unnumbered_block(std::string_view line) {
   const auto skip = [&](std::string_view what) {
     line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
@@ -230,6 +235,7 @@ NumberedProgram::NumberedProgram(std::string_view text, const std::string& file,
   name_ = fs::path(file).filename().string();
   if (!is_plain_name(name_)) name_ = "program.ngc";
   add(name_, 0, std::string(text));
+  // The list grows while subprograms are found, so it is indexed.
   for (std::size_t i = 0; i < files_.size(); ++i) write(files_[i], folder);
 }
 
@@ -243,8 +249,8 @@ void NumberedProgram::add(const std::string& name, int of_canon, std::string tex
     throw BadInput(name, 0, 0, fmt::format("at most {} lines", max_numbered), "more");
 }
 
-/// What lets a program start something else or read files elsewhere: rs274 runs Python that a line
-/// begins with, and goes along paths in the names of subprograms.
+/// Throws BadInput for text by which a program could start something or read files elsewhere: rs274
+/// executes Python in comments, and follows paths in the names of subprograms.
 void NumberedProgram::refuse_escapes(std::string_view line) const {
   std::string tight;
   for (const char c : line)
@@ -260,16 +266,16 @@ void NumberedProgram::refuse_escapes(std::string_view line) const {
   }
 }
 
-/// A line as rs274 gets it, in two where it would go wrong. One that its number would make too long
-/// stays without.
-std::string NumberedProgram::numbered_name(std::string_view line, int number, int file,
-                                           int at) const {
+/// Returns a line as rs274 gets it, split in two if it would go wrong otherwise. A line that its
+/// number would make too long stays without.
+std::string NumberedProgram::numbered(std::string_view line, int number, int file, int at) const {
   run_.canon.set_line(at, file);
   if (const std::size_t nul = line.find('\0'); nul != std::string_view::npos)
     run_.canon.refuse({int(nul) + 1, {}}, "text", "a NUL byte");
   refuse_escapes(line);
   const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
   if (whole.empty() || whole.front() == '%') return std::string(whole);
+  // A skipped line stays as an empty one, so that line numbers in messages agree.
   if (whole.front() == '/' && run_.skips(0)) return {};
   const std::string_view block = unnumbered_block(line);
   if (block.size() > longest_for_rs274)
@@ -291,9 +297,9 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   std::string text;
   std::set<std::string> calls;
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const std::string line =
-        numbered_name(lines[i], file.first + int(i), file.of_canon, int(i) + 1);
+    const std::string line = numbered(lines[i], file.first + int(i), file.of_canon, int(i) + 1);
     const bool mark = line.starts_with("%");
+    // Lines before the program go behind a leading %, which must come first.
     if (!line.empty() && !mark) text += std::exchange(before_, {});
     text += line + '\n';
     if (mark) text += std::exchange(before_, {});
@@ -310,6 +316,7 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
     throw BadInput((folder / file.name).string(), 0, 0, "a file that can be written", "a failure");
   for (const std::string& call : calls) {
     const fs::path sub = run_.options().folder / (call + ".ngc");
+    // A subprogram is written once, however often it is called.
     const bool known = std::any_of(files_.begin(), files_.end(), [&](const File& one) {
       return one.name == sub.filename().string();
     });
@@ -323,6 +330,7 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   }
 }
 
+// Files have consecutive numbers, so the file of a number is found by bisection.
 const NumberedProgram::File& NumberedProgram::file_of(int number) const {
   const auto after = std::upper_bound(files_.begin(), files_.end(), number,
                                       [](int n, const File& file) { return n < file.first; });
@@ -350,7 +358,7 @@ int NumberedProgram::number_of(const std::string& name, int line) const {
 
 namespace {
 
-/// What moves nothing that abbe cuts.
+/// Commands that do not affect the path.
 constexpr std::string_view without_effect[] = {
     "SET_FEED_REFERENCE",
     "ON_RESET",
@@ -396,6 +404,7 @@ bool is_without_effect(std::string_view name) {
          name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
 }
 
+// Arguments such as COMMENT("text").
 std::string_view between_quotes(std::string_view text) {
   const std::size_t open = text.find('"'), close = text.rfind('"');
   return open == close ? std::string_view() : text.substr(open + 1, close - open - 1);
@@ -403,6 +412,8 @@ std::string_view between_quotes(std::string_view text) {
 
 }  // namespace
 
+// Parses lines of the form "12 N34 STRAIGHT_FEED(...)": a running number, the line number, the
+// command.
 std::optional<PrintedCommand> printed_command(std::string_view line) {
   const auto skip = [&](std::string_view what) {
     line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
@@ -432,7 +443,7 @@ void Commands::refuse(std::string expected, std::optional<std::string> seen) con
   canon_.refuse({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
 }
 
-/// A command without a number, as those that M72 brings, stands where the last one did.
+/// Sets the location. A command without a number, such as those of M72, stays at the previous one.
 void Commands::stand(const PrintedCommand& command) {
   if (command.number <= 0 || command.number == number_) return;
   number_ = command.number;
@@ -443,15 +454,17 @@ void Commands::stand(const PrintedCommand& command) {
 }
 
 bool Commands::take(std::string_view line) {
-  if (ended_) return true;  // what it puts out behind the end of the program
+  if (ended_) return true;  // output after the end of the program
   const auto command = printed_command(line);
   if (!command) return true;
+  // T and M6 of one block arrive as two commands; anything else in between means T alone.
   const bool changes = command->name == "START_CHANGE" || command->name == "STOP_SPINDLE_TURNING" ||
                        command->name == "CHANGE_TOOL";
   if (pending_ && (!changes || pending_in_ != command->number)) end_pending_tool();
   run_.attempt([&] {
     stand(*command);
-    if (faulty_.count(number_) > 0) {  // the same again would be the same fault
+    // An error of a block is reported once, although a loop repeats it.
+    if (faulty_.count(number_) > 0) {
       try {
         apply(*command);
       } catch (const ProgramLimitExceeded&) {
@@ -479,6 +492,7 @@ void Commands::apply(const PrintedCommand& command) {
   refuse("a canonical command that abbe knows", in_quotes(command.name));
 }
 
+// Parses the arguments as numbers; at least `least` of them.
 Commands::Numbers Commands::numbers(const PrintedCommand& command, std::size_t least) const {
   Numbers all;
   const std::string_view text = command.arguments;
@@ -510,7 +524,7 @@ Commands::Six Commands::in_mm(Six lengths) const {
   return lengths;
 }
 
-/// Program to axes, as LinuxCNC does it: turned about Z with G92 in it, then shifted.
+/// Sets the frame as LinuxCNC composes it: G92 first, then the rotation about Z, then the shift.
 void Commands::apply_frame() {
   program::Frame frame;
   frame.shift = AxisVector::Zero(canon_.position().size());
@@ -526,6 +540,7 @@ void Commands::apply_frame() {
   }
   for (std::size_t k = 0; k < 6; ++k) {
     const int j = joint(k);
+    // The origins given to rs274 contain `zero`, which the canon adds itself.
     const double on_top = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
     if (j >= 0)
       frame.shift[j] = (g5x_[k] - on_top + first[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
@@ -535,6 +550,7 @@ void Commands::apply_frame() {
 
 void Commands::set_units(bool inch) {
   if (number_ > 0 && inch != inch_ && canon_.feed() && codes_.feed)
+    // rs274 reads F before it switches the unit.
     run_.warn_once(fmt::format(
         "{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter takes it in the "
         "unit before",
@@ -564,7 +580,8 @@ bool Commands::apply_state(const PrintedCommand& command) {
     g5x_ = in_mm(six(n, 1));
     apply_frame();
   } else if (name == "SET_G92_OFFSET") {
-    // the first command that is sure to have zeros in it
+    // The first command that certainly contains zeros: without the preloaded library they are
+    // printed as 0.0000.
     if (!digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
       throw ProgramLimitExceeded("rs274", 0, 0, "numbers with all their digits",
                                  in_quotes(command.arguments));
@@ -578,8 +595,8 @@ bool Commands::apply_state(const PrintedCommand& command) {
     const auto is = [&](const char* plane) {
       return command.arguments.find(plane) != std::string_view::npos;
     };
-    if (is("_XY"))
-      plane_ = {0, 1, 2};
+    if (is("_XY")) plane_ = {0, 1, 2};
+    // rs274 names the plane of G18 XZ; its axes are Z X in the right-handed order.
     else if (is("_XZ"))
       plane_ = {2, 0, 1};
     else if (is("_YZ"))
@@ -591,6 +608,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
                                                      : FeedMode::PerMinute);
   } else if (name == "SET_FEED_RATE") {
     const double rate = numbers(command, 1)[0];
+    // F0 means that no feed is set.
     canon_.set_feed(rate > 0 ? std::optional(Feed{rate, unit_}) : std::nullopt);
   } else {
     return false;
@@ -598,7 +616,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
   return true;
 }
 
-/// Its own notes, which say when cutter compensation begins, and those of the program.
+/// Handles comments: rs274's own, which announce cutter compensation, and those of the program.
 void Commands::comment(std::string_view text) {
   constexpr std::string_view own = "interpreter: ";
   if (!text.starts_with(own)) return canon_.comment(text);
@@ -606,6 +624,7 @@ void Commands::comment(std::string_view text) {
   run_.warn_once(
       "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
       "lines of such moves may be those of the block behind");
+  // The table contains a radius for every tool, so an unknown one has to be detected here.
   if (codes_.radius && codes_.d == -1 && tool_ <= 0)
     refuse("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
@@ -622,7 +641,7 @@ bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
     canon_.aside("M7");
   else if (name == "FLOOD_ON")
     canon_.aside("M8");
-  else if (name == "FLOOD_OFF")  // M9 ends both, mist first
+  else if (name == "FLOOD_OFF")  // M9 prints both, mist first
     canon_.aside("M9");
   else if (name == "MIST_OFF")
     return true;

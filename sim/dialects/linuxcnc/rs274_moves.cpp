@@ -14,7 +14,7 @@ using program::Feed;
 using program::FeedMode;
 using program::Straight;
 
-/// Where a move leads; letters that the machine lacks must stay where they are.
+/// Returns the end of a move. Axes that the machine does not have must stay where they are.
 Commands::AxisVector Commands::end_of(const Six& programmed) {
   AxisVector p = canon_.programmed();
   for (std::size_t k = 0; k < 6; ++k) {
@@ -23,6 +23,7 @@ Commands::AxisVector Commands::end_of(const Six& programmed) {
     if (j >= 0) {
       p[j] = value * (canon_.is_linear(j) ? 1.0 : units::deg);
     } else if (const double at = value + g92_[k] + g5x_[k] + length_[k];
+               // 1e-9: rs274 adds and subtracts offsets, which leaves rounding.
                std::abs(at - lacking_at_[k]) > 1e-9) {
       lacking_at_[k] = at;
       refuse("an axis of this machine (" + canon_.letters() + ")",
@@ -38,6 +39,7 @@ Commands::AxisVector Commands::end_of(const Six& programmed) {
   return p;
 }
 
+// Under synchronisation the feed is the pitch, whatever F is.
 void Commands::feed(Straight move) {
   if (!pitch_) return canon_.straight_feed(std::move(move));
   const FeedMode mode = canon_.feed_mode();
@@ -58,10 +60,11 @@ void Commands::feed(Straight move) {
 }
 
 void Commands::straight(const Six& programmed, bool rapid) {
-  if (number_ == 0) return;  // to where the axes stand already
+  if (number_ == 0) return;  // the lead-in: the axes are there already
   if (codes_.absolute || codes_.reference || codes_.computed)
     check_length_unit(codes_.absolute ? "G53" : "G28 and G30");
-  // over a point under the offset to the stored one
+  // G28 and G30 make two traverses: over a point under the offset, then to the stored position,
+  // which is independent of offsets.
   const bool stored = codes_.reference && ++at_point_ % 2 == 0;
   Straight move{.end = end_of(programmed),
                 .cause = {0, program_.text_of(number_)},
@@ -83,6 +86,7 @@ void Commands::arc(const Numbers& n) {
   centre = end;
   centre[first] = n[2];
   centre[second] = n[3];
+  // The sign of the turns is the direction, their number counts a partial turn as one.
   const double turns = std::abs(n[4]);
   if (!(turns >= 1 && turns <= 1e6))
     refuse("an arc of 1 to 1e6 turns that are begun", fmt::format("{}", n[4]));
@@ -96,11 +100,12 @@ void Commands::arc(const Numbers& n) {
                         .cause = {0, program_.text_of(number_)},
                         .named = {0, program_.text_of(number_)},
                         .stated = ~std::uint32_t(0)};
+  // The centre passes through the frame as the end does.
   move.placed_centre = end_of(centre);
   canon_.arc(std::move(move));
 }
 
-/// Down and back at the pitch, the spindle reversed at the bottom.
+/// Rigid tapping: down and back at the pitch, with the spindle reversed at the bottom.
 void Commands::tap(const Numbers& n) {
   if (!pitch_) refuse("a pitch before a rigid tap", "none");
   const AxisVector start = canon_.position();
@@ -129,6 +134,7 @@ bool Commands::apply_motion(const PrintedCommand& command) {
   } else if (name == "DWELL") {
     canon_.dwell(numbers(command, 1)[0], {0, program_.text_of(number_)});
   } else if (name == "START_SPEED_FEED_SYNC" || name == "START_SPEED_FEED_SYNCH") {
+    // The command that ends it is spelled SYNCH; the one that begins it comes with and without H.
     const double pitch = std::abs(numbers(command, 1)[0]);
     if (!(pitch > 0)) refuse("a pitch above zero", "0");
     pitch_ = Feed{pitch, unit_};
@@ -152,6 +158,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
   if (name == "SET_SPINDLE_MODE") {
     const Numbers n = numbers(command, 2);
     if (!is_first(n)) return true;
+    // 1e6 rpm stands for no limit, as in the canon.
     most_rpm_ = std::min(n[1], 1e6);
   } else if (name == "SET_SPINDLE_SPEED") {
     const Numbers n = numbers(command, 2);
@@ -171,7 +178,7 @@ bool Commands::apply_spindle(const PrintedCommand& command) {
   }
   if (most_rpm_ > 0) {
     if (joint(0) < 0) refuse("a machine with an X axis beside G96");
-    // m/min in mm, ft/min in inches
+    // Surface speed is in m/min in mm, in ft/min in inches.
     canon_.set_surface_speed(
         program::SurfaceSpeed{speed_in_inch_ ? speed_ * 0.3048 : speed_, most_rpm_});
   } else {
@@ -194,6 +201,7 @@ void Commands::finish() {
 void Commands::set_tool_length(const Six& offset) {
   if (codes_.length && codes_.h == -1 && tool_ <= 0)
     refuse("T and M6 before G43", "no tool called");
+  // An entry of 1e7 mm marks an unknown length; half of it allows for other offsets on top.
   if (offset[2] > 0.5 * unknown_length) {
     std::string known;
     for (const auto& [number, mm] : run_.options().control.tool_length)
@@ -202,6 +210,7 @@ void Commands::set_tool_length(const Six& offset) {
   }
   if (offset != length_) {
     check_length_unit("G43 and G49");
+    // A computed code may have changed the length in the block of M6, where rs274 goes wrong.
     if (changed_in_ == number_ && (codes_.computed || codes_.assigns))
       refuse(
           "M6 in a block of its own before another tool length: rs274 alone, without the rest "
@@ -231,6 +240,7 @@ bool Commands::apply_tool(const PrintedCommand& command) {
   const std::string_view name = command.name;
   if (name == "SELECT_TOOL") {
     selected_ = int(std::clamp(numbers(command, 1)[0], -1.0, 1e9));
+    // M6 may follow in the same block; until then T is pending.
     pending_ = selected_;
     pending_in_ = number_;
   } else if (name == "CHANGE_TOOL") {
@@ -240,7 +250,7 @@ bool Commands::apply_tool(const PrintedCommand& command) {
     tool_ = selected_;
     changed_in_ = number_;
   } else if (name == "CHANGE_TOOL_NUMBER") {
-    // it names the place in the table, the words name the tool
+    // The command names the pocket in the table; the words of the block name the tool.
     if (codes_.tool >= 0) selected_ = codes_.tool;
     tool_ = selected_;
     canon_.call_tool(tool_, true);
@@ -248,6 +258,7 @@ bool Commands::apply_tool(const PrintedCommand& command) {
     set_tool_length(in_mm(six(numbers(command, 6), 0)));
   } else if (name == "SET_TOOL_TABLE_ENTRY") {
     stored_.insert(int(std::clamp(numbers(command, 2)[1], -1.0, 1e9)));
+    // G10 L1 states the length itself; L10 and L11 derive it from axis positions.
     if (codes_.data_kind != 1) check_length_unit("G10");
   } else {
     return false;

@@ -10,8 +10,10 @@ namespace {
 
 using Line = CodeLine<Group>;
 
+// Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
+// The single source of the word table in the README, of the messages and of the groups of codes.
 constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid; line"},
     {"G2 G3", Group::Motion, read,
@@ -104,6 +106,7 @@ constexpr Line lines[] = {
     {"M429", Group::Kinematics, read, "identity kinematics: G43 as before, the end of G43.4"},
 };
 
+// Words other than codes.
 constexpr WordTableEntry other_words[] = {
     {"F S", read, "feed; spindle speed"},
     {"T", read, "tool"},
@@ -160,6 +163,7 @@ bool is_beside_motion(Group group) {
   return false;
 }
 
+// The table is built at first use and indexed by tenths: every code of a program is looked up.
 const CodeEntry& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);

@@ -17,7 +17,7 @@ namespace abbe::sim::dialects::siemens {
 
 namespace {
 
-constexpr double equal = 1e-12;  // relative: numbers this near are ==
+constexpr double equal = 1e-12;  // relative tolerance of == and other comparisons
 
 bool same(double a, double b) {
   return std::abs(a - b) <= equal * std::max(std::abs(a), std::abs(b));
@@ -25,6 +25,7 @@ bool same(double a, double b) {
 
 const char* not_zero(double, double b) { return b == 0 ? "a divisor that is not zero" : nullptr; }
 
+// Bitwise operators work on 32 bit integers.
 const char* integer_bits_error(double a, double b) {
   constexpr double most = 2147483648.0;
   return std::abs(a) < most && std::abs(b) < most ? nullptr : "whole numbers of 32 bits";
@@ -32,7 +33,8 @@ const char* integer_bits_error(double a, double b) {
 
 std::int64_t bits(double x) { return std::int64_t(std::trunc(x)); }
 
-// Comparisons bind least, below AND and OR.
+// Comparisons bind least, below AND and OR, so that IF A==1 AND B==2 needs brackets on the control
+// as well.
 constexpr Operator operators[] = {
     {"*", 9, [](double a, double b) { return a * b; }},
     {"/", 9, [](double a, double b) { return a / b; }, not_zero},
@@ -56,7 +58,7 @@ constexpr Operator operators[] = {
 
 const char* beyond_unit(double x) { return x < -1 || x > 1 ? "a number within -1 and 1" : nullptr; }
 
-// The functions of two numbers are read by the operands.
+// Functions of two numbers are parsed by Flow::function_of_several.
 constexpr Function functions[] = {
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"COS", [](double x) { return std::cos(x * units::deg); }},
@@ -75,7 +77,7 @@ constexpr Function functions[] = {
     {"EXP", [](double x) { return std::exp(x); }},
 };
 
-/// Where a word of letters begins that only looks as if it began with an operator.
+/// Returns true if a word at `at` only begins like an operator.
 bool is_longer_word(std::string_view text, std::size_t at) {
   static const std::string nowhere;
   for (const std::string_view op : {"DIV", "MOD", "AND", "XOR", "OR"}) {
@@ -94,6 +96,8 @@ const ExpressionGrammar& grammar() {
 }
 
 double number_at(Cursor& cursor, Names& names) {
+  // An expression ends before a word such as ORIWKS, which begins like OR. The text is cut there,
+  // since operators need no blank behind them (DIV2).
   std::size_t end = cursor.text.size();
   for (std::size_t at = cursor.at + 1; at < end; ++at)
     if (is_blank(cursor.text[at - 1]) && is_letter(cursor.text[at]) &&
@@ -101,6 +105,7 @@ double number_at(Cursor& cursor, Names& names) {
       end = at;
   Cursor part{cursor.text.substr(0, end), cursor.place, cursor.at};
   const double value = expression(part, grammar(), names);
+  // Trailing blanks do not belong to the expression, for messages.
   while (part.at > cursor.at && is_blank(part.text[part.at - 1])) --part.at;
   cursor.at = part.at;
   return value;
@@ -108,6 +113,7 @@ double number_at(Cursor& cursor, Names& names) {
 
 namespace {
 
+// Limits bound the memory of a hostile line.
 constexpr std::size_t longest_name = 100;
 constexpr std::size_t longest_block = 4096;
 constexpr std::size_t max_arguments = 100;
@@ -126,7 +132,7 @@ std::optional<Address> find_address(std::string_view name) {
   return found == all.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// Moves the cursor behind brackets that close again, texts in quotes passed over.
+/// Advances past a bracket and its counterpart; quoted text is skipped.
 void skip_brackets(Cursor& cursor, char open, char close) {
   const std::size_t from = cursor.at;
   int depth = 0;
@@ -143,6 +149,7 @@ void skip_brackets(Cursor& cursor, char open, char close) {
   cursor.refuse(from, fmt::format("{} behind {}", close, open), "the end of the line");
 }
 
+// A single =; == is a comparison.
 bool at_assignment(const Cursor& cursor) {
   Cursor ahead = cursor;
   ahead.skip_blanks();
@@ -199,6 +206,7 @@ std::vector<Argument> arguments_at(Cursor& cursor, Names& names) {
       one.text = quoted_at(cursor);
     else if (auto text = names.text_variable(cursor))
       one.text = std::move(text);
+    // An empty argument, as in CYCLE83(10,,2), keeps its position.
     else if (cursor.here() != ',' && cursor.here() != ')')
       one.number = number_at(cursor, names);
     one.cause = cursor.cause(from);
@@ -216,6 +224,7 @@ std::vector<Argument> arguments_at(Cursor& cursor, Names& names) {
 CommentSplit split_comment(std::string_view line) {
   bool quoted = false;
   for (std::size_t at = 0; at < line.size(); ++at) {
+    // A ; inside quotes is no comment.
     if (line[at] == '"') quoted = !quoted;
     if (line[at] == ';' && !quoted) return {line.substr(0, at), line.substr(at + 1)};
   }
@@ -257,13 +266,13 @@ class SiemensBlockReader {
   Block& block_;
 };
 
-/// A word that the control has not, with all that belongs to it.
+/// Skips an unknown word with everything that belongs to it.
 void SiemensBlockReader::unknown(std::size_t from, const std::string& expected) {
   skip_value();
   run_.unknown(cursor_.cause(from), expected);
 }
 
-/// What may stand behind a word that is passed over: [...], (...), = and a value.
+/// Skips what may follow a skipped word: [...], (...), = and a value.
 void SiemensBlockReader::skip_value() {
   if (cursor_.here() == '[') skip_brackets(cursor_, '[', ']');
   cursor_.skip_blanks();
@@ -279,7 +288,7 @@ void SiemensBlockReader::skip_value() {
     number_at(cursor_, names_);
 }
 
-/// AC, IC, DC, ACP or ACN before a bracket, at which the cursor then stands.
+/// Returns AC, IC, DC, ACP or ACN if a bracket follows, at which the cursor then stands.
 std::optional<Measure> SiemensBlockReader::measure() {
   static constexpr std::pair<std::string_view, Measure> all[] = {{"ACP", Measure::Upwards},
                                                                  {"ACN", Measure::Downwards},
@@ -317,6 +326,7 @@ void SiemensBlockReader::put_entry(const WordEntry& fact, const Cause& cause) {
     return;
   }
   if (fact.group == Group::Beside) {
+    // Coolant has no group: M7 and M8 may stand in one block.
     if (fact.word == "M7" || fact.word == "M8" || fact.word == "M9")
       block_.coolant.push_back(fact.word);
     return;
@@ -328,7 +338,7 @@ void SiemensBlockReader::put_entry(const WordEntry& fact, const Cause& cause) {
   place = {fact.word, cause};
 }
 
-/// G or M and a number.
+/// Parses G or M and a number.
 void SiemensBlockReader::code(std::size_t from, char letter) {
   const auto number = cursor_.number(false);
   if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
@@ -339,11 +349,12 @@ void SiemensBlockReader::code(std::size_t from, char letter) {
   put_entry(*fact, cause);
 }
 
-/// Letter and number without =, as X10.5 or G1.
+/// Parses a letter and its number without =, for example X10.5 or G1.
 void SiemensBlockReader::short_word(std::size_t from) {
   const char letter = upper(cursor_.here());
   ++cursor_.at;
   if (letter == 'G' || letter == 'M') return code(from, letter);
+  // L and a number is the name of a subprogram.
   if (letter == 'L') {
     std::string name = "L";
     for (; is_digit(cursor_.here()); ++cursor_.at) name += cursor_.here();
@@ -353,12 +364,14 @@ void SiemensBlockReader::short_word(std::size_t from) {
   const auto number = cursor_.number();
   if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
   const auto address = find_address(std::string_view(&letter, 1));
+  // H passes values to the PLC and moves nothing.
   if (letter == 'H') return;
   if (!address) return run_.unknown(cursor_.cause(from), "a word of Siemens");
   put(from, *address, *number, Measure::Modal);
 }
 
 void SiemensBlockReader::tool(std::size_t from) {
+  // T and T="..." are one address.
   if (block_.tool_name || block_[Address::T])
     cursor_.refuse(from, "one word of an address in a block");
   if (cursor_.here() == '"')
@@ -377,8 +390,8 @@ void SiemensBlockReader::m_code(std::size_t from, double value) {
   put_entry(*code, cursor_.cause(from));
 }
 
-/// An address with an extension, M1=3, S[2]=500, of which the name or the letter has been read.
-/// @return false where none stands there
+/// Parses an address with an extension, M1=3 or S[2]=500, whose name or letter has been read.
+/// Returns false if there is none.
 bool SiemensBlockReader::extended(std::size_t from, const std::string& name) {
   static constexpr std::string_view letters = "MSTHFD";
   if (letters.find(name.front()) == std::string_view::npos) return false;
@@ -404,7 +417,7 @@ bool SiemensBlockReader::extended(std::size_t from, const std::string& name) {
   return true;
 }
 
-/// Extension 0 is the address without one.
+/// Handles the value of such an address. Extension 0 is the address without extension.
 void SiemensBlockReader::extended_value(std::size_t from, char letter, int number) {
   if (letter == 'D') cursor_.refuse(from, "D without an extension: it has none on this control");
   if (letter == 'T') {
@@ -422,6 +435,7 @@ void SiemensBlockReader::extended_value(std::size_t from, char letter, int numbe
   if (number == 0)
     return letter == 'M' ? m_code(from, value) : put(from, Address::S, value, Measure::Modal);
   if (letter == 'S') return block_.spindles.push_back({number, value, {}, cause});
+  // Stops and ends concern the whole program and have no spindle.
   const WordEntry* code = find_entry(fmt::format("M{}", value));
   if (code != nullptr && code->group == Group::Stop)
     cursor_.refuse(
@@ -433,7 +447,7 @@ void SiemensBlockReader::extended_value(std::size_t from, char letter, int numbe
   m_code(from, value);
 }
 
-/// SETMS, SETMS(2)
+/// Parses SETMS or SETMS(2).
 void SiemensBlockReader::master(std::size_t from) {
   block_.master = 1;
   cursor_.skip_blanks();
@@ -446,10 +460,11 @@ void SiemensBlockReader::master(std::size_t from) {
   block_.master = int(number);
 }
 
-/// A word with = behind its address.
+/// Parses a word with = behind its address.
 void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
   const auto address = find_address(name);
   const WordEntry* fact = find_entry(name);
+  // A word without effect keeps its value to itself.
   if (!address && fact != nullptr && fact->use != Use::Read) {
     skip_value();
     return put_entry(*fact, cursor_.cause(from));
@@ -461,6 +476,7 @@ void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
   const auto how = measure();
   const double value = how ? bracketed(cursor_, grammar(), names_) : number_at(cursor_, names_);
   if (name == "H") return;
+  // A variable whose definition has an error must not be reported as an unknown address.
   run_.require_certain(name, cursor_.cause(from));
   if (!address) return run_.unknown(cursor_.cause(from), "an address or a variable");
   put(from, *address, value, how.value_or(Measure::Modal));
@@ -477,14 +493,16 @@ void SiemensBlockReader::call(std::size_t from, const std::string& name) {
   block_.call = std::move(call);
 }
 
-/// A word of several letters.
+/// Parses a word of several letters.
 void SiemensBlockReader::long_word(std::size_t from, const std::string& name) {
   const WordEntry* fact = find_entry(name);
   if (fact == nullptr) {
+    // A bracket [ shows a variable; any other unknown word may be a subprogram.
     if (cursor_.here() == '[') return unknown(from, "a variable that is defined");
     return call(from, name);
   }
   if (fact->use == Use::Read) {
+    // TRAORI may state the number of its transformation; the machine has one.
     if (name == "TRAORI" && cursor_.take("(")) {
       --cursor_.at;
       const std::vector<Argument> which = arguments_at(cursor_, names_);
@@ -502,11 +520,13 @@ void SiemensBlockReader::word() {
   const std::size_t from = cursor_.at;
   if (cursor_.here() == '$')
     cursor_.refuse(from, "words and variables of the program: system data are not written");
+  // Assignments come first: R1=5 and COUNT=3 are no addresses.
   if (names_.set_variable(cursor_)) return;
   const char first = cursor_.here(), second = cursor_.next();
   if (!is_letter(first) && first != '_') cursor_.refuse(from, "a word (letter and number)");
   Cursor ahead = cursor_;
   const std::string name = name_at(ahead);
+  // With = or [ the whole name is the address, without them a letter is enough.
   if (at_assignment(ahead) || (name.size() == 1 && ahead.here() == '[')) {
     const std::size_t before = std::exchange(cursor_.at, ahead.at);
     if (extended(from, name)) return;
@@ -515,6 +535,7 @@ void SiemensBlockReader::word() {
   }
   const bool has_number =
       is_digit(second) || second == '+' || second == '-' || second == '.' || is_blank(second);
+  // A letter followed by a digit, a sign, a point or a blank is an address with its number.
   if (name.size() == 1 || (first != '_' && is_digit(second))) {
     if (has_number) return short_word(from);
     cursor_.refuse(from, fmt::format("a number or = after {}", upper(first)));
@@ -530,6 +551,7 @@ void read_block(Cursor cursor, ProgramRun& run, Names& names, Block& block) {
   if (cursor.text.size() > longest_block)
     cursor.refuse(0, fmt::format("a block of at most {} characters", longest_block),
                   fmt::format("{}", cursor.text.size()));
+  // A NUL is not visible in messages, so it is reported by name.
   if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
     cursor.refuse(nul, "text", "a NUL byte");
   SiemensBlockReader(cursor, run, names, block).fill();

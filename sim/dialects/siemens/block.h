@@ -10,16 +10,16 @@
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
 
-/// One block of Siemens 840D with its values worked out.
+/// One block of Siemens 840D, with its expressions evaluated.
 namespace abbe::sim::dialects::siemens {
 
 using program::Cause;
 using program::Target;
 
-/// Groups of words of which a block has at most one each.
+/// Modal groups of words: a block has at most one word of each.
 enum class Group {
-  None,    ///< a word that is refused, or without effect and without axis words
-  Beside,  ///< without effect; axis words in its block are those of the motion in force
+  None,    ///< rejected, or without effect and without axis words
+  Beside,  ///< without effect; axis words in its block belong to the motion in force
   Master,  ///< SETMS
   Motion,
   Plane,
@@ -44,20 +44,21 @@ enum class Group {
   Count
 };
 
-/// Returns true for groups of words that leave the axis words of their block to the motion.
+/// Returns true for groups whose words leave the axis words of their block to the motion.
 bool is_beside_motion(Group group);
 
-/// A word of letters or a code.
+/// A word of letters, or a code.
 struct WordEntry {
   std::string_view word;  ///< "G64", "TRAORI"
   Group group = Group::None;
   Use use = Use::Read;
   std::string_view sentence;
 };
-/// @param word  upper case, a code without leading zeros; null where the control has none
+/// Returns the table entry of a word in upper case, a code without leading zeros; null if the
+/// control does not have it.
 const WordEntry* find_entry(std::string_view word);
 
-/// What takes a value.
+/// Addresses that take a value.
 enum class Address : std::uint8_t {
   X,
   Y,
@@ -93,16 +94,17 @@ enum class Address : std::uint8_t {
   Count
 };
 
-/// How the value of an axis counts.
+/// Meaning of the value of an axis word.
 enum class Measure {
-  Modal,     ///< by G90 or G91
+  Modal,     ///< G90 or G91
   Absolute,  ///< AC()
   Step,      ///< IC()
-  Shortest,  ///< DC(): absolute, the shortest way of a turning axis
-  Upwards,   ///< ACP()
-  Downwards  ///< ACN()
+  Shortest,  ///< DC(): absolute, in the shorter direction of a rotary axis
+  Upwards,   ///< ACP(): absolute, in positive direction
+  Downwards  ///< ACN(): absolute, in negative direction
 };
 
+/// A value of an address as programmed.
 struct Value {
   double value = 0.0;
   Cause cause;
@@ -112,13 +114,14 @@ struct Value {
   operator Cause() const { return cause; }
 };
 
+/// A word of a modal group as programmed.
 struct Code {
-  std::string_view word;  ///< as `WordEntry` has it
+  std::string_view word;  ///< as in `WordEntry`
   Cause cause;
   explicit operator bool() const { return !word.empty(); }
 };
 
-/// What stands between two commas behind the name of a cycle or subprogram.
+/// An argument of a cycle or subprogram.
 struct Argument {
   std::optional<double> number;
   std::optional<std::string> text;
@@ -126,7 +129,7 @@ struct Argument {
   bool empty() const { return !number && !text; }
 };
 
-/// A cycle or subprogram by its name.
+/// A call of a cycle or subprogram by its name.
 struct ProgramCall {
   std::string name;  ///< upper case
   std::vector<Argument> arguments;
@@ -134,7 +137,7 @@ struct ProgramCall {
   Cause cause;
 };
 
-/// S or M with the number of a spindle: S2=1000, M[2]=3.
+/// S or M with a spindle number: S2=1000, M[2]=3.
 struct SpindleWord {
   int spindle = 0;
   std::optional<double> speed;
@@ -142,14 +145,15 @@ struct SpindleWord {
   Cause cause;
 };
 
+/// The words of one block.
 struct Block {
   std::array<Value, std::size_t(Address::Count)> values;
   std::array<Code, std::size_t(Group::Count)> codes;
   std::vector<std::string_view> coolant;  ///< M7 M8 M9
   std::optional<std::string> tool_name;   ///< of T="..."
   std::vector<SpindleWord> spindles;      ///< S2=, M3=4
-  int master = 1;                         ///< of SETMS
-  Code wordless;                          ///< without effect, and takes no axis words
+  int master = 1;                         ///< argument of SETMS
+  Code wordless;  ///< a word without effect beside which axis words are an error
   std::optional<ProgramCall> call;
   bool modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;
@@ -160,41 +164,41 @@ struct Block {
   void clear();
 };
 
-/// The operators and functions of the control.
+/// Returns the operators and functions of the control.
 const ExpressionGrammar& grammar();
 
-/// What a program names: its variables and subprograms.
+/// Names of a program: its variables and subprograms.
 class Names : public Operands {
  public:
-  /// A variable that is set where it stands, R1=..., COUNT=..., FIELD[2]=...: its value is read and
-  /// stored, and the cursor stands behind it. @return false where none begins there
+  /// Executes an assignment at the cursor, R1=..., COUNT=... or FIELD[2]=..., and advances past it.
+  /// Returns false if none begins there.
   virtual bool set_variable(Cursor& cursor) = 0;
-  /// The text of a string variable that begins at the cursor, which is moved behind it.
+  /// Returns the text of the string variable at the cursor and advances past it; nothing if there
+  /// is none.
   virtual std::optional<std::string> text_variable(Cursor& cursor) = 0;
 };
 
-/// An expression up to where it ends: an operator of letters that goes on as a word (ORIWKS, DIVON)
-/// is none.
+/// Evaluates an expression. A following word that begins like an operator (ORIWKS, DIVON) ends it.
 double number_at(Cursor& cursor, Names& names);
 
-/// Letters, digits and _ at the cursor in upper case, which is moved behind them; empty if none.
+/// Returns letters, digits and _ at the cursor in upper case and advances past them; empty if there
+/// are none.
 std::string name_at(Cursor& cursor);
 
-/// The text between the quotes at the cursor. @throws BadInput where the second is missing
+/// Returns the text between quotes at the cursor. Throws BadInput if the second quote is missing.
 std::string quoted_at(Cursor& cursor);
 
-/// (a, b, ...) at the cursor. @throws BadInput
+/// Parses (a, b, ...) at the cursor. Throws BadInput.
 std::vector<Argument> arguments_at(Cursor& cursor, Names& names);
 
-/// The line up to its comment, and the comment without its ; if there is one.
+/// A line up to its comment, and the comment without its ; if there is one.
 struct CommentSplit {
   std::string_view block;
   std::optional<std::string_view> comment;
 };
 CommentSplit split_comment(std::string_view line);
 
-/// Reads the words from the cursor on into `block`, whose memory is used again.
-/// @throws BadInput
+/// Parses the words from the cursor on into `block`, whose memory is reused. Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, Names& names, Block& block);
 
 }  // namespace abbe::sim::dialects::siemens

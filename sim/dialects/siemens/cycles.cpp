@@ -29,8 +29,8 @@ Matrix3d Machine::total_rotation() const {
                  : programmable_.rotation;
 }
 
-/// Program to axes, or to the tip: what is programmable, then the swivelled plane, then the work
-/// offset. Offsets of the scene that nothing changes keep their bits.
+/// Sets the frame: programmable frame, then swivelled plane, then work offset. Unchanged offsets of
+/// the scene keep their bits.
 void Machine::apply_frame() {
   canon_.set_tip_mode(tip_mode(), {1, {}});
   const Placement sum = swivel_ ? behind(swivel_->frame, programmable_) : programmable_;
@@ -47,6 +47,7 @@ void Machine::apply_frame() {
   canon_.set_frame(system_, std::move(frame));
 }
 
+// A compensation that is being left would end at a position in the other coordinates.
 void Machine::change_transformation(const Code& code) {
   const bool on = code.word == "TRAORI";
   if (on && !turning_.possible())
@@ -57,7 +58,7 @@ void Machine::change_transformation(const Code& code) {
   apply_tool();
 }
 
-/// The shift or rotation that the words of a frame say.
+/// Returns the shift or rotation that the words of a frame state.
 Placement Machine::frame_of_words(const Block& block) const {
   const Code& code = block[Group::Frame];
   Placement made;
@@ -75,6 +76,7 @@ Placement Machine::frame_of_words(const Block& block) const {
     made.rotation = rotation_about(plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0, in_plane.value);
     return made;
   }
+  // ROT rotates about Z, then the new Y, then the new X (RPY angles, the default of the control).
   made.rotation = rotation_about(2, block[Address::Z].value) *
                   rotation_about(1, block[Address::Y].value) *
                   rotation_about(0, block[Address::X].value);
@@ -84,6 +86,7 @@ Placement Machine::frame_of_words(const Block& block) const {
 void Machine::frame_words(const Block& block) {
   const Code& code = block[Group::Frame];
   const bool shifts = code.word == "TRANS" || code.word == "ATRANS";
+  // AC() and the like have no meaning in a frame.
   for (const auto& value : block.values)
     if (value && value.measure != Measure::Modal) refuse(value, "a number beside a frame");
   AxisVector turns = AxisVector::Zero(programmable_turns_.size());
@@ -102,15 +105,18 @@ void Machine::frame_words(const Block& block) {
       refuse(word, "a number within 1e6");
   if (shifts && block[Address::X]) refuse_diameters(block[Address::X]);
   const Placement made = frame_of_words(block);
+  // ATRANS and AROT add to the frame in force, TRANS and ROT replace it.
   const bool on_top = code.word[0] == 'A';
   programmable_ = on_top ? behind(programmable_, made) : made;
   programmable_turns_ = on_top ? AxisVector(programmable_turns_ + turns) : turns;
+  // Additive shifts in a loop would otherwise grow without limit.
   if (programmable_.shift.cwiseAbs().maxCoeff() > 1e9)
     refuse(code.cause, "shifts that add up to less than 1e9 mm");
   apply_frame();
 }
 
 void Machine::unswivel() {
+  // Reported because a program may rely on its frames after CYCLE800().
   if (!programmable_.is_none()) run_.warn_once("TRANS and ROT in force at CYCLE800() end with it");
   swivel_.reset();
   programmable_ = {};
@@ -120,7 +126,7 @@ void Machine::unswivel() {
 
 namespace {
 
-/// The parameters of CYCLE800 by their places.
+/// Arguments of CYCLE800 by position.
 struct SwivelParameters {
   const ProgramCall& call;
   const program::Canon& canon;
@@ -142,8 +148,9 @@ struct SwivelParameters {
   }
 };
 
-/// Bits 7 and 6 of _MODE say how angles count, the pairs below them the axes from the first on.
+/// Bits 7 and 6 of _MODE state how angles count, the pairs of bits below them the axes in order.
 Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
+  // 57 = 0b111001 is X, Y, Z in this order, the default.
   const int mode = words.whole(3, 57, 0, 255);
   const Vector3d angles = words.three(7);
   if (mode >= 128)
@@ -164,16 +171,20 @@ Matrix3d swivel_frame_rotation(const SwivelParameters& words) {
 void Machine::swivel(const ProgramCall& call) {
   const SwivelParameters words{call, canon_};
   if (call.arguments.size() > 16) words.refuse(16, "at most 16 parameters of CYCLE800");
+  // CYCLE800() and the swivel data "0" end the plane.
   const bool ends =
       call.arguments.empty() || (call.arguments.size() > 1 && call.arguments[1].text == "0");
   if (ends) return unswivel();
   const int manner = words.whole(0, 0, 0, 8), status = words.whole(2, 0, 0, 299999);
   const bool on_top = status % 10 == 1, tip_stays = status / 10 % 10 == 1;
+  // Digits of _ST: new or additive, follow-up of the tip, and direction.
   if (status % 10 > 1 || status / 10 % 10 > 1 || status / 100 % 100 != 0 || status / 10000 % 10 > 1)
     words.refuse(2, "_ST of new or additive, with or without follow-up of the tip, and direction");
   const int direction = status / 10000 % 10 == 1 ? 0 : words.whole(13, -1, -2, 2);
   if (on_top && !programmable_.is_none())
     refuse(call.cause, "TRANS without words before an additive CYCLE800");
+  // The plane is built as on the control: to the reference point, rotated, shifted within the
+  // plane.
   const Placement to_point{words.three(4) * unit(), Matrix3d::Identity()};
   const Placement turned{Vector3d::Zero(), swivel_frame_rotation(words)};
   const Placement in_plane{words.three(10) * unit(), Matrix3d::Identity()};
@@ -181,20 +192,24 @@ void Machine::swivel(const ProgramCall& call) {
   if (on_top && swivel_) frame = behind(swivel_->frame, frame);
   if (!(frame.shift.cwiseAbs().maxCoeff() < 1e9)) refuse(call.cause, "a plane within 1e9 mm");
   const Vector3d normal_w = frame.rotation.col(2);
+  // Without rotary axes only a plane parallel to X Y can be machined.
   if (!turning_.possible() && (normal_w - Vector3d::UnitZ()).norm() > along_z)
     refuse(call.cause, "a machine with rotary axes for a plane that is tilted",
            "one with " + canon_.letters());
   if (manner != 0) retract(manner, words.number(14), call.cause);
+  // _DIR 0 computes the plane without moving the axes.
   const bool turns = direction != 0 && turning_.possible();
   if (turns) turn_to(normal_w, direction, tip_stays, call.cause);
+  // A new CYCLE800 ends TRANS and ROT.
   programmable_ = {};
   programmable_turns_.setZero();
   swivel_ = Swivel{frame, turns};
   apply_tool();
 }
 
-/// Away from the workpiece before the rotary axes turn.
+/// Retracts from the workpiece before the rotary axes move.
 void Machine::retract(int manner, double by, const Cause& cause) {
+  // _FR 5 retracts along the tool by _FR_I, 1 along Z, 2 along Z then X Y.
   if (manner == 5) {
     if (!turning_.possible()) refuse(cause, "_FR 0 to 2 on a machine without rotary axes");
     if (!(by >= 0 && by * unit() <= 1e6)) refuse(cause, "_FR_I of 0 to 1e6 mm");
@@ -213,6 +228,7 @@ void Machine::retract(int manner, double by, const Cause& cause) {
                  "machine.home"});
   canon_.go_to(Coordinates::Axis, cause);
   AxisVector end = canon_.position();
+  // Z must never move down for a retraction.
   end[z] = std::max(end[z], first[z]);
   canon_.traverse({.end = end, .cause = cause});
   if (manner != 2) return;
@@ -221,11 +237,12 @@ void Machine::retract(int manner, double by, const Cause& cause) {
   canon_.traverse({.end = std::move(end), .cause = cause});
 }
 
-/// Of the positions that point the tool so, the one with the first (second) rotary axis lower or
-/// higher; a free axis goes to zero.
+/// Selects, of the solutions for the tool direction, the one whose first (second) rotary axis is
+/// lower or higher; an axis that does not matter goes to zero.
 void Machine::turn_to(const Vector3d& direction_w, int preference, bool tip_stays,
                       const Cause& cause) {
   AxisVector near = canon_.position();
+  // Solved from zero, which is where a free axis goes.
   for (const int j : turning_.rotary()) near[j] = 0.0;
   const std::vector<AxisVector> all = turning_.positions(direction_w, near);
   if (all.empty())
@@ -234,7 +251,7 @@ void Machine::turn_to(const Vector3d& direction_w, int preference, bool tip_stay
                        direction_w.z()));
   const std::size_t number = std::abs(preference) == 2 && turning_.rotary().size() > 1 ? 1 : 0;
   const int judged = turning_.rotary()[number];
-  constexpr double alike = 1e-9;  // rad
+  constexpr double alike = 1e-9;  // rad, below it two solutions count as equal
   const AxisVector* best = &all.front();
   for (const AxisVector& one : all)
     if ((one[judged] - (*best)[judged]) * preference > alike) best = &one;
@@ -246,10 +263,11 @@ void Machine::turn_to(const Vector3d& direction_w, int preference, bool tip_stay
 
 namespace {
 
+// Cycles whose moves are known; milling cycles are not expanded.
 constexpr std::string_view drilling_cycles[] = {"CYCLE81", "CYCLE82", "CYCLE83", "CYCLE84",
                                                 "CYCLE85", "CYCLE86", "CYCLE89"};
 
-/// The parameters of a cycle by their places.
+/// Arguments of a drilling cycle by position.
 class CycleParameters {
  public:
   CycleParameters(const ProgramCall& call, const program::Canon& canon, double unit)
@@ -272,14 +290,14 @@ class CycleParameters {
       canon_.refuse(cause(i), fmt::format("{} above zero in {}", name, call_.name));
     return number(i);
   }
-  /// Parameters that are read nowhere are zero or not there.
+  /// Throws BadInput if an argument that is not supported has a value other than zero.
   void only_zero(std::size_t first, std::size_t last) const {
     for (std::size_t i = first; i <= last; ++i)
       if (number(i) != 0)
         canon_.refuse(cause(i),
                       fmt::format("nothing or 0 as parameter {} of {}", i + 1, call_.name));
   }
-  /// Parameters beyond those that are read: how the mask shows them.
+  /// Throws BadInput for more arguments than are known; the last ones only describe the input mask.
   void at_most(std::size_t count) const {
     if (call_.arguments.size() > count)
       canon_.refuse(cause(count), fmt::format("at most {} parameters of {}", count, call_.name));
@@ -293,7 +311,7 @@ class CycleParameters {
 
 }  // namespace
 
-/// A hole in program coordinates, from where the axes stand.
+/// A hole in program coordinates, from the current position of the axes.
 class Hole {
  public:
   Hole(Machine& machine, const ProgramCall& call)
@@ -319,7 +337,7 @@ class Hole {
   void go(bool rapid) {
     machine_.put_straight({.end = canon_.placed(at_), .cause = call_.cause}, rapid);
   }
-  /// Above zero seconds, below zero turns of the spindle.
+  /// Positive values are seconds, negative ones spindle turns.
   void wait(double time) {
     if (time < 0 && !(canon_.spindle_speed() > 0))
       canon_.refuse(call_.cause, "a spindle that turns for a dwell in turns");
@@ -350,9 +368,11 @@ HoleLevels Hole::levels() const {
   HoleLevels levels;
   levels.retract = words_.length(0);
   const double reference = words_.length(1);
+  // The retraction plane lies on the side from which the hole is drilled.
   const double side = levels.retract >= reference ? 1.0 : -1.0;
   levels.reference = reference;
   levels.start = reference + side * std::abs(words_.length(2));
+  // DPR counts from the reference plane; if both are given it has precedence.
   const bool relative = words_.has(4) && words_.number(4) != 0;
   levels.bottom =
       relative || !words_.has(3) ? reference - side * std::abs(words_.length(4)) : words_.length(3);
@@ -365,11 +385,13 @@ HoleLevels Hole::levels() const {
 
 void Hole::pecks() {
   PeckParameters words;
+  // FDEP is absolute, FDPR counts from the reference plane and has precedence.
   if (words_.has(5) && !(words_.has(6) && words_.number(6) != 0))
     words.first = std::abs(levels_.reference - words_.length(5));
   else
     words.first = std::abs(words_.length(6));
   if (!(words.first > 0)) canon_.refuse(words_.cause(6), "the first depth FDEP or FDPR in CYCLE83");
+  // A negative degression is a factor and has no unit.
   words.degression = words_.number(7) >= 0 ? words_.length(7) : words_.number(7);
   words.least = words_.length(13);
   const double total = std::abs(levels_.reference - levels_.bottom);
@@ -378,19 +400,22 @@ void Hole::pecks() {
                   fmt::format("{} mm of {} mm", words.first, total));
   const auto depths = peck_depths(total, words);
   if (depths.empty()) canon_.refuse(call_.cause, "at most 1e5 pecks in a hole", "more");
-  constexpr double moves_per_peck = 5.0;  // at most, dwells too
+  constexpr double moves_per_peck = 5.0;  // at most, dwells included
   machine_.run_.check_moves(moves_per_peck * double(depths.size()), call_.cause);
   const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
+  // FRF scales the feed of the first peck.
   const double factor = words_.has(10) && words_.number(10) > 0 ? words_.number(10) : 1.0;
   const bool clears = words_.number(11) == 1;
   if (words_.number(11) != 0 && !clears)
     canon_.refuse(words_.cause(11), "VARI 0 or 1: chips broken or cleared");
+  // 1 mm is the default retraction of chip breaking.
   const double lift = words_.number(14) > 0 ? words_.length(14) : 1.0;
   const double before = words_.number(16) > 0 ? words_.length(16) : peck_stop_distance(total);
   const auto feed = canon_.feed();
   const double last_wait =
       words_.has(15) && words_.number(15) != 0 ? words_.number(15) : words_.number(8);
   for (std::size_t i = 0; i < depths.size(); ++i) {
+    // Counted as blocks, so that a limit stops endless holes.
     machine_.run_.count_block();
     if (i == 0 && feed) canon_.set_feed(Feed{feed->word * factor, feed->unit});
     to(levels_.reference - side * depths[i], false);
@@ -401,6 +426,7 @@ void Hole::pecks() {
     if (clears) {
       to(levels_.start, true);
       wait(words_.number(9));
+      // The drill returns at rapid to just above the last depth.
       const double above = levels_.reference - side * (depths[i] - before);
       to(side * std::min(side * above, side * levels_.start), true);
     } else {
@@ -410,9 +436,10 @@ void Hole::pecks() {
   to(levels_.retract, true);
 }
 
-/// Rigid tapping: at the pitch down, the spindle reversed, and out.
+/// Rigid tapping: down at the pitch, spindle reversed, and out.
 void Hole::tap() {
   const double metric = words_.number(7);
+  // MPIT gives the thread by its size, PIT by its pitch; the sign is the direction.
   double pitch = metric != 0 ? coarse_pitch(std::abs(metric)) : words_.length(8);
   if (metric != 0 && pitch == 0) canon_.refuse(words_.cause(7), "MPIT of 3 to 48, a coarse thread");
   const bool left = metric < 0 || pitch < 0;
@@ -438,10 +465,12 @@ void Hole::tap() {
   canon_.set_feed_mode(mode);
   canon_.set_feed(feed);
   canon_.set_spindle_speed(rpm);
+  // SDAC states the spindle after the cycle.
   canon_.turn_spindle(after == 3 ? 1 : after == 4 ? -1 : 0);
   to(levels_.retract, true);
 }
 
+// CYCLE86: the tool is lifted off the wall with the spindle at rest before it retracts.
 void Hole::bore_and_lift() {
   const int direction = int(words_.number(6));
   if (direction != 3 && direction != 4) canon_.refuse(words_.cause(6), "SDIR 3 or 4 in CYCLE86");
@@ -461,7 +490,7 @@ void Hole::bore_and_lift() {
   to(levels_.retract, true);
 }
 
-/// Parameters that would change what is cut, and that are not read.
+/// Throws BadInput for arguments that would change what is cut and are not supported.
 void Hole::check_parameters() const {
   const std::string& name = call_.name;
   const bool has_axis = name == "CYCLE83" || name == "CYCLE84";
@@ -471,6 +500,7 @@ void Hole::check_parameters() const {
                                  : machine_.joint(2);
     if (said != deep_) canon_.refuse(words_.cause(12), "_AXN of the axis across the plane");
   }
+  // Ranges of arguments that must be zero, and their largest number.
   struct Rest {
     std::string_view name;
     std::size_t zero_first, zero_last, most;
@@ -488,6 +518,7 @@ void Hole::check_parameters() const {
 
 void Hole::make() {
   const std::string& name = call_.name;
+  // In inverse time each move would need an F of its own.
   if (canon_.feed_mode() == FeedMode::InverseTime)
     canon_.refuse(call_.cause, "G94 or G95 beside a cycle");
   check_parameters();
@@ -498,6 +529,7 @@ void Hole::make() {
   const auto feed = canon_.feed();
   if (name == "CYCLE85") feed_at(words_.positive(6, "FFR (feed)"));
   to(levels_.bottom, false);
+  // CYCLE82 and others dwell at the bottom.
   if (name != "CYCLE81" || words_.has(5)) wait(words_.number(5));
   if (name == "CYCLE85") feed_at(words_.positive(7, "RFF (feed out)"));
   if (name == "CYCLE85" || name == "CYCLE89") to(levels_.start, false);
@@ -518,6 +550,7 @@ bool Machine::cycle(const ProgramCall& call) {
     swivel(call);
     return true;
   }
+  // Checks tool and plane as for a motion block.
   Block nothing;
   check_motion(nothing);
   Hole(*this, call).make();

@@ -18,6 +18,7 @@ constexpr std::array<std::string_view, 27> flow_words = {
     "REPEAT", "UNTIL", "GOTO",  "GOTOF",  "GOTOB",   "GOTOC",   "GOTOS",    "CASE", "DEF",
     "PROC",   "RET",   "CALL",  "EXTERN", "REPEATB", "ENDPROC", "REDEF",    "SET",  "DEFINE"};
 
+// Keywords that begin and end a structure.
 struct Pair {
   std::string_view begins, ends;
 };
@@ -29,7 +30,7 @@ constexpr Pair pairs[] = {{"IF", "ENDIF"},
 
 bool is_name_char(char c) { return is_letter(c) || is_digit(c) || c == '_'; }
 
-/// Whether GOTO and the like stand in the line.
+/// Returns true if the line contains GOTO or one of its variants.
 bool jumps(std::string_view text) {
   for (std::size_t at = 0; at + 4 <= text.size(); ++at) {
     const bool begins = at == 0 || !is_name_char(text[at - 1]);
@@ -40,7 +41,8 @@ bool jumps(std::string_view text) {
   return false;
 }
 
-/// IF without a jump in its line, REPEAT without a label: what has an end of its own.
+/// Returns true for a keyword that has an end of its own: IF without a jump in its line, REPEAT
+/// without a label.
 bool begins_structure(const LineHead& head, std::string_view line) {
   if (head.keyword == "IF") return !jumps(line.substr(head.rest));
   if (head.keyword == "REPEAT")
@@ -49,6 +51,8 @@ bool begins_structure(const LineHead& head, std::string_view line) {
                      [&](const Pair& pair) { return pair.begins == head.keyword; });
 }
 
+// Matches beginnings and ends once for each program; an end closes the innermost structure of its
+// kind.
 std::unordered_map<std::size_t, Program::Partner> partners_of(const Program& program) {
   struct Open {
     std::size_t line = 0, otherwise = 0;
@@ -90,9 +94,10 @@ LineHead head_of(std::string_view line) {
   const auto here = [&](std::size_t n = 0) { return at + n < line.size() ? line[at + n] : '\0'; };
   skip();
   if (here() == '/') {
-    const bool numbered_name = is_digit(here(1));
-    head.skip_level = numbered_name ? here(1) - '0' : 0;
-    at += numbered_name ? 2 : 1;
+    const bool numbered = is_digit(here(1));
+    // A plain / is level 0.
+    head.skip_level = numbered ? here(1) - '0' : 0;
+    at += numbered ? 2 : 1;
     skip();
   }
   if ((upper(here()) == 'N' || here() == ':') && is_digit(here(1))) {
@@ -101,6 +106,7 @@ LineHead head_of(std::string_view line) {
     head.number = line.substr(digits, at - digits);
     skip();
   }
+  // A line may have one label before its keyword.
   for (int labels = 0; labels < 2; ++labels) {
     head.at = head.rest = at;
     std::size_t end = at;
@@ -112,6 +118,7 @@ LineHead head_of(std::string_view line) {
       skip();
       continue;
     }
+    // Keywords have 2 to 8 letters; anything else is a word or a call.
     if (end - at < 2 || end - at > 8 || !is_letter(line[at + 1])) return head;
     std::string word;
     for (const char c : line.substr(at, end - at)) word += upper(c);
@@ -135,11 +142,13 @@ Cursor Flow::cursor_at(std::size_t line) const {
 }
 
 void Flow::run() {
+  // The machine must know before the first block whether M6 changes tools.
   run_.attempt([&] { machine_.emplace(run_, uses_m6()); });
   if (!machine_) return;
   run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.is_aborted()) {
     const Call& now = calls_.back();
+    // A repeated part ends at a line, and not at a keyword.
     if (now.part && at_ == now.end) {
       run_.attempt([&] {
         run_.count_block();
@@ -157,18 +166,20 @@ void Flow::run() {
     }
     run_.canon.set_line(now.program->first_line + int(at_), now.program->file);
     const std::size_t before = at_, depth = calls_.size();
+    // After an error reading continues at the next line, unless the line itself moved on.
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
   run_.attempt([&] { machine_->finish(); });
   warn_unread();
 }
 
-/// @return false at the end of the program
+/// Executes a line. Returns false at the end of the program.
 bool Flow::line() {
   run_.count_block();
   const std::string_view whole = calls_.back().program->lines[at_];
   const CommentSplit parts = split_comment(whole);
-  if (parts.comment && calls_.size() == 1 && at_ >= comments_to_) {  // once, not in every loop
+  // Once, not in every pass of a loop.
+  if (parts.comment && calls_.size() == 1 && at_ >= comments_to_) {
     run_.canon.comment(*parts.comment);
     comments_to_ = at_ + 1;
   }
@@ -193,9 +204,11 @@ bool Flow::block(Cursor cursor) {
   read_block(cursor, run_, *this, block_);
   const BlockResult done = machine_->execute(block_);
   const std::optional<ProgramCall> called = block_.call;
+  // P repeats the call of a subprogram.
   const long long times = block_[Address::P] ? (long long)(block_[Address::P].value) : 1;
   if (block_[Address::P] && !(times >= 1 && times <= 9999))
     run_.canon.refuse(block_[Address::P], "P of 1 to 9999");
+  // MCALL alone ends the modal call; with a name it only stores it.
   if (block_.modal) {
     if (called && !Machine::is_cycle(called->name) && find_program(called->name) == nullptr)
       run_.canon.refuse(called->cause, "a cycle or subprogram behind MCALL");
@@ -208,7 +221,9 @@ bool Flow::block(Cursor cursor) {
     return !ended_;
   }
   if (called && !machine_->cycle(*called)) call(*called, times);
+  // The modal subprogram does not call itself for its own moves.
   const bool within_modal = modal_depth_ > 0 && calls_.size() >= modal_depth_;
+  // A block that calls something else does not trigger the modal call.
   if (done.moved && modal_ && !within_modal && !called) {
     const ProgramCall again = *modal_;
     if (machine_->cycle(again)) return true;
@@ -229,7 +244,7 @@ bool Flow::is_jump(std::string_view word) {
   return word == "GOTO" || word == "GOTOF" || word == "GOTOB" || word == "GOTOC";
 }
 
-/// A word that rules the flow. @return false at the end of the program
+/// Executes a keyword of program flow. Returns false at the end of the program.
 bool Flow::keyword(const LineHead& head, Cursor cursor) {
   const std::string& word = head.keyword;
   const Cause cause = cursor.cause(head.at, head.rest);
@@ -243,6 +258,7 @@ bool Flow::keyword(const LineHead& head, Cursor cursor) {
     define(cursor);
     ++at_;
   } else if (word == "PROC" || word == "EXTERN" || word == "ENDPROC") {
+    // Declarations have been read by `bind`, or have no meaning here.
     ++at_;
   } else if (word == "RET") {
     cursor.skip_blanks();
@@ -267,6 +283,7 @@ const Program::Partner& Flow::partner(const Cursor& cursor, std::size_t at) {
   if (!program.partners) program.partners = partners_of(program);
   const auto found = program.partners->find(at);
   if (found == program.partners->end()) {
+    // The message names the missing counterpart.
     const LineHead head = head_of(cursor.text);
     std::string other = "its beginning";
     for (const Pair& pair : pairs) {
@@ -288,6 +305,7 @@ void Flow::branch(const LineHead& head, Cursor& cursor) {
     ends(cursor);
     at_ = partner(cursor, at_).line + 1;
   } else if (begins_structure(head, cursor.text)) {
+    // IF as a structure; otherwise IF with a jump in the same line.
     const Program::Partner other = partner(cursor, at_);
     const bool holds = condition(cursor);
     ends(cursor);
@@ -311,12 +329,14 @@ void Flow::loop(const LineHead& head, Cursor& cursor) {
     count_up(cursor, true);
   } else if (word == "ENDFOR") {
     ends(cursor);
+    // The counter is advanced by executing the FOR line again.
     const std::size_t back = at_;
     at_ = other;
     Cursor again = cursor_at(other);
     const LineHead first = head_of(again.text);
     again.at = first.rest;
     try {
+      // On an error the line of ENDFOR is the one that failed.
       count_up(again, false);
     } catch (const BadInput&) {
       at_ = back;
@@ -339,11 +359,13 @@ void Flow::loop(const LineHead& head, Cursor& cursor) {
   }
 }
 
-/// FOR count = first TO last: sets it, or counts it up by one, and goes on behind FOR or ENDFOR.
+/// Executes FOR count = first TO last: sets the counter, or adds one to it, and continues behind
+/// FOR or ENDFOR.
 void Flow::count_up(Cursor& cursor, bool first) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   const std::size_t to = [&] {
+    // TO is searched as a word; the text before it is the assignment, the text behind it the limit.
     for (std::size_t at = from; at + 2 < cursor.text.size(); ++at)
       if (is_blank(cursor.text[at]) && upper(cursor.text[at + 1]) == 'T' &&
           upper(cursor.text[at + 2]) == 'O' &&
@@ -361,6 +383,7 @@ void Flow::count_up(Cursor& cursor, bool first) {
   const auto counted = operand(reading);
   if (!counted) cursor.refuse(from, "a variable that is defined behind FOR");
   double now = *counted;
+  // The counter may be any variable, so it is set by an assignment as text, with all digits.
   if (!first) {
     now += 1.0;
     const std::string text =
@@ -387,6 +410,7 @@ void Flow::jump(Cursor& cursor, const std::string& how) {
 
 std::size_t Flow::line_of(const std::string& label, const std::string& how, const Cause& cause) {
   Program& program = *calls_.back().program;
+  // Labels are collected once for each program; one label may occur several times.
   if (!program.labels) {
     program.labels.emplace();
     for (std::size_t at = 0; at < program.lines.size(); ++at) {
@@ -398,12 +422,14 @@ std::size_t Flow::line_of(const std::string& label, const std::string& how, cons
   const auto found = program.labels->find(label);
   if (found != program.labels->end()) {
     const std::vector<std::size_t>& lines = found->second;
+    // GOTOF searches forwards, GOTOB backwards; GOTO forwards first, then from the beginning.
     const auto behind = std::upper_bound(lines.begin(), lines.end(), at_);
     const bool forwards = how == "GOTOF", backwards = how == "GOTOB";
     if (!backwards && behind != lines.end()) return *behind;
     if (backwards && behind != lines.begin()) return *(behind - 1);
     if (!forwards && !backwards) return lines.front();
   }
+  // GOTOC ignores a missing label.
   if (how == "GOTOC") return at_ + 1;
   run_.refuse_once(how + " " + label, cause,
                    how == "GOTOF"   ? "a label in the lines that follow"
@@ -411,7 +437,7 @@ std::size_t Flow::line_of(const std::string& label, const std::string& how, cons
                                     : "a label of this program");
 }
 
-/// CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C
+/// Example: CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C.
 void Flow::one_of(Cursor& cursor) {
   const double chosen = number_at(cursor, *this);
   if (!cursor.take_word("OF")) cursor.refuse(cursor.at, "OF behind the value of CASE");

@@ -15,38 +15,38 @@
 
 namespace abbe::sim::dialects::siemens {
 
-/// What a line begins with.
+/// The beginning of a line.
 struct LineHead {
   std::string_view number;        ///< digits behind N
   std::string label;              ///< upper case, without :
-  std::string keyword;            ///< upper case; a word that rules the flow, or empty
+  std::string keyword;            ///< upper case; a word of program flow, or empty
   std::size_t at = 0;             ///< byte of the keyword, or of the words
   std::size_t rest = 0;           ///< byte behind the keyword
-  std::optional<int> skip_level;  ///< of the / that it begins with
+  std::optional<int> skip_level;  ///< of the / at the beginning
 };
-/// @param line  without its comment
+/// Returns the beginning of a line, which must be without its comment.
 LineHead head_of(std::string_view line);
 
 /// A program or subprogram, line by line.
 struct Program {
   std::string name;  ///< upper case
-  std::string text;  ///< of a file of its own; the main program's is the caller's
+  std::string text;  ///< of a subprogram file; that of the main program belongs to the caller
   std::vector<std::string_view> lines;
   int first_line = 1, file = 0;  ///< of the canon
 
-  /// Where conditions and loops go on: the line of ELSE or ENDIF for IF, of the other end for
-  /// others. Made when first asked for.
+  /// Counterparts of conditions and loops: the line of ELSE or ENDIF for IF, the other end for
+  /// others. Built at the first use.
   struct Partner {
     std::size_t line = 0, otherwise = 0;
     bool has_else = false;
   };
   std::optional<std::unordered_map<std::size_t, Partner>> partners;
-  /// Lines of labels and of line numbers, ascending. Made when first asked for.
+  /// Lines of labels and of line numbers, ascending. Built at the first use.
   std::optional<std::unordered_map<std::string, std::vector<std::size_t>>> labels;
 };
 
-/// Runs the lines of a program: variables, expressions, conditions, loops, jumps, subprograms, and
-/// what is left as blocks of the machine.
+/// Executes the lines of a program: variables, expressions, conditions, loops, jumps and
+/// subprograms are handled here, everything else by the machine.
 class Flow : public Names {
  public:
   Flow(std::string_view text, ProgramRun& run);
@@ -58,23 +58,24 @@ class Flow : public Names {
 
  private:
   enum class Kind { Real, Integer, Truth, Text };
+  /// Type of a variable, and its sizes if it is an array.
   struct Variable {
     Kind kind = Kind::Real;
-    std::vector<int> sizes;  ///< of a field
+    std::vector<int> sizes;  ///< of an array
   };
-  /// A program that runs, or a part of it that is repeated.
+  /// A running program, or a part of it that is repeated.
   struct Call {
     Program* program = nullptr;
-    std::size_t back = 0;  ///< line to go on with in the one before
-    bool part = false;     ///< no program of its own: its variables are those of the one before
+    std::size_t back = 0;  ///< line of the caller to continue with
+    bool part = false;     ///< a repeated part, which uses the variables of the program around it
     std::size_t begin = 0, end = 0;
-    long long left = 0;  ///< times that are still to come
+    long long left = 0;  ///< repeats still to come
     std::vector<Argument> arguments = {};
     std::map<std::string, Variable, std::less<>> variables = {};
     std::map<std::string, std::string, std::less<>> texts = {};
   };
 
-  // siemens_flow.cpp
+  // Program flow.
   bool line();
   bool block(Cursor cursor);
   bool keyword(const LineHead& head, Cursor cursor);
@@ -90,7 +91,7 @@ class Flow : public Names {
   void ends(Cursor& cursor) const;
   Cursor cursor_at(std::size_t line) const;
 
-  // siemens_programs.cpp
+  // Subprograms.
   void take_programs(std::string_view text);
   bool uses_m6() const;
   Program* find_program(const std::string& name);
@@ -105,7 +106,7 @@ class Flow : public Names {
   void leave();
   void call_by_name(Cursor& cursor);
 
-  // siemens_variables.cpp
+  // Variables.
   void define(Cursor& cursor);
   void define_one(Cursor& cursor, Kind kind);
   Call& scope();
@@ -123,9 +124,10 @@ class Flow : public Names {
   Variables variables_;
   std::vector<Call> calls_;
   std::optional<ProgramCall> modal_;
-  std::size_t modal_depth_ = 0;  ///< of the subprogram that it called; 0: none
-  std::size_t at_ = 0;           ///< line of the running program, from 0
-  std::size_t comments_to_ = 0;  ///< of the main program, whose comment is not noted yet
+  std::size_t modal_depth_ = 0;  ///< call depth of the modal subprogram; 0: none runs
+  std::size_t at_ = 0;           ///< current line of the running program, from 0
+  /// First line of the main program whose comment has not been recorded.
+  std::size_t comments_to_ = 0;
   bool ended_ = false;
   Block block_;
   std::optional<Machine> machine_;

@@ -19,6 +19,7 @@ using kinematics::Chain;
 using program::Feed;
 using program::FeedMode;
 
+// Quarter turns are made exactly, so that a frame of 90 deg leaves coordinates without rounding.
 Eigen::Matrix3d rotation_about(int axis, double angle_deg) {
   const double quarters = std::round(angle_deg / 90.0);
   const double rest = (angle_deg - 90.0 * quarters) * units::deg;
@@ -31,6 +32,7 @@ Eigen::Matrix3d rotation_about(int axis, double angle_deg) {
   }
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   const int i = (axis + 1) % 3, k = (axis + 2) % 3;
+  // Adding zero turns -0 into +0.
   R(i, i) = R(k, k) = c + 0.0;
   R(k, i) = s + 0.0;
   R(i, k) = -s + 0.0;
@@ -51,13 +53,14 @@ Eigen::Matrix3d swivel_rotation(SwivelMode mode, const Eigen::Vector3i& order,
 
 std::vector<double> peck_depths(double total, const PeckParameters& words) {
   constexpr std::size_t max_pecks = 100'000;
-  constexpr double nothing = 1e-9;  // mm, what is left of a rounded depth
+  constexpr double nothing = 1e-9;  // mm, remainder of a rounded depth
   std::vector<double> depths;
   double depth = 0.0, peck = words.first;
   const double by = words.degression;
   while (total - depth > nothing) {
     if (depths.size() == max_pecks) return {};
     const double rest = total - depth;
+    // The last two pecks are of equal length if at most twice the degression remains.
     const bool halves =
         by > 0 && !depths.empty() && rest > peck + nothing && rest <= 2 * by + nothing;
     if (halves) {
@@ -67,7 +70,9 @@ std::vector<double> peck_depths(double total, const PeckParameters& words) {
     }
     depth = rest <= peck + nothing ? total : depth + peck;
     depths.push_back(depth);
+    // The degression is also the shortest peck.
     if (by > 0) peck = std::min(peck, std::max(peck - by, by));
+    // A negative degression is a factor below 1, and pecks do not become shorter than `least`.
     if (by < 0) peck = std::max(peck * std::min(-by, 1.0), std::min(words.least, words.first));
     if (!(peck > nothing)) return {};
   }
@@ -79,6 +84,7 @@ double peck_stop_distance(double total) {
 }
 
 double coarse_pitch(double size) {
+  // Sizes of the first choice of ISO 261, and M14, M18, M22, M27, M33, M39, M45 of the second.
   static constexpr std::pair<double, double> pitches[] = {
       {3, 0.5},  {4, 0.7},  {5, 0.8},  {6, 1.0},  {8, 1.25}, {10, 1.5}, {12, 1.75},
       {14, 2.0}, {16, 2.0}, {18, 2.5}, {20, 2.5}, {22, 2.5}, {24, 3.0}, {27, 3.0},
@@ -106,8 +112,10 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
       changes_by_m6_(tool_changes_by_m6),
       programmable_turns_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
+  // Work offsets are points in the workpiece whether or not one is stated.
   canon_.count_from_workpiece();
   if (run_.turning()) {
+    // A turning control starts in G18 with feed per revolution.
     plane_ = 18;
     canon_.set_feed_mode(FeedMode::PerRevolution);
   }
@@ -115,7 +123,7 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
   apply_tool();
 }
 
-/// Diameters or radii, where the program does not say which X words are.
+/// Reports whether X words are taken as diameters or radii, if the program does not state it.
 void Machine::note_diameters(const Block& block) {
   if (!run_.turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
   diameters_stated_ = true;
@@ -127,12 +135,13 @@ void Machine::note_diameters(const Block& block) {
 }
 
 double Machine::radius_of_x(bool absolute) const {
+  // DIAM90: only absolute positions are diameters.
   const bool halves =
       diameters_ == Diameters::On || (diameters_ == Diameters::Absolute && absolute);
   return halves ? 0.5 : 1.0;
 }
 
-/// Whether X counts as a diameter there is not settled.
+/// Throws BadInput where it is not settled whether X is a diameter.
 void Machine::refuse_diameters(const Value& word) const {
   if (diameters_ != Diameters::Off && word.value != 0.0)
     refuse(word, "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
@@ -147,6 +156,7 @@ const Value* Machine::first_axis_word(const Block& block) const {
   return first;
 }
 
+// The word at which messages about a motion point.
 Cause Machine::cause_of(const Block& block) const {
   if (const Code& code = block[Group::Motion]) return code.cause;
   if (const Value* axis = first_axis_word(block)) return axis->cause;
@@ -156,7 +166,7 @@ Cause Machine::cause_of(const Block& block) const {
   return {1, {}};
 }
 
-/// Words that make sense only beside others.
+/// Checks words that are valid only beside others.
 void Machine::check_words(const Block& block) const {
   using enum Address;
   for (const auto& [address, letter] : axis_addresses)
@@ -183,6 +193,8 @@ void Machine::check_words(const Block& block) const {
     if (block.wordless)
       refuse(*position, fmt::format("no axis words beside {}, which takes none",
                                     shown(block.wordless.cause.text)));
+    // Subprograms and cycles stand in blocks of their own: their order with a motion is not
+    // defined.
     if (block.call || block.modal)
       refuse(*position,
              fmt::format("{}, a cycle or subprogram, in a block of its own",
@@ -195,11 +207,13 @@ void Machine::check_words(const Block& block) const {
   if (const Value& t = block[T];
       t && !block.tool_name && (t.value < 0 || t.value != std::floor(t.value) || t.value > 1e9))
     refuse(t, "a whole tool number");
+  // A tool of the scene has one cutting edge.
   if (const Value& d = block[D]; d && d.value != 0 && d.value != 1)
     refuse(d, "D0 or D1: a tool of the scene has one edge");
   for (const auto& value : block.values)
     if (value && value.measure != Measure::Modal) {
       const Address address = Address(&value - block.values.data());
+      // Addresses of axes and centres come first in the enumeration.
       if (address <= K1 || address == AP || address == RP) continue;
       refuse(value, "a number without AC() and the like");
     }
@@ -208,15 +222,19 @@ void Machine::check_words(const Block& block) const {
 void Machine::set_feed(const Block& block) {
   if (const Code& code = block[Group::Units]) {
     canon_.set_inch(code.word == "G70" || code.word == "G700");
+    // G70 leaves F in mm; G700 also takes it in inches.
     inch_feed_ = code.word == "G700";
   }
   if (const Code& code = block[Group::FeedMode]) {
     const FeedMode mode = code.word == "G93"   ? FeedMode::InverseTime
                           : code.word == "G94" ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
+    // F has another meaning after a change of mode, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
+  // G96 and G97 switch to feed per revolution, G961 and G971 to feed per minute; G962 and G972 keep
+  // it.
   if (const Code& code = block[Group::SpeedMode];
       code && code.word != "G962" && code.word != "G972") {
     const bool per_minute = code.word == "G961" || code.word == "G971";
@@ -224,7 +242,9 @@ void Machine::set_feed(const Block& block) {
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
+  // F beside G4 is a time.
   if (block[Group::Dwell]) return;
+  // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const Value& f = block[Address::F]) {
     if (!(f.value >= min_feed)) refuse(f, "a feed above zero");
@@ -235,6 +255,7 @@ void Machine::set_feed(const Block& block) {
 void Machine::choose_master(int spindle, const Cause& cause) {
   if (spindle == master_) return;
   if (surface_speed_) refuse(cause, "G97 before another master spindle");
+  // Speed and direction of the previous master spindle are kept for its return.
   spindles_[master_] = {canon_.spindle_speed(), canon_.spindle_direction()};
   master_ = spindle;
   const Spindle chosen = spindles_[spindle];
@@ -243,15 +264,16 @@ void Machine::choose_master(int spindle, const Cause& cause) {
   canon_.turn_spindle(chosen.direction);
 }
 
-/// @param word  of S, rpm, or under G96 a surface speed
+/// Sets the speed; `word` is in rpm, under G96 a surface speed.
 void Machine::set_speed(double word, const Cause& cause) {
   if (!(word >= 0 && word <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
-  // m/min in mm, ft/min in inches
+  // Surface speed is in m/min in mm, in ft/min in inches.
   speed_ = surface_speed_ && inch_feed_ ? word * 0.3048 : word;
   if (!surface_speed_) canon_.set_spindle_speed(word);
 }
 
-/// S2=1000 and M2=3: the tool is in the master spindle. What others do is kept until SETMS.
+/// Executes S2=1000 and M2=3. The tool is in the master spindle; what others do is kept until
+/// SETMS.
 void Machine::set_numbered_spindles(const Block& block) {
   const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
   for (const SpindleWord& word : block.spindles) {
@@ -260,6 +282,7 @@ void Machine::set_numbered_spindles(const Block& block) {
       const auto [other, is_new] = spindles_.try_emplace(word.spindle);
       if (word.speed) other->second.rpm = *word.speed;
       if (!word.speed) other->second.direction = direction(word.direction);
+      // Reported once for each spindle: the program may be for a machine with another master.
       if (is_new)
         run_.warn_once(fmt::format(
             "{}:{}: {} is of spindle {} and has no effect: the tool is taken to be in the master "
@@ -286,11 +309,14 @@ void Machine::set_spindle(const Block& block) {
   if (const Code& code = block[Group::SpeedMode]) {
     const bool surface = code.word.starts_with("G96");
     if (surface && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
+    // The first G96 has no earlier surface speed to fall back on.
     if (surface && !surface_speed_ && !block[Address::S])
       refuse(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
+    // Speed and surface speed are different quantities; one must not become the other.
     if (surface != surface_speed_) speed_ = surface ? 0.0 : canon_.spindle_speed();
     surface_speed_ = surface;
   }
+  // S beside G25 and G26 is a limit, not a speed.
   const bool limits = block[Group::Limits].word.size() > 0;
   if (const Code& code = block[Group::Master]) choose_master(block.master, code.cause);
   if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !limits)
@@ -314,15 +340,17 @@ void Machine::dwell(const Block& block) {
   const Value &seconds = block[Address::F], &turns = block[Address::S];
   if (const Value* axis = first_axis_word(block))
     refuse(axis->cause, "no axis words beside G4, which takes none");
+  // G4 F is a time in seconds, G4 S a number of spindle turns.
   if (bool(seconds) == bool(turns)) refuse(code.cause, "either F or S beside G4");
   if (turns && !(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
   const double time = seconds ? seconds.value : turns.value * 60.0 / canon_.spindle_speed();
   const Cause cause = seconds ? seconds.cause : turns.cause;
   if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
+  // A dwell behind a waiting move must follow it.
   compensation_.after([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
 }
 
-/// Words that G41 and G42 do not go with.
+/// Throws BadInput for words that are not possible under G41 and G42.
 void Machine::check_compensation(const Block& block) const {
   if (!compensation_.on()) return;
   const Code& side = block[Group::CutterRadius];
@@ -345,12 +373,13 @@ void Machine::choose_system(const Code& code) {
            fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
                        "(`offsets`): $P_UIFR[{}]",
                        number - 500));
+  // G54 to G57 are systems 1 to 4, G505 and G506 are 5 and 6, larger numbers are the same.
   const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
   system_ = number - first;
   apply_frame();
 }
 
-/// Modes that the block states, then those it depends on.
+/// Records the modes that a block states, then those that it depends on.
 void Machine::note_start_modes(const Block& block) {
   const std::pair<Group, StartMode> groups[] = {
       {Group::Units, StartMode::Units},          {Group::Distance, StartMode::Distance},
@@ -375,6 +404,8 @@ void Machine::note_start_modes(const Block& block) {
   if (!block[Group::WithoutOffset]) run_.assume_offset(system_ + 1, "work offset G54");
 }
 
+// Order of execution: units and feed, spindle, plane, distance, tool, offset, transformation,
+// compensation.
 void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::Diameters]) {
     if (code.word != "DIAMOF" && !run_.turning())
@@ -432,13 +463,14 @@ std::optional<double> Machine::position(char letter, bool of_the_axis) const {
   return canon_.is_linear(j) ? value / unit() : value / units::deg;
 }
 
-/// A tool of the scene: by its number, by its name, or the only one.
+/// Returns the tool of the scene: by its number, by its name, or the only one.
 int Machine::number_of_tool(const Block& block) const {
   const Value& word = block[Address::T];
   if (!block.tool_name) return int(word.value);
   const std::string& name = *block.tool_name;
   const auto& numbers = canon_.options().tool_number;
   if (const auto known = numbers.find(name); known != numbers.end()) return known->second;
+  // A name of digits is usually the number.
   if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
     return std::stoi(name);
   if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
@@ -458,6 +490,7 @@ void Machine::call_tools(const Block& block) {
   if (t) selected_ = number_of_tool(block);
   if (t && !program::knows_tool(canon_.options(), selected_))
     refuse(t.cause, "a tool of the tool table");
+  // With M6 T only selects; without it T changes.
   const bool changes = change || (t && !changes_by_m6_);
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
@@ -465,7 +498,8 @@ void Machine::call_tools(const Block& block) {
   if (change) text += text.empty() ? "M6" : " M6";
   if (!text.empty()) canon_.aside(std::move(text));
   if (!changes && !d) return;
-  compensation_.clear_leaving();  // a control looks again where its axes stand
+  compensation_.clear_leaving();  // a control reads its axis positions anew after a tool change
+  // A new tool is active with D1; T0 has no length.
   if (changes) length_counts_ = true;
   if (d) length_counts_ = d.value != 0;
   if (changes && tool_ == 0) length_counts_ = false;
@@ -476,7 +510,7 @@ void Machine::call_tools(const Block& block) {
   apply_tool();
 }
 
-/// Whatever tool is in the spindle, there is one length.
+/// Returns true if the length is the same whichever tool is in the spindle.
 bool Machine::has_single_length() const {
   const auto& lengths = canon_.options().tool_length;
   return !lengths.empty() && canon_.options().control_of_h.empty() &&
@@ -502,6 +536,7 @@ std::optional<double> Machine::nose_radius(int tool) const {
   const auto& radii = canon_.options().tool_radius;
   auto own = radii.find(tool);
   if (own == radii.end())
+    // With one tool in the scene its radius applies whatever its number.
     if (const auto only = program::only_tool(canon_.options())) own = radii.find(*only);
   return own == radii.end() ? std::nullopt : std::optional(own->second);
 }
@@ -516,6 +551,8 @@ void Machine::set_compensation(const Code& code) {
     if (!compensation_.on()) return;
     compensation_.end();
     if (!run_.turning()) return;
+    // The programmed point changes between tip and centre of the nose when compensation ends or
+    // begins.
     apply_tool();
     return compensation_.shift_programmed(programmed_nose_offset());
   }
@@ -525,6 +562,7 @@ void Machine::set_compensation(const Code& code) {
   const Plane in = plane(code.cause);
   const Eigen::Matrix3d R = total_rotation();
   const int across = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
+  // 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about the normal of the plane only.
   if (std::abs(R(across, across) - 1.0) > 1e-14)
     refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
                            std::string(code.word) + " in it");
@@ -533,12 +571,12 @@ void Machine::set_compensation(const Code& code) {
   if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
   compensation_.begin(left, *radius, {in.first, in.second});
   if (!run_.turning()) return;
-  apply_tool();  // G41 and G42 lead the centre of the nose beside the contour
+  apply_tool();  // under G41 and G42 the centre of the nose is led
   compensation_.shift_programmed(-programmed_nose_offset());
 }
 
-/// On a machine with rotary axes the length of a tool is that of its chain, on a turning control it
-/// is measured so that X Z lead its tip, else it is added to Z.
+/// On a machine with rotary axes the tool length is that of its chain; on a turning control it is
+/// measured, so that X Z lead the tip; on others it is added to Z.
 void Machine::apply_tool() {
   canon_.set_tool_shift(tip_mode() ? AxisVector() : active_tool_shift());
   apply_frame();
@@ -554,11 +592,13 @@ AxisVector Machine::active_tool_shift() const {
   }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
+  // Nose minus tip at zero is the length of the tool in all three directions.
   if (zero && zero->places && turning_.possible()) {
     const auto& options = canon_.options();
     const auto own = options.control_of_h.find(tool_);
     const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
     const auto tip_w = program::tip_at_zero(chain);
+    // D0 takes the length off, so that X Y Z lead the nose.
     if (!tip_w || (!length_counts_ && knows_tool())) return {};
     for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];
     return shift;

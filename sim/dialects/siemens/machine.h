@@ -12,88 +12,88 @@
 #include "sim/dialects/tool_compensation.h"
 #include "sim/dialects/tool_vectors.h"
 
-/// Frames of Siemens 840D: how they are turned and put behind each other.
+/// Frames and state of a Siemens 840D.
 namespace abbe::sim::dialects::siemens {
 
-/// Rotation about X (0), Y (1) or Z (2) by an angle in degrees, right-handed. Multiples of 90 deg
-/// have sines and cosines of 0 and 1 exactly.
+/// Returns the right-handed rotation about X (0), Y (1) or Z (2) by an angle in degrees. Multiples
+/// of 90 deg have sines and cosines of exactly 0 and 1.
 Eigen::Matrix3d rotation_about(int axis, double angle_deg);
 
-/// p' = rotation p + shift, of X Y Z in mm.
+/// A frame: p' = rotation p + shift, of X Y Z in mm.
 struct Placement {
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
 
   bool is_none() const { return shift.isZero(0.0) && rotation.isIdentity(0.0); }
 };
-/// `second` in the coordinates that `first` makes.
+/// Returns `second` as a frame in the coordinates of `first`.
 Placement behind(const Placement& first, const Placement& second);
 
-/// How CYCLE800 counts its angles.
+/// Meaning of the angles of CYCLE800.
 enum class SwivelMode { AxisByAxis, SolidAngle };
 
-/// The rotation of a swivelled plane: by three angles about the axes in `order` (0 X, 1 Y, 2 Z),
-/// each about the axis as the ones before have turned it; by solid angle about Z, then about the Y
-/// that was turned.
+/// Returns the rotation of a swivelled plane: axis by axis about the axes in `order` (0 X, 1 Y, 2
+/// Z), each as rotated by the previous ones; by solid angle about Z, then about the rotated Y.
 Eigen::Matrix3d swivel_rotation(SwivelMode mode, const Eigen::Vector3i& order,
                                 const Eigen::Vector3d& angles_deg);
 
 // Depths of drilling cycles.
 
-/// Positions along a hole, mm.
+/// Levels along a hole, mm.
 struct HoleLevels {
   double retract = 0.0, reference = 0.0, start = 0.0, bottom = 0.0;
 };
 
-/// How CYCLE83 goes down, mm.
+/// Depths of CYCLE83, mm.
 struct PeckParameters {
-  double first = 0.0;  ///< from the reference plane, > 0, at most the whole
-  double degression =
-      0.0;             ///< by which each peck is shorter; below zero the factor of each; 0: none
-  double least = 0.0;  ///< shortest peck where degression is a factor
+  double first = 0.0;  ///< from the reference plane, > 0, at most the total depth
+  /// Amount by which each peck is shorter, > 0; below zero the factor of each peck; 0: none.
+  double degression = 0.0;
+  double least = 0.0;  ///< shortest peck if degression is a factor
 };
 
-/// Depths below the reference plane at the end of each peck, the last one `total`: a peck is
-/// shorter than the one before by the degression as long as that leaves more than the degression,
-/// then as long as it; what is left once it is at most twice that is halved. Empty for more than
-/// 1e5 pecks.
+/// Returns the depths below the reference plane at the end of each peck; the last one is `total`. A
+/// peck is shorter than the previous one by the degression as long as more than the degression
+/// remains, then it stays at the degression; once at most twice the degression remains, the rest is
+/// halved. Returns an empty list for more than 1e5 pecks.
 std::vector<double> peck_depths(double total, const PeckParameters& words);
 
-/// How far above the last depth a drill that has cleared its chips goes on with the feed: 0.6 mm,
-/// beyond 30 mm of depth a fiftieth of it, at most 7 mm.
+/// Returns the distance above the last depth at which a drill continues at feed after clearing its
+/// chips: 0.6 mm, beyond 30 mm of depth a fiftieth of the depth, at most 7 mm.
 double peck_stop_distance(double total);
 
-/// Pitch of a metric coarse thread M3 to M48 of the first choice (ISO 261), mm; 0 for others.
+/// Returns the pitch of a metric coarse thread M3 to M48 in whole millimetres (ISO 261), mm; 0 for
+/// other sizes.
 double coarse_pitch(double size);
 
-/// What came of a block.
+/// Result of a block.
 struct BlockResult {
-  bool moved = false;  ///< it had words of motion: a modal call follows
-  bool ends = false;   ///< the end of the program or subprogram
+  bool moved = false;  ///< it had words of motion, so a modal call follows
+  bool ends = false;   ///< end of the program or subprogram
 };
 
-/// The control as its words command it: modes, frames, tools, and the moves that they make on the
-/// canon.
+/// State of the control as its words command it: modes, frames, tools, and the moves that they make
+/// on the canon.
 class Machine {
  public:
-  /// @param tool_changes_by_m6  M6 puts the tool of T into the spindle; else T does
+  /// `tool_changes_by_m6`: M6 changes to the tool of T; otherwise T itself does.
   Machine(ProgramRun& run, bool tool_changes_by_m6);
 
   BlockResult execute(const Block& block);
-  /// What is still to be put out, at the end of the program.
+  /// Makes the moves that still wait at the end of the program.
   void finish() { compensation_.finish(); }
-  /// Drilling cycles and CYCLE800. @return false where the control has no cycle of that name
+  /// Executes a drilling cycle or CYCLE800. Returns false if the control has no cycle of that name.
   bool cycle(const ProgramCall& call);
   static bool is_cycle(std::string_view name);
 
-  /// Where an axis stands in the workpiece ($AA_IW) or as an axis ($AA_IM), mm or inch and degrees;
-  /// none where the machine has none of that letter.
+  /// Returns the position of an axis in the workpiece ($AA_IW) or as an axis ($AA_IM), mm or inch
+  /// and degrees; nothing if the machine has no axis of that letter.
   std::optional<double> position(char letter, bool of_the_axis) const;
 
  private:
   using AxisVector = kinematics::AxisVector;
 
-  // siemens_machine.cpp
+  // Words and modes.
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {
     canon_.refuse(cause, std::move(expected), std::move(seen));
@@ -115,7 +115,8 @@ class Machine {
   const Value* first_axis_word(const Block& block) const;
   Cause cause_of(const Block& block) const;
 
-  /// Where the program is, beside which the tool may be: as axes, and in program coordinates.
+  /// Return the programmed position, from which the tool may be offset: as axes, and in program
+  /// coordinates.
   AxisVector here() const {
     return compensation_.on() || compensation_.leaving() ? compensation_.programmed()
                                                          : canon_.position();
@@ -123,17 +124,18 @@ class Machine {
   AxisVector programmed_here() const { return canon_.unplaced(here()); }
   void check_compensation(const Block& block) const;
 
-  // siemens_tools.cpp
+  // Tools.
   void set_compensation(const Code& code);
   int number_of_tool(const Block& block) const;
   bool has_single_length() const;
   bool knows_tool() const { return tool_ >= 0 || has_single_length(); }
   double active_tool_length(const Cause& cause) const;
   void apply_tool();
-  /// (axes) of the length that counts where the axes are commanded; empty for none.
+  /// Returns the shift, (axes), of the tool length in force while the axes are commanded; empty:
+  /// none.
   AxisVector active_tool_shift() const;
 
-  // siemens_frames.cpp
+  // Frames.
   bool tip_mode() const { return traori_ || (swivel_ && swivel_->turned); }
   void apply_frame();
   void change_transformation(const Code& code);
@@ -147,13 +149,13 @@ class Machine {
   Eigen::Matrix3d total_rotation() const;
 
   void note_diameters(const Block& block);
-  /// What a number of X is multiplied by to be a radius.
+  /// Returns the factor that turns an X value into a radius.
   double radius_of_x(bool absolute) const;
   void refuse_diameters(const Value& word) const;
   std::optional<double> nose_radius(int tool) const;
   AxisVector programmed_nose_offset() const;
 
-  // siemens_motion.cpp
+  // Straight motion.
   bool move(const Block& block);
   Target block_target(const Block& block, bool machine) const;
   void put_word(Target& target, int j, const Value& word, bool machine) const;
@@ -163,15 +165,17 @@ class Machine {
   void put_straight(program::Straight move, bool rapid);
   void to_machine(const Block& block);
   void thread(const Block& block, AxisVector end);
-  /// Rotary axes of `end` by A3 B3 C3.
+  /// Sets the rotary axes of `end` by A3 B3 C3.
   void point_tool(const Block& block, AxisVector& end) const;
-  /// A line that turns the tool on a great circle.
+  /// Issues a line that changes the tool direction on a great circle.
   void great_circle(program::Straight move);
 
-  // siemens_arcs.cpp
+  // Arcs.
+
+  /// The plane of arcs.
   struct Plane {
     std::string_view letters;       ///< "XY"
-    std::array<Address, 3> centre;  ///< of the first axis, the second, the one across
+    std::array<Address, 3> centre;  ///< of the first axis, the second, and the normal
     int first = 0, second = 1;      ///< joints
     int across = 2;
   };
@@ -181,7 +185,7 @@ class Machine {
   void put_arc(const Block& block, program::ArcMove move);
   AxisVector centre_of(const Block& block, const Plane& plane, const Cause& cause) const;
 
-  // siemens_cycles.cpp
+  // Cycles.
   friend class Hole;
 
   static constexpr double inch_mm = 25.4;
@@ -202,16 +206,16 @@ class Machine {
     double rpm = 0.0;
     int direction = 0;
   };
-  int master_ = 1;                   ///< spindle that carries the tool; S and M are its own
-  std::map<int, Spindle> spindles_;  ///< others, as their words left them
+  int master_ = 1;  ///< spindle that carries the tool; S and M without number are its own
+  std::map<int, Spindle> spindles_;  ///< other spindles, as their words left them
   int selected_ = -1, tool_ = -1;    ///< of T; in the spindle
   bool length_counts_ = true;        ///< D1
-  int system_ = 0;                   ///< of the offsets, counted from 0: G54; -1 G500
+  int system_ = 0;                   ///< index of the work offset: 0 is G54; -1 is G500
   bool traori_ = false;
   bool workpiece_frame_ = true;          ///< ORIWKS
-  std::optional<bool> on_great_circle_;  ///< of ORIVECT and ORIAXES
+  std::optional<bool> on_great_circle_;  ///< ORIVECT true, ORIAXES false; empty: not programmed
   Placement programmable_;
-  AxisVector programmable_turns_;  ///< (axes) rad, mm of other slides
+  AxisVector programmable_turns_;  ///< (axes) rad, mm of additional linear axes
   struct Swivel {
     Placement frame;
     bool turned = false;  ///< the rotary axes stand so that the tool is along its z

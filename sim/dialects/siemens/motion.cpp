@@ -25,10 +25,10 @@ constexpr std::pair<Address, char> axes_of_words[] = {
     {Address::X, 'X'}, {Address::Y, 'Y'}, {Address::Z, 'Z'}, {Address::A, 'A'}, {Address::B, 'B'},
     {Address::C, 'C'}, {Address::U, 'U'}, {Address::V, 'V'}, {Address::W, 'W'}};
 
-/// The angle of an axis that stands at `now` and is to go to `wanted` as the words say, rad.
+/// Returns the angle to which an axis at `now` moves for a programmed angle, rad.
 double turned_to(double wanted, double now, Measure measure) {
   const double round = std::remainder(wanted - now, 2 * pi);  // -pi .. pi
-  constexpr double there = 1e-9;                              // rad, no turn
+  constexpr double there = 1e-9;  // rad, below it the axis is already there
   switch (measure) {
     case Measure::Shortest:
       return now + round;
@@ -47,6 +47,7 @@ void Machine::put_word(Target& target, int j, const Value& word, bool machine) c
   const bool linear = canon_.is_linear(j);
   const bool step =
       word.measure == Measure::Step || (word.measure == Measure::Modal && incremental_);
+  // Incremental X of DIAM90 is a radius, absolute X a diameter.
   const double radius = j == joint(0) ? radius_of_x(!step) : 1.0;
   const double value = word.value * (linear ? unit() * radius : units::deg);
   const bool turns = word.measure == Measure::Shortest || word.measure == Measure::Upwards ||
@@ -54,6 +55,7 @@ void Machine::put_word(Target& target, int j, const Value& word, bool machine) c
   if (turns && linear) refuse(word, "a rotary axis with DC, ACP and ACN");
   if (turns) {
     const double now = machine ? canon_.position()[j] : programmed_here()[j];
+    // A direction decided here must not be changed by the roll-over rule of the axis.
     return target.turn_to(j, turned_to(value, now, word.measure), word);
   }
   if (step && machine) refuse(word, "an absolute position beside SUPA and G53");
@@ -71,11 +73,13 @@ Target Machine::block_target(const Block& block, bool machine) const {
   return target;
 }
 
-/// The pole, in program coordinates of the plane.
+/// Sets the pole of polar coordinates, in program coordinates of the plane.
 void Machine::set_pole(const Block& block) {
   const Code& code = block[Group::Pole];
   const Plane in = plane(code.cause);
   const AxisVector p = canon_.programmed();
+  // G110 counts from the current position, G111 from the zero of the workpiece, G112 from the last
+  // pole.
   const Eigen::Vector2d from = code.word == "G110"   ? Eigen::Vector2d(p[in.first], p[in.second])
                                : code.word == "G111" ? Eigen::Vector2d(0, 0)
                                                      : pole_.at;
@@ -87,6 +91,7 @@ void Machine::set_pole(const Block& block) {
   for (int k = 0; k < 2; ++k) {
     const Address address = Address(in.letters[std::size_t(k)] - 'X');
     if (const Value& word = block[address]) {
+      // It is not documented whether X is a diameter here.
       if (address == Address::X) refuse_diameters(word);
       by[k] = word.value * unit();
     }
@@ -94,6 +99,7 @@ void Machine::set_pole(const Block& block) {
   pole_ = {from + by};
 }
 
+// RP and AP stay until they are programmed again.
 void Machine::put_polar(Target& target, const Block& block) {
   const Value &radius = block[Address::RP], &angle = block[Address::AP];
   if (!radius && !angle) return;
@@ -112,9 +118,10 @@ void Machine::put_polar(Target& target, const Block& block) {
   target.to(in.second, pole_.at.y() + pole_.radius * std::sin(a), cause);
 }
 
-/// What forbids a move in the coordinates of the workpiece.
+/// Throws BadInput if moves in workpiece coordinates are not possible.
 void Machine::check_motion(const Block& block) const {
   const Cause cause = cause_of(block);
+  // In tip mode the chain contains the length of the tool; D0 would take it off.
   if (tip_mode() && !length_counts_)
     refuse(cause, "D1 before a move of the tip: the length of the tool counts in it");
   if (swivel_ && !swivel_->turned && !traori_ &&
@@ -124,10 +131,13 @@ void Machine::check_motion(const Block& block) const {
   if (swivel_ && swivel_->turned && !traori_)
     for (const Address address : {Address::A, Address::B, Address::C})
       if (block[address]) refuse(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
+  // On a machine with rotary axes the length of the scene's tool is part of the coordinates, so
+  // that the missing length matters with D0; on others with D1.
   const bool length_matters = turning_.possible() ? !length_counts_ : length_counts_;
   if (length_matters && !knows_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
     refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
+  // With one tool there is no doubt which one is meant.
   if (tool_ < 0 && motion_ != "G0" && length_counts_ && has_single_length())
     run_.uncalled_tool(cause, "no tool called");
 }
@@ -144,17 +154,21 @@ void Machine::point_tool(const Block& block, AxisVector& end) const {
   const Cause cause = a ? a.cause : b ? b.cause : c.cause;
   for (const Address address : {Address::A, Address::B, Address::C})
     if (block[address]) refuse(block[address], "either rotary axes or A3= B3= C3=");
+  // A3 B3 C3 need not have length 1 on this control.
   const Eigen::Vector3d direction(a.value, b.value, c.value);
   if (!(direction.norm() > 1e-6)) refuse(cause, "a direction of the tool that is not zero");
+  // The direction is programmed in the frames in force.
   const auto all = turning_.positions(total_rotation() * direction.normalized(), end);
   if (all.empty())
     refuse(cause, "a direction that the rotary axes reach",
            fmt::format("({:.6g}, {:.6g}, {:.6g})", a.value, b.value, c.value));
+  // The nearest solution comes first.
   end = all.front();
 }
 
 void Machine::great_circle(Straight move) {
   const bool ruled = on_great_circle_.has_value();
+  // The rule depends on machine data that a program does not show, so it is reported.
   if (!ruled && workpiece_frame_)
     run_.warn_once(
         "lines turn the tool on great circles, as ORIWKS does where a machine has no other rule: "
@@ -166,18 +180,20 @@ void Machine::great_circle(Straight move) {
   feed_along_segments(canon_, turning_, pieces, move);
 }
 
-/// G53, G153, SUPA: the axes themselves; a tool length that counts lies between Z and its tip.
+/// G53, G153, SUPA: machine coordinates. A tool length in force lies between Z and the tip.
 void Machine::to_machine(const Block& block) {
   const Code& code = block[Group::WithoutOffset];
   const Value* axis = first_axis_word(block);
   if (axis == nullptr) return;
   if (motion_ != "G0" && motion_ != "G1")
     refuse(code.cause, "G0 or G1 beside " + shown(code.cause.text));
+  // With TRAORI machine coordinates are not those of X Y Z words.
   if (traori_) refuse(code.cause, "TRAFOOF before " + shown(code.cause.text));
   if (tip_mode() && length_counts_)
     refuse(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = block_target(block, true);
+  // On a turning control the length in force has X and Z.
   if (const AxisVector shift = active_tool_shift(); run_.turning() && shift.size() > 0) {
     for (const Address address : {Address::X, Address::Y, Address::Z})
       if (const Value& word = block[address]) {
@@ -191,10 +207,11 @@ void Machine::to_machine(const Block& block) {
   if (tip_mode()) canon_.go_to(Coordinates::Tip, code.cause);
 }
 
-/// A line at so much per turn of the spindle, whatever F says.
+/// A line at a feed per spindle turn, whatever F is (G33).
 void Machine::thread(const Block& block, AxisVector end) {
   const Cause cause = cause_of(block);
   const AxisVector way = end - canon_.position();
+  // The pitch is that of the axis with the longest path, as on the control.
   int longest = 0;
   for (int k = 1; k < 3; ++k)
     if (joint(k) >= 0 &&
@@ -211,8 +228,10 @@ void Machine::thread(const Block& block, AxisVector end) {
   const FeedMode mode = canon_.feed_mode();
   const auto feed = canon_.feed();
   canon_.set_feed_mode(FeedMode::PerRevolution);
+  // The feed along the path is larger than the pitch by the slope.
   const double slant = along > 0 ? std::sqrt(squares) / along : 1.0;
   canon_.set_feed(Feed{std::abs(pitch.value) * slant, unit()});
+  // F and its mode are restored on errors too, or every later block would get the wrong time.
   const auto again = [&] {
     canon_.set_feed_mode(mode);
     canon_.set_feed(feed);
@@ -226,12 +245,13 @@ void Machine::thread(const Block& block, AxisVector end) {
   again();
 }
 
-/// @return whether the block had words of motion
+/// Executes the motion of a block. Returns true if the block had words of motion.
 bool Machine::move(const Block& block) {
   if (block[Group::WithoutOffset]) {
     to_machine(block);
     return first_axis_word(block) != nullptr;
   }
+  // A3 B3 C3 alone rotate the tool about its tip; I J K or CR alone make a full circle.
   const bool points = block[Address::A3] || block[Address::B3] || block[Address::C3];
   const bool polar = block[Address::AP] || block[Address::RP];
   const bool round = motion_ == "G2" || motion_ == "G3" || motion_ == "CIP";
@@ -257,6 +277,7 @@ bool Machine::move(const Block& block) {
   point_tool(block, end);
   Straight move{std::move(end), cause_of(block), false, target.stated()};
   bool turns = false;
+  // Great circles apply to G1 only; rapids move the rotary axes in proportion.
   for (const int j : turning_.rotary()) turns = turns || move.end[j] != canon_.position()[j];
   if (traori_ && turns && motion_ == "G1" && on_great_circle_.value_or(workpiece_frame_))
     great_circle(std::move(move));
@@ -279,7 +300,7 @@ Machine::Plane Machine::plane(const Cause& cause) const {
   return in;
 }
 
-/// The centre by I J K, in program coordinates.
+/// Returns the centre by I J K, in program coordinates.
 AxisVector Machine::centre_of(const Block& block, const Plane& in, const Cause& cause) const {
   const Value &first = block[in.centre[0]], &second = block[in.centre[1]];
   if (const Value& across = block[in.centre[2]])
@@ -290,7 +311,7 @@ AxisVector Machine::centre_of(const Block& block, const Plane& in, const Cause& 
   const auto put = [&](int j, const Value& word) {
     if (!word) return;
     const bool absolute = word.measure == Measure::Absolute;
-    // an I from the start is a radius under DIAMON too
+    // An incremental I is a radius even with DIAMON.
     const double radius = absolute && j == joint(0) ? radius_of_x(true) : 1.0;
     const double value = word.value * unit() * radius;
     p[j] = absolute ? value : p[j] + value;
@@ -307,6 +328,7 @@ void Machine::arc(const Block& block, const Target& words) {
               &more = block[Address::TURN];
   const bool polar = block[Address::AP] || block[Address::RP];
   const bool centre = block[Address::I] || block[Address::J] || block[Address::K];
+  // The ways to program an arc exclude each other.
   if (radius && (angle || centre || polar)) refuse(radius, "one of CR=, AR=, I J K and a pole");
   if (polar && (angle || centre)) refuse(cause, "one of CR=, AR=, I J K and a pole");
   Target target = words;
@@ -318,6 +340,7 @@ void Machine::arc(const Block& block, const Target& words) {
                .named = radius  ? radius.cause
                         : angle ? angle.cause
                                 : cause};
+  // AR=360 would have no end that defines it.
   if (angle && !(angle.value > 0 && angle.value < 360))
     refuse(angle, "AR of more than 0 to less than 360 degrees");
   const double turn = angle.value * units::deg;
@@ -329,6 +352,7 @@ void Machine::arc(const Block& block, const Target& words) {
   } else if (centre || (!radius && !angle)) {
     p = centre_of(block, in, cause);
   }
+  // AR with the centre: the end is the start rotated about the centre.
   if (angle && centre) {
     if (target.has(in.first) || target.has(in.second))
       refuse(angle, "AR= beside either the centre or the end");
@@ -348,6 +372,8 @@ void Machine::arc(const Block& block, const Target& words) {
   } else {
     const AxisVector from = programmed_here(), to = canon_.unplaced(move.end);
     const double chord = std::hypot(to[in.first] - from[in.first], to[in.second] - from[in.second]);
+    // AR with the end: the radius follows from the chord; more than half a turn is the arc of
+    // negative radius.
     const double r = chord / (2 * std::sin(0.5 * turn));
     move.radius = turn > pi ? -r : r;
   }
@@ -359,6 +385,7 @@ void Machine::arc(const Block& block, const Target& words) {
 }
 
 void Machine::put_arc(const Block& block, ArcMove move) {
+  // Compensation begins and ends with a line, whose direction defines the entry.
   if (compensation_.leaving()) refuse(move.cause, "a line as the first move after G40");
   if (compensation_.on()) {
     if (!compensation_.entered()) refuse(move.cause, "a line as the first move after G41 and G42");
@@ -367,6 +394,7 @@ void Machine::put_arc(const Block& block, ArcMove move) {
   const AxisVector start = canon_.position();
   point_tool(block, move.end);
   for (const int j : turning_.rotary())
+    // An arc on which the tool turns on a great circle is not defined by its plane alone.
     if (traori_ && move.end[j] != start[j] && on_great_circle_.value_or(workpiece_frame_))
       refuse(move.cause, "ORIAXES before an arc that turns the tool");
   canon_.arc(std::move(move));
@@ -374,8 +402,7 @@ void Machine::put_arc(const Block& block, ArcMove move) {
 
 namespace {
 
-/// Centre and normal of the circle through three points, along which it is counter-clockwise; none
-/// where they lie on a line.
+/// Circle through three points along which it is counter-clockwise.
 struct Circle {
   Vector3d centre, normal;
 };
@@ -383,6 +410,7 @@ struct Circle {
 std::optional<Circle> circle_through(const Vector3d& start, const Vector3d& between,
                                      const Vector3d& end) {
   const Vector3d a = between - start, b = end - start, n = a.cross(b);
+  // Relative 1e-9: the points lie on a line within rounding.
   if (!(n.norm() > 1e-9 * a.norm() * b.norm()) || !(n.norm() > 1e-12)) return std::nullopt;
   const Vector3d to_centre =
       (a.squaredNorm() * b - b.squaredNorm() * a).cross(n) / (2 * n.squaredNorm());
@@ -391,7 +419,7 @@ std::optional<Circle> circle_through(const Vector3d& start, const Vector3d& betw
 
 }  // namespace
 
-/// CIP: the circle through a point between, in the plane of the three points.
+/// CIP: the circle through an intermediate point, in the plane of the three points.
 void Machine::arc_through(const Block& block, const Target& target) {
   const Cause cause = cause_of(block);
   for (int k = 0; k < 3; ++k)
@@ -400,6 +428,7 @@ void Machine::arc_through(const Block& block, const Target& target) {
   for (int k = 0; k < 3; ++k) {
     const Value& word = block[Address(int(Address::I1) + k)];
     if (!word) continue;
+    // It is not documented whether I1 is a diameter.
     if (k == 0) refuse_diameters(word);
     const bool step =
         word.measure == Measure::Step || (word.measure == Measure::Modal && incremental_);
@@ -419,12 +448,16 @@ void Machine::arc_through(const Block& block, const Target& target) {
   program::Frame of_the_arc{frame.shift, std::nullopt};
   int across = 0;
   const double most = circle->normal.cwiseAbs().maxCoeff(&across);
+  // 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: the plane of two axes
   constexpr double in_plane = 1e-14;
+  // In a plane of two axes no rotation is needed.
   if (most > 1 - in_plane) {
     move.first = joint((across + 1) % 3);
     move.second = joint((across + 2) % 3);
     move.clockwise = circle->normal[across] < 0;
   } else {
+    // Otherwise the frame is rotated for this one arc; x points at the start, so that its angle is
+    // zero.
     Eigen::Matrix3d R;
     R.col(0) = (xyz(start) - circle->centre).normalized();
     R.col(2) = circle->normal;
@@ -433,6 +466,7 @@ void Machine::arc_through(const Block& block, const Target& target) {
     move.first = joint(0);
     move.second = joint(1);
   }
+  // The frame in force is restored in any case.
   canon_.set_frame(system_, std::move(of_the_arc));
   try {
     put_arc(block, std::move(move));

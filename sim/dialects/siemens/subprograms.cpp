@@ -16,13 +16,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Names are compared in upper case.
 std::string to_capitals(std::string_view text) {
   std::string all;
   for (const char c : text) all += upper(c);
   return all;
 }
 
-/// NAME of a head %_N_NAME_MPF or _SPF; none if the line is no head.
+/// Returns NAME of a header %_N_NAME_MPF or %_N_NAME_SPF; nothing if the line is no header.
 std::optional<std::string> program_name_in_head(std::string_view line) {
   const std::string text = to_capitals(line.substr(0, line.find_first_of(" \t;")));
   if (!text.starts_with("%_N_")) return std::nullopt;
@@ -35,7 +36,7 @@ bool is_not_blank(std::string_view line) {
   return split_comment(line).block.find_first_not_of(" \t") != std::string_view::npos;
 }
 
-/// The programs of a text: at each head begins another. At least one.
+/// Splits a text into programs: each header begins another one. There is at least one.
 std::vector<std::unique_ptr<Program>> split(std::string_view text) {
   std::vector<std::unique_ptr<Program>> all;
   all.push_back(std::make_unique<Program>());
@@ -43,6 +44,7 @@ std::vector<std::unique_ptr<Program>> split(std::string_view text) {
   while (const auto line = lines.next()) {
     if (const auto name = program_name_in_head(*line)) {
       Program& before = *all.back();
+      // Only blank lines before the first header: they belong to no program.
       if (all.size() > 1 || std::any_of(before.lines.begin(), before.lines.end(), is_not_blank))
         all.push_back(std::make_unique<Program>());
       else
@@ -56,7 +58,7 @@ std::vector<std::unique_ptr<Program>> split(std::string_view text) {
   return all;
 }
 
-/// M6 or M06 as a word.
+/// Returns true if the line contains M6 or M06 as a word.
 bool has_m6(std::string_view line) {
   for (std::size_t at = 0; at + 1 < line.size(); ++at) {
     if (upper(line[at]) != 'M' || (at > 0 && is_letter(line[at - 1]))) continue;
@@ -72,6 +74,7 @@ bool has_m6(std::string_view line) {
 
 void Flow::take_programs(std::string_view text) { programs_ = split(text); }
 
+// Without any M6 in the text T changes the tool at once, as machine data may set it.
 bool Flow::uses_m6() const {
   return std::any_of(programs_.begin(), programs_.end(), [](const auto& program) {
     return std::any_of(program->lines.begin(), program->lines.end(),
@@ -88,6 +91,7 @@ Program* Flow::load_program_file(const fs::path& file, const std::string& name) 
   program->first_line = parts.front()->first_line;
   program->name = name;
   program->file = run_.canon.add_file(file.string());
+  // A file named after a subprogram contains that one only.
   if (parts.size() > 1)
     run_.warn_once(
         fmt::format("{}:{}: a second program, {}, is not read: a subprogram has a file of its own",
@@ -96,7 +100,7 @@ Program* Flow::load_program_file(const fs::path& file, const std::string& name) 
   return programs_.back().get();
 }
 
-/// In the text behind its head, or in a file of its name; null where there is none.
+/// Searches a subprogram in the text, then in a file of its name. Returns null if there is none.
 Program* Flow::find_program(const std::string& name) {
   if (const auto known = found_.find(name); known != found_.end()) return known->second;
   Program* found = nullptr;
@@ -107,6 +111,7 @@ Program* Flow::find_program(const std::string& name) {
     std::string small = name;
     std::transform(small.begin(), small.end(), small.begin(),
                    [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+    // Linux distinguishes case in file names, the control does not.
     for (const std::string& file : {name + ".SPF", name + ".spf", small + ".spf", small + ".SPF"}) {
       std::error_code none;
       if (!fs::is_regular_file(folder / file, none)) continue;
@@ -120,6 +125,7 @@ Program* Flow::find_program(const std::string& name) {
 
 void Flow::call(const ProgramCall& called, long long times) {
   Program* program = find_program(called.name);
+  // A call of a name whose definition has an error is not reported again.
   run_.require_certain(called.name, called.cause);
   if (program == nullptr)
     return run_.unknown(called.cause,
@@ -135,6 +141,7 @@ void Flow::enter(Program& program, const ProgramCall& called, long long times) {
       {.program = &program, .back = at_, .left = times - 1, .arguments = called.arguments});
   variables_.enter();
   at_ = 0;
+  // On an error in the parameters the call is undone, so that reading continues behind it.
   try {
     bind(program, called.arguments, called.cause);
   } catch (const BadInput&) {
@@ -145,9 +152,10 @@ void Flow::enter(Program& program, const ProgramCall& called, long long times) {
   }
 }
 
-/// Gives the parameters of PROC their values.
+/// Assigns the arguments to the parameters of PROC.
 void Flow::bind(Program& program, const std::vector<Argument>& arguments, const Cause& cause) {
   std::size_t first = 0;
+  // PROC must be the first line with content.
   while (first < program.lines.size() && !is_not_blank(program.lines[first])) ++first;
   const bool has_lines = first < program.lines.size();
   const std::string_view text = has_lines ? split_comment(program.lines[first]).block : "";
@@ -180,6 +188,7 @@ void Flow::bind(Program& program, const std::vector<Argument>& arguments, const 
       const std::string name = name_at(cursor);
       if (name.size() < 2) cursor.refuse(at_name, "a name of two letters or more");
       calls_.back().variables[name] = {kind->second, {}};
+      // A parameter that is not passed has its default, or zero.
       double value = 0.0;
       if (cursor.take("=")) value = number_at(cursor, *this);
       if (n < arguments.size() && arguments[n].text)
@@ -192,6 +201,7 @@ void Flow::bind(Program& program, const std::vector<Argument>& arguments, const 
   if (arguments.size() > n)
     run_.canon.refuse(cause, fmt::format("at most {} parameters of {}", n, program.name),
                       fmt::format("{}", arguments.size()));
+  // Words behind PROC that affect only the display are accepted; SAVE would restore modes.
   for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
     const std::size_t from = cursor.at;
     const std::string word = name_at(cursor);
@@ -199,6 +209,7 @@ void Flow::bind(Program& program, const std::vector<Argument>& arguments, const 
       cursor.refuse(from, "modes set again by the caller: no SAVE and the like behind PROC");
   }
   at_ = first + 1;
+  // Messages about the parameters point at the line of the call again.
   run_.canon.set_line(line, calls_[calls_.size() - 2].program->file);
 }
 
@@ -215,7 +226,7 @@ long long Flow::times_at(Cursor& cursor) {
   return (long long)(times);
 }
 
-/// REPEAT A, REPEAT A B, REPEATB A, each with P: lines of this program again.
+/// REPEAT A, REPEAT A B, REPEATB A, each with P: executes lines of this program again.
 void Flow::repeat(Cursor& cursor, bool one_block) {
   const std::size_t here = at_;
   std::vector<std::size_t> lines;
@@ -225,6 +236,7 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const std::string label = name_at(cursor);
+    // P or P5 behind the labels is the number of repeats, not a label.
     const bool is_times = label.empty() || label == "P" ||
                           (label[0] == 'P' && label.size() > 1 &&
                            std::all_of(label.begin() + 1, label.end(), is_digit));
@@ -234,6 +246,7 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
     }
     const Cause cause = cursor.cause(from);
     std::size_t line = 0;
+    // A label may stand before or behind the REPEAT.
     try {
       line = line_of(label, "GOTOB", cause);
     } catch (const BadInput&) {
@@ -251,6 +264,8 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
   } else if (lines.size() == 2) {
     end = lines[1] + 1;
   } else {
+    // With one label the part ends at ENDLABEL, or at the REPEAT itself if the label stands before
+    // it.
     const std::vector<std::string_view>& all = calls_.back().program->lines;
     const std::size_t last = lines[0] < here ? here : all.size();
     for (std::size_t at = lines[0]; at < last; ++at)
@@ -261,6 +276,7 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
   }
   if (end <= lines[0])
     run_.canon.refuse(cause, "ENDLABEL: behind a label that stands below REPEAT");
+  // A repeated part counts as a call, since parts may nest.
   run_.check_depth(int(calls_.size()), cause);
   calls_.push_back({.program = calls_.back().program,
                     .back = here + 1,
@@ -271,8 +287,9 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
   at_ = lines[0];
 }
 
-/// Programs of the text that nothing calls, and what stands behind the end of the main program. A
-/// block with a label may be where a condition that did not hold jumps to.
+/// Warns of programs in the text that nothing calls, and of text behind the end of the main
+/// program. A block with a label may be the target of a jump whose condition did not hold, so it is
+/// not reported.
 void Flow::warn_unread() {
   std::vector<std::string_view> lines;
   std::vector<Section> sections;
@@ -292,6 +309,7 @@ void Flow::warn_unread() {
   run_.warn_unread(lines, sections);
 }
 
+// The number of repeats is counted down at the end of each pass.
 void Flow::finish_part() {
   Call& now = calls_.back();
   if (now.left-- > 0) {
@@ -302,8 +320,9 @@ void Flow::finish_part() {
   calls_.pop_back();
 }
 
-/// The end of a subprogram; that of the main program ends all.
+/// Ends a subprogram; at the end of the main program everything ends.
 void Flow::leave() {
+  // Repeated parts of the subprogram end with it.
   while (calls_.back().part) calls_.pop_back();
   if (calls_.size() == 1) {
     ended_ = true;
@@ -311,6 +330,7 @@ void Flow::leave() {
   }
   Call& now = calls_.back();
   const std::size_t back = now.back;
+  // A repeat starts with new local variables.
   if (now.left-- > 0) {
     variables_.leave();
     variables_.enter();
@@ -323,10 +343,11 @@ void Flow::leave() {
   at_ = back;
   calls_.pop_back();
   variables_.leave();
+  // The modal subprogram has ended, so later moves call it again.
   if (calls_.size() < modal_depth_) modal_depth_ = 0;
 }
 
-/// CALL "NAME"
+/// Example: CALL "NAME".
 void Flow::call_by_name(Cursor& cursor) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
@@ -336,6 +357,7 @@ void Flow::call_by_name(Cursor& cursor) {
   else
     name = text_variable(cursor);
   if (!name) cursor.refuse(from, "the name of a subprogram in quotes behind CALL");
+  // The name becomes a file name: a path could lead out of the folder of the program.
   const bool plain = std::all_of(name->begin(), name->end(),
                                  [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
   if (!plain || name->empty() || name->size() > 100)
@@ -348,7 +370,9 @@ void Flow::call_by_name(Cursor& cursor) {
 
 namespace {
 
+// R parameters of the control; the number is usually limited by machine data.
 constexpr int max_r = 32767;
+// INT of the control has 32 bits.
 constexpr double max_integer = 2147483647.0;
 
 bool begins_assignment(const Cursor& cursor) {
@@ -359,13 +383,14 @@ bool begins_assignment(const Cursor& cursor) {
 
 }  // namespace
 
+// Repeated parts use the variables of the program around them.
 Flow::Call& Flow::scope() {
   std::size_t at = calls_.size() - 1;
   while (calls_[at].part) --at;
   return calls_[at];
 }
 
-/// R1, R[...]: its number as a whole one.
+/// Parses R1 or R[...] and returns its number.
 double Flow::r_parameter(Cursor& cursor, std::size_t from) {
   ++cursor.at;
   double number = 0.0;
@@ -374,6 +399,7 @@ double Flow::r_parameter(Cursor& cursor, std::size_t from) {
     number = number_at(cursor, *this);
     if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the number of a parameter");
   } else {
+    // The limit keeps a hostile number of digits from growing without end.
     while (is_digit(cursor.here()) && number < 1e9)
       number = 10 * number + (cursor.text[cursor.at++] - '0');
   }
@@ -382,7 +408,8 @@ double Flow::r_parameter(Cursor& cursor, std::size_t from) {
   return number;
 }
 
-/// The name of one element of a field, "FIELD[2,0]"; of what is no field the name itself.
+/// Returns the name of one element of an array, "FIELD[2,0]", or the name itself for a simple
+/// variable.
 std::string Flow::element(Cursor& cursor, const std::string& name, const Variable& variable) {
   if (variable.sizes.empty()) return name;
   const std::size_t from = cursor.at;
@@ -401,6 +428,7 @@ std::string Flow::element(Cursor& cursor, const std::string& name, const Variabl
   return all + "]";
 }
 
+// Values are converted to the type of the variable, as the control does.
 void Flow::store(const std::string& name, Kind kind, double value, const Cursor& cursor,
                  std::size_t from) {
   if (kind == Kind::Integer) value = std::round(value);
@@ -422,6 +450,7 @@ bool Flow::set_variable(Cursor& cursor) {
     const int number = int(r_parameter(ahead, from));
     if (!begins_assignment(ahead)) return false;
     ahead.take("=");
+    // A variable whose assignment has an error is uncertain: its uses are not reported again.
     run_.define(fmt::format("R{}", number), [&] {
       const double value = number_at(ahead, *this);
       if (!variables_.set(number, value))
@@ -470,7 +499,7 @@ std::optional<std::string> Flow::text_variable(Cursor& cursor) {
   return text == now.texts.end() ? std::string() : text->second;
 }
 
-/// DEF REAL A1, A2=5, FIELD[10]
+/// Example: DEF REAL A1, A2=5, FIELD[10].
 void Flow::define(Cursor& cursor) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
@@ -484,6 +513,7 @@ void Flow::define(Cursor& cursor) {
   const auto kind =
       std::find_if(kinds.begin(), kinds.end(), [&](const auto& one) { return one.first == type; });
   if (kind == kinds.end()) cursor.refuse(from, "REAL, INT, BOOL, CHAR or STRING behind DEF");
+  // The length of a string does not matter here.
   if (kind->second == Kind::Text && cursor.here() == '[') {
     ++cursor.at;
     number_at(cursor, *this);
@@ -494,6 +524,7 @@ void Flow::define(Cursor& cursor) {
     do define_one(cursor, kind->second);
     while (cursor.take(","));
     ends(cursor);
+    // All names of a definition with an error are uncertain, or each use would be reported.
   } catch (const BadInput&) {
     for (; !names.at_end(); ++names.at)
       if (const std::string name = name_at(names); !name.empty()) run_.doubt(name);
@@ -505,12 +536,14 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
   cursor.skip_blanks();
   const std::size_t from = cursor.at;
   const std::string name = name_at(cursor);
+  // A letter followed by a digit would be an address (X1).
   if (name.size() < 2 || (is_letter(name[0]) && is_digit(name[1])) || find_entry(name) != nullptr ||
       Machine::is_cycle(name))
     cursor.refuse(from, "a name of two letters or more that is no word of the control");
   Variable variable{kind, {}};
   if (cursor.here() == '[') {
     if (kind == Kind::Text) cursor.refuse(cursor.at, "no fields of texts");
+    // The number of elements is limited before any is stored.
     ++cursor.at;
     double all = 1.0;
     do {
@@ -529,6 +562,7 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
                                fmt::format("at most {} variables", run_.options().limits.variables),
                                "more");
   variables[name] = variable;
+  // Simple variables start at zero; elements of arrays are zero until they are set.
   if (!cursor.take("=")) {
     if (variable.sizes.empty() && kind != Kind::Text) store(name, kind, 0.0, cursor, from);
     return;
@@ -543,7 +577,7 @@ void Flow::define_one(Cursor& cursor, Kind kind) {
   }
 }
 
-/// 'HFF' or 'B1001'
+/// Examples: 'HFF' or 'B1001'.
 double Flow::quoted_number(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   const char base = upper(cursor.here());
@@ -562,6 +596,7 @@ double Flow::quoted_number(Cursor& cursor) {
   return double(value);
 }
 
+// System variables that depend only on what is simulated here.
 std::optional<double> Flow::system_variable(Cursor& cursor) {
   const std::size_t from = cursor.at++;
   const std::string name = name_at(cursor);
@@ -579,7 +614,7 @@ std::optional<double> Flow::system_variable(Cursor& cursor) {
   cursor.refuse(from, "$PI, $P_EP[axis], $AA_IW[axis] or $AA_IM[axis]: no other system variable");
 }
 
-/// ATAN2, MINVAL, MAXVAL, BOUND, with the cursor at the bracket.
+/// Evaluates ATAN2, MINVAL, MAXVAL or BOUND at its bracket.
 std::optional<double> Flow::function_of_several(Cursor& cursor, const std::string& name) {
   const std::size_t count = name == "BOUND"                                           ? 3
                             : name == "ATAN2" || name == "MINVAL" || name == "MAXVAL" ? 2
@@ -599,6 +634,7 @@ std::optional<double> Flow::function_of_several(Cursor& cursor, const std::strin
   if (name == "ATAN2") return std::atan2(x[0], x[1]) / units::deg;
   if (name == "MINVAL") return std::min(x[0], x[1]);
   if (name == "MAXVAL") return std::max(x[0], x[1]);
+  // The control raises an alarm for reversed limits.
   if (x[0] > x[1]) cursor.refuse(open, "the lower limit of BOUND before the upper one");
   return std::clamp(x[2], x[0], x[1]);
 }
@@ -610,6 +646,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
     const int number = int(r_parameter(cursor, from));
     if (run_.is_uncertain()) run_.require_certain(fmt::format("R{}", number), cursor.cause(from));
+    // An R parameter that was never set is zero.
     return variables_.number(number).value_or(0.0);
   }
   if (first == '\'') return quoted_number(cursor);
@@ -625,11 +662,13 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   if (name == "FALSE") return taken(0.0);
   if (name == "NOT" || name == "B_NOT") {
     const double inner = value(ahead, grammar(), *this);
+    // B_NOT works on integers.
     return taken(name == "NOT" ? double(inner == 0) : double(~std::int64_t(inner)));
   }
   if (const auto result = function_of_several(ahead, name)) return taken(result);
   const Call& now = scope();
   const auto found = now.variables.find(name);
+  // A name in doubt must not be reported as unknown.
   run_.require_certain(name, cursor.cause(from, ahead.at));
   if (found == now.variables.end()) return std::nullopt;
   if (found->second.kind == Kind::Text) cursor.refuse(from, "a number", "the text " + name);

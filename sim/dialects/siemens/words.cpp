@@ -13,8 +13,10 @@ namespace {
 
 using WordLine = CodeLine<Group>;
 
+// Short names, so that an entry fits its line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
+// The single source of the word table in the README, of the messages and of the groups of words.
 constexpr WordLine word_lines[] = {
     {"G0 G1", Group::Motion, read, "rapid; line"},
     {"G2 G3", Group::Motion, read,
@@ -177,6 +179,7 @@ constexpr WordLine word_lines[] = {
     {"M70", Group::None, refused, "M3, M4 or M5: the spindle is no axis"},
 };
 
+// Words other than codes.
 constexpr WordTableEntry siemens_other_words[] = {
     {"F", read, "feed"},
     {"S", read, "spindle speed; S2=, S[2]= that of a spindle by number"},
@@ -238,6 +241,7 @@ constexpr WordTableEntry siemens_other_words[] = {
      "of a line leaves it out"},
 };
 
+// Built at first use: every word of a program is looked up.
 std::unordered_map<std::string_view, WordEntry> entries_by_word() {
   std::unordered_map<std::string_view, WordEntry> facts;
   for (const WordLine& line : word_lines)
