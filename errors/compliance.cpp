@@ -18,7 +18,7 @@ namespace abbe::errors {
 
 namespace {
 
-constexpr double arm = 100.0;  // mm, lever arm at which a rotation counts as much as a translation
+constexpr double arm = 100.0;  // mm, lever arm that makes rotations comparable to translations
 
 void require(bool good, const std::string& what, const std::string& expected, double seen) {
   if (!good)
@@ -46,13 +46,13 @@ void validate(const Compliance& C, const std::string& what) {
   if (!scaled.allFinite())
     throw std::invalid_argument(what + ": expected finite compliances, seen one that is not");
   const double largest = scaled.cwiseAbs().maxCoeff();
-  // 1e-9 of the largest entry: covers compliances that were inverted or rotated in double
-  // precision, and is far below the accuracy of any measured one.
+  // 1e-9 of the largest entry: more than the rounding of a compliance that was inverted or rotated,
+  // far less than the uncertainty of any measured one.
   const double slack = 1e-9 * largest;
   const double skew = (scaled - scaled.transpose()).cwiseAbs().maxCoeff();
   require(skew <= slack, what, "a symmetric compliance (off by 1e-9 of its largest entry at most)",
           skew / largest);
-  // Divided by the largest entry first: squares of huge entries would overflow.
+  // Normalised first, because squares of huge entries would overflow.
   const Compliance one = largest > 0.0 ? Compliance(scaled / largest) : scaled;
   const Eigen::SelfAdjointEigenSolver<Compliance> solver(one, Eigen::EigenvaluesOnly);
   require(solver.eigenvalues()[0] >= -1e-9, what,
@@ -83,7 +83,7 @@ Compliance stepped_cantilever(std::span<const CantileverSection> sections) {
     C(3, 3) += i0;
     C(4, 4) += i0;
     C(5, 5) += section.length / GJ;
-    C(3, 1) += i1;  // Pushed along y, the free end turns about +x, since the clamp lies along +z.
+    C(3, 1) += i1;  // A force along y turns the free end about +x, since the clamp is at +z.
     C(4, 0) -= i1;
     from = to;
   }
@@ -105,8 +105,8 @@ using kinematics::Wrench;
 
 constexpr double newton = 1e-3;  // N in kg mm/s^2
 
-/// Returns the joints of one side up to and including `last`, from the bed outwards; without `last`
-/// all joints of the side.
+/// Returns the joints of one side, from the bed outwards, up to and including `last`; without
+/// `last` all of them.
 std::vector<int> carriers(const Chain& chain, Side side, std::optional<int> last) {
   std::vector<int> result;
   for (int n = 0; n < chain.size(); ++n) {
@@ -145,24 +145,24 @@ Wrench turned(const Eigen::Matrix3d& R, const Wrench& W) {
   return result;
 }
 
-/// Returns the wrench of a force at `arm` from the point to which the wrench refers.
+/// Returns the wrench of a force.
+/// @param arm  from the reference point of the wrench to the point where the force acts
 Wrench wrench(const Vector3d& force, const Vector3d& arm) {
   Wrench result;
   result << force, arm.cross(force);
   return result;
 }
 
-/// The joints that carry a mass, from the bed outwards, in their current position: the frame before
-/// the motion of each joint, and the frame in which its deviation acts.
+/// The joints that carry a mass, from the bed outwards, at the current position of the axes.
 struct Branch {
   struct Place {
-    Pose T_before = Pose::Identity();     ///< bed frame at zero to the current frame of the joint's
-                                          ///< parent
-    Pose T_deviation = Pose::Identity();  ///< bed frame at zero to the frame of the joint's
-                                          ///< deviation
+    Pose T_before = Pose::Identity();     ///< displacement of the joint's parent from its
+                                          ///< position with all axes at zero
+    Pose T_deviation = Pose::Identity();  ///< displacement of the frame in which the
+                                          ///< deviation of the joint is stated
   };
   std::array<Place, kinematics::max_joints> places;
-  Vector3d centre_b;
+  Vector3d centre_b;  ///< mm, current centre of the mass
 };
 
 Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
@@ -184,7 +184,8 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
   return result;
 }
 
-// Without the centripetal and Coriolis terms, which are quadratic in the speeds.
+/// Returns the acceleration of a mass without centripetal and Coriolis terms, which are quadratic
+/// in the speeds.
 Vector3d mass_acceleration(const Branch& at, const Chain& chain, const ComplianceModel::Mass& mass,
                            const kinematics::AxisVector& acceleration) {
   Vector3d a = Vector3d::Zero();
@@ -205,7 +206,7 @@ void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
   const Chain& chain = model.nominal;
   const Branch at = branch(chain, mass, state.q);
   Vector3d field = model.gravity_b.value_or(Vector3d::Zero());
-  // d'Alembert: an accelerated mass loads the machine as a weight of -a does.
+  // D'Alembert: a mass with acceleration a loads the machine like gravity of -a.
   if (model.inertia && load.acceleration.size() > 0)
     field -= mass_acceleration(at, chain, mass, load.acceleration);
   const Vector3d force_b = newton * mass.mass_kg * field;
@@ -232,8 +233,8 @@ void add_cutting_deviations(const ComplianceModel& model, const kinematics::Axis
   const Wrench on_tool_w = turned(T_wt.linear(), load.on_tool_t);
   if (std::any_of(model.joints.begin(), model.joints.end(), is_compliant)) {
     const Eigen::MatrixXd J = kinematics::motion_jacobian(model.nominal, state.q);
-    // C J' W: by virtual work the transposed motion Jacobian takes the wrench at the tip to the
-    // joint's point, with the opposite sign on the workpiece side.
+    // C J' W: by virtual work the transposed Jacobian transforms the wrench at the tip to the point
+    // of the joint, with the opposite sign on the workpiece side.
     for (std::size_t i = 0; i < model.joints.size(); ++i) {
       if (!is_compliant(model.joints[i])) continue;
       sum.joints[i].motion +=
@@ -242,7 +243,7 @@ void add_cutting_deviations(const ComplianceModel& model, const kinematics::Axis
   }
   sum.tool_t += model.tool * load.on_tool_t;
   Wrench on_part_w = -on_tool_w;
-  // The wrench is stated at the tip; the fixture gives way at the origin of w.
+  // The wrench is stated at the tip, the compliance of the fixture at the origin of w.
   on_part_w.tail<3>() -= T_wt.translation().cross(on_tool_w.head<3>());
   sum.workpiece_w += model.fixture * on_part_w;
   if (model.workpiece) {
@@ -303,7 +304,7 @@ ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisS
   assert(load.acceleration.size() == 0 || load.acceleration.size() == model.nominal.size());
   ForceDeviations sum;
   sum.joints.resize(model.joints.size());
-  // The clamping wrench acts on the fixture at all times, with and without a cut.
+  // The clamping wrench loads the fixture at all times, not only during a cut.
   sum.workpiece_w = model.fixture * model.clamping_w;
   if (!load.on_tool_t.isZero(0.0)) add_cutting_deviations(model, state, load, sum);
   if (model.gravity_b || (model.inertia && load.acceleration.size() > 0)) {

@@ -17,7 +17,7 @@ namespace {
 constexpr std::string_view directions = "XYZABC";
 constexpr std::string_view axes = "XYZUVWABCS";
 
-/// Returns external text in a form that is safe in a message.
+/// Returns text from a file in quotes, shortened to 40 characters, non-printable ones as '?'.
 std::string shown(std::string_view text) {
   std::string result = "'";
   for (const char c : text.substr(0, 40)) result += c >= ' ' && c <= '~' ? c : '?';
@@ -31,7 +31,7 @@ ElementName parse_element_name(std::string_view text) {
   const std::string_view rest = is_long ? text.substr(1) : text;
   // The zero of EC0Y marks a location error.
   const bool location = rest.size() == 3 && rest[1] == '0';
-  // Only a location element may omit the E: "C0Y", but not "XX".
+  // Vendors omit the E of location errors only: "C0Y", but not "XX".
   const bool fits = location || (is_long && rest.size() == 2);
   if (!fits || directions.find(rest.front()) == std::string_view::npos ||
       axes.find(rest.back()) == std::string_view::npos) {
@@ -77,8 +77,8 @@ using kinematics::Joint;
 
 bool is_along(const ElementName& name, const Joint& joint) {
   const Vector3d unit = Vector3d::Unit(name.component() % 3);
-  // 1e-9: sine below which the direction counts as parallel, far above the rounding of a unit
-  // vector.
+  // A sine below 1e-9 counts as parallel: far above the rounding of a unit vector, far below any
+  // real misalignment.
   return unit.cross(joint.direction_b).norm() < 1e-9;
 }
 
@@ -149,16 +149,17 @@ std::string meaning(const ElementName& name, const kinematics::Chain& chain, int
   if (!element.reference) return fmt::format("tilt of {} about {}", name.axis, along);
   const Joint& axis = chain.joints()[std::size_t(joint)];
   const Joint& reference = chain.joints()[std::size_t(*element.reference)];
-  // 45 degrees separate the two cases: a rotary axis along its reference is parallel to it, one
-  // across it is square.
+  // An axis within 45 degrees of its reference is meant to be parallel to it, any other one square
+  // to it.
   const bool parallel = std::abs(axis.direction_b.dot(reference.direction_b)) > std::sqrt(0.5);
   return parallel
              ? fmt::format("parallelism of {} to {} about {}", name.axis, reference.name, along)
              : fmt::format("squareness of {} to {}", name.axis, reference.name);
 }
 
-// Maximum sine of a rotation about the bed axis along which the slide mainly travels; it moves the
-// slide only as far as that is oblique. At this sine 4e-4 of the slope are neglected.
+// Largest component of the turn about the bed axis along which the slide mainly travels. Such a
+// rotation moves an oblique slide only to second order, and no element expresses it: neglecting it
+// loses up to 4e-4 of the slope.
 constexpr double max_oblique_sine = 0.02;
 
 std::vector<SquarenessContribution> squareness_contributions(
@@ -171,8 +172,8 @@ std::vector<SquarenessContribution> squareness_contributions(
   });
   if (slide == joints.end() || straightness.location || straightness.is_angle())
     refuse("expected a straightness of a slide");
-  // A slope of the straightness is a rotation of the direction of travel about the axis normal to
-  // both.
+  // A slope of a straightness rotates the direction of travel about the normal to travel and
+  // straightness.
   const Vector3d turn = slide->direction_b.cross(Vector3d::Unit(straightness.component()));
   if (turn.norm() < 1e-9) refuse("expected a straightness of a slide");
   std::vector<SquarenessContribution> shares;

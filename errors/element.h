@@ -8,60 +8,59 @@
 #include "errors/curve.h"
 #include "kinematics/chain.h"
 
-/// Elements: the deviations of a machine, named by ISO 230-1. "Error" always means a deviation of
-/// the machine; a failure of the program is an exception or a status.
+/// Error elements of a machine, named as in ISO 230-1. "Error" always means a deviation of the
+/// machine; a failure of the program is an exception or a status.
 namespace abbe::errors {
 
 /// Name of an element as in ISO 230-1: E, direction, axis. "EYX" is the deviation of the X axis in
 /// Y, "ECX" its rotation about Z. A zero marks a location error: "EC0Y" is the squareness of Y.
 struct ElementName {
   char direction = 'X';  ///< X Y Z for a translation (mm), A B C for a rotation (rad)
-  char axis = 'X';       ///< letter of the joint; 'S' is the spindle, tool nose or workpiece
-                         ///< spindle
-  bool location = false;
+  char axis = 'X';       ///< letter of the axis; 'S' is the spindle of the tool or of the workpiece
+  bool location = false;  ///< a constant error of position or direction of the axis
 
   bool is_angle() const { return direction >= 'A' && direction <= 'C'; }
   int component() const { return is_angle() ? 3 + (direction - 'A') : direction - 'X'; }
   friend bool operator==(const ElementName&, const ElementName&) = default;
 };
 
-/// Parses "EXX", "EC0Y" and the vendors' short form "C0Y". The direction letter of a location error
-/// is the axis about which the axis is turned (A B C) or along which it is offset (X Y Z).
+/// Parses "EXX", "EC0Y" and the vendors' short form "C0Y". The first letter of a location error
+/// says about which direction the axis is tilted (A B C) or along which it is offset (X Y Z).
 /// @throws std::invalid_argument that says what was expected and seen
 ElementName parse_element_name(std::string_view text);
 std::string to_string(const ElementName& name);
 
-/// An element: the sum of its curves.
+/// An error element: the sum of its curves.
 struct Element {
   ElementName name;
   std::vector<Curve> curves;
 };
 
-// Checks of the numbers of a description. Each throws std::invalid_argument with a message that
-// begins with `who`.
+// Checks of the numbers in a description of errors. Each throws std::invalid_argument with a
+// message that begins with `who`, the name of what is described.
 
 [[noreturn]] void refuse(const std::string& who, const std::string& why);
 
 void expect_positive(double value, const std::string& who, const char* what);
 void expect_not_negative(double value, const std::string& who, const char* what);
 void expect_finite(double value, const std::string& who, const char* what);
-/// Throws unless `node` is one of `nodes` nodes of a thermal network, from 0.
+/// Throws unless `node` is the index of one of the `nodes` nodes of a thermal network.
 void expect_node(int node, int nodes, const std::string& who);
 
 // Binding of an element to a chain, common to all sources of errors.
 
 /// Returns the joint that an element's axis letter denotes. 'S' is the joint S (a spindle that
 /// carries the workpiece) if the chain has one, else the nose s.
-/// @param who  begins the message
+/// @param who  text with which an error message begins
 /// @throws std::invalid_argument if the chain lacks the axis
 int joint_of(char axis, const kinematics::Chain& chain, const std::string& who);
 
-/// Checks that an element exists for a joint.
+/// Checks that an element has a meaning for a joint.
 /// @param joint  index of the axis in the chain
-/// @throws std::invalid_argument naming the element and the reason if it is meaningless for that
-///         joint: an angle of an axis about itself, an offset of a slide or along a rotary axis (a
-///         constant error motion expresses that), a squareness that belongs to another slide or to
-///         which no slide is a reference, a spindle's rotation about itself
+/// @throws std::invalid_argument with the element and the reason if it has none: a tilt of an axis
+///         about itself; an offset of a slide, or of a rotary axis along itself (a constant error
+///         motion expresses both); a squareness that is stated for another slide or has no
+///         reference slide; the rotation of a spindle about itself
 void check_meaning(const ElementName& name, const kinematics::Chain& chain, int joint);
 
 /// Returns the meaning of a location element on this machine: "squareness of Y to X", "parallelism
@@ -74,12 +73,12 @@ struct SquarenessContribution {
   double value = 0.0;  ///< rad, to be added to that element
 };
 
-/// Returns the squareness to which a slope removed by `detrend` belongs: the slope of EXY turns Y,
-/// which is EC0Y; that of EYX turns X, which is Y turned the other way. One contribution for each
-/// bed axis about which the slide turns, hence one for slides along the bed axes, whatever their
-/// sense.
+/// Returns the squareness errors equivalent to a slope that `detrend` removes from a straightness:
+/// the slope of EXY tilts Y, which is EC0Y; that of EYX tilts X, which is the same EC0Y with the
+/// opposite sign. There is one contribution for each bed axis about which the slide is tilted,
+/// hence exactly one if the slide lies along a bed axis.
 /// @param slope   per mm of the carriage's own travel (on a primed axis: minus that per command)
-/// @param joints  of the machine
+/// @param joints  all joints of the machine
 /// @throws std::invalid_argument unless the element is a straightness of a slide of the machine
 ///         that forms an angle with another
 std::vector<SquarenessContribution> squareness_contributions(

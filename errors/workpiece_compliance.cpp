@@ -16,9 +16,10 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 
-// Deflection of the endless wall as a Fourier integral along it. For a wave number k (in units of
-// 1/c) the deflection over the height solves (d^2 - k^2)^2 f = delta(y - s), clamped at y = 0, free
-// at y = 1, with four coefficients; its value under the load, integrated over k, is the compliance.
+// The deflection of an endless wall of height c is a Fourier integral along it. For each wave
+// number k (in units of 1/c) the deflection f over the height y (in units of c) solves (d^2 -
+// k^2)^2 f = delta(y - s), clamped at y = 0 and free at y = 1, which leaves four coefficients. Its
+// value under the load, integrated over k, is the compliance.
 namespace abbe::errors {
 
 namespace {
@@ -26,18 +27,19 @@ namespace {
 using Eigen::Matrix4d;
 using Eigen::Vector4d;
 
-/// Value and three derivatives.
+/// A function value and its first three derivatives.
 using Jet = std::array<double, 4>;
 
-/// Returns x cosh x - sinh x and x sinh x, which vanish at 0 with their first derivatives, over the
-/// height y; divided by k^3 and k^2, so that k = 0 leaves the cubic and the parabola.
+/// Returns the two solutions that are clamped at the foot: (x cosh x - sinh x) / k^3 and
+/// x sinh x / k^2 with x = k y. With these divisors they become the cubic and the parabola of a
+/// beam at k = 0.
 std::array<Jet, 2> clamped(double k, double y) {
   const double x = k * y, ch = std::cosh(x), sh = std::sinh(x);
   const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;  // sinh x / x
   double odd = 0.0;                                            // (x cosh x - sinh x) / x^3
-  // Below 1 the difference of two nearly equal numbers would lose digits; nine terms reach 1e-17.
+  // For small x the difference loses digits by cancellation; nine terms of the series reach 1e-17.
   if (x < 1.0) {
-    double power = 1.0, factorial = 6.0;  // x^2n-2, (2n + 1)!
+    double power = 1.0, factorial = 6.0;  // x^(2n - 2), (2n + 1)!
     for (int n = 1; n <= 9; ++n) {
       odd += power * 2.0 * n / factorial;
       power *= x * x;
@@ -50,8 +52,8 @@ std::array<Jet, 2> clamped(double k, double y) {
           Jet{y * y * sinhc, y * (sinhc + ch), 2.0 * ch + x * sh, k * (3.0 * sh + x * ch)}};
 }
 
-/// Returns the two solutions without moment and shear at the free end, over the distance t below
-/// it; derivatives are taken upwards.
+/// Returns the two solutions without moment and shear at the free end, at a distance t below it.
+/// Derivatives are with respect to the height.
 std::array<Jet, 2> free_end(double k, double t, double nu) {
   const double x = k * t, ch = std::cosh(x), sh = std::sinh(x);
   const double sinhc = x < 1e-3 ? 1.0 + x * x / 6.0 : sh / x;
@@ -64,7 +66,8 @@ std::array<Jet, 2> free_end(double k, double t, double nu) {
           k * ((1.0 + 2.0 * b) * sh + b * x * ch), -k2 * ((1.0 + 3.0 * b) * ch + b * x * sh)}};
 }
 
-/// Returns the deflection for long waves: solutions from both ends, joined at the load.
+/// Returns the deflection under the load for long waves: solutions from both ends are joined at the
+/// load.
 double long_wave(double k, double s, double nu) {
   const auto below = clamped(k, s);
   const auto above = free_end(k, 1.0 - s, nu);
@@ -76,13 +79,13 @@ double long_wave(double k, double s, double nu) {
   return c[0] * below[0][0] + c[1] * below[1][0];
 }
 
-/// Returns k^3 times the deflection for short waves: that of a plate endless in both directions
-/// plus the contributions of the two ends, which decay away from them. In units of y = k times the
-/// height. The hyperbolic functions of `long_wave` would overflow and cancel here.
+/// Returns k^3 times the deflection under the load for short waves: that of a plate that is endless
+/// in both directions plus contributions of foot and free end, which decay away from them. Heights
+/// are in units of 1 / k. The hyperbolic functions of `long_wave` would overflow and cancel here.
 double short_wave(double k, double s, double nu) {
   const double r0 = k * s, r1 = k - r0, e0 = 0.25 * std::exp(-r0), e1 = 0.25 * std::exp(-r1);
   const double e = std::exp(-k);
-  // Rows: value and slope at the clamp, moment and shear at the free end.
+  // Conditions: value and slope at the foot, moment and shear at the free end.
   const auto ends = [&](const Jet& at_foot, const Jet& at_top) {
     return Vector4d(at_foot[0], at_foot[1], at_top[2] - nu * at_top[0],
                     at_top[3] - (2.0 - nu) * at_top[1]);
@@ -98,12 +101,13 @@ double short_wave(double k, double s, double nu) {
   return 0.25 + 4.0 * (e0 * (c[0] + c[1] * r0) + e1 * (c[2] + c[3] * r1));
 }
 
-// `long_wave` overflows for large k; `short_wave` divides by k^3 and cancels for small k.
+// `long_wave` overflows for large k; `short_wave` loses digits for small k, where it is divided by
+// k^3.
 double under_load(double k, double s, double nu) {
   return k < 3.0 ? long_wave(k, s, nu) : short_wave(k, s, nu) / (k * k * k);
 }
 
-/// Returns the integral from a to b by eight Gauss points.
+/// Returns the integral of `under_load` over k from a to b, by eight Gauss points.
 double gauss(double a, double b, double s, double nu) {
   constexpr std::array<double, 4> x{0.1834346424956498, 0.5255324099163290, 0.7966664774136267,
                                     0.9602898564975363};
@@ -126,13 +130,13 @@ double cantilever_plate(double s, double nu) {
         "seen {} and {}",
         s, nu));
   if (s == 0.0) return 0.0;
-  // The integrand is smooth: eight points on steps of 0.25, then on steps that grow by a quarter,
-  // reach the promised 1e-9.
+  // The integrand is smooth: eight points in each interval, first of 0.25, then growing by a
+  // quarter, achieve the stated error of 1e-9.
   double sum = 0.0, k = 0.0;
   for (const double step = 0.25; k < 6.0; k += step) sum += gauss(k, k + step, s, nu);
-  // Beyond `far` both ends are far from the load, or the load is at the free end: f decays as
-  // 1/k^3, whose integral to infinity is half of k f.
-  // 4e-6: a load this close to the free end counts as this far from it, so that the integral ends.
+  // Beyond `far` all waves are short compared with the distances of the load from foot and free end
+  // (unless it is at the free end). Then f decays as 1/k^3 and its integral to infinity is k f / 2.
+  // 4e-6: a smaller distance from the free end counts as this, so that `far` is finite.
   const double above = s < 1.0 ? std::max(1.0 - s, 4e-6) : 1.0;
   const double far = 40.0 / std::min(s, above);
   for (; k < far; k *= 1.25) sum += gauss(k, 1.25 * k, s, nu);
@@ -146,10 +150,10 @@ using Eigen::Matrix3d;
 using Eigen::RowVector3d;
 using Eigen::Vector3d;
 
-constexpr int leaf = 8;  // nodes of a leaf, compared one by one
+constexpr int leaf = 8;  // ranges of up to this many nodes are searched linearly
 
-/// The five nearest nodes so far. Equal distances are ordered by the index, so that the result does
-/// not depend on the order of the search.
+/// The five nearest nodes found so far. At equal distance the node of lower index comes first, so
+/// that the result does not depend on the order of the search.
 class Best {
  public:
   void offer(double squared, int number, int place) {
@@ -179,8 +183,8 @@ void build(IndexedField& index, std::vector<int>& order, const WorkpieceField& f
     most = most.cwiseMax(field.points_w.row(order[std::size_t(i)]));
   }
   int axis = 0;
-  // Splits the longest side at the median: the tree is balanced, so the recursion is at most log2 n
-  // deep.
+  // Split at the median along the longest side: the tree is balanced, and the recursion is at most
+  // log2 n deep.
   (most - least).maxCoeff(&axis);
   const int middle = from + (to - from) / 2;
   std::nth_element(order.begin() + from, order.begin() + middle, order.begin() + to,
@@ -209,7 +213,7 @@ class Search {
     offer(middle);
     if (beyond < 0.0) {
       look(from, middle);
-      // <=, not <: an equally distant node of a lower index may lie on the other side.
+      // <= because an equally distant node of lower index may be on the other side.
       if (beyond * beyond <= best_.worst()) look(middle + 1, to);
     } else {
       look(middle + 1, to);
@@ -263,8 +267,8 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
   };
   if (nodes[0].place < 0) return Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
   if (nodes[0].squared == 0.0) return C(0);
-  // Weights times the first distance, so that nothing overflows; a missing fifth node is infinitely
-  // far.
+  // The weights are scaled by the first distance, so that nothing overflows. A missing fifth node
+  // counts as infinitely far.
   const double first = std::sqrt(nodes[0].squared);
   const double last = first / std::sqrt(nodes[4].squared);
   Matrix3d sum = Matrix3d::Zero();
@@ -275,14 +279,14 @@ Matrix3d interpolated_compliance(const WorkpieceField& field, const NearestNodes
     weights += near * near;
   }
   if (weights > 0.0) return sum / weights;
-  sum.setZero();  // five nodes at one distance
+  sum.setZero();  // all five nodes are equally far, so all weights are 0
   for (std::size_t i = 0; i < 5; ++i) sum += C(i) / 5.0;
   return sum;
 }
 
 double node_spacing(const WorkpieceField& field) {
   const IndexedField index = indexed(field);
-  // 1000 nodes give the median to a few per cent at constant cost.
+  // About 1000 nodes give the median to a few per cent, whatever the size of the field.
   const Eigen::Index n = field.points_w.rows(), every = std::max<Eigen::Index>(1, n / 1000);
   std::vector<double> squared;
   for (Eigen::Index i = 0; i < n; i += every)
@@ -358,12 +362,13 @@ Matrix3d across(const WorkpieceBar& bar, const Vector3d& point_w) {
   return per_force * (Matrix3d::Identity() - bar.direction_w * bar.direction_w.transpose());
 }
 
-/// Returns the height of a point above the foot, in heights of the plate, 0 .. 1.
+/// Returns the height of a point above the foot as a fraction of that of the plate, 0 .. 1.
 double relative_height(const WorkpiecePlate& plate, const Vector3d& point_w) {
   return std::clamp(plate.up_w.dot(point_w - plate.foot_w) / plate.height, 0.0, 1.0);
 }
 
-/// Returns the compliance of a plate. @param ratio  of the compliance to c^2 / D
+/// Returns the compliance of a plate.
+/// @param ratio  compliance in units of c^2 / D: height squared over flexural rigidity
 Matrix3d across(const WorkpiecePlate& plate, double ratio) {
   const double t = plate.thickness, nu = plate.poisson_ratio;
   const double D = plate.youngs_modulus * t * t * t / (12.0 * (1.0 - nu * nu));
@@ -372,7 +377,7 @@ Matrix3d across(const WorkpiecePlate& plate, double ratio) {
 
 PlateTable table_of(const WorkpiecePlate& plate) {
   PlateTable table{plate, {}};
-  table.ratio[0] = 0.25 / pi;  // limit near the clamp: half an endless plate
+  table.ratio[0] = 0.25 / pi;  // the limit at the foot
   for (int i = 1; i <= PlateTable::intervals; ++i) {
     const double s = 0.5 * (1.0 - std::cos(pi * i / PlateTable::intervals));
     table.ratio[std::size_t(i)] = cantilever_plate(s, plate.poisson_ratio) / (s * s);
@@ -380,8 +385,9 @@ PlateTable table_of(const WorkpiecePlate& plate) {
   return table;
 }
 
-/// Returns the tabulated compliance by a cubic through four entries. As a function of the angle
-/// whose cosine counts the height, the ratio continues beyond both ends as its mirror image.
+/// Returns the compliance ratio at a relative height s by a cubic through four entries of the
+/// table. The entries are equidistant in the angle arccos(1 - 2 s), over which the ratio is even
+/// about both ends, so the table is mirrored there.
 double looked_up(const PlateTable& table, double s) {
   constexpr int n = PlateTable::intervals;
   const double at = std::acos(1.0 - 2.0 * s) / pi * n;
@@ -401,7 +407,7 @@ std::string node_error(const Vector3d& point_w, const Matrix3d& C) {
   if (!point_w.allFinite()) return "a finite point";
   if (!C.allFinite()) return "a finite compliance";
   const double largest = C.cwiseAbs().maxCoeff();
-  // 1e-6: finite-element solvers iterate to about this, so a finer bound would reject good fields.
+  // 1e-6: finite-element solvers iterate to about this; a tighter bound would reject valid fields.
   const double slack = 1e-6 * largest;
   if ((C - C.transpose()).cwiseAbs().maxCoeff() > slack) return "a symmetric compliance";
   if (largest == 0.0) return {};
@@ -445,11 +451,11 @@ namespace {
 constexpr std::string_view expected_header =
     "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
 
-/// A column of the header: a coordinate, or an entry of the compliance.
+/// A column of the file: a coordinate or an entry of the compliance.
 struct Column {
   std::string_view name;
   int row = 0;
-  int entry = -1;  ///< column of the compliance; -1: coordinate `row`
+  int entry = -1;  ///< column in the compliance; -1: coordinate number `row`
   bool required = true;
 };
 constexpr std::array columns{Column{"x_mm", 0},
@@ -462,7 +468,7 @@ constexpr std::array columns{Column{"x_mm", 0},
                              Column{"Cyz_um_per_N", 1, 2, false},
                              Column{"Cxz_um_per_N", 0, 2, false}};
 
-/// Iterator over the lines of the file, which adds their number to input errors.
+/// Reads the file line by line and adds the line number to input errors.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {

@@ -3,33 +3,34 @@
 #include <cstdint>
 #include <string_view>
 
-/// Hashes of 64 bits that are the same on every computer: checksums, identities, random numbers.
+/// 64-bit hashes that are the same on every computer, for checksums, identifiers and random
+/// numbers.
 namespace abbe {
 
 inline constexpr std::uint64_t fnv_1a_basis = 0xcbf29ce484222325u;
 
 /// Returns the FNV-1a hash (Fowler, Noll, Vo) of the bytes.
-/// @param hash  of the preceding bytes, or another basis
+/// @param hash  hash of the preceding bytes, or another initial value
 constexpr std::uint64_t fnv_1a(std::string_view bytes, std::uint64_t hash = fnv_1a_basis) {
   for (const char byte : bytes) hash = (hash ^ static_cast<unsigned char>(byte)) * 0x100000001b3u;
   return hash;
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014): the state advances by `golden`, outputs are
-/// `mixed(state)`.
+/// The random generator SplitMix64 (Steele, Lea, Flood 2014): each step adds `golden` to the state
+/// and outputs `mixed(state)`.
 namespace split_mix {
 
 inline constexpr std::uint64_t golden = 0x9e3779b97f4a7c15u;  ///< 2^64 / golden ratio, odd
 
-/// Returns the output for a state: every bit of the state affects every bit of it.
+/// Returns the output for a state; every bit of the state affects every bit of the output.
 constexpr std::uint64_t mixed(std::uint64_t state) {
   state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9u;
   state = (state ^ (state >> 27)) * 0x94d049bb133111ebu;
   return state ^ (state >> 31);
 }
 
-/// Returns the initial state of stream `number` of a seed; streams of neighbouring numbers or seeds
-/// are uncorrelated.
+/// Returns the initial state of the stream of random numbers with this number and seed. Streams of
+/// neighbouring numbers or seeds are uncorrelated.
 constexpr std::uint64_t stream(std::uint64_t seed, std::uint64_t number) {
   return mixed(mixed(seed + golden) + golden * number);
 }

@@ -14,13 +14,13 @@
 #include "cutting/part/primitive.h"
 #include "cutting/part/surface_fit.h"
 
-/// Points on design surfaces: the nearest triangle of a mesh and the thickness behind a point,
-/// interpolation between vertices, and the highest point above a position in x and y.
+/// Queries of design surfaces: the nearest point of a mesh, the wall thickness behind a point,
+/// points between vertices, and the highest point at a position in x and y.
 namespace abbe::cutting {
 
-/// A hierarchy of bounding boxes of triangles, for the nearest triangle to a point and the first
-/// triangle that a ray meets. Immutable; about 50 bytes per triangle and 24 per vertex. Constructed
-/// in parallel, with the same result for any number of threads.
+/// A bounding volume hierarchy of triangles that finds the triangle nearest to a point and the
+/// first one that a ray meets. Immutable; about 50 bytes per triangle and 24 per vertex.
+/// Constructed in parallel, with the same result for any number of threads.
 class TriangleTree {
  public:
   TriangleTree(Points vertices, Triangles triangles);
@@ -29,28 +29,27 @@ class TriangleTree {
   struct Nearest {
     int triangle = -1;  ///< -1 if there is none
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
-    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric weights of the corners,
-                                                        ///< summing to one
-    double squared = 0.0;                               ///< mm^2, squared distance
+    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  ///< barycentric, of the corners
+    double squared = 0.0;  ///< mm^2, squared distance from the query point
   };
-  /// Returns the nearest triangle; of equally near triangles the one of least number, whatever the
+  /// Returns the nearest triangle; of equally near ones that with the lowest index, whatever the
   /// guess.
-  /// @param guess  a triangle that may be near, which speeds up the search; -1: none
-  /// @param most   mm, triangles farther away are ignored
+  /// @param guess  index of a triangle that is probably near, to speed up the search; -1: none
+  /// @param most   mm; triangles farther away are ignored
   Nearest nearest(const Eigen::Vector3d& place, int guess = -1,
                   double most = std::numeric_limits<double>::infinity()) const;
-  /// Returns all triangles within `distance` (mm) of a point, in the order of their numbers.
+  /// Returns all triangles within `distance` (mm) of a point, by ascending index.
   std::vector<Nearest> within(const Eigen::Vector3d& place, double distance) const;
-  /// The side of a triangle from which a ray arrives.
+  /// The side from which a ray meets a triangle.
   enum class Side { Outer, Inner };
   /// The first triangle met by a ray.
   struct RayHit {
     double along = 0.0;  ///< mm along the ray
     int triangle = -1;
   };
-  /// Returns the first triangle that a ray meets from that side, or nothing within `most` (mm).
-  /// Triangles in whose plane the start lies, to 1e-9 mm, do not count.
-  /// @param direction  unit
+  /// Returns the first triangle that a ray meets from the given side within `most` (mm), if any.
+  /// Triangles whose plane contains the start (to 1e-9 mm) are ignored.
+  /// @param direction  unit vector
   std::optional<RayHit> first_hit(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
                                   Side side,
                                   double most = std::numeric_limits<double>::infinity()) const;
@@ -72,22 +71,23 @@ class TriangleTree {
 
   Points vertices_;
   Triangles corners_;
-  std::vector<int> order_;  ///< triangles in an order in which those of every node are consecutive
+  std::vector<int> order_;  ///< triangle indices, ordered so that those of a node are consecutive
   std::vector<Node> nodes_;
 };
 
-/// The thickness of a part behind points of its surface, and its distance from points. Immutable.
+/// Wall thickness of a part behind points of its surface, and distance of points from it.
+/// Immutable.
 class Thickness {
  public:
   explicit Thickness(const Design& design);
 
-  /// Returns the distance from a point against its outward normal to the first triangle through
-  /// which that line leaves the part, mm; nothing within `most`, as behind an open surface.
-  /// Triangles in whose plane the point lies, to 1e-9 mm, do not count.
+  /// Returns the distance, mm, from a point against its outward normal to the place where that line
+  /// leaves the part; empty if it does not within `most`, for instance behind an open surface.
+  /// Triangles whose plane contains the point (to 1e-9 mm) are ignored.
   std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
                                double most) const;
 
-  /// Returns the distance of a point from the nearest triangle, mm; at most `most`.
+  /// Returns the distance of a point from the nearest triangle, but no more than `most`, mm.
   double nearest(const Eigen::Vector3d& place, double most) const;
 
   /// Returns true if a triangle lies within `distance` mm of a point.
@@ -97,35 +97,38 @@ class Thickness {
   TriangleTree tree_;
 };
 
-/// Returns the point of a surface between two or three of its points, for weights that sum to one.
+/// A function that returns the point of a surface between two or three of its points; the weights
+/// sum to one.
 using SurfaceInterpolator =
     std::function<Contact(std::span<const Contact> corners, std::span<const double> weights)>;
 
-/// Interpolates on a mesh whose facets are its surface. The normal is the mean of those at the
-/// corners.
+/// Interpolates on a mesh whose facets are the surface itself. The normal is the weighted mean of
+/// those at the corners.
 Contact facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
-/// Interpolates on a mesh whose vertices and normals are those of a smooth surface: returns the
-/// point half way between the facet and the mean of the tangent planes at its corners, as
-/// `surface_point_above`. On a sphere of radius R with edges L its error is L^4 / 20 R^3, where
-/// that of the facet is L^2 / 8 R. Returns the point of the facet itself if a normal is more than
-/// 30 degrees off it.
+/// Interpolates on a mesh whose vertices and normals sample a smooth surface: returns the point
+/// half way between the facet and the weighted mean of the tangent planes at its corners, as
+/// `surface_point_above` does. On a sphere of radius R with edges of length L the error is L^4 /
+/// (20 R^3), where that of the facet is L^2 / (8 R). Returns the point of the facet itself if a
+/// normal deviates from that of the facet by more than 30 degrees.
 Contact smooth_facet_point(std::span<const Contact> corners, std::span<const double> weights);
 
-/// Returns an interpolator for a declared surface with pose T: the nearest point of the surface to
-/// the facet.
+/// Returns an interpolator for a primitive with pose T: it returns the point of the primitive that
+/// is nearest to the point of the facet.
 SurfaceInterpolator primitive_interpolator(const Primitive& primitive, const Eigen::Isometry3d& T);
 
-/// Returns the nearest point of a declared surface, its rims included, and the outward normal.
-/// Within a hundredth of the profile's size of a kink the given normal decides between the pieces.
-/// Exact to 1e-12 mm per metre for points nearer than a tenth of the least radius of curvature.
+/// Returns the point of a primitive nearest to a given point, rims included, and its outward
+/// normal. Near a kink (within a hundredth of the size of the profile) the given normal decides
+/// which piece is meant. Exact to 1e-12 mm per metre of size for points nearer than a tenth of the
+/// smallest radius of curvature.
 Contact nearest(const Primitive& primitive, const Eigen::Vector3d& point,
                 const Eigen::Vector3d& normal);
 
-/// Returns a design with other vertices. Those of the original design come first and keep their
-/// facet error, groups, faces and seams; the others belong to the group of their triangles.
-/// @param triangles  (m x 3) of the points
-/// @param judged     (points)
+/// Returns a design with additional vertices. Those of the original design come first and keep
+/// their facet error, groups, faces and seams; new ones belong to the group of their triangles.
+/// @param places     all vertices
+/// @param triangles  (m x 3) indices of the vertices
+/// @param judged     (vertices) nonzero: the vertex is judged
 Design resampled_design(const Design& from, const std::vector<Contact>& places, Triangles triangles,
                         std::vector<std::uint8_t> judged);
 
@@ -135,13 +138,13 @@ Contact place_of(const Design& design, int vertex);
 /// Returns the vertices of a design with their normals and faces.
 std::vector<Contact> places_of(const Design& design);
 
-/// Returns points as a design without triangles, all judged.
+/// Returns a design that consists of points alone, without triangles; all of them are judged.
 Design design_from_points(const std::vector<Contact>& places);
 
 /// The upward-facing triangles of a design, sorted into the cells of a grid in x and y. Immutable.
 class MeshContact {
  public:
-  /// @param faces  indexed by `Design::face`
+  /// @param faces  recognised analytic faces, indexed by `Design::face`
   /// @throws std::invalid_argument if a vertex or a normal is not finite
   explicit MeshContact(Design design, std::vector<AnalyticPatch> faces = {});
 
@@ -155,7 +158,7 @@ class MeshContact {
 
   Design design_;
   std::vector<AnalyticPatch> faces_;
-  double gap_ = 0.0;  ///< mm, possible gap between triangles of two faces
+  double gap_ = 0.0;  ///< mm, largest gap between triangles of two faces
   Eigen::Vector2d lower_ = Eigen::Vector2d::Zero();
   double cell_ = 1.0;
   int columns_ = 0, rows_ = 0;
@@ -163,15 +166,15 @@ class MeshContact {
   std::vector<int> triangles_;  ///< indices of triangles, cell after cell
 };
 
-/// Returns the highest point of the smooth surface above (x, y) and its normal; nothing if no
-/// triangle faces upwards there.
-/// Within a triangle the surface is the mean of the flat triangle and of the tangent planes at its
-/// corners, weighted by the plan coordinates: exact if the height is quadratic in x and y and the
-/// vertex normals are exact (the error of the flat triangle alone is the facet error). The normal
-/// follows from the slope, which is linear in the triangle. If a vertex normal deviates from that
-/// of the triangle by more than 30 degrees (a sharp edge), the flat triangle and its own normal are
-/// used. On a recognised face the result is the analytic surface, to 1e-12 mm, unless that is
-/// within 1e-3 rad of upright there.
+/// Returns the highest point of the smooth surface at (x, y) and its normal; empty if no triangle
+/// faces upwards there.
+/// Within a triangle the height is the mean of that of the flat triangle and that of the tangent
+/// planes at its corners, weighted by the barycentric coordinates of (x, y). This is exact if the
+/// height is quadratic in x and y and the vertex normals are exact; the flat triangle alone would
+/// be wrong by the facet error. The normal follows from the slope, which is linear in the triangle.
+/// If a vertex normal deviates from that of the triangle by more than 30 degrees (a sharp edge),
+/// the flat triangle and its own normal are used. On a recognised face the result lies on the
+/// analytic surface to 1e-12 mm, unless that is within 1e-3 rad of vertical there.
 std::optional<Contact> surface_point_above(const MeshContact& mesh, double x, double y);
 
 }  // namespace abbe::cutting

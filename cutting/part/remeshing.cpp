@@ -29,7 +29,7 @@ using OpenMesh::FaceHandle;
 using OpenMesh::VertexHandle;
 
 struct TriangleMesh::HalfEdges : OpenMesh::TriMesh_ArrayKernelT<> {
-  // OpenMesh requires positions; the caller stores them, so zero serves
+  // OpenMesh requires a position, which is not used: the caller stores the vertices.
   VertexHandle added() { return add_vertex(Point(0, 0, 0)); }
 };
 
@@ -133,8 +133,8 @@ namespace {
 
 using Eigen::Index;
 
-/// An edge in the order of halving: by length, of equal ones by number, so that the order is
-/// unique.
+/// An edge to be halved. Longer edges come first; of equally long ones the one of lower index, so
+/// that the order is unique.
 struct Long {
   double length;
   int edge;
@@ -161,12 +161,13 @@ Design subdivided(const Design& design, const SurfaceInterpolator& on_surface,
     if (length > options.spacing) queue.push({length, edge});
   };
   for (int edge = 0; edge < mesh.edges(); ++edge) add(edge);
-  // Entries of edges that were split remain in the queue; their length no longer matches.
+  // A split edge keeps its index for one half, so old entries remain in the queue. Their length no
+  // longer matches.
   for (; !queue.empty() && Index(places.size()) < options.points; queue.pop()) {
     const auto [length, edge] = queue.top();
     const auto [a, b] = mesh.ends(edge);
     const std::array<Contact, 2> halves = {places[std::size_t(a)], places[std::size_t(b)]};
-    if (length != (halves[0].point - halves[1].point).norm()) continue;  // halved since
+    if (length != (halves[0].point - halves[1].point).norm()) continue;  // split since
     places.push_back(on_surface(halves, std::array<double, 2>{0.5, 0.5}));
     judged.push_back(1);
     for (const auto made : mesh.split_edge(edge)) add(made);
@@ -186,7 +187,7 @@ Vector3d normal_of(const Design& design, int triangle) {
   return (corner(1) - corner(0)).cross(corner(2) - corner(0));
 }
 
-/// Returns the angle by which the design turns from one triangle to another, rad.
+/// Returns the angle between the normals of two triangles, rad.
 double fold(const Design& design, int one, int other) {
   return kinematics::angle_between(normal_of(design, one), normal_of(design, other));
 }
@@ -197,8 +198,9 @@ int corner_at(const Triangles& triangles, int triangle, int vertex) {
   return -1;
 }
 
-/// Returns the sets of corners of triangles, numbered 3 t + k, that stay together at a vertex:
-/// those of triangles that are joined across an edge.
+/// Returns the sets of corners (index 3 t + k for corner k of triangle t) that keep a common
+/// vertex: those at the ends of edges across which two triangles are joined.
+/// @param joined  (int triangle, int other) -> bool
 template <typename Joined>
 DisjointSets joined_corners(const Design& design, const Joined& joined) {
   DisjointSets corners(3 * std::size_t(design.triangles.rows()));
@@ -213,9 +215,9 @@ DisjointSets joined_corners(const Design& design, const Joined& joined) {
   return corners;
 }
 
-/// Returns the seams of a design and those of the vertices added to it, each referring to the first
-/// vertex at its point.
-/// @param from  original vertex of each: first all of them, then those added
+/// Returns the seams of a design plus one for each added vertex, all of which refer to the first
+/// vertex at their point.
+/// @param from  original vertex of every vertex: first all original ones, then those added
 std::vector<std::array<int, 2>> seams_of(const Design& design, const std::vector<int>& from) {
   const auto n = std::size_t(design.vertices.rows());
   std::vector<int> kept(n);
@@ -227,7 +229,8 @@ std::vector<std::array<int, 2>> seams_of(const Design& design, const std::vector
   return seams;
 }
 
-/// Returns a design with these triangles, whose vertices are copied from another design.
+/// Returns a design with new triangles, whose vertices are copies of those of another design.
+/// @param from  original vertex of every vertex
 Design taken(const Design& design, const std::vector<int>& from, Triangles triangles) {
   Design made;
   const auto n = Index(from.size());
@@ -245,9 +248,9 @@ Design taken(const Design& design, const std::vector<int>& from, Triangles trian
   return made;
 }
 
-/// Triangles in which each set of corners has its own vertex.
+/// Triangles after vertices were duplicated, so that every set of corners has its own.
 struct SplitDesign {
-  std::vector<int> from;  ///< original vertex of each: first all of them, then those added
+  std::vector<int> from;  ///< original vertex of every vertex: all original ones, then those added
   Triangles triangles;
 };
 
@@ -255,8 +258,8 @@ SplitDesign split_at_corners(const Design& design, DisjointSets corners) {
   const auto n = std::size_t(design.vertices.rows());
   SplitDesign parted{std::vector<int>(n), design.triangles};
   std::iota(parted.from.begin(), parted.from.end(), 0);
-  std::vector<int> taker(n, -1);  // set of corners that keeps the vertex
-  std::map<int, int> added;       // vertex of the other sets
+  std::vector<int> taker(n, -1);  // for each vertex the set of corners that keeps it; -1: none yet
+  std::map<int, int> added;       // new vertex of each other set
   for (int t = 0; t < int(design.triangles.rows()); ++t)
     for (int k = 0; k < 3; ++k) {
       const int vertex = design.triangles(t, k), set = corners.name_of(3 * t + k);
@@ -270,14 +273,15 @@ SplitDesign split_at_corners(const Design& design, DisjointSets corners) {
   return parted;
 }
 
-/// Returns the design split where triangles of different labels meet.
+/// Splits a design where triangles of different labels meet.
+/// @param label  of each triangle
 SplitDesign split_by_labels(const Design& design, const std::vector<int>& label) {
   return split_at_corners(design, joined_corners(design, [&](int one, int other) {
                             return label[std::size_t(one)] == label[std::size_t(other)];
                           }));
 }
 
-/// Returns (n) the label of the triangles of each vertex, which is unique; -1 for a vertex without
+/// Returns the label of each vertex, which all of its triangles have; -1 for a vertex without
 /// triangles.
 std::vector<int> labels_of(const Design& design, const std::vector<int>& label) {
   std::vector<int> found(std::size_t(design.vertices.rows()), -1);
@@ -287,7 +291,7 @@ std::vector<int> labels_of(const Design& design, const std::vector<int>& label) 
   return found;
 }
 
-/// Returns (n) the first vertex at the same point.
+/// Returns for each vertex the first one at the same point.
 std::vector<int> first_at_point(const Points& vertices) {
   std::map<std::array<double, 3>, int> first;
   std::vector<int> found;
@@ -347,7 +351,7 @@ Design split_at_groups(const Design& design, const std::vector<int>& group) {
   SplitDesign parted = split_by_labels(design, group);
   Design made = taken(design, parted.from, std::move(parted.triangles));
   made.group = labels_of(made, group);
-  // a border between groups is no edge, so the normals are those of the whole face
+  // A border between groups is not an edge of the part, so normals and facet errors stay unchanged.
   for (Index i = 0; i < made.vertices.rows(); ++i) {
     const int old = parted.from[std::size_t(i)];
     made.normals.row(i) = design.normals.row(old);
@@ -366,7 +370,7 @@ std::vector<int> patches(const Design& design) {
   std::vector<int> patch(std::size_t(design.vertices.rows()));
   int count = 0;
   for (int i = 0; i < int(patch.size()); ++i) {
-    const int name = sets.name_of(i);  // the least vertex of the set, so it already has its number
+    const int name = sets.name_of(i);  // the first vertex of the set, so already numbered
     patch[std::size_t(i)] = name == i ? count++ : patch[std::size_t(name)];
   }
   return patch;
@@ -395,7 +399,8 @@ Design judge_off_edges(const Design& design, std::vector<Segment> edges, double 
   if (!std::isfinite(margin) || margin < 0.0)
     throw std::invalid_argument("judge_off_edges: the margin must be finite and not negative");
   if (margin == 0.0 || edges.empty()) return design;
-  // Cells much smaller than the edges would make the list of cells too long.
+  // An edge is listed in every cell that it crosses; cells much smaller than the edges would cost
+  // too much memory.
   double length = 0.0;
   for (const Segment& edge : edges) length += (edge.b - edge.a).norm();
   const double cell = std::max(margin, length / double(edges.size()));
@@ -413,13 +418,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// An edge of a border, stored for both faces: its vertices there, in the same direction.
+/// An edge where two faces meet, by its vertices in each face.
 struct TwoSided {
-  std::array<std::array<int, 2>, 2> ends;  // face, end
+  std::array<std::array<int, 2>, 2> ends;  // [face][end], both in the same direction
   int halvings = 0;
 };
 
-/// Returns the edges of a design at which two recognised faces meet.
+/// Returns the edges of a design where two different recognised faces meet.
 std::vector<TwoSided> face_borders(const Design& design) {
   std::vector<int> place(std::size_t(design.vertices.rows()));
   std::iota(place.begin(), place.end(), 0);
@@ -444,34 +449,35 @@ std::vector<TwoSided> face_borders(const Design& design) {
   return borders;
 }
 
-/// Two faces near a chord of their border.
+/// Two faces near an edge of the mesh, which is a chord of their true border.
 struct Meeting {
   const AnalyticPatch &one, &other;
   Vector3d a, b;  // ends of the chord
 
   Vector3d middle() const { return 0.5 * (a + b); }
-  /// Returns the unit direction across the border, along the faces.
+  /// Returns the unit vector across the border and tangential to the faces.
   Vector3d way() const { return dropped(one, middle()).normal.cross(b - a).normalized(); }
-  /// Returns the difference of the normals at a point, along that direction.
+  /// Returns the component of the difference of both normals at a point in that direction; it is 0
+  /// on the border of tangential faces.
   double apart(const Vector3d& p) const {
     return (dropped(one, p).normal - dropped(other, p).normal).dot(way());
   }
-  /// Returns the distance between the surfaces beside a point, mm.
+  /// Returns the distance between both surfaces near a point, mm.
   double between(const Vector3d& p) const { return distance_of(other, dropped(one, p).point); }
-  /// Returns the distance of the sliver cut off by the chord from the other surface, mm, less that
-  /// between the surfaces at the ends: surfaces fitted to rounded vertices do not quite touch.
+  /// Returns the distance between both surfaces at the middle of the chord, mm, less the mean of
+  /// those at its ends, where surfaces fitted to rounded vertices do not quite touch: the error of
+  /// the sliver that the chord assigns to the wrong face.
   double off() const { return std::abs(between(middle()) - 0.5 * (between(a) + between(b))); }
 };
 
-/// Returns the point of the border beside the middle of its chord; nothing if it is not found near
-/// it.
+/// Returns the point of the border beside the middle of its chord; empty if none is found nearby.
 std::optional<Vector3d> on_border(const Meeting& at) {
-  // Newton's method with a difference quotient, from the chord
+  // Newton's method with a difference quotient, starting on the chord.
   constexpr int rounds = 8;
-  constexpr double most = 0.3, little = 1e-3, edge = 0.05;  // of the chord, of the chord, rad
+  constexpr double most = 0.3, little = 1e-3, edge = 0.05;  // fractions of the chord; rad
   const double chord = (at.b - at.a).norm();
   for (const Vector3d& end : {at.a, at.b})
-    // normals that differ by more than 0.05 rad at an end belong to an edge of the part
+    // Faces whose normals differ by more than this at an end meet in an edge of the part.
     if ((dropped(at.one, end).normal - dropped(at.other, end).normal).norm() > edge)
       return std::nullopt;
   const Vector3d way = at.way();
@@ -492,7 +498,7 @@ std::optional<Vector3d> on_border(const Meeting& at) {
 Design refine_round_borders(const Design& design, const std::vector<AnalyticPatch>& faces,
                             double off) {
   require(std::isfinite(off) && off > 0.0, "with_round_borders: off must be positive");
-  constexpr int most = 8;  // halvings: from a chord of 30 degrees to one of a tenth
+  constexpr int most = 8;  // halvings, which divide a chord of 30 degrees into chords of about 0.1
   if (design.face.empty()) return design;
   std::vector<TwoSided> waiting = face_borders(design);
   TriangleMesh mesh(design.triangles, design.vertices.rows());

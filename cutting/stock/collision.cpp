@@ -29,9 +29,9 @@ struct BodySearch {
   struct Piece {
     Tree tree;
     ClosedMesh mesh;
-    bool closed = true;                  // or a part of a closed surface
-    std::array<int, 3> cube{};           // of a patch
-    Vector3d centre = Vector3d::Zero();  // of a ball around it
+    bool closed = true;                  // closed itself, or a patch of a closed surface
+    std::array<int, 3> cube{};           // of a patch: its cell
+    Vector3d centre = Vector3d::Zero();  // of a ball that contains it
     double radius = 0.0;
   };
   std::vector<std::shared_ptr<const Piece>> pieces;
@@ -41,8 +41,8 @@ namespace {
 
 using Piece = BodySearch::Piece;
 
-/// Returns for every vertex the first one at its position. A design has separate vertices on both
-/// sides of an edge, which agree but for rounding.
+/// Returns the first vertex at the position of each vertex. A design has separate vertices on both
+/// sides of a sharp edge, whose positions agree to rounding.
 std::vector<int> by_place(const Points& vertices) {
   constexpr double grain = 1e-7;  // mm
   const auto place = [&](int i) {
@@ -71,7 +71,7 @@ bool is_closed(const ClosedMesh& mesh) {
   });
 }
 
-/// Returns the radius of the ball about a point that contains a mesh, mm.
+/// Returns the radius, mm, of the smallest ball about a point that contains a mesh and its skin.
 double ball_radius(const ClosedMesh& mesh, const Vector3d& centre) {
   return mesh.skin + (mesh.vertices.rowwise() - centre.transpose()).rowwise().norm().maxCoeff();
 }
@@ -132,8 +132,9 @@ namespace {
 
 using Cube = std::array<int, 3>;
 
-/// Returns the triangles of a mesh by the cubes that contain their centroids, each patch with its
-/// own vertices.
+/// Splits a mesh into patches by the cubes that contain the centroids of its triangles. Each patch
+/// has its own vertices.
+/// @param size  mm, edge of a cube
 std::map<Cube, ClosedMesh> patches_of(const ClosedMesh& mesh, double size) {
   std::map<Cube, std::vector<Eigen::Index>> in_cube;
   for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
@@ -263,11 +264,13 @@ double farthest(const Pose& from, const Pose& to, const Body& body) {
 
 namespace {
 
-/// Searches two trees for the nearest triangles, with b placed in the frame of a, and skins around
-/// them. FCL's own search has no adjustable tolerance.
+/// Searches two trees for their nearest triangles, with b posed in the frame of a and skins around
+/// both. Used instead of FCL's own search, which has no adjustable tolerance.
 class NearestTriangles {
  public:
-  /// @param most  mm between the meshes; larger distances are not found
+  /// @param skins  mm, sum of both skins
+  /// @param most   mm between the meshes; larger distances are not found
+  /// @param share  permitted relative error of the distance
   NearestTriangles(const Tree& a, const Tree& b, const Pose& T_ab, double skins, double most,
                    double share)
       : a_(a),
@@ -286,8 +289,8 @@ class NearestTriangles {
   using Node = fcl::BVNode<fcl::OBBRSSd>;
   using Corners = std::array<Vector3d, 3>;
 
-  /// Returns a triangle of a in the frame of b. It is cached because it is compared with many boxes
-  /// of b in turn.
+  /// Returns a triangle of a in the frame of b. The last one is cached, because it is compared with
+  /// many boxes of b in succession.
   const Corners& seen_from_b(int triangle) {
     if (triangle == last_of_a_) return from_b_;
     last_of_a_ = triangle;
@@ -312,8 +315,8 @@ class NearestTriangles {
     return nearest;
   }
 
-  /// Returns the distance by which the plane through the point of a triangle nearest to a box
-  /// separates it from the box.
+  /// Returns how far a box lies behind a plane of support of a triangle, the one through its point
+  /// nearest to the centre of the box: a lower bound of their distance.
   static double parted(const Corners& triangle, const fcl::OBBd& box) {
     const Vector3d way = box.To - nearest_of(triangle, box.To);
     const double distance = way.norm();
@@ -321,8 +324,8 @@ class NearestTriangles {
     return distance - box.extent.dot((box.axis.transpose() * way).cwiseAbs()) / distance;
   }
 
-  /// Returns a lower bound of the distance of the contents of two nodes. FCL's bound is loose if
-  /// one of them is a triangle, because it uses a rectangle around it.
+  /// Returns a lower bound of the distance between the contents of two nodes. For a single triangle
+  /// the bound of FCL is loose, because it encloses the triangle in a rectangle.
   double bound(int i, int j) {
     const Node &of_a = a_.getBV(i), &of_b = b_.getBV(j);
     if (of_a.isLeaf() && of_b.isLeaf()) return 0.0;
@@ -334,7 +337,8 @@ class NearestTriangles {
   void descend(int i, int j) {
     const auto &of_a = a_.getBV(i), &of_b = b_.getBV(j);
     if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
-    // divide the larger box, so that both shrink alike; the nearer half is visited first
+    // The larger box is divided, so that both shrink at the same rate. The nearer half is visited
+    // first, because it gives the tighter limit for the other.
     const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
     std::array<std::array<int, 2>, 2> next = {{{i, of_b.first_child}, {i, of_b.first_child + 1}}};
     if (divide_a) next = {{{of_a.first_child, j}, {of_a.first_child + 1, j}}};
@@ -364,14 +368,14 @@ class NearestTriangles {
   Corners from_a_, from_b_;
 };
 
-/// Two pieces with a lower bound of their distance.
+/// Two pieces and a lower bound of their distance, mm.
 struct PiecePair {
   const Piece* one;
   const Piece* other;
   double apart;
 };
 
-/// Returns all pairs of pieces, those that may be nearest first.
+/// Returns all pairs of pieces by ascending lower bound.
 std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_ab) {
   std::vector<PiecePair> pairs;
   pairs.reserve(a.search->pieces.size() * b.search->pieces.size());
@@ -397,7 +401,7 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
     const double most = nearest.distance + skins;
     Gap found = NearestTriangles(one->tree, other->tree, T_ab, skins, most, options.share).nearest;
     if (!(found.distance < most)) continue;
-    // Move the points from the meshes to the skins.
+    // The nearest points are moved from the meshes to the surfaces of the skins.
     const Vector3d way = found.on_b - found.on_a;
     if (const double length = way.norm(); length > 0.0) {
       found.on_a += std::min(one->mesh.skin, length) / length * way;
@@ -411,8 +415,8 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
 
 namespace {
 
-/// Collects triangles of two trees that are no farther apart than `within`, with b placed in the
-/// frame of a.
+/// Collects pairs of triangles of two trees that are no farther apart than `within`, with b posed
+/// in the frame of a.
 class NearTriangles {
  public:
   NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most)
@@ -428,8 +432,8 @@ class NearTriangles {
   std::vector<TrianglePair> found;
 
  private:
-  /// Returns true if the boxes are separated by one of the six planes of their faces. This misses
-  /// some separated boxes but is far quicker than FCL's fifteen axes.
+  /// Returns true if a plane parallel to a face of either box separates them. The test of these six
+  /// axes misses some separated boxes but is much faster than all fifteen as in FCL.
   bool are_separated(const fcl::OBBd& one, const fcl::OBBd& other) const {
     const Eigen::Matrix3d R = one.axis.transpose() * (R_ * other.axis), size = R.cwiseAbs();
     const Vector3d way = R_ * other.To + (t_ - one.To), t = one.axis.transpose() * way;
@@ -439,7 +443,7 @@ class NearTriangles {
     return ((back.cwiseAbs() - extent - size.transpose() * one.extent).array() > 0.0).any();
   }
 
-  /// One half contributes at most half of the wanted pairs, so that they do not all come from one
+  /// Limits the first half to half of the pairs wanted, so that they do not all come from one
   /// corner.
   void descend(int i, int j, std::size_t most) {
     const auto &of_a = a_.tree.getBV(i), &of_b = b_.tree.getBV(j);
@@ -502,19 +506,19 @@ Gap gap(const TrianglePair& pair, const Vector3d& moved) {
 
 namespace {
 
-/// Counts how often a closed surface encloses a point by the crossings of a ray from it. An edge
-/// has the same side for both of its triangles, to the bit, so no crossing is missed or counted
-/// twice.
+/// Computes the winding number of a closed surface about a point from the crossings of a ray. The
+/// point is on the same side of an edge, bit for bit, for both of its triangles, so no crossing is
+/// missed or counted twice.
 class Crossings {
  public:
-  /// @param frame  its third column is the direction of the ray
+  /// @param frame  rotation whose third column is the direction of the ray
   Crossings(const Piece& shell, const Vector3d& point, const Eigen::Matrix3d& frame)
       : shell_(shell), point_(point), across_(frame.transpose()) {
     descend(0);
   }
 
   int sum = 0;
-  bool is_sure = true;  ///< false if the ray meets an edge
+  bool is_sure = true;  ///< false if the ray hits an edge, so that `sum` means nothing
 
  private:
   bool is_met(const fcl::OBBd& box) const {
@@ -522,7 +526,7 @@ class Crossings {
                    along = box.axis.transpose() * across_.row(2).transpose();
     double first = 0.0, last = std::numeric_limits<double>::infinity();
     for (int k = 0; k < 3; ++k) {
-      // Widened against rounding, so that no crossing is lost.
+      // Enlarged, so that rounding loses no crossing.
       const double extent = box.extent[k] + 1e-9 * (1.0 + box.extent.maxCoeff());
       const double one = (-extent - from[k]) / along[k], other = (extent - from[k]) / along[k];
       first = std::max(first, std::min(one, other));
@@ -563,7 +567,7 @@ class Crossings {
   Eigen::Matrix3d across_;
 };
 
-/// Computes the same number from the solid angles of the triangles.
+/// Returns the winding number of a mesh about a point from the solid angles of its triangles.
 double windings(const ClosedMesh& mesh, const Vector3d& point) {
   double solid_angle = 0.0;
   for (const auto& t : mesh.triangles.rowwise()) {
@@ -578,7 +582,7 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
 }
 
 bool is_around(const Body& outer, const Vector3d& point) {
-  // Directions along which a face of a part is unlikely to lie.
+  // Arbitrary directions, to which edges and faces of a part are unlikely to be parallel.
   for (const Vector3d& turn : {Vector3d(0.41, 0.83, -0.29), Vector3d(-1.13, 0.37, 0.71)}) {
     const Eigen::Matrix3d frame =
         Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
@@ -592,7 +596,7 @@ bool is_around(const Body& outer, const Vector3d& point) {
     }
     if (is_sure) return sum != 0;
   }
-  // Both rays met an edge: solid angles are slower but always decide.
+  // Both rays hit an edge: solid angles are slower, but always decide.
   double sum = 0.0;
   for (const auto& shell : outer.search->pieces)
     if (shell->closed) sum += windings(shell->mesh, point);
@@ -610,7 +614,7 @@ bool holds(const Body& outer, const Body& inner, const Pose& T) {
 }  // namespace
 
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
-  // Surfaces in contact are no inclusion.
+  // Contact of the surfaces is not inclusion; how large a distance is does not matter here.
   constexpr double any = 1e-6;  // mm
   return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
          is_inside_disjoint(a, b, T_a.inverse() * T_b);
@@ -622,18 +626,19 @@ bool is_inside_disjoint(const Body& a, const Body& b, const Pose& T_ab) {
 
 namespace {
 
-/// A distance at a time, or a lower bound of it.
+/// A lower bound of the distance at time u.
 struct Looked {
   double u, distance;
 };
 
-/// An interval of time during which the distance is not below `least`.
+/// An interval of time and a lower bound of the distance in it.
 struct Stretch {
   Looked from, to;
   double least;
 };
 
-// Falling from both ends at the largest speed, the distance is least where the two lines meet.
+// The distance changes at most at `speed`, so it is nowhere below the point where lines of that
+// slope from both ends meet.
 Stretch stretch(const Looked& from, const Looked& to, double speed) {
   return {from, to, 0.5 * (from.distance + to.distance - speed * (to.u - from.u))};
 }
@@ -651,7 +656,7 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   nearest.gap.distance = std::numeric_limits<double>::infinity();
   const auto look = [&](double u) -> Looked {
     GapOptions wanted{options.rough};
-    // Distances larger than b can still cover need not be exact.
+    // A distance that b cannot cover any more need not be exact.
     if (options.contact_only)
       wanted.most = (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
     const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);

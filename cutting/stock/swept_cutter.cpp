@@ -13,12 +13,13 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double no_travel = 1e-12;  // mm
-// mm, margin around the flat end that contains a form cutter
+constexpr double no_travel = 1e-12;  // mm, a shorter displacement is treated as none
+// mm, margin by which the search for a form cutter begins outside the flat end around it
 constexpr double outside_of_form = 1e-3;
-constexpr double along_axis = 1e-13;  // of a direction; below it a line counts as lying in a plane
+constexpr double along_axis = 1e-13;  // component of a direction below which a line is parallel
+                                      // to a plane
 
-/// An interval of a line that conditions shorten; lo > hi if nothing is left.
+/// An interval of the position s along a line, clipped by conditions on s; empty if lo > hi.
 struct Stretch {
   double lo = -infinity;
   double hi = infinity;
@@ -56,11 +57,11 @@ struct Stretch {
 
 }  // namespace
 
-/// A line parameterised from its point nearest to the cutter, so that nothing cancels in the
-/// quadratics.
+/// A line parameterised from the point nearest to the cutter: from a distant point the quadratic
+/// equations would lose digits by cancellation.
 struct CutterSweep::Line {
   Vector3d point, direction;
-  double shift;
+  double shift;  ///< position of that point in the original parameter
 
   Line(const Vector3d& p, const Vector3d& d, double height) : direction(d) {
     shift = -(p.dot(d) - height * d.z()) / d.squaredNorm();
@@ -68,11 +69,12 @@ struct CutterSweep::Line {
   }
 };
 
-/// The hull of intervals: the sweep is convex, so the pieces of which it consists leave no gap.
+/// The union of the intervals in the pieces of which the sweep consists. The sweep is convex, so
+/// they leave no gap and the smallest and largest end suffice.
 struct CutterSweep::Sum {
   SweepInterval result;
 
-  /// Adds an interval inside a piece that is reached at instant t0 + t1 s.
+  /// Adds the interval inside a piece, whose point s is touched at instant t0 + t1 s.
   void add(const Stretch& piece, double t0, double t1 = 0.0) {
     if (piece.is_empty()) return;
     const auto instant = [&](double s) {
@@ -106,8 +108,8 @@ CutterSweep::CutterSweep(const Cutter& cutter, const Vector3d& travel)
   if (length_ <= no_travel) length_ = 0.0;
 }
 
-/// Adds the cylinders at both ends and the region above the track of the centre; `line` is relative
-/// to its base.
+/// Adds the cylinders at start and end of the move and the region between them, above the track of
+/// the base. `line` is relative to the centre of the base at the start.
 void CutterSweep::add_cylinders(const Line& line, double radius, Sum& sum) const {
   const Vector3d& p = line.point;
   const Vector3d& d = line.direction;
@@ -116,7 +118,7 @@ void CutterSweep::add_cylinders(const Line& line, double radius, Sum& sum) const
   const double c = p.x() * p.x() + p.y() * p.y() - radius * radius;
   Stretch first;
   first.within(a, b, c);
-  // A plunge covers every height above its lower end.
+  // In a plunge the lower of both ends bounds the only cylinder.
   first.positive(p.z() - (lateral_ > 0.0 ? 0.0 : std::min(0.0, travel_.z())), d.z());
   sum.add(first, lateral_ > 0.0 || travel_.z() >= 0.0 ? 0.0 : 1.0);
   if (lateral_ == 0.0) return;
@@ -171,18 +173,18 @@ SweepInterval CutterSweep::along_ball(const Line& line) const {
   return sum.result;
 }
 
-/// The point nearest to a given point in the sweep of the cutter's core, the flat cylinder above
-/// the centre of its corner.
+/// The point of the core's sweep that is nearest to a given point. The core is the flat cylinder
+/// inside the corner: at each instant the cutter is what lies within the corner radius of it.
 struct CutterSweep::Nearest {
   double distance;
-  Vector3d away;  ///< unit, from there to the given point
+  Vector3d away;  ///< unit, from the core to the given point
   double t;       ///< instant at which the core is there
 };
 
 CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const {
   double low = 0.0, high = 1.0;
   Nearest found{0.0, Vector3d::Zero(), t};
-  // Newton's method within a bracket; the squared distance is convex in t.
+  // The squared distance is convex in t: Newton's method, with bisection if it leaves the bracket.
   for (int i = 0; i < 60; ++i) {
     const double x = point.x() - t * travel_.x(), y = point.y() - t * travel_.y();
     const double rho = std::sqrt(x * x + y * y);
@@ -214,9 +216,11 @@ CutterSweep::Nearest CutterSweep::nearest(const Vector3d& point, double t) const
   return found;
 }
 
-/// Newton's method from a point outside towards the sweep: the distance is convex along the line,
-/// so no step passes the point where it equals the corner's radius. Returns infinity if it never
-/// does.
+/// Returns the position along the line where the distance from the core equals the corner radius,
+/// by Newton's method from a position outside; infinity if there is none. The distance is convex
+/// along the line, so no step overshoots.
+/// @param sense  +1 or -1, direction of the search
+/// @param t      instant of the nearest point: first a guess, then the result
 double CutterSweep::settled(const Line& line, double from, double sense, double& t) const {
   double s = from;
   for (int i = 0; i < 60; ++i) {
@@ -247,8 +251,8 @@ SweepInterval CutterSweep::along_bull(const Line& line) const {
   return bracket;
 }
 
-/// Searches from both sides of the flat end around the cutter, which contains every point of the
-/// line inside the form.
+/// Bounds the interval by a flat end mill that encloses the form cutter and searches inwards from
+/// both of its ends.
 SweepInterval CutterSweep::along_form(const Line& line) const {
   const SweepInterval around = along_flat(line, radius_);
   Stretch within{around.in, around.out};
@@ -284,8 +288,8 @@ SweepInterval disc_sweep_interval(double radius, double height, const Vector3d& 
   const double rise = travel.z(), climb = direction.z();
   SweepInterval result;
   if (std::max(std::abs(rise), std::abs(climb)) < no_travel) return result;
-  // The line is at the height of the disc at one position s for each instant t, and vice versa. The
-  // relation with the smaller slope is used, so that nothing is divided by a small rate.
+  // For each instant t the line is at the height of the disc at one position s, and vice versa. The
+  // relation is solved for the variable that avoids a division by a small rate.
   const bool by_instant = std::abs(climb) >= std::abs(rise);
   const double first = by_instant ? (height - point.z()) / climb : (point.z() - height) / rise;
   const double slope = by_instant ? rise / climb : climb / rise;

@@ -33,32 +33,35 @@ using metrology::Readings;
 
 inline constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
 
-/// Returns a slide of a chain by its index, 0 1 2.
-/// @throws std::invalid_argument unless the chain has it and it travels along that axis of the bed
+/// Returns the slide X, Y or Z of a chain.
+/// @param axis  0 1 2
+/// @throws std::invalid_argument if the chain lacks it or it does not travel along that bed axis
 kinematics::Joint slide(const kinematics::Chain& chain, int axis);
 
-/// One leg: a change of reading per motion of one axis over one interval.
+/// One leg of a diagonal: the motion of one axis over one interval between step positions, with the
+/// two readings at its ends.
 struct StepLeg {
   int axis = 0;
   int interval = 0;
-  int diagonal = 0;        ///< set-up
-  Eigen::Vector3d across;  ///< change of reading per unit of E(upper) - E(lower)
-  Eigen::Index from = 0;   ///< readings of which it is the difference
-  Eigen::Index to = 0;
+  int diagonal = 0;        ///< index of the set-up
+  Eigen::Vector3d across;  ///< change of reading per mm of displacement error gained from
+                           ///< the lower to the upper step position, by component
+  Eigen::Index from = 0;   ///< index of the reading before the motion
+  Eigen::Index to = 0;     ///< index of the reading after it
 };
 
-/// Step positions of the three axes, ascending.
+/// Step positions of X, Y and Z, mm, ascending.
 using Steps = std::array<std::vector<double>, 3>;
 
-/// The path of four step diagonals.
+/// The legs of four step diagonals and the step positions that they share.
 struct StepPath {
   Steps steps;
   std::vector<StepLeg> legs;
 };
 
-/// Returns the path of the readings.
-/// @throws std::invalid_argument unless the readings are those of four diagonals, finite, each one
-///         step of X, Y or Z after the previous, with the same steps on every diagonal
+/// Returns the legs along which readings were taken.
+/// @throws std::invalid_argument unless the readings are finite and belong to four diagonals with
+///         the same step positions, each one step of X, Y or Z after the one before
 StepPath step_path(const metrology::Readings& readings);
 
 /// Throws std::invalid_argument with "step diagonal: " and the reason.
@@ -66,7 +69,7 @@ StepPath step_path(const metrology::Readings& readings);
 
 namespace {
 
-constexpr double same_place = 1e-6;  // mm: rounding of a commanded position
+constexpr double same_place = 1e-6;  // mm, commanded positions that differ by less are the same
 
 void check_diagonals(const Readings& readings) {
   const metrology::Plan& plan = readings.plan;
@@ -87,8 +90,8 @@ void check_diagonals(const Readings& readings) {
 
 int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
 
-/// Returns the slide that moved between two states; -1 unless exactly one slide and nothing else
-/// did.
+/// Returns the slide (0 1 2) that moved between two states; -1 unless one slide and no other axis
+/// moved.
 int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
   int which = -1;
   for (int j = 0; j < chain.size(); ++j) {
@@ -137,7 +140,7 @@ StepPath step_path(const Readings& readings) {
   const Chain& chain = readings.nominal;
   const std::vector<Measurement>& measurements = readings.plan.measurements;
   std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
-  std::map<std::pair<int, int>, std::size_t> last;  // of each set-up and run
+  std::map<std::pair<int, int>, std::size_t> last;  // reading of each set-up and run
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
   StepPath path;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
@@ -177,7 +180,9 @@ using kinematics::Chain;
 using metrology::Measurement;
 using metrology::Readings;
 
-/// Returns the readings of a machine at every measurement with perfect set-ups (measurements).
+/// Returns what the instruments would read on a machine with these errors if every set-up were
+/// perfect.
+/// @return (measurements)
 VectorXd perfect_readings(const Readings& readings, const GeometricErrors& errors) {
   const Chain& chain = readings.nominal;
   const GeometricModel model = bind(errors, chain);
@@ -193,12 +198,12 @@ VectorXd perfect_readings(const Readings& readings, const GeometricErrors& error
   return result;
 }
 
-// The estimator as a matrix over the readings, which gives its covariance
+// The estimator is a matrix that acts on the readings, so that it also carries their covariance.
 
-/// Estimator of the increments of the displacement errors over the intervals.
+/// Linear estimator of how much the displacement errors grow over each interval.
 struct Linear {
-  MatrixXd increments;  ///< (3 components x intervals of X Y Z by readings), 3 rows per interval
-  MatrixXd contrast;    ///< (intervals x readings) zero for translational errors
+  MatrixXd increments;  ///< (3 intervals x readings) components x y z of each interval
+  MatrixXd contrast;    ///< (intervals x readings) zero if all errors are translations
 };
 
 Linear linear(const StepPath& path, Index readings) {
@@ -221,10 +226,11 @@ Linear linear(const StepPath& path, Index readings) {
       count[leg->diagonal] += 1.0;
     }
     if (count.minCoeff() == 0.0) throw_diagonal_error("expected the same steps on every diagonal");
-    // Four diagonals measure three components: the fourth left singular vector is the contrast that
-    // a translation cannot produce.
+    // Four diagonals measure three components, so the fourth left singular vector is a combination
+    // of readings that no translation changes: the contrast.
     const SingularValues svd = singular_values(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
-    // 1e-3: diagonals of a box 1000 times longer than high no longer separate its height.
+    // 1e-3: the diagonals of a box a thousand times longer than high no longer resolve the
+    // component along its height.
     if (svd.values[2] < 1e-3 * svd.values[0])
       throw_diagonal_error("expected diagonals that differ in three directions");
     const MatrixXd inverse =
@@ -242,7 +248,7 @@ Linear linear(const StepPath& path, Index readings) {
   return result;
 }
 
-/// Returns the weights of the least-squares slope over q: slope = weights . value.
+/// Returns weights w such that w . values is the least-squares slope of values over q.
 VectorXd slope_weights(const VectorXd& q) {
   const VectorXd dq = q.array() - q.mean();
   return dq / dq.squaredNorm();
@@ -252,12 +258,13 @@ ElementName axis_element(int component, int axis) {
   return {slides[std::size_t(component)], slides[std::size_t(axis)], false};
 }
 
-/// Rows of one displacement error; for a straightness without its least-squares line, whose slope
-/// goes to `squareness` (EC0Y, EB0Z, EA0Z by readings).
+/// Linear maps from the readings to the nine displacement errors at their step positions and to the
+/// three squarenesses. The least-squares line of a straightness is removed from it; its slope
+/// counts as squareness.
 struct Curves {
   std::array<VectorXd, 3> q;
   std::array<std::array<MatrixXd, 3>, 3> rows;  ///< [axis][component] (steps x readings)
-  MatrixXd squareness;                          ///< (3 x readings)
+  MatrixXd squareness;                          ///< (3 x readings) EC0Y, EB0Z, EA0Z
 };
 
 const std::array<ElementName, 3> identified_squarenesses = {
@@ -296,13 +303,13 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
   return result;
 }
 
-// Belief
+// Belief from the estimates
 
-/// A direction of travel tilted by theta deviates by sin(theta): the angle of a slope, and the
-/// travel lost by it.
+/// The second-order effects of a tilted direction of travel. A direction tilted by theta deviates
+/// sideways by sin(theta) per mm of travel, the slope, and loses 1 - cos(theta) of its travel.
 struct TravelTilt {
-  double angle_per_slope = 1.0;
-  double shortening = 0.0;  ///< 1 - cos(theta)
+  double angle_per_slope = 1.0;  ///< theta / sin(theta)
+  double shortening = 0.0;       ///< 1 - cos(theta)
 };
 TravelTilt turned(double slope) {
   if (slope == 0.0) return {};
@@ -348,9 +355,10 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
   return belief;
 }
 
-// Contradictions in the readings
+// Contradictions between the four diagonals
 
-/// Returns the chi-square that is exceeded by chance once in a thousand (Wilson and Hilferty 1931).
+/// Returns the chi-square that chance exceeds once in a thousand times (Wilson and Hilferty 1931).
+/// @param freedom  degrees of freedom
 double rare_chi_square(double freedom) {
   const double t = 2.0 / (9.0 * freedom);
   return freedom * std::pow(1.0 - t + 3.0902 * std::sqrt(t), 3);
@@ -369,7 +377,8 @@ Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const V
   return {k.dot(solve_positive(weighted * weighted.transpose(), k)), double(k.size())};
 }
 
-/// The contrasts split into the mean of each axis and the changes from one interval to the next.
+/// Matrices that split the contrasts into the mean over each axis and the changes from one interval
+/// to the next.
 struct ContrastParts {
   MatrixXd steady;   ///< (3 x intervals)
   MatrixXd varying;  ///< (intervals - 3 x intervals)
@@ -418,16 +427,17 @@ std::vector<std::string> contradiction_warnings(const Steps& steps, const Matrix
   return result;
 }
 
-// Errors without contradiction
+// Angular errors that cause no contradiction
 
-/// Returns a rotation of one carriage that grows linearly along its steps.
+/// Returns a single angular error that grows linearly over the steps of its axis.
+/// @param angle  rad, at the last step
 GeometricErrors turning(const ElementName& name, const std::vector<double>& steps, double angle) {
   const double length = steps.back() - steps.front();
   const Polynomial line{(VectorXd(2) << 0.0, angle).finished(), steps.front(), length};
   return {{{name, {Curve{line}}}}, {}, {}};
 }
 
-/// Returns the largest value of any of the nine curves for these readings.
+/// Returns the largest magnitude, mm, of any of the nine displacement errors for these readings.
 double largest_value(const Curves& curves, const VectorXd& y) {
   double largest = 0.0;
   for (const auto& axis : curves.rows)
@@ -435,12 +445,12 @@ double largest_value(const Curves& curves, const VectorXd& y) {
   return largest;
 }
 
-/// Tries every angular error on the nominal machine and returns a warning about those that leave no
-/// contradiction.
+/// Applies every angular error in turn to the nominal machine and returns a warning that names
+/// those which cause no contradiction; empty if there are none.
 std::string angular_caution(const Readings& readings, const StepPath& path,
                             const MatrixXd& contrast, const Curves& curves) {
-  // A usual pitch or yaw of a machine tool; the effect is linear, so the size only scales the
-  // figure of the message.
+  // Typical pitch or yaw of a machine tool. The effect is linear, so this value only scales the
+  // figure in the message.
   constexpr double angle = 20.0 * units::urad;
   const VectorXd perfect = perfect_readings(readings, {});
   std::string unseen;
@@ -452,8 +462,8 @@ std::string angular_caution(const Readings& readings, const StepPath& path,
           perfect_readings(readings, turning(name, path.steps[axis], angle)) - perfect;
       const double largest = largest_value(curves, y);
       const double contradicts = (contrast * y).cwiseAbs().maxCoeff();
-      // Below 1 nm the error does not affect the elements; below 1 % of it per step the contrast
-      // does not reveal it.
+      // Below 1 nm the error does not matter. A contrast per step below 1 % of its effect does not
+      // reveal it.
       if (largest < units::nm || contradicts > 1e-2 * largest / double(path.steps[axis].size()))
         continue;
       unseen += " " + to_string(name);
@@ -466,7 +476,7 @@ std::string angular_caution(const Readings& readings, const StepPath& path,
       unseen, worst / units::um);
 }
 
-// Trend over temperature
+// Trend of several results over temperature
 
 struct Quantities {
   std::vector<std::string> names;
@@ -474,7 +484,7 @@ struct Quantities {
   std::vector<double> value;
 };
 
-/// Returns the numbers of one result that are followed over temperature.
+/// Returns those numbers of a result that are fitted over temperature.
 Quantities quantities(const GeometricErrors& belief) {
   Quantities result;
   for (const Element& element : belief.elements) {

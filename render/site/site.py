@@ -42,6 +42,7 @@ PAGES = [  # title, file or list of them
         ("Study engine", "sim/study/README.md"),
     ]),
     ("Verification", [
+        ("Contributing", "CONTRIBUTING.md"),
         ("Tests", "tests/README.md"),
         ("Oracles", "tests/oracles/README.md"),
         ("Golden programs", "tests/golden/README.md"),

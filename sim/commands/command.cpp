@@ -19,7 +19,7 @@ namespace abbe::sim {
 Exit exit_code(const std::function<Exit()>& program) {
   try {
     const Exit code = program();
-    // Output that is still in the buffer may fail to be written, which must change the exit code.
+    // Flushed here, so that a failure to write the rest of the output changes the exit code.
     flush_output();
     return code;
   } catch (const Interrupted&) {
@@ -32,7 +32,7 @@ Exit exit_code(const std::function<Exit()>& program) {
     for (const BadInput& fault : input_errors.input_errors)
       print(stderr, "abbe: {}\n", fault.what());
     return Exit::Input;
-    // BadProgram before BadInput: it derives from it and holds all input errors.
+    // Before BadInput, from which BadProgram derives: it holds all errors of the program.
   } catch (const dialects::BadProgram& input_errors) {
     for (const BadInput& fault : input_errors.input_errors)
       print(stderr, "abbe: {}\n", fault.what());
@@ -49,8 +49,7 @@ Exit exit_code(const std::function<Exit()>& program) {
   } catch (const OutputFailure& failure) {
     print(stderr, "abbe: {}\n", failure.what());
     return Exit::Output;
-    // Not enough memory is reported as a numerical failure: the scene is valid, but cannot be
-    // computed.
+    // Reported as a numerical failure, because the scene is valid but cannot be computed.
   } catch (const std::bad_alloc&) {
     print(stderr, "abbe: not enough memory for this scene\n");
     return Exit::Numerical;
@@ -115,13 +114,13 @@ std::vector<Option> scene_options(CommonOptions& common, const std::vector<Optio
 std::vector<Override> overrides(const CommonOptions& common) {
   std::vector<Override> all;
   for (const std::string& text : common.set) {
-    // The first '=' separates: the value may contain others, the key may not.
+    // Split at the first '=', since a value may contain others but a key may not.
     const std::size_t equals = text.find('=');
     if (equals == std::string::npos || equals == 0)
       throw BadUsage("--set", "expected key=value, seen " + text);
     all.emplace_back(text.substr(0, equals), text.substr(equals + 1));
   }
-  // --seed comes last and so overrides a --set of seed.
+  // Last, so that --seed takes precedence over --set seed=...
   if (common.seed) all.emplace_back("seed", std::to_string(*common.seed));
   return all;
 }
@@ -154,7 +153,7 @@ void print_warnings(const std::vector<std::string>& warnings) {
 
 namespace {
 
-/// Returns the rule of a kind that an option has; null if it has none.
+/// Returns the rule of this kind; null if the option has none.
 template <typename Kind>
 const Kind* find_rule(const Option& option) {
   const Kind* first = std::get_if<Kind>(&option.rule);
@@ -220,7 +219,7 @@ std::string value_name(const Option& option) {
   return is_file(option) ? "FILE" : "TEXT";
 }
 
-/// The order matters: an option with enumerated values offers these even if it takes a file.
+// The order matters: an option that takes a file but enumerates values must offer the values.
 CompletionKind completion_kind(const Option& option) {
   if (!words_of(option).empty()) return CompletionKind::Words;
   if (option.name == "--case") return CompletionKind::Cases;

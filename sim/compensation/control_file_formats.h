@@ -12,13 +12,13 @@
 #include "kinematics/chain.h"
 #include "sim/compensation/parameter_tables.h"
 
-/// Functions shared by the formats of control_files.h; private to the .cpp files of this folder.
+/// The formats behind control_files.h and what they share. Only the sources of this folder use it.
 namespace abbe::sim::compensation::control {
 
-inline constexpr std::size_t most_bytes = std::size_t(1) << 24;  ///< of one file to be read
-inline constexpr std::size_t max_files = 64;
+inline constexpr std::size_t most_bytes = std::size_t(1) << 24;  ///< largest file that is read
+inline constexpr std::size_t max_files = 64;                     ///< of one set of tables
 
-/// Writers and readers of the formats that hold corrections.
+// Writers and readers of the formats that hold corrections.
 Export to_linuxcnc(const ParameterTables& tables, const kinematics::Chain& chain);
 ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files,
                                      const kinematics::Chain& chain);
@@ -29,58 +29,58 @@ Export to_heidenhain(const ParameterTables& tables, const kinematics::Chain& cha
 ParameterTables read_heidenhain_tables(std::span<const ControlFile> files,
                                        const kinematics::Chain& chain);
 
-/// Returns the size of a unit of the files, in mm or rad: 1 for a slide, a degree for a rotary
-/// axis.
+/// Returns the unit of an axis in the files: 1 mm for a slide, a degree in rad for a rotary axis.
 double unit_of(const kinematics::Chain& chain, int joint);
-/// Returns "mm" or "deg".
+/// Returns the name of that unit, "mm" or "deg".
 const char* unit_name(const kinematics::Chain& chain, int joint);
 
-/// Returns a number with fixed decimals, without a minus before a zero.
+/// Returns a number with a fixed number of decimals, and never "-0".
 std::string decimal(double value, int decimals);
 
 /// Returns the letter of a joint.
 char axis_letter(const kinematics::Chain& chain, int joint);
 
-/// Returns the letters of two joints as "Z over Y", or "X" for one over itself.
+/// Returns the corrected axis and the one on which it depends as "Z over Y"; "X" if they are the
+/// same.
 std::string relation(const AxisTable& table, const kinematics::Chain& chain);
 
-/// Returns one table for each pair of axes, in the order in which the pairs first occur: the sum of
-/// their tables at all of their positions.
+/// Returns one table for each pair of axes, in the order in which the pairs first occur. It is the
+/// sum of all tables of the pair, at the union of their positions.
 std::vector<AxisTable> summed(const std::vector<AxisTable>& tables);
 
-/// Returns the same function of position at other positions.
+/// Returns a table resampled at other positions.
 AxisTable at_positions(const AxisTable& table, const Eigen::VectorXd& positions);
 
-/// The capacity of a format.
+/// What a format can hold.
 struct Capacity {
   int max_points = 256;
-  double min_spacing = 1e-6;  ///< mm or degrees: closer points might read the same
+  double min_spacing = 1e-6;  ///< mm or degrees; closer positions could become equal when rounded
 };
-/// A table that fits: the table itself, or one sampled at equidistant positions, with a note on the
-/// difference.
+/// A table that a format can hold: the original, or one resampled at equidistant positions.
 struct FittedTable {
   AxisTable table;
-  std::optional<std::string> left_out;
+  std::optional<std::string> left_out;  ///< note on the difference; empty if there is none
 };
-/// Returns a table that fits the capacity of a format.
+/// Fits a table into the capacity of a format.
 FittedTable fit_table(const AxisTable& table, const kinematics::Chain& chain,
                       const Capacity& capacity);
-/// Returns a table sampled at as many equidistant positions, unless it is equidistant already.
+/// Returns a table resampled at the same number of equidistant positions; unchanged if it is
+/// equidistant already.
 FittedTable equidistant(const AxisTable& table, const kinematics::Chain& chain);
 
-/// Returns a note for every offset that is not zero, since no table of a control holds it.
+/// Returns a note for every offset that is not zero, since the tables of a control cannot hold it.
 std::vector<std::string> offsets_left_out(const ParameterTables& tables,
                                           const kinematics::Chain& chain);
 
-/// Returns true if a table has the same corrections in both directions.
+/// Returns true if the corrections of a table are the same in both directions of motion.
 bool is_direction_independent(const AxisTable& table);
 
-/// Throws BadInput if there are too many files, a file is too large, or two have one name.
+/// Throws BadInput if there are too many files, one is too large, or two have the same name.
 void check_files(std::span<const ControlFile> files);
 
-/// Returns the joint that a letter names, if it can move.
+/// Returns the joint with a letter; empty if there is none or it cannot be positioned.
 std::optional<int> movable(char letter, const kinematics::Chain& chain);
-/// Returns the letters of the joints that can move, for messages.
+/// Returns the letters of the joints that can be positioned, for messages.
 std::string movable_letters(const kinematics::Chain& chain);
 
 /// Returns the name of a file without folders, in capitals.

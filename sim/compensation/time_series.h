@@ -5,32 +5,32 @@
 
 #include <Eigen/Core>
 
-/// Time series, from which corrections, channels and logs are made.
+/// Time series of corrections and channels, and the log that a control keeps.
 namespace abbe::sim::compensation {
 
-/// A vector over time, linear between knots, held before the first and after the last. Two knots at
-/// one time are a jump; of more, the first and the last count.
+/// A vector as a function of time: linear between knots, constant before the first and after the
+/// last. Two knots at the same time are a jump; of more than two only the first and the last count.
 struct TimeSeries {
   Eigen::VectorXd time_s;  ///< (n >= 1) never decreasing
   Eigen::MatrixXd value;   ///< (n x joints) mm and rad
 };
 
-/// Throws std::invalid_argument beginning with `what` unless there is a knot, every knot has a row
-/// of values, all numbers are finite, and no time is before the one in front of it.
+/// Throws std::invalid_argument with a message that begins with `what` unless there is a knot,
+/// every knot has a row of values, all numbers are finite and times never decrease.
 void validate(const TimeSeries& course, const char* what);
 
-/// Returns the value at a time; at a jump the value after it. Logarithmic in the knots.
+/// Returns the value at a time; at a jump, the value after it. Takes time logarithmic in the knots.
 /// @return (joints)
 /// @throws std::invalid_argument if the series has no knots or the time is not a number
 Eigen::VectorXd value_at(const TimeSeries& course, double time_s);
 
-/// Reads a series at times that never decrease; all reads together cost no more than one pass.
+/// Reads a series at times that never decrease. All reads together take one pass over the knots.
 class TimeSeriesReader {
  public:
   /// @param course  valid; must outlive the reader
   explicit TimeSeriesReader(const TimeSeries& course) : course_(&course) {}
 
-  /// Returns the same as `value_at`, bit for bit.
+  /// Returns the same bits as `value_at`.
   /// @param time_s  not before that of the last call
   double at(double time_s, Eigen::Index column);
   Eigen::VectorXd at(double time_s);
@@ -42,25 +42,25 @@ class TimeSeriesReader {
   Eigen::Index next_ = 0;  ///< first knot after the last time
 };
 
-/// Returns the series with fewer knots, a subset of its own, within a tolerance at every time,
-/// column by column (to rounding: 1e-12 of the values). The first and last knot and both sides of
-/// every jump larger than the tolerance are kept. Greedy: a line continues as long as it can end at
-/// the next knot. Linear in the knots.
+/// Returns the series reduced to a subset of its knots, such that every column stays within its
+/// tolerance at every time (plus rounding, 1e-12 of the values). The first and the last knot and
+/// both sides of every jump larger than the tolerance are kept. Greedy: a segment is extended to
+/// the next knot as long as the tolerance allows. Takes time linear in the knots.
 /// @param tolerance  (joints) mm and rad, above 0
 /// @throws std::invalid_argument if the series is not valid or a tolerance is not above 0
 TimeSeries thinned(const TimeSeries& course, const Eigen::VectorXd& tolerance);
 
-/// Collects the knots of a series.
+/// Builds a series knot by knot.
 class Knots {
  public:
   explicit Knots(Eigen::Index columns) : columns_(columns) {}
 
-  /// Adds a knot. Throws std::invalid_argument beyond 5e7 numbers (0.4 GB): a cycle or bandwidth
-  /// that does not fit the length of the series.
+  /// Adds a knot. Throws std::invalid_argument beyond 5e7 numbers (0.4 GB), which result from a
+  /// cycle time or bandwidth that does not fit the duration of the series.
   void add(double time_s, const Eigen::Ref<const Eigen::VectorXd>& value);
 
   Eigen::Index size() const { return Eigen::Index(time_s_.size()); }
-  /// Returns the series of the knots.
+  /// Returns the series of the knots added so far.
   TimeSeries course() const;
 
  private:
@@ -69,26 +69,26 @@ class Knots {
   std::vector<double> rows_;
 };
 
-/// Readings of a control while a program ran, one row a time: temperatures `NAME_C`, `current_A`,
-/// `FX_dynamometer_N` ..., encoders `X_encoder_mm` ..., `spindle_rpm`.
+/// Signals that a control recorded while a program ran, one row per instant: temperatures `NAME_C`,
+/// `current_A`, forces `FX_dynamometer_N` ..., encoders `X_encoder_mm` ..., `spindle_rpm`.
 struct ControlLog {
-  std::vector<std::string> names;  ///< (m) with their units
-  Eigen::VectorXd time_s;          ///< (n) increasing; before 0 the thermal history
+  std::vector<std::string> names;  ///< (m) with their units, one per column
+  Eigen::VectorXd time_s;          ///< (n) increasing; negative during the thermal history
   Eigen::MatrixXd values;          ///< (n x m)
 };
 
 /// Returns the column of a name.
 /// @return (n)
-/// @throws std::invalid_argument naming it and the columns that exist, or if the values do not fit
-///     the names and times
+/// @throws std::invalid_argument if there is none, with the name and the columns that exist, or if
+///         the size of `values` does not match names and times
 Eigen::VectorXd column(const ControlLog& log, const std::string& name);
 
-/// Returns the row that a control knows at a time: the last one read; before the first row, the
-/// first.
+/// Returns the index of the latest row that a control has recorded at a time; before the first row,
+/// that of the first.
 /// @throws std::invalid_argument if the log has no rows or the time is not a number
 Eigen::Index row_at(const ControlLog& log, double time_s);
 
-/// Returns the same for ascending times, at least one.
+/// Returns the same for the times of a log, ascending and at least one.
 Eigen::Index row_at(const Eigen::VectorXd& time_s, double instant_s);
 
 }  // namespace abbe::sim::compensation

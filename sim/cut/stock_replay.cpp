@@ -40,8 +40,8 @@ Milling milling_of(const Job& part, const Commands& commands, const Process& pro
 
 namespace {
 
-/// Returns the steps of a turning program, with the tool relative to the part as if the spindle
-/// stood still.
+/// Returns the steps of a turning program, with the poses of the tool relative to a part that does
+/// not turn.
 Milling turning_of(const Job& part, const Commands& commands, const Process& process,
                    const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
@@ -111,9 +111,9 @@ using kinematics::Pose;
 using Kind = SolidBody::Kind;
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr double approach_tolerance = 1e-2;  // mm, or
-constexpr double approach_fraction = 0.02;   // the fraction by which the distance of a step may be
-                                             // too large
+// The distance found in a step may be too large by the larger of these two.
+constexpr double approach_tolerance = 1e-2;  // mm
+constexpr double approach_fraction = 0.02;   // of the distance
 
 std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock) {
   cutting::StockMesh mesh = cutting::stock_mesh(stock);
@@ -121,7 +121,7 @@ std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock)
       cutting::ClosedMesh{std::move(mesh.vertices_w), std::move(mesh.triangles), 0.0});
 }
 
-/// Cutter or shank. It may rub on the skin just cut, its core may not.
+/// Cutter or shank. It may rub on the skin that it has just cut, but its core must not touch it.
 struct ToolBody {
   Kind kind = Kind::Cutter;
   std::string name;
@@ -134,22 +134,22 @@ struct WatchedBody {
   std::string name;
   int frame = 0;
   Body body;
-  double clearance = 0.0;       // mm; a smaller distance is reported
-  Pose T_w = Pose::Identity();  // pose at which the distance was computed
-  double distance = 0.0;        // mm, upper bound of the error: the distance there, at least
-  bool overlaps = false;        // overlaps at the start, so it is not followed
-  double nearest = infinite;    // mm, over the program
-  ProgramLocation place = {};
-  std::optional<std::size_t> open = {};  // number of the event that is going on
-  bool met = false;                      // in contact at present
+  double clearance = 0.0;                // mm, a smaller distance is reported
+  Pose T_w = Pose::Identity();           // pose for which `distance` was computed
+  double distance = 0.0;                 // mm, lower bound of the distance at T_w
+  bool overlaps = false;                 // overlaps the stock at the start and is not followed
+  double nearest = infinite;             // mm, smallest distance so far
+  ProgramLocation place = {};            // where that was
+  std::optional<std::size_t> open = {};  // index of the event in progress
+  bool met = false;                      // in contact at the end of the last step
   struct {
     Pose T_w = Pose::Identity();
-    double depth = 0.0;  // mm, at that pose
-    double way = 0.0;    // mm, displacement since the contact began
+    double depth = 0.0;  // mm, sampled there
+    double way = 0.0;    // mm, path since the contact began
   } looked = {};         // last sample of the depth
 };
 
-/// Follows the stock from the blank to the part and searches it for collisions.
+/// Follows the stock from blank to part and searches for collisions of the machine with it.
 class StockSearch {
  public:
   StockSearch(const ActualMotion& actual_motion, const std::vector<SolidBody>& bodies,
@@ -164,7 +164,7 @@ class StockSearch {
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : bodies)
       if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = radius_of(body);
-    // Cutter and shank may rub on what they have cut, so their cores are smaller by `rubbing`.
+    // Cutter and shank may rub on what they have cut; their cores are smaller by `rubbing`.
     for (const SolidBody& body : tool_bodies(actual_motion.part, cutting::rubbing))
       if ((body.kind == Kind::Cutter || (body.kind == Kind::Shank && !has_own_radius(body))) &&
           !is_left_out(body.name))
@@ -190,14 +190,14 @@ class StockSearch {
           "the stock is cut with a shank of the cutter's radius, {:g} mm: at {} {} (first line {}) "
           "it takes away what the true shank is not seen to meet",
           cutter_.radius, unseen_, unseen_ == 1 ? "place" : "places", unseen_line_));
-    // crashes are found in a second pass and sorted in here
+    // Crashes were found in a second pass, so the list is not in order yet.
     std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
     add_clearances();
     keep_first_stock();
   }
 
  private:
-  /// Keeps the stock of the first contact only, which is the one that is drawn.
+  /// Keeps the stock only of the first contact, the one that is drawn.
   void keep_first_stock() {
     bool is_kept = false;
     for (Collision& one : found.list) {
@@ -210,8 +210,8 @@ class StockSearch {
     return is_ignored(options().ignore, name, "stock");
   }
 
-  /// Adds the clearances of all bodies. Cutter and shank may touch the stock, so theirs count only
-  /// in contact.
+  /// Adds the clearances of all bodies. Cutter and shank have one only if they collide, since they
+  /// may touch the stock.
   void add_clearances() {
     for (const WatchedBody& one : watched_)
       found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place,
@@ -239,12 +239,13 @@ class StockSearch {
     const bool is_shank = other.kind == Kind::Shank;
     if (other.kind == Kind::Cutter || (is_shank && !has_own_radius(other))) return;
     if (is_left_out(other.name)) return;
-    // the neck of a cutter runs beside the wall that it cuts, so its clearance says nothing
+    // A neck moves along the wall that its cutter cuts, so its clearance would say nothing.
     watched_.push_back({other.name, other.frame, is_shank ? search_core(other) : searched(other),
                         is_shank ? 0.0 : options().clearance});
   }
 
-  /// Returns true if a shank has another radius than the cutter, by more than 1 % of it.
+  /// Returns true if the radius of a shank differs from that which removes stock by more than 1 %
+  /// of the cutter radius.
   bool has_own_radius(const SolidBody& shank) const {
     return std::abs(radius_of(shank) - shank_radius(cutter_)) > 0.01 * cutter_.radius;
   }
@@ -252,7 +253,7 @@ class StockSearch {
     return shank.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff();
   }
 
-  /// Returns the poses of all carriers in the workpiece at a step.
+  /// Returns the poses of all carriers in the workpiece frame at a step.
   std::vector<Pose> poses(std::size_t k) const {
     std::vector<Pose> T = actual_motion_.carriers({milling_.at[k], 0.0});
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
@@ -261,7 +262,8 @@ class StockSearch {
     return T;
   }
 
-  /// Returns the pose of a carrier in the workpiece between a step and the next.
+  /// Returns the pose of a carrier in the workpiece frame between step k and the next.
+  /// @param u  fraction of the way, 0 .. 1
   Pose pose(int frame, std::size_t k, double u) const {
     const std::vector<Pose> T = actual_motion_.carriers(moment_of(k, u));
     const Carriers carriers{actual_motion_.part.truth.actual.size()};
@@ -270,7 +272,7 @@ class StockSearch {
 
   ProgramLocation place(std::size_t k) const { return actual_motion_.place({milling_.at[k], 0.0}); }
 
-  /// Returns the end of the block that runs at a step.
+  /// Returns the end of the block that is being executed at a step.
   ProgramLocation end_of_block(std::size_t k) const {
     const auto& block = actual_motion_.samples.block;
     std::size_t i = milling_.at[k];
@@ -292,7 +294,7 @@ class StockSearch {
   double ask(const WatchedBody& one, const Pose& T_w) {
     if (!mesh_.search) return infinite;
     ++found.queries;
-    // The distance may be too large by a hundredth; divided by that it is a lower bound.
+    // The distance may be too large by this fraction; the division makes it a lower bound.
     constexpr double share = 0.01;
     return cutting::gap(mesh_, Pose::Identity(), one.body, T_w, {share}).distance / (1.0 + share);
   }
@@ -303,15 +305,16 @@ class StockSearch {
   }
   const CollisionDescription& options() const { return actual_motion_.part.scene.collision; }
 
-  /// Renews the mesh of the stock. Material is only removed, so a distance to an old mesh is a
-  /// lower bound of the present one, and a new mesh is needed only where an old one comes near.
+  /// Updates the mesh if stock was removed since. A distance to an old mesh is still a lower bound,
+  /// because stock only shrinks, so the mesh is updated only when the old one comes near.
   void refresh() {
     if (!is_stale_) return;
     renew();
   }
 
   void renew() {
-    // Cubes of 32 nodes: a cut changes few of them, and the search tree of the others is reused.
+    // Patches of 32 nodes along each edge: a move changes few of them, and the others keep their
+    // search trees.
     constexpr double nodes_of_patch = 32;
     shape_ = shape_of(stock_);
     const bool is_left = shape_->triangles.rows() > 0;
@@ -320,7 +323,8 @@ class StockSearch {
     is_stale_ = false;
   }
 
-  /// Returns the distance, mm, below which a body is of interest: a clearance is known to 5 %.
+  /// Returns the distance, mm, above which a body needs no closer look. The factor leaves an error
+  /// of 5 % in the smallest clearance.
   double wanted(const WatchedBody& one) const {
     return std::max({one.clearance, options().resolution, 0.95 * one.nearest});
   }
@@ -329,14 +333,14 @@ class StockSearch {
     if (one.overlaps) return;
     if (one.open) return go_on(one, k, next);
     const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
-    // The distance known holds until the motion since could have used it up.
+    // The last distance, less the motion since then, is still a lower bound.
     const double step = cutting::farthest(from, to, one.body);
     const auto is_far = [&] {
       return one.distance - cutting::farthest(one.T_w, from, one.body) - step > wanted(one);
     };
     if (is_far()) return;
     cutting::Approach near;
-    // With the old mesh first: its distance is a lower bound, and a new mesh costs far more than a
+    // The old mesh is tried first: it gives a lower bound, and a new mesh costs far more than a
     // query.
     for (const bool fresh : {false, true}) {
       if (fresh && !is_stale_) break;
@@ -355,7 +359,7 @@ class StockSearch {
     how.resolution = options().resolution;
     how.within = approach_tolerance;
     how.share = approach_fraction;
-    // half of the tolerance for the queries, half for the search along the step
+    // Half of the tolerance is for the queries, the other half for the search along the step.
     how.rough = 0.5 * approach_fraction;
     const cutting::Approach near =
         cutting::approach(mesh_, one.body, kinematics::screw_between(from, to), how);
@@ -384,7 +388,7 @@ class StockSearch {
     add_near(one.name, k, near);
     one.met = near.contact;
     if (near.contact) meet(one, event, k, near.u);
-    // a near miss begins where the body comes within the clearance, not where it is nearest
+    // A near miss begins where the body comes within the clearance, not where it is nearest.
     else if (const auto u =
                  cutting::comes_within(mesh_, one.body, kinematics::screw_between(from, to),
                                        one.clearance, options().resolution)) {
@@ -394,7 +398,7 @@ class StockSearch {
   }
 
   /// Begins a contact and samples its depth over the rest of the step.
-  /// @param u  fraction of the step at which they meet
+  /// @param u  fraction of the step at which contact begins
   void meet(WatchedBody& one, Collision& event, std::size_t k, double u) {
     event.stock = shape_;
     one.looked = {};
@@ -402,7 +406,7 @@ class StockSearch {
       measure(one, event, k, double(i) / double(samples_per_step));
   }
 
-  /// Notes the clearance of a step for the blocks that it runs through.
+  /// Records a lower bound of the distance in step k, for the blocks that the step belongs to.
   void add_near(const std::string& body, std::size_t k, const cutting::Approach& near) {
     const double less = std::max(approach_tolerance, approach_fraction * near.gap.distance);
     const std::size_t end = milling_.at[k + 1];
@@ -413,9 +417,9 @@ class StockSearch {
           {milling_.at[k] + 1, end, body, std::max(0.0, near.gap.distance - less)});
   }
 
-  /// Returns the moment between samples at a fraction of a step.
+  /// Returns the moment at fraction u of step k.
   cutting::Moment moment_of(std::size_t k, double u) const {
-    u = std::max(u, 1e-9);  // at the start of a step the next block runs
+    u = std::max(u, 1e-9);  // so that the start of a step counts as part of it
     const double at = double(milling_.at[k]) + u * double(milling_.at[k + 1] - milling_.at[k]);
     const auto i = std::min(std::size_t(at), milling_.at[k + 1] - 1);
     return {i, at - double(i)};
@@ -427,10 +431,9 @@ class StockSearch {
     return collision_at(actual_motion_, moment, T[std::size_t(carriers.workpiece())] * place_w);
   }
 
-  /// Samples the depth at a fraction of a step.
-  /// @param u  fraction of the step
+  /// Samples the depth of a contact at fraction u of step k.
   void measure(WatchedBody& one, Collision& event, std::size_t k, double u) {
-    // A thousand depth queries bound the time of a program that crashes throughout.
+    // Bounds the time for a program that collides throughout.
     constexpr std::size_t max_looks = 1000;
     if (looks_ >= max_looks) return;
     ++looks_;
@@ -442,10 +445,10 @@ class StockSearch {
     event.worst = actual_motion_.place(moment_of(k, u));
   }
 
-  /// Returns true if the depth at the end of a step should be sampled: it may exceed the largest so
-  /// far, since a motion deepens a contact by no more than its length; and the step ends a block,
-  /// where motion turns back, or the body has moved by a 24th of its displacement in this contact
-  /// since the last sample.
+  /// Returns true if the depth at the end of step k is to be sampled. It must be able to exceed the
+  /// largest so far by more than 2 % and the resolution, given that a contact deepens by no more
+  /// than the motion. In addition the step must end a block, where motion often reverses, or the
+  /// body must have moved by a 24th of its path in this contact since the last sample.
   bool is_probe_needed(const WatchedBody& one, const Collision& event, std::size_t k,
                        const Pose& to) const {
     constexpr double share = 0.02, often = 24;
@@ -458,8 +461,8 @@ class StockSearch {
     return ends_block || often * moved >= one.looked.way;
   }
 
-  /// Continues an event. The mesh of the stock is renewed once a block; every step would need a new
-  /// one, as the tool cuts meanwhile.
+  /// Continues an event. The mesh of the stock is updated once per block, because an exact one
+  /// would have to be built for every step while the tool cuts.
   void go_on(WatchedBody& one, std::size_t k, const std::vector<Pose>& next) {
     Collision& event = found.list[*one.open];
     const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
@@ -473,7 +476,7 @@ class StockSearch {
     one.distance = ask(one, to);
     one.met = meets(one, to, one.distance);
     event.last = end_of_block(k + 1);
-    // a near miss that ends in contact is one event
+    // A near miss that turns into a contact is a single event.
     if (!event.contact && (near.contact || near.gap.distance < event.distance))
       nearer(one, event, k, near);
     one.looked.way += cutting::farthest(from, to, one.body);
@@ -481,8 +484,8 @@ class StockSearch {
     if (!one.met && one.distance > one.clearance) one.open.reset();
   }
 
-  /// Returns the approach in a step that begins out of contact. A contact is confirmed with the
-  /// present mesh.
+  /// Returns the nearest approach in a step that begins without contact. A contact with an old mesh
+  /// is confirmed with the current one.
   cutting::Approach nearest_in(const WatchedBody& one, const Pose& from, const Pose& to) {
     const cutting::Approach near = approach(one, from, to);
     if (!near.contact || !is_stale_) return near;
@@ -497,7 +500,7 @@ class StockSearch {
     now.last = event.last;
     now.contact = near.contact;
     now.distance = near.contact ? 0.0 : near.gap.distance;
-    // a near miss keeps the beginning that was found
+    // A near miss keeps the beginning found before.
     if (!near.contact) {
       now.first = event.first;
       now.rapid = event.rapid;
@@ -513,15 +516,15 @@ class StockSearch {
   void take(std::size_t k) {
     const cutting::RemovalResult removed = cutting::remove(stock_, cutter_, milling_.move(k));
     if (removed.volume > 0.0) is_stale_ = true;
-    // A shank wider than the cutter is followed as a body and meets everything that a shank of the
-    // cutter's radius would.
+    // A shank wider than the cutter is followed as a body of its own, which meets everything that a
+    // shank of the cutter's radius would.
     const bool is_watched =
         own_shank_radius_.value_or(0.0) > shank_radius(cutter_) && !milling_.rapid[k + 1];
     if (removed.crashed && !is_watched) crashes_.push_back(k);
   }
 
-  /// Runs the program a second time, with the stock as each crash of cutter or shank meets it. Only
-  /// the first crashes are measured, since each needs a new mesh.
+  /// Runs the program a second time to examine the crashes of cutter and shank, each with the stock
+  /// that it meets. Only the first ones are measured, since each needs a new mesh.
   void add_crashes() {
     stock_ = blank_;
     std::size_t k = 0, measured = 0;
@@ -532,7 +535,7 @@ class StockSearch {
       if (measured++ < max_measured_contacts) {
         for (; k < crashes_[i]; ++k) cutting::remove(stock_, cutter_, milling_.move(k));
         renew();
-        // a contact shallower than a spacing of the dexels does not show in the mesh
+        // A contact shallower than the dexel spacing does not show in the mesh.
         event.below_mesh = true;
         event = deepest(i, end).value_or(std::move(event));
       }
@@ -545,7 +548,7 @@ class StockSearch {
     }
   }
 
-  /// Returns true if two steps with a crash belong to the same event.
+  /// Returns true if two consecutive crashes belong to the same event.
   bool is_same_crash(std::size_t a, std::size_t b) const {
     return milling_.rapid[a + 1] == milling_.rapid[b + 1] &&
            (b == a + 1 || milling_.line[a + 1] == milling_.line[b + 1]);
@@ -566,8 +569,7 @@ class StockSearch {
     return {};
   }
 
-  /// Samples the depth of a body in the crashes [begin, end), with the stock as it is at the first
-  /// of them.
+  /// Samples the depth of a body over the crashes [begin, end) with the stock at the first of them.
   void measure(const ToolBody& body, std::size_t begin, std::size_t end, Collision& event) const {
     constexpr std::size_t n = samples_per_step;
     const auto u = [](std::size_t look) { return double(look % n + 1) / double(n); };
@@ -586,12 +588,12 @@ class StockSearch {
     event.worst = actual_motion_.place(moment_of(crashes_[deepest.at / n], u(deepest.at)));
   }
 
-  /// Returns the deeper contact of cutter and shank; none if the mesh shows no contact.
+  /// Returns the deeper of the contacts of cutter and shank; empty if the mesh shows none.
   std::optional<Collision> deepest(std::size_t begin, std::size_t end) {
     std::optional<Collision> worst;
     if (!mesh_.search) return worst;
     for (const ToolBody& body : tool_) {
-      // in feed the cutter cuts; only in rapid it crashes
+      // A cutter that meets stock in feed cuts; only in rapid it crashes.
       if (body.kind == Kind::Cutter && !milling_.rapid[crashes_[begin] + 1]) continue;
       std::optional<Collision> one = first_contact(body, begin, end);
       if (!one) continue;
@@ -601,7 +603,7 @@ class StockSearch {
     return worst;
   }
 
-  /// Returns a crash in a step of which no more is known.
+  /// Returns the event for a crash that shows only in the dexels.
   Collision unseen(std::size_t k) const {
     Collision one = event({milling_.at[k], 0.0}, milling_.T_wt[k].translation());
     one.a = milling_.rapid[k + 1] ? "cutter" : "shank";
@@ -624,17 +626,15 @@ class StockSearch {
   Milling milling_;
   cutting::Stock blank_, stock_;
   std::shared_ptr<const cutting::ClosedMesh> shape_;
-  Body mesh_;  // mesh of the shape; without search if nothing is left
+  Body mesh_;  // search structure of `shape_`; empty if no stock is left
   bool is_stale_ = false;
-  std::optional<double> own_shank_radius_;  // mm; none: that of the cutter
-  std::size_t unseen_ = 0;  // crashes that show neither at the cutter nor at a shank of its own
-                            // radius
-  int unseen_line_ = 0;     // of the first of them
+  std::optional<double> own_shank_radius_;  // mm; empty: the shank has the radius of the cutter
+  std::size_t unseen_ = 0;                  // crashes of the dexels that the bodies do not confirm
+  int unseen_line_ = 0;                     // program line of the first of them
   std::vector<WatchedBody> watched_;
   std::vector<ToolBody> tool_;
   std::vector<Pose> now_;             // poses of all carriers in the workpiece
-  std::vector<std::size_t> crashes_;  // steps in which cutter or shank met material that they must
-                                      // not touch
+  std::vector<std::size_t> crashes_;  // steps in which the dexels show a crash of cutter or shank
   int open_line_ = 0;
   std::size_t looks_ = 0;
 };

@@ -9,48 +9,49 @@
 
 namespace abbe::sim::dialects {
 
-/// Reads cutter locations: APT statements as posted by CAM systems, or a CSV of x y z i j k feed.
-/// Points are the tip in the workpiece (plus the work offset), vectors the tool axis from the tip
-/// to the spindle. Rotary axes are solved by `kinematics::inverse` with the least rotary travel
-/// first. Between points the tip moves straight while the rotary axes move in proportion.
+/// Reads cutter locations: APT statements as CAM systems output them, or a CSV with columns x y z i
+/// j k feed. Points are the tip in the workpiece (plus the work offset), vectors the tool axis from
+/// the tip to the spindle. Of the solutions of `kinematics::inverse` the one with the least rotary
+/// travel is taken. Between points the tip moves on a straight line, and the rotary axes move in
+/// proportion.
 void read_cl(std::string_view text, ProgramRun& run);
 
-/// Returns the words of cutter locations.
+/// Returns the word table of cutter locations.
 std::span<const WordTableEntry> cl_words();
 
 /// Reads programs of Fanuc controls (Series 16i to 30i), including custom macro B: of milling
 /// controls, or with `run.turning()` of turning controls with G-code system A.
 void read_fanuc(std::string_view text, ProgramRun& run);
 
-/// Return the words of milling controls and of turning controls.
+/// Return the word tables of Fanuc milling controls and of Fanuc turning controls.
 std::span<const WordTableEntry> fanuc_words();
 std::span<const WordTableEntry> fanuc_lathe_words();
 
-/// Reads RS274/NGC as LinuxCNC does, and G43.4 of abbe's own programs.
+/// Reads RS274/NGC as LinuxCNC does, and in addition G43.4, which abbe's own programs use.
 void read_linuxcnc(std::string_view text, ProgramRun& run);
 
-/// Returns the words of LinuxCNC.
+/// Returns the word table of LinuxCNC.
 std::span<const WordTableEntry> linuxcnc_words();
 
 /// Reads programs of Siemens 840D.
 void read_siemens(std::string_view text, ProgramRun& run);
 
-/// Returns the words of Siemens 840D.
+/// Returns the word table of Siemens 840D.
 std::span<const WordTableEntry> siemens_words();
 
-/// The front end of a dialect: the reader that issues canonical moves, and its words.
+/// The front end of a dialect: the reader that issues canonical moves, and its word table.
 struct FrontEnd {
   Dialect dialect;
-  std::string_view title;  ///< for people, "LinuxCNC (RS274/NGC)"
+  std::string_view title;  ///< for messages and documents, "LinuxCNC (RS274/NGC)"
   void (*read)(std::string_view text, ProgramRun& run);
   std::span<const WordTableEntry> (*words)();
-  /// Words of its turning controls if these differ; null: the same words.
+  /// Word table of its turning controls; null if it is the same.
   std::span<const WordTableEntry> (*turning_words)() = nullptr;
   std::string_view turning_title = {};
 };
 
-/// Returns the front ends in the order of the README. Any other dialect is an input error that
-/// names it.
+/// Returns all front ends in the order of the README. A program of a dialect without a front end is
+/// an input error that names the dialect.
 std::span<const FrontEnd> front_ends();
 
 }  // namespace abbe::sim::dialects

@@ -32,8 +32,7 @@ AxisVector measured_offset(const program::Canon& canon, const Chain& chain,
                            const program::Cause& cause) {
   auto shift = program::tip_shift(chain);
   if (!shift) canon.refuse(cause, "slides at right angles beside the offset of a turning tool");
-  // The shift of a tool is added to the origin of the work offsets, so that origin is taken off
-  // here.
+  // The canon adds the origin of the work offsets to every tool shift, so it is subtracted here.
   const Eigen::Vector3d more = canon.shift_correction();
   for (int k = 0; k < 3; ++k)
     if (const int j = canon.joint_of("XYZ"[k]); j >= 0) (*shift)[j] -= more[k];
@@ -57,15 +56,15 @@ AxisVector nose_offset(const program::Canon& canon, int tip, std::optional<doubl
 
 namespace {
 
-constexpr double same_place = 1e-9;  // mm, rounding
-// mm by which a trimmed segment may appear to run backwards, from rounding of its intersection
+constexpr double same_place = 1e-9;  // mm, rounding of a position
+// mm by which a trimmed segment may run backwards because its intersection is rounded
 constexpr double free_length = 1e-6;
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 Vector2d left_of(const Vector2d& d) { return {-d.y(), d.x()}; }
 
-/// A line given by point and direction, or a circle.
+/// A line by a point and a unit direction, or a circle by its centre `point` and radius.
 struct Curve {
   bool round = false;
   Vector2d point, direction;
@@ -82,7 +81,7 @@ std::vector<Vector2d> line_and_circle(const Curve& line, const Curve& circle) {
   return {nearest - half, nearest + half};
 }
 
-// Returns the points that two lines or circles have in common.
+/// Returns the intersections of two lines or circles.
 std::vector<Vector2d> shared(const Curve& a, const Curve& b) {
   if (!a.round && !b.round) {
     const double sine = cross(a.direction, b.direction);
@@ -94,7 +93,7 @@ std::vector<Vector2d> shared(const Curve& a, const Curve& b) {
   const Vector2d between = b.point - a.point;
   const double d = between.norm();
   if (d == 0.0) return {};
-  // Distance from the centre of a to the chord between both intersections.
+  // Distance from the centre of a to the line through both intersections.
   const double along = (d * d + a.radius * a.radius - b.radius * b.radius) / (2 * d);
   const double rest = a.radius * a.radius - along * along;
   if (rest < 0) return {};
@@ -109,12 +108,12 @@ void Compensation::begin(bool left, double radius, std::array<int, 2> plane,
                          CompensationRules manner) {
   manner_ = manner;
   on_ = true;
-  // A negative radius compensates on the other side, as on the controls.
+  // As on controls, a negative radius compensates on the other side.
   left_ = radius >= 0 ? left : !left;
   radius_ = std::abs(radius);
   plane_ = plane;
-  // After `end` the tool is still beside the path: the programmed position is kept, not that of the
-  // axes.
+  // After `end` the tool is still beside the path, so the position of the axes is not the
+  // programmed one.
   if (!leaving_) programmed_ = canon_.position();
   leaving_ = entered_ = false;
 }
@@ -149,7 +148,7 @@ Vector2d Compensation::beside(const Vector2d& direction) const {
   return (left_ ? radius_ : -radius_) * left_of(direction);
 }
 
-// The time of an inserted arc is defined only if the feed is a speed.
+// In inverse time an inserted arc would have no defined duration.
 void Compensation::check_feed(const Cause& cause) const {
   if (canon_.feed_mode() == FeedMode::InverseTime)
     canon_.refuse(cause, "G94 beside G41 and G42: an outside corner has no time of its own");
@@ -160,7 +159,8 @@ void Compensation::straight(Straight move, bool rapid) {
   const Vector2d from = in_plane(programmed_), to = in_plane(move.end);
   const double length = (to - from).norm();
   if (length < same_place) {
-    // Only other axes move: the position in the plane is taken when the waiting move has been made.
+    // Only other axes move. Their position in the plane is known once the waiting move has been
+    // made.
     programmed_ = move.end;
     after([this, end = move.end, cause = Cause{move.cause.column, {}}, rapid] {
       AxisVector here = end;
@@ -178,7 +178,7 @@ void Compensation::straight(Straight move, bool rapid) {
   piece.start = from + beside(piece.leaves);
   piece.end = to + beside(piece.leaves);
   piece.entry = !entered_;
-  // The rule of LinuxCNC; other controls accept a shorter entry.
+  // A rule of LinuxCNC; other controls accept shorter entries.
   if (piece.entry && !manner_.perpendicular_entry && length < radius_)
     canon_.refuse(move.cause,
                   fmt::format("an entry move of at least the radius of the tool, {} mm", radius_),
@@ -196,7 +196,7 @@ void Compensation::arc(ArcMove move) {
   const program::ArcGeometry words{in_plane(programmed_), in_plane(move.end), move.centre,
                                    move.clockwise};
   const program::Arc arc = program::checked_arc(words, move.turns, canon_.place(), move.named);
-  // Tool on the side of the centre: the offset arc is smaller by the tool radius.
+  // With the tool on the side of the centre the offset arc is smaller by the tool radius.
   const bool inside = left_ != move.clockwise;
   Piece piece;
   piece.round = true;
@@ -211,7 +211,7 @@ void Compensation::arc(ArcMove move) {
   const Vector2d out = (words.start - move.centre).normalized();
   const Vector2d in = (words.end - move.centre).normalized();
   piece.start = move.centre + piece.radius * out;
-  // The difference between the radii at both ends is kept.
+  // Radii that differ between the ends, within the tolerance for arcs, keep their difference.
   piece.end = move.centre + (piece.radius + arc.growth) * in;
   piece.entry = !entered_;
   if (piece.entry) enter_by_arc(piece, in, move.cause);
@@ -222,8 +222,8 @@ void Compensation::arc(ArcMove move) {
   join(std::move(piece));
 }
 
-/// Entry by an arc as LinuxCNC does it: from the current position to the offset end, arriving in
-/// the programmed direction, so that the centre lies on the programmed radius through the end.
+/// Enters by an arc as LinuxCNC does: from the current position to the offset end, where it arrives
+/// in the programmed direction. Its centre is therefore on the programmed radius through the end.
 void Compensation::enter_by_arc(Piece& piece, const Vector2d& outwards, const Cause& cause) const {
   const Vector2d from = in_plane(programmed_) - piece.end;
   const double along = from.dot(outwards);
@@ -235,7 +235,7 @@ void Compensation::enter_by_arc(Piece& piece, const Vector2d& outwards, const Ca
   piece.start = in_plane(programmed_);
 }
 
-/// Makes the corner between the waiting segment and the next one.
+/// Makes the corner between the waiting segment and the next one, which then waits.
 void Compensation::join(Piece piece) {
   const Vector2d corner = in_plane(programmed_);
   piece.feed = canon_.feed();
@@ -243,7 +243,7 @@ void Compensation::join(Piece piece) {
   piece.file = canon_.file();
   programmed_ = piece.to;
   entered_ = true;
-  // Entry perpendicular to the first segment: it ends at the offset start of that segment.
+  // A perpendicular entry ends at the offset start of the segment after it.
   if (waits_ && waits_->entry && manner_.perpendicular_entry) {
     waits_->end = piece.start;
     emit_waiting_move();
@@ -252,7 +252,7 @@ void Compensation::join(Piece piece) {
     const double turn =
         std::atan2(cross(waits_->arrives, piece.leaves), waits_->arrives.dot(piece.leaves));
     const double outwards = left_ ? -turn : turn;
-    // A reversal counts as an outside corner, within the same tolerance as a straight continuation.
+    // A reversal of a line, to within the tolerance of a corner, counts as an outside corner.
     const bool round = waits_->round || piece.round;
     if (outwards < -no_corner && (round || outwards > no_corner - pi)) {
       concave(piece, corner);
@@ -266,15 +266,16 @@ void Compensation::join(Piece piece) {
   waits_ = std::move(piece);
 }
 
-/// Returns true if the part of a segment between two points runs in the direction of the segment
-/// and is not longer than it.
+/// Returns true if the part of a segment from one point to another runs forwards and, on an arc, is
+/// not longer than the segment.
 bool Compensation::has_length_left(const Piece& piece, const Vector2d& from, const Vector2d& to) {
   if (!piece.round) return piece.entry || (to - from).dot(piece.arrives) >= -free_length;
   const auto sweep = [&](const Vector2d& a, const Vector2d& b) {
     const Vector2d p = a - piece.centre, q = b - piece.centre;
     double turn = std::atan2(cross(p, q), p.dot(q));
     if (piece.clockwise) turn = -turn;
-    // A sweep of nearly zero backwards is rounding; anything else is taken as the other way around.
+    // Below free_length (zero up to rounding, or backwards) it is taken as the way around the
+    // circle.
     return turn * piece.radius > free_length ? turn : turn + 2 * pi;
   };
   return piece.turns > 1 || sweep(from, to) * piece.radius <=
@@ -288,7 +289,7 @@ void Compensation::concave(Piece& next, const Vector2d& corner) {
   };
   const Vector2d* meet = nullptr;
   const std::vector<Vector2d> points = shared(curve(*waits_), curve(next));
-  // Two offset arcs meet twice; the intersection next to the programmed corner is the intended one.
+  // Of two intersections the one nearer to the programmed corner is meant.
   for (const Vector2d& point : points)
     if (meet == nullptr || (point - corner).norm() < (*meet - corner).norm()) meet = &point;
   const bool reached = meet != nullptr && has_length_left(*waits_, waits_->start, *meet) &&
@@ -303,7 +304,7 @@ void Compensation::concave(Piece& next, const Vector2d& corner) {
   }
 }
 
-// Around an outside corner: a rapid goes straight, a feed follows an arc about the corner.
+// A rapid goes straight around an outside corner, a feed move on an arc about it.
 void Compensation::round_corner(const Piece& next, const Vector2d& corner) {
   emit_waiting_move();
   if (next.rapid) {
@@ -323,7 +324,7 @@ void Compensation::round_corner(const Piece& next, const Vector2d& corner) {
   canon_.arc(std::move(around));
 }
 
-/// Makes the waiting segment with the feed and the line of its own block.
+/// Makes the waiting move with the feed and the line of its own block, then the postponed actions.
 void Compensation::emit_waiting_move() {
   if (waits_) {
     const Piece piece = *std::exchange(waits_, std::nullopt);
@@ -333,8 +334,7 @@ void Compensation::emit_waiting_move() {
     canon_.set_line(piece.line, piece.file);
     AxisVector end = piece.to;
     for (int k = 0; k < 2; ++k) end[plane_[std::size_t(k)]] = piece.end[k];
-    // The cause has no text: the offset move is not what the block says, so messages name its
-    // column only.
+    // Without text: the offset move is not what the block says, so messages state only the column.
     const Cause cause{piece.cause.column, {}};
     if (piece.round)
       canon_.arc({.first = plane_[0],
@@ -352,7 +352,7 @@ void Compensation::emit_waiting_move() {
     canon_.set_feed(feed);
     canon_.set_line(line, file);
   }
-  // Postponed actions, such as a change of tool or feed, follow in order.
+  // Actions postponed until after the move, such as a tool change, in their order.
   const auto feed = canon_.feed();
   const int line = canon_.line(), file = canon_.file();
   for (const Later& later : std::exchange(after_, {})) {

@@ -55,8 +55,8 @@ class TaskRunner {
   }
 
  private:
-  /// Returns the next task; none after a failed task is begun, but an earlier one might fail as
-  /// well.
+  /// Returns the next task to begin. Tasks after a failed one are dropped. Those before it still
+  /// run, because one of them might fail too, and the first failure is the one to report.
   std::optional<std::size_t> next() {
     const std::lock_guard lock(mutex_);
     std::erase_if(waiting_, [&](std::size_t task) { return task > failed_; });
@@ -69,15 +69,15 @@ class TaskRunner {
 
   Progress progress_of(std::size_t task) {
     return [this, task](const std::string& stage, double fraction) {
-      // A failure of an earlier task makes this one useless.
+      // The failure of an earlier task makes this one pointless.
       if (task > failed_) throw Stopped();
       stop_if_interrupted();
       if (fraction < 0.0 || shows_progress(task, stage, fraction)) line_.report(stage, fraction);
     };
   }
 
-  /// Returns true if the report is shown now; otherwise the last report of each stage is kept for
-  /// later.
+  /// Returns true if the report is to be shown now, i.e. comes from the current task. Otherwise
+  /// keeps the last report of each stage for later.
   bool shows_progress(std::size_t task, const std::string& stage, double fraction) {
     const std::lock_guard lock(mutex_);
     if (task + 1 == named_) return true;
@@ -95,7 +95,8 @@ class TaskRunner {
     show();
   }
 
-  /// Shows tasks that have begun, up to the first that is not finished.
+  /// Announces tasks in order, up to the first that is not finished, and passes on the reports that
+  /// were kept for them.
   void show() {
     const std::lock_guard lock(mutex_);
     while (named_ < tasks_.size() && is_begun_[named_] && (named_ == 0 || is_over_[named_ - 1])) {
@@ -121,10 +122,10 @@ class TaskRunner {
   ProgressLine& line_;
   std::mutex mutex_;
   std::vector<std::vector<Report>> kept_;
-  std::vector<std::size_t> waiting_;  // in the order in which they begin
+  std::vector<std::size_t> waiting_;  // tasks not begun, in the order in which they will be
   std::vector<bool> is_begun_, is_over_;
   std::size_t named_ = 0;  // number of tasks shown so far; the last of them is the current one
-  std::atomic<std::size_t> failed_;  // the first task that failed
+  std::atomic<std::size_t> failed_;  // first task that failed; tasks_.size(): none
   std::exception_ptr fault_;
 };
 
@@ -134,7 +135,8 @@ void run_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) 
   TaskRunner all(tasks, line);
   if (at_once > 1) {
     all.start_longest_first();
-    // A thread that waits inside a task must not begin another task on top of it.
+    // Isolated: a thread that waits for nested parallel work must not pick up another task
+    // meanwhile.
     const auto work = [&](int) { tbb::this_task_arena::isolate([&] { all.work(); }); };
     tbb::parallel_for(0, std::min(at_once, int(tasks.size())), work, tbb::simple_partitioner());
   } else {

@@ -19,14 +19,14 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr double plan_weight_s = 0.5;  // s: weight of the plan's prediction before anything is
-                                       // measured
-constexpr double own_kind = 0.1;  // fraction of a stage by which other kinds of work count for its
-                                  // own kind
-constexpr double min_self_timing_fraction = 0.3;  // completed fraction of a stage from which only
-                                                  // its own pace counts
-constexpr double min_learning_s = 0.02;  // completed fraction of a stage below which its pace is
-                                         // not used
+constexpr double plan_weight_s = 0.5;  // s of measured work to which the prediction of the plan is
+                                       // equivalent
+constexpr double own_kind = 0.1;  // weight of the pace of all work beside the measured work of the
+                                  // same kind, as a fraction of the planned stage
+constexpr double min_self_timing_fraction = 0.3;  // completed fraction of a stage from which on
+                                                  // only its own pace counts
+constexpr double min_learning_s = 0.02;  // completed fraction (not s) of a stage below which its
+                                         // own pace is too uncertain to be used
 
 }  // namespace
 
@@ -76,8 +76,8 @@ RemainingTime::Measured RemainingTime::measured_rate_of_running(double now_s) co
   return {now_s - stage_start_s_, fraction_ * plan_[running_].seconds};
 }
 
-/// Returns the predicted time of a stage: by the pace of its own kind as far as that was measured,
-/// by the pace of all work for the rest.
+/// Returns the time that a stage will take, s: its planned time scaled by the measured pace of work
+/// of its kind, blended with the pace of all work while little of its kind was measured.
 double RemainingTime::predicted(const Stage& stage, double now_s) const {
   Measured all{plan_weight_s, plan_weight_s}, own;
   const auto add = [&](const std::string& kind, const Measured& one) {
@@ -97,9 +97,9 @@ double RemainingTime::predicted(const Stage& stage, double now_s) const {
 double RemainingTime::remaining_of_running(double now_s) const {
   const double elapsed = now_s - stage_start_s_;
   const double planned = predicted(plan_[running_], now_s);
-  // A stage without reports that is overdue is assumed to take a tenth longer than it has.
+  // An overdue stage without reports is assumed to need at least a tenth of its time so far.
   if (fraction_ <= 0.0) return std::max(planned - elapsed, 0.1 * std::min(planned, elapsed));
-  // Early in a stage its own pace is uncertain, so the plan has a decreasing weight.
+  // Early in a stage its own pace is uncertain: the plan dominates and then fades out.
   const double own_estimate_s = elapsed * (1.0 - fraction_) / fraction_;
   const double weight = std::min(1.0, fraction_ / min_self_timing_fraction);
   return weight * own_estimate_s + (1.0 - weight) * (1.0 - fraction_) * planned;
@@ -128,24 +128,26 @@ namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-constexpr double settled_s = 1.0;  // s: before that the remaining time is not shown
+constexpr double settled_s = 1.0;  // the remaining time is not shown earlier
 constexpr std::chrono::milliseconds tick(500), min_between(100);
 
-/// Time for work that checks for interrupts to end cleanly, files included; longer waits would keep
-/// the user waiting for more than a second.
+/// Time in which work that checks for interrupts can end cleanly, files included. Together with the
+/// rest of the shutdown it stays below a second for the user.
 constexpr std::chrono::milliseconds stop_grace_period(700);
 
 ::sem_t interruption;
 
-// Only async-signal-safe calls are allowed here; the thread below does the rest.
+// Only async-signal-safe calls are allowed here; the thread of end_after_interruption does the
+// rest.
 extern "C" void on_interrupt(int) {
   if (interrupted != 0) ::_exit(130);
   interrupted = 1;
   ::sem_post(&interruption);
 }
 
-/// Ends the program if it has not stopped by itself, because some work, also in libraries, never
-/// checks for interrupts. No result is damaged: a file gets its name only when it is complete.
+/// Runs in a thread of its own. Ends the program if it has not stopped by itself in time, since
+/// some work, for instance in libraries, never checks for interrupts. No result is damaged: a file
+/// gets its name only when it is complete.
 void end_after_interruption() {
   while (::sem_wait(&interruption) != 0) continue;
   std::this_thread::sleep_for(stop_grace_period);
@@ -188,7 +190,7 @@ double ProgressLine::now_s() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
-/// Returns the completed fraction of all work, by time spent and left.
+/// Returns the completed fraction of all work: time spent over time spent and left.
 double ProgressLine::share() const {
   const double spent = now_s(), left = remaining_time_.remaining_s(spent);
   return spent + left > 0.0 ? std::clamp(spent / (spent + left), 0.0, 1.0) : 0.0;

@@ -17,17 +17,18 @@ void refuse(const NcLocation& place, const Cause& cause, std::string expected,
 
 namespace {
 
-// 1e9: beyond any position, feed or line number, and small enough for conversions to int.
+// Beyond any position, feed or line number, yet small enough to be converted to int.
 constexpr double largest_number = 1e9;
-// Bounds the memory of a hostile line; no block has more than one code of each of 14 modal groups.
+// Bounds the memory of a malicious line. A valid block has at most one code of each of the 14 modal
+// groups.
 constexpr std::size_t max_codes = 16;
 
-// Locale-independent, unlike std::isdigit.
+// Unlike std::isdigit these do not depend on the locale.
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
 
-// Splits one line into tokens.
+/// Splits one line into tokens.
 class Scanner {
  public:
   Scanner(std::string_view text, const NcLocation& place) : text_(text), place_(place) {}
@@ -55,7 +56,7 @@ class Scanner {
   std::size_t i_ = 0;
 };
 
-/// The text up to the next blank or comment, for messages.
+/// Returns the text up to the next blank or comment, for messages.
 std::string_view Scanner::cell(std::size_t from) const {
   std::size_t end = from;
   while (end < text_.size() && !is_blank(text_[end]) && text_[end] != '(' && text_[end] != ';')
@@ -71,8 +72,7 @@ std::string_view Scanner::comment() {
   const std::size_t open = i_;
   for (++i_; !at_end(); ++i_) {
     if (here() == ')') return text_.substr(open + 1, i_++ - open - 1);
-    // A nested parenthesis usually means that a closing one is missing; LinuxCNC rejects it as
-    // well.
+    // A nested parenthesis usually means that a closing one is missing. LinuxCNC rejects it too.
     if (here() == '(') refuse(i_, ") before another ( in a comment", "(");
   }
   refuse(open, ") that ends the comment on its line", "none");
@@ -91,8 +91,8 @@ void Scanner::skip_blanks_and_comments(NcBlock& block) {
   }
 }
 
-// Reads the number of a token. Parameters, expressions and exponents are detected first to get a
-// message of their own.
+// Parameters, expressions and exponents are detected before the number is parsed, so that each gets
+// its own message.
 double Scanner::number(std::size_t letter_at) {
   const std::size_t from = i_;
   bool negative = false;
@@ -102,19 +102,19 @@ double Scanner::number(std::size_t letter_at) {
   for (; !at_end() && (is_digit(here()) || here() == '.'); ++i_)
     ++(here() == '.' ? n_points : n_digits);
   const std::string letter(1, upper(text_[letter_at]));
-  // A dialect reads these; the strict reader does not.
+  // Parameters and expressions are read by the dialects, not by this strict reader.
   if (!at_end() && (here() == '#' || here() == '['))
     refuse(i_, "a plain number after " + letter,
            here() == '#' ? "a parameter (#)" : "an expression ([)");
   if (n_digits == 0 || n_points > 1)
     refuse(letter_at, "a number after " + letter,
            from == text_.size() ? "the end of the line" : shown(cell(letter_at)));
-  // E followed by a digit or sign is an exponent; otherwise E is the next letter.
+  // E before a digit or sign is an exponent; otherwise it begins the next token.
   if (!at_end() && upper(here()) == 'E' && i_ + 1 < text_.size() &&
       (is_digit(text_[i_ + 1]) || text_[i_ + 1] == '+' || text_[i_ + 1] == '-'))
     refuse(letter_at, "a number without exponent", shown(cell(letter_at)));
   double value = 0.0;
-  // from_chars is locale-independent and correctly rounded.
+  // from_chars does not depend on the locale and rounds correctly.
   const auto read =
       std::from_chars(text_.data() + digits, text_.data() + i_, value, std::chars_format::fixed);
   if (read.ec != std::errc() || read.ptr != text_.data() + i_ || !(value <= largest_number))
@@ -122,7 +122,7 @@ double Scanner::number(std::size_t letter_at) {
   return negative ? -value : value;
 }
 
-// Chooses the message for a character that starts no token.
+// Reports a character that starts no token, with a specific message for common mistakes.
 void Scanner::refuse_no_word() const {
   const char c = here();
   const std::string expected = "a word (letter and number)";
@@ -166,7 +166,7 @@ void Scanner::put(NcBlock& block, const NcWord& word) {
   }
 }
 
-// The line number is optional, but must come first (RS274/NGC).
+// A line number is optional, but must come first (RS274/NGC).
 void Scanner::fill(NcBlock& block) {
   skip_blanks();
   if (!at_end() && here() == '%') {
@@ -212,7 +212,7 @@ NcBlock parse_block(std::string_view text, const NcLocation& place, NcBlock reus
   block.g.clear();
   block.m.clear();
   block.comments.clear();
-  // Checked for the whole line first: a NUL inside a comment would pass unnoticed.
+  // Checked before scanning, because a NUL inside a comment would go unnoticed.
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
     throw BadInput(place.file, place.line, int(nul) + 1, "text", "a NUL byte");
   Scanner(text, place).fill(block);

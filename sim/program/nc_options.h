@@ -16,17 +16,17 @@
 
 namespace abbe::sim::program {
 
-/// Roll-over rule: how a control moves a rotary axis to an absolute position (Fanuc parameters
-/// 1008#0 ROA and #1 RAB). Incremental values are not affected.
+/// Rollover: how a control moves a rotary axis to an absolute position (Fanuc parameters 1008#0 ROA
+/// and #1 RAB). Incremental values are not affected.
 enum class Rollover {
-  ByControl,  ///< the usual rule of the dialect
-  None,       ///< by the difference of the positions
-  /// Modulo whole turns, in the shorter direction; if both are equal, in that of the difference.
+  ByControl,  ///< as is usual for controls of the dialect
+  None,       ///< by the difference between the positions
+  /// Modulo whole turns, in the shorter direction; if both are equally long, in that of `None`.
   Shortest,
   Sign,  ///< modulo whole turns, in the direction of the sign of the value
 };
 
-/// One controlled axis, in the order of the structural code.
+/// A controlled axis; lists of them are in the order of the structural code.
 struct ControlledAxis {
   char name = 'X';
   kinematics::Motion motion = kinematics::Motion::Linear;
@@ -40,14 +40,14 @@ int find_spindle(const std::vector<ControlledAxis>& axes);
 /// Returns true if a spindle turns the workpiece: a rotary axis S.
 bool turns_workpiece(const std::vector<ControlledAxis>& axes);
 
-/// Returns the joint for each letter; -1 if a letter addresses none, such as that of a spindle.
+/// Returns the joint that each letter addresses; -1 for none, also for the letter of a spindle.
 std::array<int, 26> joints_by_letter(const std::vector<ControlledAxis>& axes);
 /// Returns the names of the axes that NC words address, "X Y Z A C".
 std::string axis_letter_list(const std::vector<ControlledAxis>& axes);
 
-/// Squared displacements of a block along a line, spindles excluded.
+/// Squared displacements of a straight move, without spindles.
 struct SquaredDistance {
-  double xyz = 0.0, uvw = 0.0, turns = 0.0;  ///< mm^2, rad^2
+  double xyz = 0.0, uvw = 0.0, turns = 0.0;  ///< mm^2, mm^2 and rad^2
 };
 SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes,
                                   const kinematics::AxisVector& start,
@@ -58,17 +58,17 @@ struct Way {
   double length = 0.0;
   bool linear = true;  ///< mm; else degrees
 };
-/// Returns the length of a block as F counts it. `arc` is its arc in X Y Z, if any; `turn` the
-/// rotation of the arc plane, if it is rotated.
+/// Returns that length of a block. `arc` is its arc in X Y Z, if any; `turn` is the rotation of the
+/// plane of the arc, if that is rotated.
 Way feed_distance(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
                   const kinematics::AxisVector& end, const Arc* arc = nullptr,
                   const Eigen::Matrix3d* turn = nullptr);
 
-/// Block skip levels that the operator has switched on, by number: a plain / is level 0 on Siemens
-/// and 1 on Fanuc.
+/// The block skip levels that are switched on. A plain / is level 0 on Siemens and level 1 on
+/// Fanuc.
 using BlockSkip = std::bitset<10>;
 
-/// Returns the levels named by "on", "off" or digits such as "1 3". Returns nothing for other text.
+/// Returns the levels stated by "on", "off" or digits such as "1 3"; empty for any other text.
 std::optional<BlockSkip> parse_block_skip(std::string_view text);
 /// Returns the text that `parse_block_skip` parses.
 std::string to_text(const BlockSkip& levels);
@@ -79,12 +79,12 @@ struct NcOptions {
   kinematics::AxisVector start;       ///< (axes) initial position
   std::map<int, double> tool_length;  ///< mm by H number; an unknown H is an input error
   std::map<int, double> tool_radius;  ///< mm by D number, for cutter and nose radius compensation
-  std::map<std::string, int, std::less<>> tool_number;  ///< by name, of the tools that have a name
-  std::map<int, double> length_wear, radius_wear;  ///< mm, part of the values above that is wear
-  /// The tables above are complete: a call of another tool is an input error.
+  std::map<std::string, int, std::less<>> tool_number;  ///< by name, for tools with a name
+  std::map<int, double> length_wear, radius_wear;       ///< mm, wear that the values above include
+  /// True: the tables above are complete, and a call of another tool is an input error.
   bool tool_table = false;
-  int control_tool = 0;  ///< with a tool table: the tool that `control` ends with; 0: none
-  /// G54 .. G59, (axes) each, see `program_zero`; empty means not stated.
+  int control_tool = 0;  ///< with a tool table: the tool at whose tip `control` ends; 0: none
+  /// G54 .. G59, (axes) each, see `program_zero`; empty: not stated
   std::array<kinematics::AxisVector, 6> work_offset{};
   /// Further offsets of a control: 7 to 9 are G59.1 to G59.3 of LinuxCNC; 0 is the external offset
   /// and 100 + n G54.1 Pn of Fanuc; 507 to 599 are G507 to G599 of Siemens; 1000 + n is preset n of
@@ -92,18 +92,18 @@ struct NcOptions {
   std::map<int, kinematics::AxisVector> more_offset;
   double rapid_speed = 10000.0 / 60.0;                       ///< mm/s along the path
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s of a block that only rotates
-  std::optional<double> max_spindle_rpm;                     ///< of the spindle; none: unlimited
-  /// Chain of the control itself: G43.4 needs it to know where the tip is when it is switched on;
-  /// without it G43.4 is an input error.
+  std::optional<double> max_spindle_rpm;                     ///< empty: unlimited
+  /// The control's own model of the machine, from which G43.4 knows where the tip is; without it
+  /// G43.4 is an input error.
   std::optional<kinematics::Chain> control;
-  /// With several tools: `control` to the tip of each, by H, for G43.4.
+  /// With several tools: the same for the tip of each, by H number.
   std::map<int, kinematics::Chain> control_of_h;
-  BlockSkip block_skip = BlockSkip().set();  ///< blocks behind a / of these levels are skipped
+  BlockSkip block_skip = BlockSkip().set();  ///< blocks with a / of these levels are skipped
   kinematics::AxisVector reference;          ///< (axes) reference position of G28; empty: `start`
   /// (axes) origin of G53, M91 and SUPA; empty: the zero of the axes.
   kinematics::AxisVector machine_zero;
   std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are an input error
-  /// Moves and dwells, those of loops and cycles counted each time.
+  /// Largest number of moves and dwells; those in loops and cycles count each time.
   std::size_t max_moves = 20'000'000;
   std::size_t max_move_bytes = std::size_t(4) << 30;  ///< memory of the moves that are kept
 };
@@ -112,12 +112,11 @@ struct NcOptions {
 /// for G54 to G59, or a key of `more_offset`.
 const kinematics::AxisVector& work_offset(const NcOptions& options, int system);
 
-/// Returns true if a tool can be called: T0, a tool of the control's table, or any tool if there is
-/// no table.
+/// Returns true if a tool can be called: 0, a tool of the table, or without a table any tool.
 bool knows_tool(const NcOptions& options, int number);
 
-/// Returns the number of the tool if there is exactly one: the scene's, or that of a tool table of
-/// one line. Returns nothing if there are several, or none.
+/// Returns the number of the only tool: that of the scene, or of a tool table with one line. Empty
+/// if there are several tools or none.
 std::optional<int> only_tool(const NcOptions& options);
 
 /// Returns the initial axis positions: zero unless stated. Throws std::invalid_argument if `start`
@@ -127,38 +126,38 @@ kinematics::AxisVector start_of(const NcOptions& options);
 /// Returns the reference position, (axes): the initial position unless it is stated.
 kinematics::AxisVector reference_of(const NcOptions& options);
 
-// Program zero: the meaning of X Y Z of a work offset.
+// Program zero: what X Y Z of a work offset refer to.
 
-/// Returns the tip in the workpiece with all axes at zero, mm. Returns nothing without X Y Z, or if
-/// these axes are not parallel to x y z of the workpiece at zero (1e-9).
+/// Returns the position of the tip in the workpiece with all axes at zero, mm. Empty if X, Y or Z
+/// is missing or not parallel (to 1e-9) to x, y and z of the workpiece there.
 std::optional<Eigen::Vector3d> tip_at_zero(const kinematics::Chain& chain);
 
-/// Returns the shift of X Y Z, (axes), that places the tip of a turning tool in the workpiece at
-/// the programmed position, with X0 on the spindle axis. Returns nothing if these slides are not
-/// perpendicular to each other (1e-9).
+/// Returns the shift of X Y Z, (axes), with which programmed positions are those of the tip of a
+/// turning tool in the workpiece, with X0 on the spindle axis. Empty if these slides are not
+/// perpendicular to each other (to 1e-9).
 std::optional<kinematics::AxisVector> tip_shift(const kinematics::Chain& chain);
 
-/// Origin of the work offsets on a machine for which `tip_at_zero` returns a value.
+/// Origin of work offsets on a machine for which `tip_at_zero` is not empty.
 struct ProgramZero {
   /// mm, position of the spindle nose in the workpiece with all axes at zero: above the tip by the
-  /// length of the tool that the control's chain ends with.
+  /// length of the tool at whose tip the chain of the control ends.
   Eigen::Vector3d nose_w = {0, 0, 0};
   bool places = false;  ///< true: offsets are points in the workpiece; false: slide positions
 };
 
 /// Returns the origin of work offsets. On a machine with rotary axes an offset is the point of the
-/// workpiece to which X0 Y0 Z0 lead the tip: with the tip commanded, and also with the axes
-/// commanded if the rotary axes are at zero and a tool length is in force. On any other machine it
-/// is the slide positions at which the nose is there. Returns nothing if the kinematics are unknown
-/// or the scene states no offset: then offsets are zero, of the workpiece under a tip mode and of
-/// the axes otherwise.
+/// workpiece to which X0 Y0 Z0 lead the tip, both with the tip commanded and, if the rotary axes
+/// are at zero and a tool length is in force, with the axes commanded. On any other machine an
+/// offset consists of the slide positions at which the nose is at that point. Empty if the
+/// kinematics are unknown or the scene states no offset; X0 Y0 Z0 is then the origin of the
+/// workpiece under a tip mode, and the zero of the axes otherwise.
 std::optional<ProgramZero> program_zero(const NcOptions& options);
 
-/// Same as `program_zero` whether or not an offset is stated, for controls that always count this
-/// way.
+/// Returns the same as `program_zero`, but also if no offset is stated, for controls on which
+/// offsets always have this origin.
 std::optional<ProgramZero> known_zero(const NcOptions& options);
 
-/// Returns the correction to add to an offset in these coordinates, mm.
+/// Returns the correction, mm, that has to be added to a work offset under these coordinates.
 Eigen::Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates);
 
 }  // namespace abbe::sim::program

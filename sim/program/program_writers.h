@@ -15,48 +15,48 @@
 
 namespace abbe::sim::program {
 
-/// Number of decimals in an NC file.
+/// Numbers of decimals in an NC file.
 struct NcFormat {
   int decimals_mm = 7;
   int decimals_deg = 9;
 };
 
-/// A move in NC text: G0, G1, or G2 and G3 to a point.
+/// A move to a point in NC text: G0, G1, G2 or G3.
 struct NcMove {
   bool rapid = false;
-  /// (axes) as programmed, mm (inch under G20) and rad; spindles get no word
+  /// (axes) programmed values, mm (inch under G20) and rad; spindles are not written
   kinematics::AxisVector to;
-  /// F word as written: mm/min, inch/min, deg/min or 1/min; not used by a rapid.
+  /// F as written: mm/min, inch/min, deg/min or 1/min; ignored for a rapid
   double feed = 0.0;
   struct Round {
     bool clockwise = false;
-    std::string letters;     ///< "IJ", "KI" or "JK": the plane in force
-    Eigen::Vector2d centre;  ///< mm (inch), from the start, in the order of the letters
+    std::string letters;     ///< "IJ", "KI" or "JK", by the plane in force
+    Eigen::Vector2d centre;  ///< mm (inch) relative to the start, in the order of the letters
   };
-  std::optional<Round> round = {};  ///< none: a straight line
+  std::optional<Round> round = {};  ///< of an arc; empty: a straight line
 };
 
-/// A line of text to write unchanged, or a move.
+/// A line of text that is written unchanged, or a move.
 using NcItem = std::variant<std::string, NcMove>;
 
 struct NcWriteOptions {
   NcFormat format;
   bool inverse_time = false;  ///< G93 is in force: every G1 carries F
-  int feed_digits = 0;  ///< significant digits of F; 0: as many as are needed to keep its bits
+  int feed_digits = 0;        ///< significant digits of F; 0: as many as it takes to keep its bits
 };
 
-/// Returns NC text with one line for each item. Values are rounded to nearest. A word is left out
-/// if its text has not changed, except in the first move after a line of text.
+/// Returns NC text with one line for each item. Values are rounded to the nearest. A word whose
+/// text has not changed is omitted, except in the first move after a line of text.
 std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
                      const NcWriteOptions& options = {});
 
-/// Returns a number as an NC word: no exponent, no trailing zeros, no -0.
+/// Returns a number as it stands in an NC word: without exponent, trailing zeros or "-0".
 std::string nc_number(double value, int decimals);
 
-/// Returns a number rounded to `digits` significant digits, as an NC word.
+/// Returns the same for a number rounded to `digits` significant digits.
 std::string nc_significant(double value, int digits);
 
-/// Returns a number with the fewest digits that read back as the same bits, without exponent.
+/// Returns a number without exponent, with the fewest digits that read back as the same bits.
 std::string nc_number(double value);
 
 /// Format and tolerance of cutter location output.
@@ -65,29 +65,30 @@ struct LocationOptions {
     Apt,    ///< statements: UNITS/MM, LOADTL, SPINDL, FEDRAT, RAPID, GOTO, MOVARC, DELAY
     Table,  ///< CSV: x,y,z,i,j,k,feed
   } kind = Kind::Apt;
-  /// mm, largest deviation of the points from a move that is neither a line nor (in statements) an
-  /// arc
+  /// mm, largest deviation of the output from a move that it can only approximate by points, i.e.
+  /// that is neither a line nor, in statements, an arc
   double within = 0.001;
   std::size_t max_bytes = 1'000'000'000;  ///< of the whole output
   int decimals_mm = 7;
   int decimals_vector = 10;
 };
 
-/// Writes a path as cutter locations: the tip in the workpiece and the tool axis, for any machine.
-/// The rotary axes between two points are left to the reader of the file. Read by the same machine,
-/// the points agree to half a unit of the last decimal.
+/// Writes a path as cutter locations, independent of the machine: the tip in the workpiece and the
+/// tool axis. How the rotary axes move between two points is left to the reader of the file. Read
+/// back on the same machine, the points agree to half a unit of the last decimal.
 class LocationWriter {
  public:
   /// `control` must outlive the writer.
   LocationWriter(const kinematics::Chain& control, const LocationOptions& options);
 
-  /// Appends blocks. Throws BadInput at the line where the slides do not reach a tip or the text
-  /// exceeds `max_bytes`.
+  /// Appends the blocks of a path. Throws BadInput with the line at which the slides cannot reach a
+  /// tip or the text exceeds `max_bytes`.
   void add(const Path& piece);
+  /// Returns the text, which is moved out of the writer.
   std::string take();
 
-  std::size_t omitted_dwells() const { return dwells_; }  ///< not representable in a table
-  /// Returns the number of auxiliary words left out of a table.
+  /// Return the number of dwells and of auxiliary words omitted because a table cannot hold them.
+  std::size_t omitted_dwells() const { return dwells_; }
   std::size_t omitted_words() const { return words_; }
 
  private:

@@ -6,13 +6,14 @@
 #include "errors/geometric.h"
 #include "kinematics/chain.h"
 
-/// Text of an identified belief, as a scene reads it.
+/// Text of an identified belief in the form that a scene reads.
 namespace abbe::sim {
 
-/// Returns the text of an errors file, as `errors = "..."` of a scene reads it: every element with
-/// its curves in um and urad, and the covariance if there is one (scenes/README.md). Numbers read
-/// back within one ulp.
-/// @param comments  lines written above, each after "# "
+/// Returns the text of an errors file, to which `errors = "..."` of a scene can refer: every
+/// element with its curves in um and urad, and the covariance if there is one (scenes/README.md).
+/// Numbers are read back to within one ulp.
+/// @param joints    joints of the machine, for the units of positions
+/// @param comments  lines that are written first, each after "# "
 /// @throws std::invalid_argument for a random curve, which a belief cannot hold
 std::string to_errors_file(const errors::GeometricErrors& belief,
                            const std::vector<kinematics::Joint>& joints,

@@ -8,17 +8,18 @@
 
 namespace abbe::sim {
 
-/// Returns the identification as text; every foreign text stays on one line.
+/// Returns the report of an identification as text for the terminal. Control characters in file
+/// names and messages are escaped, so that each of them stays on one line.
 std::string identify_text(const Identified& identified);
 
-/// Returns the report beside a belief file; its keys are stable for scripts.
+/// Returns the JSON report that is written beside a belief file. Scripts may rely on its keys.
 nlohmann::ordered_json to_json(const Identified& identified);
 
-/// Returns the belief file of an identification, with its sources at its head: an errors file
-/// (belief_file), or for the readings of a day a thermal belief (thermal_belief).
+/// Returns the text of the belief file, which begins with comments that name its sources: an errors
+/// file (sim/readings/belief_file.h) or, for readings taken over a day, a thermal belief.
 std::string belief_text(const Identified& identified);
 
-/// Returns the file of the thermal half of a composite belief.
+/// Returns the text of the file with the thermal half of a composite belief.
 std::string thermal_half_text(const Identified& composite);
 
 }  // namespace abbe::sim

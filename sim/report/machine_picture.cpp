@@ -27,10 +27,10 @@ using kinematics::Motion;
 using kinematics::Pose;
 using kinematics::Side;
 
-constexpr std::size_t max_passes = 9;     // passes of the cut that are drawn
-constexpr std::size_t max_points = 4000;  // points of a pass
+constexpr std::size_t max_passes = 9;     // passes of the cut that are drawn, at most
+constexpr std::size_t max_points = 4000;  // points drawn of each, at most
 
-/// Returns the frame at `point` whose z axis is `direction`.
+/// Returns a frame at `point` with z along `direction`.
 Pose frame(const Vector3d& point, const Vector3d& direction) {
   Pose T = Pose::Identity();
   T.linear() = kinematics::rotation_between(Vector3d::UnitZ(), direction).toRotationMatrix();
@@ -38,7 +38,9 @@ Pose frame(const Vector3d& point, const Vector3d& direction) {
   return T;
 }
 
-/// Returns a carriage: a linear axis is a bar along its travel, a rotary one a disc about its axis.
+/// Returns a schematic carriage: a bar along the travel of a slide, a disc about a rotary axis.
+/// @param offset  mm in z
+/// @param unit    mm, size from which all proportions follow
 render::Body carriage(const Joint& joint, const Pose& T_b, double offset, double unit) {
   render::Body body;
   body.label = joint.name + std::string(joint.side == Side::Workpiece ? "'" : "");
@@ -48,7 +50,7 @@ render::Body carriage(const Joint& joint, const Pose& T_b, double offset, double
     body.shape = render::BlockShape{Vector3d(0.8 * unit, 0.8 * unit, 4.0 * unit)};
   else
     body.shape = render::CylinderShape{0.9 * unit, 0.5 * unit};
-  // A rotary table or workpiece spindle lies below the part.
+  // A rotary table or workpiece spindle is below the part.
   if (joint.motion == Motion::Rotary && joint.side == Side::Workpiece)
     body.T.translation() -= 0.5 * unit * body.T.linear().col(2);
   body.colour = joint.motion == Motion::Linear ? render::Colour{0.78, 0.82, 0.88}
@@ -57,8 +59,8 @@ render::Body carriage(const Joint& joint, const Pose& T_b, double offset, double
   return body;
 }
 
-/// Returns the number of joints nearer to the tool (or to the part) at the same point: bodies are
-/// stacked there.
+/// Returns how many joints at the same point are nearer to the tool (or to the part), so that their
+/// bodies can be stacked.
 int rank(const Chain& chain, int i) {
   const Joint& joint = chain.joints()[std::size_t(i)];
   const int step = joint.side == Side::Tool ? 1 : -1;
@@ -76,7 +78,7 @@ struct Sides {
   std::vector<Vector3d> tool, part;
 };
 
-/// Adds the carriages of both sides, each displaced by the axes between it and the bed.
+/// Adds the carriages of both sides at axis positions q.
 Sides add_carriages(const Chain& chain, const AxisVector& q, double unit,
                     render::MachinePicture& picture) {
   Sides sides;
@@ -100,7 +102,7 @@ Sides add_carriages(const Chain& chain, const AxisVector& q, double unit,
   return sides;
 }
 
-/// Returns a bar between two points.
+/// Returns a square bar between two points.
 render::Body bar(const Vector3d& from, const Vector3d& to, double thickness) {
   render::Body body;
   const double length = (to - from).norm();
@@ -111,8 +113,8 @@ render::Body bar(const Vector3d& from, const Vector3d& to, double thickness) {
   return body;
 }
 
-/// Adds the structure that holds the carriages, from a bed below all of them to the tool and to the
-/// part, so that nothing floats.
+/// Adds a bed below all carriages and bars from it through the carriages to tool and part, so that
+/// nothing floats.
 void add_structure(Sides sides, const Vector3d& tool, const Vector3d& part, double unit,
                    render::MachinePicture& picture) {
   Eigen::AlignedBox3d box;
@@ -139,7 +141,7 @@ void add_structure(Sides sides, const Vector3d& tool, const Vector3d& part, doub
   };
   std::vector<Vector3d> to_tool;
   if (const Vector3d first = sides.tool.empty() ? tool : sides.tool.front(); first.z() > part.z()) {
-    // A column behind the part, so that it does not hide it.
+    // A column, behind the part so as not to hide it.
     const double back = box.max().y() - 0.3 * unit;
     to_tool = {above_bed(first, back), {first.x(), back, first.z()}};
   } else {
@@ -153,11 +155,11 @@ void add_structure(Sides sides, const Vector3d& tool, const Vector3d& part, doub
   std::vector<Vector3d> to_part{above_bed(first, first.y())};
   to_part.insert(to_part.end(), sides.part.begin(), sides.part.end());
   join(to_part, 0.22 * unit);
-  // The clamping stands on the table.
+  // The clamping, on the last carriage.
   join({last, {part.x(), part.y(), last.z()}, part}, 0.5 * unit);
 }
 
-/// Adds the spindle from the last axis before it to the nose, if the machine has a nose.
+/// Adds the spindle between the axis that carries it and the nose, if the machine has a nose.
 void add_spindle(const Chain& chain, const AxisVector& q, double unit,
                  render::MachinePicture& picture) {
   const auto nose = chain.find('s');
@@ -184,7 +186,7 @@ void add_tool(const Chain& chain, const AxisVector& q, double radius, double len
   picture.bodies.push_back(tool);
 }
 
-/// Adds the bodies of the machine's description; the first one of an axis carries its letter.
+/// Adds the bodies of the machine description. Only the first one of each axis is labelled.
 void add_described(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
                    render::MachinePicture& picture) {
   const std::vector<Pose> T = carrier_poses(chain, q, {});
@@ -213,7 +215,7 @@ void add_described(const MachineDescription& machine, const Chain& chain, const 
   }
 }
 
-/// Adds the fixtures, each with its name.
+/// Adds the fixtures, labelled by name.
 void add_fixtures(const Scene& scene, const Pose& T_bw, render::MachinePicture& picture) {
   for (const SolidBody& solid : fixture_bodies(scene)) {
     render::Body body;
@@ -226,9 +228,10 @@ void add_fixtures(const Scene& scene, const Pose& T_bw, render::MachinePicture& 
   }
 }
 
-/// Adds all bodies of a machine: those of its description, or else stacked carriages held by a
-/// structure.
-/// @param part_b  position of the part
+/// Adds all bodies of a machine: those of its description or, without any, schematic carriages on a
+/// schematic structure.
+/// @param part_b     position of the part in the bed
+/// @param tool_size  mm, radius and length
 void add_bodies(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
                 const Vector3d& part_b, const Vector2d& tool_size, double unit,
                 render::MachinePicture& picture) {
@@ -250,18 +253,18 @@ std::string blocks_text(const MachineDescription& machine) {
              : "the machine as the bodies of its description, [[body]]";
 }
 
-/// Some passes of the cut: nominal tip and its error.
+/// Some passes of the cut, as nominal positions of the tip with its errors.
 struct Trace {
   struct Point {
     Vector3d tip_w;
     Vector3d error_w;
   };
   std::vector<std::vector<Point>> passes;
-  std::size_t all_passes = 0;
-  double largest = 0.0;
+  std::size_t all_passes = 0;  ///< number of passes of the program
+  double largest = 0.0;        ///< mm, largest error in the passes above
 };
 
-/// Returns the first and one past the last sample of every feed segment between two rapids.
+/// Returns the range of samples [first, last) of every stretch of feed moves between rapids.
 std::vector<std::pair<std::size_t, std::size_t>> stretches(const Job& job) {
   std::vector<std::pair<std::size_t, std::size_t>> all;
   bool cutting = false;
@@ -278,7 +281,7 @@ std::vector<std::pair<std::size_t, std::size_t>> stretches(const Job& job) {
 /// Returns the nominal tip and its error at a sample.
 Trace::Point traced_point(const Job& job, std::size_t sample) {
   kinematics::AxisState state = job.samples.states[sample];
-  // A turned part is drawn at rest, or its path would only be a disc of turns.
+  // A turned part is drawn at rest, since the path around it would fill a disc.
   if (job.machine.workpiece_spindle) state.q[*job.machine.workpiece_spindle] = 0.0;
   const Vector3d tip_w = job.machine.nominal.tool_in_workpiece(state.q).translation();
   return {tip_w, tool_in_workpiece(job.truth, state).translation() - tip_w};
@@ -286,10 +289,10 @@ Trace::Point traced_point(const Job& job, std::size_t sample) {
 
 using TracePoints = std::vector<Trace::Point>;
 
-/// Returns some segments of a path that would be drawn as a sheet because it goes back and forth
-/// many times without a rapid; each is about as long as the part.
+/// Returns the path, or some segments of it, each about as long as the part, if it goes back and
+/// forth so often without a rapid that it would be drawn as a solid sheet.
 std::vector<TracePoints> thinned_path(const TracePoints& points) {
-  constexpr double longest = 12.0;  // path length over the size of the area it covers
+  constexpr double longest = 12.0;  // length of the path over the diagonal of its box
   Eigen::AlignedBox3d box;
   std::vector<double> length(points.size(), 0.0);
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -310,7 +313,7 @@ std::vector<TracePoints> thinned_path(const TracePoints& points) {
   return pieces;
 }
 
-/// @param job  one part of a job
+/// Returns the trace of one part of a job.
 Trace traced_part(const Job& job) {
   Trace trace;
   const auto all = stretches(job);
@@ -331,7 +334,7 @@ Trace traced_part(const Job& job) {
   return trace;
 }
 
-/// Returns the traces of all parts of a job.
+/// Returns the trace of all parts of a job.
 Trace traced(const Job& job) {
   Trace all;
   for (const Job& part : parts_of(job)) {
@@ -347,7 +350,7 @@ Trace traced(const Job& job) {
 
 double round_magnification(double part_size, double largest_error) {
   if (largest_error <= 0.0) return 1.0;
-  // 1, 2 and 5 of a decade are easy to read in a caption.
+  // Rounded down to 1, 2 or 5 of a decade, which are easy to read in a caption.
   const double wanted = 0.05 * part_size / largest_error;
   const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
   return std::max(1.0, decade * (wanted >= 5.0 * decade   ? 5.0
@@ -426,11 +429,11 @@ std::vector<SchematicBody> schematic_bodies(const Job& job) {
 
 namespace {
 
-constexpr std::size_t max_runs = 3000;        // runs of moves of one kind that are drawn
-constexpr std::size_t max_of_path = 300'000;  // points that are drawn
+constexpr std::size_t max_runs = 3000;        // runs that are drawn, at most
+constexpr std::size_t max_of_path = 300'000;  // points that are drawn, at most
 
-/// Returns the first and one past the last point of every run of feed moves or of rapids; a run
-/// begins where the one before it ends.
+/// Returns the range of points [first, last) of every run of consecutive feed moves or rapids. A
+/// run begins at the last point of the one before it.
 std::vector<std::pair<std::size_t, std::size_t>> runs_of(const TipTrace& trace) {
   std::vector<std::pair<std::size_t, std::size_t>> runs;
   for (std::size_t i = 1; i < trace.places.size(); ++i) {
@@ -440,7 +443,7 @@ std::vector<std::pair<std::size_t, std::size_t>> runs_of(const TipTrace& trace) 
   return runs;
 }
 
-/// Returns the point where the line from `inside` to `outside` leaves the box.
+/// Returns the point where the segment from `inside` to `outside` leaves the box.
 Vector3d cut_off(const Vector3d& outside, const Vector3d& inside, const Eigen::AlignedBox3d& box) {
   double share = 1.0;
   for (int k = 0; k < 3; ++k) {
@@ -451,8 +454,7 @@ Vector3d cut_off(const Vector3d& outside, const Vector3d& inside, const Eigen::A
   return inside + std::max(share, 0.0) * (outside - inside);
 }
 
-/// Returns the points of a run, every `step`th of a long path; a rapid ends where it leaves the
-/// box.
+/// Returns every `step`th point of a run, and its last one. Rapids are clipped at the box.
 std::vector<Vector3d> places_of(const TipTrace& trace, std::pair<std::size_t, std::size_t> run,
                                 std::size_t step, const Eigen::AlignedBox3d& box) {
   const auto at = [&](std::size_t i) -> Vector3d { return trace.places[i].cast<double>(); };
@@ -492,7 +494,7 @@ render::MachinePicture machine_picture(const ProgramInspection& alone) {
   add_bodies(alone.description, alone.machine.control, q, T_bw * below,
              {0.02 * size, alone.tool_length}, std::max(0.25 * size, 40.0), picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
-  // Rapids to a distant tool change would shrink the part in the picture.
+  // Drawn in full, a rapid to a distant tool change would shrink the part in the picture.
   const Eigen::AlignedBox3d drawn_box(box.min() - Vector3d::Constant(0.3 * size),
                                       box.max() + Vector3d::Constant(0.3 * size));
   const auto runs = runs_of(trace);

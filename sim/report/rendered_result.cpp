@@ -22,12 +22,14 @@
 namespace abbe::sim {
 namespace {
 
-/// Returns the map file of a result.
+/// Returns the file of the map, for the file itself or for its folder.
 std::filesystem::path result_file(const std::filesystem::path& result) {
   return std::filesystem::is_directory(result) ? result / "residual.vtp" : result;
 }
 
-/// Returns the difference of two results of the same design. A vertex is cut only if both cut it.
+/// Returns a - b for two results on the same design. A vertex counts as cut only if it is in both.
+/// @param other  file of b, for messages
+/// @throws BadInput if the designs differ
 render::Field difference(render::Field a, const render::Field& b,
                          const std::filesystem::path& other) {
   if (a.deviation_um.size() != b.deviation_um.size())
@@ -41,7 +43,7 @@ render::Field difference(render::Field a, const render::Field& b,
   for (std::size_t i = 0; i < a.status.size(); ++i)
     a.status[i] = std::uint8_t(
         cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
-  // Sampled points can be subtracted only if both maps sampled the same points.
+  // The points inside triangles can be subtracted only if both maps sampled the same ones.
   if (a.sampled_within == b.sampled_within && a.within_um.size() == b.within_um.size()) {
     a.within_um -= b.within_um;
   } else {
@@ -52,17 +54,17 @@ render::Field difference(render::Field a, const render::Field& b,
     a.form_um -= b.form_um;
   else
     a.form_um.resize(0);
-  a.tolerance_um.resize(0, 2);  // a tolerance applies to a map, not to a difference
+  a.tolerance_um.resize(0, 2);  // a tolerance is for a part, not for a difference of two
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
 }
 
-/// Part of a profile inside one triangle.
+/// The part of a profile that lies in one triangle.
 struct Stretch {
-  double from, to;     ///< mm, along the line
-  double first, last;  ///< um
-  double weight = 0.0;
+  double from, to;      ///< mm, coordinates along the line
+  double first, last;   ///< um, deviation at these ends
+  double weight = 0.0;  ///< in means over a bin
 };
 
 Eigen::RowVector3d middle_of(const render::Field& field) {
@@ -70,9 +72,9 @@ Eigen::RowVector3d middle_of(const render::Field& field) {
   return 0.5 * (vertices.colwise().minCoeff() + vertices.colwise().maxCoeff());
 }
 
-/// Returns the triangles of a map that a plane through the centre of the part crosses, in file
-/// order.
-/// @param across  axis perpendicular to the plane: 0 or 1
+/// Returns the section of a map with the plane through the centre of the part normal to x or y,
+/// triangle by triangle in the order of the file.
+/// @param across  normal of the plane: 0 is x, 1 is y
 std::vector<Stretch> crossed_triangles(const render::Field& field, int across) {
   const double level = middle_of(field)[across];
   const auto& vertices = field.design.vertices;
@@ -97,7 +99,9 @@ std::vector<Stretch> crossed_triangles(const render::Field& field, int across) {
   return all;
 }
 
-/// Returns the segments of a line; for a radius every vertex is one, with the weight of its area.
+/// Returns the parts of a profile. A profile over the radius consists of the vertices, each
+/// weighted by its area.
+/// @param line  "x", "y" or "radius"
 std::vector<Stretch> stretches_of(const render::Field& field, const std::string& line) {
   if (line == "x") return crossed_triangles(field, 1);
   if (line == "y") return crossed_triangles(field, 0);
@@ -109,7 +113,7 @@ std::vector<Stretch> stretches_of(const render::Field& field, const std::string&
   return all;
 }
 
-/// Returns the description of a profile's line.
+/// Returns the description of the line of a profile, for captions and messages.
 std::string line_description(const render::Field& field, const std::string& line) {
   if (line == "radius") return "the distance from the part's z axis, all around it";
   return line == "x"
@@ -117,8 +121,8 @@ std::string line_description(const render::Field& field, const std::string& line
              : fmt::format("y through the middle of the part, x = {:.3f} mm", middle_of(field).x());
 }
 
-/// Returns a profile over the radius without empty bins: rings of vertices leave some bins empty,
-/// which are no gaps of the part. Bins that hold only uncut vertices stay.
+/// Removes bins without vertices from a profile over the radius. Vertices on rings leave bins empty
+/// although the part has no gap there. Bins with uncut vertices only are kept, as gaps.
 std::vector<render::ProfileSeries> without_empty_bins(const render::Field& field,
                                                       std::vector<render::ProfileSeries> all) {
   const Eigen::Index bins = all.front().x.size();
@@ -141,8 +145,8 @@ std::vector<render::ProfileSeries> without_empty_bins(const render::Field& field
   return all;
 }
 
-/// Returns lowest, mean and highest deviation in bins along a line, because a single trace over
-/// cusps would be unreadable.
+/// Returns the highest, mean and lowest deviation in bins along a line; one trace with every cusp
+/// would be unreadable.
 std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
   constexpr int bins = 200;
   const std::vector<Stretch> stretches = stretches_of(field, line);
@@ -171,7 +175,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
     weight[k] += share;
   };
   for (const Stretch& one : stretches) {
-    // Four points per bin, so that a long triangle leaves no bin empty.
+    // At least four points per bin, so that a long triangle leaves no bin empty.
     const int parts = step > 0.0 ? 1 + int(4.0 * (one.to - one.from) / step) : 1;
     for (int i = 0; i < parts; ++i) {
       const double u = (i + 0.5) / parts;
@@ -182,7 +186,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
   return line == "radius" ? without_empty_bins(field, all) : all;
 }
 
-/// Facts from the summary beside a result, if there is one.
+/// What the summary beside a result says about it.
 struct About {
   std::string title;
   std::string datum = "not known";
@@ -192,7 +196,7 @@ struct About {
   std::optional<Eigen::Vector3d> from, up;
 };
 
-/// Returns a list of numbers; empty if any entry is not a number.
+/// Returns the list of numbers of a key; empty if there is none or an entry is not a number.
 std::optional<Eigen::VectorXd> numbers_in(const nlohmann::json& json, const char* key) {
   if (!json.is_object() || !json.contains(key) || !json[key].is_array()) return std::nullopt;
   Eigen::VectorXd values(Eigen::Index(json[key].size()));
@@ -203,8 +207,8 @@ std::optional<Eigen::VectorXd> numbers_in(const nlohmann::json& json, const char
   return values;
 }
 
-/// Reads the summary beside a result. It is optional: a file that is damaged or incomplete is
-/// ignored.
+/// Reads the summary beside a result. It only adds to the picture, so a missing, damaged or
+/// incomplete file is no error.
 About about(const std::filesystem::path& result) {
   About known;
   known.title = result.parent_path().filename().string();
@@ -242,14 +246,16 @@ render::PictureFormat format_of(const std::string& word) {
 }
 
 /// Returns the options of a map.
-/// @throws BadInput for colours by tolerance if there is no tolerance
+/// @param tolerated  the result has a tolerance
+/// @throws BadInput for colours by tolerance without a tolerance
 render::MapOptions map_options(const RenderOptions& options, const About& known, bool tolerated) {
   render::MapOptions map;
   if (known.from) map.from = *known.from;
   if (known.up) map.up = *known.up;
   if (options.from) {
     map.from = *options.from;
-    // An own direction may be parallel to the up vector of the result, so z is up.
+    // The direction of --from may be parallel to the up direction of the result, so z is up
+    // instead.
     map.up = Eigen::Vector3d::UnitZ();
   }
   if (options.size)
@@ -268,7 +274,8 @@ render::MapOptions map_options(const RenderOptions& options, const About& known,
   return map;
 }
 
-/// Returns the profiles of a line by ISO 21920.
+/// Returns the primary, waviness and roughness profiles of a line by ISO 21920.
+/// @throws BadInput if nothing is cut along the line
 LineTexture texture_of(const RenderOptions& options, const std::filesystem::path& source,
                        const render::Field& field, const About& known) {
   const ProfiledMap map{field.design, field.deviation_um, field.sampled_within, field.within_um};
@@ -288,9 +295,9 @@ LineTexture texture_of(const RenderOptions& options, const std::filesystem::path
   return texture;
 }
 
-/// Returns the waviness with the line that was removed as form, over the coordinate of the line.
+/// Returns the waviness plus the form line that was removed before filtering, thinned for drawing.
 render::ProfileSeries waviness_series(const LineTexture& texture) {
-  constexpr Eigen::Index most = 2000;  // points of a curve
+  constexpr Eigen::Index most = 2000;  // points of the drawn curve
   const Eigen::VectorXd along = values_on_profile(texture, texture.trace.along);
   const Eigen::VectorXd drawn = texture.texture.waviness + texture.texture.line;
   const Eigen::Index n = std::min(most, along.size());
@@ -303,7 +310,7 @@ render::ProfileSeries waviness_series(const LineTexture& texture) {
   return series;
 }
 
-/// Draws a profile along a line instead of a map, and writes its parameters.
+/// Draws the profile along a line and writes it with its parameters as JSON and CSV.
 RenderOutcome render_profile(const RenderOptions& options, const std::filesystem::path& source,
                              const ResultFolder& folder, const render::Field& field,
                              const About& known) {
@@ -355,9 +362,9 @@ RenderOutcome render_result(const RenderOptions& options) {
       known.title += fmt::format(", {} minus {}", folder(source), folder(other));
     else
       known.title += ", minus " + taken;
-    known.tolerance.reset();  // a tolerance applies to a map, not to a difference
+    known.tolerance.reset();  // a tolerance is for a part, not for a difference of two
   }
-  // The result itself is an input, which must not be overwritten.
+  // The files of the result are inputs and must not be overwritten.
   Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
   if (options.minus) writer.inputs.push_back(result_file(*options.minus));
   const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
@@ -377,7 +384,7 @@ RenderOutcome render_result(const RenderOptions& options) {
   }
   picture.field = std::move(field);
   const render::MapOptions map = map_options(options, known, picture.tolerance_um.rows() > 0);
-  // The name never equals that of a picture that a run wrote.
+  // No run writes pictures with these names, so none of its own is replaced.
   const ResultFile drawn =
       folder / ((options.minus ? "difference." : "rendered.") + options.format);
   write_file(drawn,

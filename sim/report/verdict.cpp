@@ -19,8 +19,8 @@ namespace abbe::sim {
 
 namespace {
 
-/// Returns the texture parameters of the residual minus form, vertices and sampled points by their
-/// area.
+/// Returns the texture parameters of the residual minus its form. Vertices and sampled points are
+/// weighted by the area that they represent. Empty if nothing is cut.
 std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design,
                                                    const cutting::Surface& surface,
                                                    const Eigen::VectorXd& filtered) {
@@ -57,10 +57,10 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
   cutting::Surface form = surface;
   form.residual = parted.filtered;
   form.sampled_within = cutting::Surface::Within::None;
-  form.within.resize(0);  // it is smooth, so its vertices represent their surroundings
+  form.within.resize(0);  // the form is smooth, so its vertices suffice
   parted.form = cutting::statistics(form, job.design_w, tolerance);
-  // Random points too few to carry the form have no texture: each is next to the form of distant
-  // ones.
+  // Too few random points do not resolve the form, and the filter would compare each with distant
+  // ones: their texture would be meaningless.
   if (surface.sampled_within != cutting::Surface::Within::Random ||
       cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
     parted.texture = texture_of(job.design_w, surface, parted.filtered);
@@ -69,7 +69,8 @@ FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surf
 
 namespace {
 
-/// Returns a vertex in the part frame, gouged or cut.
+/// Returns the place of a vertex in the part frame. If it is gouged, the depth of the gouge is its
+/// residual.
 Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int vertex) {
   const Eigen::Vector3d p_w = job.design_w.vertices.row(vertex);
   Verdict::Place place{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
@@ -82,7 +83,8 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int ver
   return place;
 }
 
-/// Returns the sampled point of a triangle; its program line is that of the nearest corner.
+/// Returns the place of the point sampled in a triangle; its program line is that of the nearest
+/// corner.
 Verdict::Place location_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
   const cutting::Triangles& triangles = job.design_w.triangles;
   const Eigen::Vector3d p_w = cutting::value_at_place_within(
@@ -100,7 +102,7 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface,
                             : location_in_triangle(job, surface, sample.triangle);
 }
 
-/// Finds the extreme points. A gouge deeper than the band lies lower than any cut vertex.
+/// Sets the extreme points of a verdict. A gouge deeper than the band is lower than any cut vertex.
 void find_extremes(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
@@ -115,8 +117,8 @@ void find_extremes(const Job& job, Verdict& verdict) {
     verdict.worst = location_in_triangle(job, surface, s.conformance->triangle);
 }
 
-/// Returns a warning if the facets of a mesh deviate from the exact surface by more than the PV
-/// found.
+/// Returns a warning if the facets of a mesh may deviate from the true surface by more than the PV
+/// measured on it; else empty.
 std::string coarse_warning(const Job& job, const cutting::Statistics& residual) {
   if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
   const double facet_error = cutting::coarseness(job.design_w).facet_error;
@@ -127,12 +129,13 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
       facet_error / units::um, *residual.pv / units::um);
 }
 
-/// Returns a warning if a wrong unit explains a tolerance or limit better than the machine does: it
-/// is 250 times the PV of the uncompensated machine or more, or a 250th of it or less. Other cases
-/// get no warning, because a compensator may leave a thousandth, nor does a machine without errors.
+/// Returns a warning if a tolerance or limit was probably written in the wrong unit, i.e. differs
+/// from the PV of the uncompensated machine by a factor of more than 250; else empty. Compensated
+/// cases are not checked, since a compensator may leave a thousandth; nor are machines without
+/// errors.
 std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
-  constexpr double most = 250.0;  // a wrong unit is a factor of 1000; a factor of 4 is left for the
-                                  // machine
+  constexpr double most = 250.0;  // a wrong unit is a factor of 1000; a factor of 4 of it may come
+                                  // from the machine
   if (cut.case_name != "uncompensated" || !map.pv || !(cut.tip_error.max > 0.0)) return {};
   const double pv_um = *map.pv / units::um;
   const auto text = [&](const char* key, double width_um) -> std::string {
@@ -151,7 +154,7 @@ std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Sta
   return limit && *limit > 0.0 ? text("limits.pv_um", *limit) : "";
 }
 
-/// Returns the mean radius of each ring of the part, weighted by area.
+/// Returns the mean radius of each ring of the part, weighted by area; empty where nothing is cut.
 std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& surface) {
   if (job.scene.part.rings.empty()) return {};
   const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
@@ -254,7 +257,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   std::vector<std::string> all;
   const auto look = [&](const char* what, const std::optional<double>& limit_um,
                         std::optional<double> value) {
-    // A limit that cannot be judged counts as exceeded.
+    // A limit on an unknown value counts as exceeded, so that no case passes unjudged.
     if (limit_um && !value)
       all.push_back(fmt::format(
           "{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
@@ -270,7 +273,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
   const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
                        limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||
                        limits.texture_sz_um;
-  // A gouge beyond the searched band is in no figure, so it is reported whatever the limits are.
+  // No figure includes a gouge beyond the searched band, so it violates any limit.
   if (limited && s.deepest)
     all.push_back(fmt::format(
         "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "

@@ -22,8 +22,8 @@ namespace abbe::sim {
 inline constexpr Range poisson_range{-1.0, 0.5, true, false};
 inline constexpr Range bar_diameter{1e-3, 1e5};  // mm
 
-/// Returns the fields of `[compliance.workpiece]`, the compliance of the part at the point of
-/// contact.
+/// Returns the fields of `[compliance.workpiece]`: how the part gives way where the tool touches
+/// it.
 Fields<errors::ComplianceErrors> workpiece_fields();
 
 namespace {
@@ -36,13 +36,13 @@ using errors::WorkpiecePlate;
 void read_second_moment(TableReader& reader, WorkpieceBar& bar) {
   const auto diameter = reader.maybe_number("diameter_mm", bar_diameter);
   const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
-  // Either key determines the bending stiffness, so both together could contradict each other.
+  // Each key determines the bending stiffness, so two of them could contradict each other.
   if (diameter && second_moment) {
     reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
   } else if (!reader.has("diameter_mm") && !reader.has("second_moment_mm4")) {
     reader.missing("diameter_mm", "a number, or second_moment_mm4,");
   }
-  // Second moment of a solid round section, pi d^4 / 64.
+  // A solid round section has pi d^4 / 64.
   bar.second_moment = second_moment.value_or(pi * std::pow(diameter.value_or(0.0), 4) / 64.0);
 }
 
@@ -82,14 +82,14 @@ WorkpieceField read_csv_field(const std::filesystem::path& file) {
   std::error_code failure;
   if (!std::filesystem::is_regular_file(file, failure))
     throw BadInput(file.string(), 0, 0, "a file that can be read", "no such file");
-  // The size is checked before the file is loaded, so a wrong file cannot fill the memory.
+  // The size is checked first, so that a wrong file cannot fill the memory.
   const std::uintmax_t size = std::filesystem::file_size(file, failure);
   if (failure || size > errors::max_field_bytes)
     throw BadInput(file.string(), 0, 0, "at most 64 MiB", std::to_string(size) + " bytes");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
   text << in.rdbuf();
-  // A read error in the middle of the file would otherwise leave a truncated field unnoticed.
+  // Without this check a read error in the middle would silently truncate the field.
   if (!in)
     throw BadInput(file.string(), 0, 0, "a file that can be read", "a failure while reading");
   return errors::read_compliance_field(text.view(), file.string());
@@ -98,7 +98,7 @@ WorkpieceField read_csv_field(const std::filesystem::path& file) {
 WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file) {
 #if ABBE_RENDER
   render::PointTensors read = render::read_vtu(file, "compliance_um_per_N");
-  // The file holds um/N and the models compute in mm/N.
+  // um/N in the file, mm/N in the models.
   for (Eigen::Matrix3d& C : read.tensors) C *= units::um;
   return {std::move(read.points), std::move(read.tensors)};
 #else
@@ -117,11 +117,10 @@ void read_field(TableReader& reader, WorkpieceField& field) {
       field = read_vtu_field(file);
     else
       reader.refuse("file", "a field named .csv or .vtu", file.string());
-    // The readers return a new field, so the file name has to be set again.
+    // The readers return a new field without its file name.
     field.file = file.string();
   } catch (const BadInput& fault) {
-    // Without a line number the error concerns the file itself, and the key in the scene is the
-    // better position for it.
+    // An error without a line concerns the file itself and is reported at its key in the scene.
     if (fault.line == 0) {
       reader.refuse("file", fault.expected, file.string() + ": " + fault.seen);
     } else {
@@ -150,7 +149,7 @@ const Fields<WorkpieceCompliance>& kind_fields() {
   return fields;
 }
 
-/// Returns the key to which the error of an impossible part is attributed.
+/// Returns the key at which an invalid part is reported.
 const char* offending_key(const WorkpieceCompliance& part) {
   if (std::holds_alternative<WorkpieceField>(part)) return "file";
   return std::holds_alternative<WorkpiecePlate>(part) ? "normal" : "kind";
@@ -163,10 +162,10 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
   const std::size_t before = reader.input_errors().list().size();
   WorkpieceCompliance part = kind_fields().read(reader);
   reader.close();
-  // Validation of a partly read part would add misleading errors.
+  // A part that could not be read completely would cause misleading errors.
   if (reader.input_errors().list().size() != before) return;
   try {
-    // The physics module judges the part, so the scene accepts exactly what the models accept.
+    // Checked by the module of the models, so that a scene accepts exactly what they accept.
     errors::validate(part);
     errors.workpiece = std::move(part);
   } catch (const std::invalid_argument& fault) {
@@ -196,17 +195,16 @@ using kinematics::Wrench;
 constexpr double standard_gravity = 9806.65;  // mm/s^2
 constexpr double min_stiffness_N_per_um = 1e-6;
 constexpr double min_stiffness_Nm_per_urad = 1e-9;
-constexpr double max_softness = 1e3;  // of a matrix, in mm/N (limit equal to 1e-6 N/um) and
-                                      // likewise in rad/(N mm)
+constexpr double max_softness = 1e3;  // largest entry of a matrix, mm/N (which is 1e-6 N/um) or
+                                      // rad/(N mm)
 
-/// Returns compliances 1/k of three stiffnesses, zero where the key is missing.
-/// @param least  in the unit of the key
+/// Returns the compliances 1/k of three stiffnesses; zero, i.e. stiff, if the key is missing.
+/// @param least  smallest stiffness, in the unit of the key
 Eigen::Vector3d softness(TableReader& reader, const std::string& key, double least) {
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
   const auto k = reader.numbers_as_written(key, 3);
   if (!k) return c;
-  // A stiffness near zero would give an unbounded compliance, so the limit is checked before the
-  // inversion.
+  // Checked before the inversion, since a stiffness near zero would give an unbounded compliance.
   if (k->minCoeff() < least) {
     reader.refuse(
         key,
@@ -221,7 +219,7 @@ Eigen::Vector3d softness(TableReader& reader, const std::string& key, double lea
 Compliance read_matrix(TableReader& reader) {
   const auto numbers = reader.maybe_numbers("matrix", 36);
   if (!numbers) return Compliance::Zero();
-  // The limit rejects matrices in the wrong unit before their eigenvalues are examined.
+  // Rejects matrices in a wrong unit with a clearer message than their eigenvalues would give.
   if (numbers->cwiseAbs().maxCoeff() > max_softness) {
     reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_softness),
                   fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
@@ -238,8 +236,8 @@ Compliance read_matrix(TableReader& reader) {
   return C;
 }
 
-/// Reads a compliance stated by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad` along axes
-/// turned by `turn_deg`, or by `matrix`.
+/// Reads a compliance, stated either by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad`
+/// along axes turned by `turn_deg`, or by `matrix`.
 Compliance read_stiffness(TableReader& reader) {
   const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", min_stiffness_N_per_um);
   const Eigen::Vector3d angular =
@@ -248,19 +246,18 @@ Compliance read_stiffness(TableReader& reader) {
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (by_numbers && reader.has("matrix"))
     reader.refuse("matrix", "stiffnesses or a matrix", "both");
-  // A turn has no effect on the matrix, which is stated in the frame of the element.
+  // `turn_deg` has no effect on a matrix, which is stated in the frame of the element.
   if (reader.has("turn_deg") && !by_numbers)
     reader.refuse("turn_deg", "stiffnesses that it turns", "none");
   const Eigen::Matrix3d R = read_turn(reader);
   Compliance C = Compliance::Zero();
-  // The stiffnesses act along the turned axes, hence the similarity transform into the element
-  // frame.
+  // From the turned axes, along which the stiffnesses act, into the frame of the element.
   C.topLeftCorner<3, 3>() = R * linear.asDiagonal() * R.transpose();
   C.bottomRightCorner<3, 3>() = R * angular.asDiagonal() * R.transpose();
   return C + read_matrix(reader);
 }
 
-/// Returns the fields of one compliant element; they are written as the matrix.
+/// Returns the fields of one compliant element, which is always written as its matrix.
 Fields<Compliance> element_stiffness_fields() {
   const auto stiffness = [](const char* name, const char* letters, double least) {
     return make_numbers_key(name, 3, fmt::format("{}, each at least {}", letters, least).c_str());
@@ -277,7 +274,7 @@ Fields<Compliance> element_stiffness_fields() {
       .custom(
           std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
           [](const Compliance& C, Node::Table& table) {
-            // A rigid element is left out of the written scene, since rigid is the default.
+            // Stiff is the default and need not be written.
             if (!C.isZero(0.0)) put_numbers(table, "matrix", C.reshaped<Eigen::RowMajor>(), 1.0);
           });
 }
@@ -293,8 +290,7 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
   if (!section) return;
   TableReader reader(*section, compliance.name_of("axis"), compliance.input_errors());
   for (const kinematics::Joint& joint : machine.joints) {
-    // The kinematics calls the spindle 's', whereas the scene file uses capital letters for all
-    // axes.
+    // The chain names the spindle nose 's'; scenes name all axes in capitals.
     const char letter = joint.name == 's' ? 'S' : joint.name;
     const std::string key(1, letter);
     const Node* node = reader.section(key);
@@ -302,8 +298,8 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
       errors.joints.push_back({letter, stiffness_fields().read_table(*node, reader.name_of(key),
                                                                      reader.input_errors())});
   }
-  // With an unreadable machine every axis would look unknown, so unknown keys are reported only
-  // with joints present.
+  // Reports unknown keys. Without joints, i.e. if the machine could not be read, every axis would
+  // look unknown.
   if (!machine.joints.empty()) reader.close();
 }
 
@@ -348,10 +344,11 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
     pieces.push_back(
         section_fields().read_table(*node, reader.name_of("section"), reader.input_errors()));
   reader.close();
-  // The cantilever formula needs all sections; a partial list would give a wrong compliance.
+  // If a section could not be read, the compliance of the others would be wrong.
   if (pieces.empty() || reader.input_errors().list().size() != before) return;
   try {
-    // Sections add to the stated stiffness, because both lie in series between nose and tip.
+    // Compliances add, because the sections and the stated stiffness are in series between nose and
+    // tip.
     errors.tool += errors::stepped_cantilever(pieces);
   } catch (const std::invalid_argument& fault) {
     reader.refuse("section", "sections that can be", fault.what());
@@ -368,20 +365,20 @@ Fields<ComplianceErrors> tool_compliance_fields() {
       "from the nose of the spindle to the tip, at the tip in the tool's frame", std::move(keys));
   return Fields<ComplianceErrors>().custom(
       {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
-        // Stiffness and sections are written together as one matrix.
+        // Stiffness and sections are written as one matrix.
         Node::Table own = stiffness_fields().written(errors.tool);
         if (!own.empty()) put(table, "tool", std::move(own));
       });
 }
 
-/// Binds each mass alone, so that an error is reported at its own position.
+/// Binds a mass by itself, so that an error is reported at its own position.
 void check_mass(TableReader& mass, const MovingMass& read, const MachineDescription& machine) {
   if (machine.joints.empty()) return;
   std::optional<kinematics::Chain> chain;
   try {
     chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
-    return;  // reported with the machine
+    return;  // the machine is invalid, which is reported elsewhere
   }
   try {
     ComplianceErrors alone;
@@ -419,7 +416,7 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
     const MovingMass mass = mass_fields().read(reader);
     reader.close();
     if (reader.input_errors().list().size() != before) continue;
-    // The field keeps the first letter only, so the length is checked on the text itself.
+    // The field keeps only the first letter, so the length of the text is checked here.
     if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
       reader.refuse("axis", "one letter", axis);
       continue;
@@ -447,8 +444,7 @@ Fields<ComplianceErrors> gravity_fields() {
           {make_numbers_key(KeyName("gravity").otherwise("off"), 3,
                             "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
           [](TableReader& reader, ComplianceErrors& errors) {
-            // know() marks the key as known; without the key gravity stays off and no direction is
-            // demanded.
+            // The key is optional: without it gravity stays off. direction() would require it.
             if (reader.accept_key("gravity"))
               errors.gravity_b = standard_gravity * reader.direction("gravity");
           },
@@ -463,7 +459,7 @@ Fields<ComplianceErrors> gravity_fields() {
 Fields<Wrench> clamping_fields() {
   Fields<Wrench> fields(Wrench::Zero());
   const std::array keys{"FX_N", "FY_N", "FZ_N", "MX_Nm", "MY_Nm", "MZ_Nm"};
-  // The six components share one array, so each key gets an accessor with its index.
+  // The six keys set the components of one vector, so each has an accessor with its index.
   for (int i = 0; i < 6; ++i)
     fields.number(
         keys[std::size_t(i)], [i](auto& wrench) -> auto& { return wrench[i]; }, any_number,

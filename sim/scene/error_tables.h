@@ -13,34 +13,34 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
-/// The curves of error elements in a scene, and the fields that tables of other sections have in
-/// common with them.
+/// Fields for the curves of error elements in a scene, and those that other sections share with
+/// them.
 namespace abbe::sim {
 
-/// Units in which an element is written: "_um" or "_urad" for its value, "_mm" or "_deg" for the
-/// position of its axis.
+/// Suffixes of keys by the units of an element: "_um" or "_urad" for its value, "_mm" or "_deg" for
+/// the position of its axis.
 struct ElementUnits {
   std::string value;
   std::string position;
 };
 
-/// A curve, and the line to be removed from its table.
+/// A curve, and how a straight line is removed from its table.
 struct CurveEntry {
   errors::Curve curve;
   std::optional<errors::Detrend> detrend;
 };
 
 /// Returns the fields of a curve.
-/// @param name  element of the curve, which is also the column of a file
-/// @param seed  seed of a random curve that states none
+/// @param name  element, which is also the name of its column in a file
+/// @param seed  for a random curve without a seed of its own
 Fields<CurveEntry> curve_fields(const errors::ElementName& name, const ElementUnits& units,
                                 std::uint64_t seed);
 
-/// Returns the keys of a curve of any element.
+/// Returns the keys that the curve of an element may have, whatever the element.
 std::vector<Key> curve_keys();
 
-/// Reads `file`, a table in the format of volumetric compensation; nothing if it is missing or
-/// rejected.
+/// Reads the key `file`, which names a table in the format of volumetric compensation. Empty if the
+/// key is missing or the table has input errors.
 std::optional<errors::ElementTable> read_table_file(TableReader& reader);
 Key table_file_key();
 
@@ -81,35 +81,35 @@ Fields<T> detrend_fields() {
       "of the two slides, its offset is dropped");
 }
 
-// `covariance` of an errors table, the uncertainty of its numbers.
+// The key `covariance` of an errors table: the uncertainty of its numbers.
 
-/// Reads `covariance`.
-/// @param elements  the elements whose numbers it names
+/// Reads the key `covariance`.
+/// @param elements  elements to whose numbers it refers
 errors::Covariance read_covariance(const Node& table, const std::vector<errors::Element>& elements,
                                    InputErrors& input_errors);
 Node::Table written_covariance(const errors::Covariance& covariance,
                                const std::vector<errors::Element>& elements);
 std::vector<Key> covariance_keys();
 
-// `unidentified` of an errors table, the numbers that the readings behind a belief do not
+// The key `unidentified` of an errors table: numbers that the readings behind a belief do not
 // determine.
 
-/// A number that is 0 because the readings could not determine it.
+/// A number that was set to 0 because the readings could not determine it.
 struct UnidentifiedNumber {
   std::string number;  ///< "EY0A", "EAX[1]"
-  /// Numbers that absorbed so much (um or urad) for each unit (um or urad) of this number.
+  /// The numbers that absorbed it, and how much of each (um or urad) one um or urad of it adds.
   std::vector<std::pair<std::string, double>> hidden_by;
 };
 
-/// Returns the numbers that an errors table names, or a list of tables together. Malformed entries
-/// are skipped, since the reader of the table reports them.
+/// Returns the unidentified numbers of an errors table, or of all tables of a list. Malformed
+/// entries are skipped: the reader of the table reports them.
 std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors);
 
-/// Checks the key when an errors table is read.
+/// Checks the key and reports malformed entries while an errors table is read.
 void read_unidentified(TableReader& reader);
 Key unidentified_key();
 
-/// Returns one line per number, in the format of a belief file.
+/// Returns the text of the key for a belief file, one line per number.
 std::string unidentified_lines(const std::vector<UnidentifiedNumber>& numbers);
 
 }  // namespace abbe::sim

@@ -52,8 +52,8 @@ Key with_file(Key key) {
   return key;
 }
 
-// Returns the table of a section. A section that still is the name of a file was rejected and
-// reported before.
+/// Returns the table of a section; null if it is missing or is still the name of a file. The latter
+/// could not be read, which has been reported already.
 const Node* section(TableReader& scene, const Key& key) {
   const Node* node = scene.accept_key(key.name);
   if (!node && key.required) scene.missing(key.name, "a table or a file");
@@ -61,7 +61,7 @@ const Node* section(TableReader& scene, const Key& key) {
   return node ? scene.section(key.name) : nullptr;
 }
 
-/// Adds a section that may be stored in a file of its own.
+/// Adds a section that may be stored in a file of its own, with functions to read and write it.
 /// @param read  (const Node&, Scene&, InputErrors&)
 /// @param write  (const Scene&) -> optional<Node::Table>
 template <typename Read, typename Write>
@@ -78,6 +78,8 @@ void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
 }
 
 /// Adds a section that is a list of tables.
+/// @param read   (TableReader&, Scene&)
+/// @param write  (const Scene&) -> vector<Node::Table>
 template <typename Read, typename Write>
 void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
   fields.custom({key}, read, [key, write](const Scene& scene, Node::Table& table) {
@@ -114,13 +116,13 @@ void add_tools(Fields<Scene>& fields) {
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.accept_key("tool");
         if (!node) reader.missing("tool", "a table or a file");
-        if (!node || node->text()) return;  // a file that was rejected
+        if (!node || node->text()) return;  // a file that could not be read
         std::vector<ToolDescription> tools = read_tools(*node, reader.input_errors());
         scene.tool = std::move(tools.front());
         scene.additional_tools.assign(tools.begin() + 1, tools.end());
       },
       [](const Scene& scene, Node::Table& table) {
-        // A single tool is written as a table, the form in which most scenes state it.
+        // Most scenes have one tool and write it as a table, so it is written back as one.
         if (scene.additional_tools.empty()) return put(table, "tool", written_tool(scene.tool));
         Node::Array all;
         for (const ToolDescription& tool : all_tools(scene))
@@ -156,24 +158,24 @@ void add_machine_to_program(Fields<Scene>& fields) {
       });
 }
 
-/// Reads the heat of the machine with the day of the scene, whose history and room replace those in
-/// the machine's own file.
+/// Reads the thermal section of the machine. History and room temperature at the top level of the
+/// scene replace those of the section.
 std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& thermal,
                                             const Scene& scene) {
   const Node* node = section(reader, thermal);
-  // The section may come from a file that other scenes use too, so the day is merged into a copy.
+  // Merged in a copy: the section may come from a file that other scenes use too.
   std::optional<Node> with_day;
   if (node) with_day = *node;
   for (const std::string key : {"history", "room", "room_C"}) {
     const Node* day = reader.accept_key(key);
     if (!day) continue;
     if (!node) {
-      // With a rejected section only that error is reported.
+      // If the section exists but could not be read, that has been reported.
       if (!reader.has("thermal")) reader.refuse(key, "a [thermal] section beside " + key, "none");
       continue;
     }
     std::erase_if(*with_day->table(), [&](const Node::Entry& entry) {
-      // The two forms of a room exclude each other, so a room of the scene removes either form.
+      // `room` and `room_C` exclude each other, so either one of the scene replaces both.
       const bool other_room = entry.key.starts_with("room") && !reader.has(entry.key);
       return entry.key == key || (key != "history" && other_room);
     });
@@ -189,7 +191,7 @@ void add_thermal(Fields<Scene>& fields) {
   for (Key key : thermal.keys) {
     if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
     key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
-    // The alternatives apply inside the section; here each key may be left out.
+    // Inside the section one of these keys is required; at the top level each is optional.
     key.either.clear();
     key.required = false;
     keys.push_back(std::move(key));
@@ -278,9 +280,9 @@ void add_instruments(Fields<Scene>& fields) {
         const Node* node = reader.section("sensor_choice");
         if (!node) return;
         scene.sensor_choice = read_sensor_choice(*node, reader.input_errors());
-        // The choice draws random subsets, which follow the seed of the scene.
+        // The choice draws random subsets, from the seed of the scene.
         scene.sensor_choice->study.seed = scene.seed;
-        // Without heat there is no drift from which sensors could be chosen.
+        // Without heat there is no drift by which sensors could be judged.
         if (!scene.thermal && !reader.has("thermal"))
           reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
       },
@@ -299,12 +301,12 @@ void add_control(Fields<Scene>& fields) {
       },
       [](const Scene& scene, Node::Table& table) {
         Node::Table own = written_control(scene.control);
-        // An empty section means that the control believes in the nominal machine.
+        // Without entries the control believes in the nominal machine; the section may be omitted.
         if (!own.empty()) put(table, "control", std::move(own));
       });
 }
 
-/// Adds a section that is one member of the scene, or several.
+/// Adds a section whose fields set one member of the scene, or with `itself` the scene.
 template <typename U, typename M>
 void add_own(Fields<Scene>& fields, const char* name, M member, const Fields<U>& own,
              const char* sentence) {
@@ -345,7 +347,7 @@ void add_compensation(Fields<Scene>& fields) {
 }
 
 void check_case(TableReader& reader, Scene& scene) {
-  // These two names are the reference cases and have no compensator.
+  // The two reference cases have no compensator that could be parsed.
   if (scene.case_name.empty() || scene.case_name == "error_free" ||
       scene.case_name == "uncompensated")
     return;
@@ -431,7 +433,7 @@ std::vector<Key> scene_keys() {
 
 Node written(const Scene& scene) {
   Node::Table table;
-  // The groups are written in the order in which they are read.
+  // Written in the order in which they are read.
   for (const auto* fields :
        {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
     for (Node::Entry& entry : fields->written(scene)) table.push_back(std::move(entry));
@@ -473,7 +475,7 @@ const Fields<ViewDescription>& view_fields() {
           .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
                              positive, "the colour scale runs from -range to range")
           .check([](TableReader& reader, ViewDescription& view) {
-            // A camera that looks along its own up direction has no defined rotation.
+            // A camera that looks along its up direction could be rotated freely about it.
             if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
               reader.refuse("up", "a direction across view.from for view.up", "one along it");
           });

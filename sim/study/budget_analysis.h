@@ -10,25 +10,27 @@
 
 namespace abbe::sim::study {
 
-/// Returns the effect of one standard deviation of each unidentified coefficient on the map of a
-/// configuration, aligned as the scene says; the coefficients that hide it change along with it.
-/// Empty if influence maps cannot represent the configuration.
+/// Returns the effect of each coefficient that the readings did not identify: the change of the map
+/// of a configuration, aligned as the scene says, if the coefficient and those that hide it change
+/// together by one of its standard deviations. Empty if influence maps cannot represent the
+/// configuration.
 std::vector<UnidentifiedEffect> unidentified_effects(const Study& study,
                                                      const PreparedConfiguration& ready,
                                                      const Progress& progress = {});
 
-/// Returns a warning "Every figure of uncompensated leaves out ...: the map feels EY0A by 1.4 um
-/// RMS per 20 um, ..." about the coefficients that have no prior and together change the map by 1
-/// nm or more; empty if there are none.
+/// Returns a warning about coefficients that were not identified and have no prior: "every figure
+/// of uncompensated leaves out ...: the map feels EY0A by 1.4 um RMS per 20 um, ...". Empty if
+/// there are none, or if they change the map by less than 1 nm RMS together. If their effects are
+/// not known, the warning only counts them.
 std::string unidentified_warning(const Study& study, const ConfigurationBudget& arm);
 
-/// Computes the budget from the finished cases of a study; an incomplete analysis contributes what
-/// its finished cases allow.
-/// @param rows  ascending
+/// Computes the budget from the finished cases of a study. An analysis with unfinished cases
+/// contributes what the finished ones allow.
+/// @param rows  results of the finished cases, by ascending case number
 Budget compute_budget(const Study& study, const Plan& plan, const std::vector<Row>& rows);
 
-/// Computes the same budget with the results of the influence maps: contributions to the map, worst
-/// corners, tolerances.
+/// Computes the same budget and adds what only influence maps give: contributions to the map, worst
+/// corners of the inputs, tolerances.
 Budget compute_budget(const PreparedStudy& ready, const std::vector<Row>& rows,
                       const Progress& progress = {});
 

@@ -22,8 +22,8 @@ std::string csv_field(const std::optional<double>& value) { return value ? csv_f
 
 namespace {
 
-constexpr std::size_t most_bytes = 80;  // file systems allow 255 bytes; a name is made of several
-                                        // parts
+constexpr std::size_t most_bytes = 80;  // of a part: file systems allow 255 bytes for a name, which
+                                        // has several parts
 
 bool is_file_name_char(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -55,7 +55,7 @@ std::string PictureNames::unused(const std::vector<std::string>& parts) {
   std::string name;
   for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_part(part);
   std::string free = name;
-  // Windows and macOS do not distinguish names by case.
+  // Windows and macOS ignore case in file names.
   for (int number = 2; !taken_.insert(lower_case(free)).second; ++number)
     free = name + "-" + std::to_string(number);
   return free;
@@ -116,7 +116,7 @@ std::string one_line(const std::string& text) {
 
 std::string short_line(const std::string& text, std::size_t most) {
   const std::string line = one_line(text);
-  std::vector<std::size_t> starts;  // of characters
+  std::vector<std::size_t> starts;  // first bytes of the UTF-8 characters
   for (std::size_t i = 0; i < line.size(); ++i)
     if ((static_cast<unsigned char>(line[i]) & 0xC0u) != 0x80u) starts.push_back(i);
   if (starts.size() <= most || most < 3) return line;
@@ -132,7 +132,7 @@ std::string without_mark_up(const std::string& line) {
   };
   std::string result;
   for (std::size_t i = 0; i < line.size(); ++i) {
-    // An underscore within a word is not mark-up in Markdown.
+    // In Markdown an underscore inside a word does not mark emphasis.
     const bool emphasis = line[i] == '_' && !(i > 0 && is_word(i - 1) && is_word(i + 1));
     if (emphasis || std::string_view("\\`*<>[]|&~#$").find(line[i]) != std::string_view::npos)
       result += '\\';
@@ -141,7 +141,7 @@ std::string without_mark_up(const std::string& line) {
   return result;
 }
 
-/// Returns the columns in which any row has text.
+/// Returns the columns that are not empty in every row.
 std::vector<std::size_t> filled_columns(const TextTable& table) {
   std::vector<std::size_t> kept;
   for (std::size_t j = 0; j < table.heads.size(); ++j)
@@ -187,12 +187,12 @@ std::string terminal_table(const TextTable& table) {
   return text + "\n";
 }
 
-/// Returns true for characters that combine with the one before.
+/// Returns true for a character without a width of its own, such as a combining accent.
 bool is_mark(char32_t c) {
   return (c >= 0x300 && c <= 0x36f) || (c >= 0x200b && c <= 0x200f) || (c >= 0xfe00 && c <= 0xfe0f);
 }
 
-/// Returns true for characters that take two columns (Unicode, East Asian width).
+/// Returns true for a character that takes two columns (Unicode, East Asian width).
 bool is_wide(char32_t c) {
   return (c >= 0x1100 && c <= 0x115f) || (c >= 0x2e80 && c <= 0xa4cf) ||
          (c >= 0xac00 && c <= 0xd7a3) || (c >= 0xf900 && c <= 0xfaff) ||
@@ -228,7 +228,7 @@ std::string table(TextStyle style, const TextTable& table) {
 std::size_t columns_of(const std::string& text) {
   std::size_t columns = 0;
   for (std::size_t i = 0; i < text.size();) {
-    // The first byte of a UTF-8 character states its length.
+    // The first byte of a UTF-8 character gives its length.
     const auto lead = static_cast<unsigned char>(text[i]);
     const std::size_t length = lead < 0x80 ? 1 : lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;
     char32_t c = length == 1 ? lead : lead & (0xffu >> (length + 1));

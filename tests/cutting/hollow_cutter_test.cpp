@@ -383,15 +383,16 @@ TEST(HollowCutter, ItsCoreLiesBetweenOnceAndTwiceTheMarginDeep) {
   using namespace hollow_tools;
   std::vector<Tool> all = tools();
   for (const Tool& tool : tools_of_chords()) all.push_back(tool);
+  const int steps = 5 * longer(4);  // places along a piece, its ends among them
   for (const Tool& tool : all) {
     const ToolOutline outline = profile_from_points(tool.points);
     for (const double margin : {0.01, 0.1, 0.5}) {
       const InsetOutline inner = inset_hollow(outline, margin);
       double least = std::numeric_limits<double>::infinity(), most = 0.0;
       for (const OutlinePiece& piece : inner.outline.pieces)
-        for (int i = 0; i <= 20; ++i) {
+        for (int i = 0; i <= steps; ++i) {
           const Vector2d place =
-              piece.from + i / 20.0 * (piece.to - piece.from) + Vector2d(0, inner.raised);
+              piece.from + double(i) / steps * (piece.to - piece.from) + Vector2d(0, inner.raised);
           ASSERT_LT(distance(outline, place).value, 0.0) << tool.name;
           const double depth = depth_in(outline, place);
           least = std::min(least, depth);

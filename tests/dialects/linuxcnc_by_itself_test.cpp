@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <map>
 #include <thread>
 
@@ -217,13 +218,13 @@ void print(const Tally& tally, unsigned seed) {
 
 TEST(LinuxCncByItself, RandomProgramsMeanTheSame) {
   NEEDS_LINUXCNC;
-  const unsigned first_seed = 41, programs = 150;
+  const unsigned first_seed = 41, programs = std::getenv("ABBE_LONG") != nullptr ? 150 : 50;
   Tally tally;
   for (unsigned seed = first_seed; seed < first_seed + programs; ++seed)
     compare(test::Generator(seed).program(), seed, tally);
   print(tally, first_seed);
   EXPECT_EQ(tally.same, tally.taken);
-  EXPECT_GE(tally.taken, 100);
+  EXPECT_GE(3 * tally.taken, 2 * int(programs));
 }
 
 // Corners within 0.05 rad of straight back are outside for one and inside for the other, so these

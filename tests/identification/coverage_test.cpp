@@ -25,6 +25,8 @@ using metrology::Kind;
 using metrology::Readings;
 
 const int coverage_repeats = std::getenv("ABBE_LONG") ? 500 : 150;
+/// Of a whole machine, whose estimate takes 0.1 s. The bands of the binomial go by this number.
+const int whole_machine_repeats = std::getenv("ABBE_LONG") ? 500 : 50;
 constexpr double of_95_percent = 1.959963985;
 constexpr std::uint64_t seeds[] = {20261121, 20261122};  // fixed before the first run
 
@@ -59,9 +61,9 @@ TEST(Band, IsThatOfTheBinomial) {
 }
 
 /// Runs both halves of the repeats at once; `one(i)` is repeat i.
-void each_repeat(const std::function<void(int)>& one) {
+void each_repeat(int repeats, const std::function<void(int)>& one) {
   const auto part = [&](int first) {
-    for (int i = first; i < coverage_repeats; i += 2) one(i);
+    for (int i = first; i < repeats; i += 2) one(i);
   };
   std::thread other(part, 1);
   part(0);
@@ -149,7 +151,7 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
     const Readings readings = metrology::measure(plan, chain, machine, seed);
     numbers = numbers_found(estimate(model, {&readings, 1}).belief.covariance, model);
   }
-  each_repeat([&](int i) {
+  each_repeat(coverage_repeats, [&](int i) {
     // repeat seeds lie far apart, so that no two cases share a stream
     const Readings readings =
         metrology::measure(plan, chain, machine, (seed << 16) + std::uint64_t(i));
@@ -174,8 +176,8 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
 
 /// Numbers outside their own band in one seed, and how many that may be by chance.
 std::vector<std::string> outside(const std::vector<std::string>& names,
-                                 const std::vector<int>& hits) {
-  const Band each = band(coverage_repeats);
+                                 const std::vector<int>& hits, int repeats) {
+  const Band each = band(repeats);
   std::vector<std::string> result;
   for (std::size_t k = 0; k < names.size(); ++k)
     if (!each.holds(hits[k])) result.push_back(names[k]);
@@ -184,17 +186,17 @@ std::vector<std::string> outside(const std::vector<std::string>& names,
 
 /// Every number by itself within the 99 % band, but for as many as chance puts outside (99 % of the
 /// time) and none in both seeds; all of them pooled within theirs.
-void judge(const std::vector<std::string>& names, const std::vector<int> (&hits)[2]) {
+void judge(const std::vector<std::string>& names, const std::vector<int> (&hits)[2], int repeats) {
   std::vector<std::string> out[2];
   for (int s = 0; s < 2; ++s) {
-    out[s] = outside(names, hits[s]);
+    out[s] = outside(names, hits[s], repeats);
     int sum = 0;
     for (const int h : hits[s]) sum += h;
     const int n = int(names.size());
-    const Band pooled = band(n * coverage_repeats);
+    const Band pooled = band(n * repeats);
     const int by_chance = binomial_quantile(n, 0.01, 0.99);
-    std::cout << "seed " << seeds[s] << ": " << sum << " of " << n * coverage_repeats << " ("
-              << 100.0 * sum / (n * coverage_repeats) << " %) pooled, band " << pooled.low << " to "
+    std::cout << "seed " << seeds[s] << ": " << sum << " of " << n * repeats << " ("
+              << 100.0 * sum / (n * repeats) << " %) pooled, band " << pooled.low << " to "
               << pooled.high << "; " << out[s].size() << " of " << n
               << " numbers outside their own band, expected " << 0.01 * n << ":";
     for (const std::string& name : out[s])
@@ -228,7 +230,7 @@ TEST(Coverage, IntervalsOfFewNumbersHoldTheTruthAsOftenAsTheySay) {
           << one.name;
     }
   }
-  judge(names, hits);
+  judge(names, hits, coverage_repeats);
 }
 
 // A square tilted about two axes by amounts that no reading tells turns its lines by their product,
@@ -305,8 +307,8 @@ TEST(Coverage, IntervalsOfAWholeMachineHoldTheTruthAsOftenAsTheySay) {
 
   std::vector<int> hits[2];
   for (int s = 0; s < 2; ++s) {
-    std::vector<std::vector<char>> held(static_cast<std::size_t>(coverage_repeats));
-    each_repeat([&](int i) {
+    std::vector<std::vector<char>> held(static_cast<std::size_t>(whole_machine_repeats));
+    each_repeat(whole_machine_repeats, [&](int i) {
       std::vector<Readings> readings;
       const std::uint64_t seed = (seeds[s] << 24) + 256 * std::uint64_t(i);
       for (std::size_t r = 0; r < plans.size(); ++r)
@@ -321,7 +323,7 @@ TEST(Coverage, IntervalsOfAWholeMachineHoldTheTruthAsOftenAsTheySay) {
     for (const std::vector<char>& one : held)
       for (std::size_t k = 0; k < numbers.size(); ++k) hits[s][k] += one[k];
   }
-  judge(names, hits);
+  judge(names, hits, whole_machine_repeats);
 }
 
 }  // namespace

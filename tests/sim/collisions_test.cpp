@@ -221,7 +221,8 @@ TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
       "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [10, -10, 80]\n"
       "spacing_mm = 1\n";
   const auto with_shank = [&](const char* tool) { return collisions_of({moves, tool, coarse}); };
-  EXPECT_EQ(contacts(with_shank("")), 1u);
+  const Collisions as_wide_as_the_cutter = with_shank("");
+  EXPECT_EQ(contacts(as_wide_as_the_cutter), 1u);
   const Collisions necked = with_shank("shank_radius_mm = 4\n");
   EXPECT_TRUE(is_clear(necked)) << to_text(necked);
   ASSERT_FALSE(necked.warnings.empty());
@@ -233,7 +234,7 @@ TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
   ASSERT_FALSE(of_stock.empty());
   for (std::size_t i = 1; i < of_stock.size(); ++i)
     EXPECT_GT(of_stock[i].first.time_s, of_stock[i - 1].last.time_s);
-  EXPECT_EQ(wide.warnings, with_shank("").warnings);
+  EXPECT_EQ(wide.warnings, as_wide_as_the_cutter.warnings);
   EXPECT_EQ(of_stock.back().last.line, 13);  // until it is drawn out
 }
 

@@ -26,22 +26,22 @@ double beyond_range(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const double cutoff = job.scene.part.form_cutoff;
   double worst = 0.0;
+  test::ArealValues values;
+  const auto add = [&](const Vector3d& point, double value) {
+    values.point.push_back(point);
+    values.value.push_back(value);
+    values.area.push_back(1.0);
+  };
+  for (Index v = 0; v < design.vertices.rows(); ++v)
+    if (std::isfinite(surface.residual[v])) add(design.vertices.row(v), surface.residual[v]);
+  for (Index t = 0; t < surface.within.size(); ++t)
+    if (std::isfinite(surface.within[t]))
+      add(cutting::value_at_place_within(surface.sampled_within, design.vertices, design.triangles,
+                                         t),
+          surface.within[t]);
   const Index step = 1 + design.vertices.rows() / 100;
   for (Index i = 0; i < design.vertices.rows(); i += step) {
     if (!std::isfinite(verdict.filtered[i])) continue;
-    test::ArealValues values;
-    const auto add = [&](const Vector3d& point, double value) {
-      values.point.push_back(point);
-      values.value.push_back(value);
-      values.area.push_back(1.0);
-    };
-    for (Index v = 0; v < design.vertices.rows(); ++v)
-      if (std::isfinite(surface.residual[v])) add(design.vertices.row(v), surface.residual[v]);
-    for (Index t = 0; t < surface.within.size(); ++t)
-      if (std::isfinite(surface.within[t]))
-        add(cutting::value_at_place_within(surface.sampled_within, design.vertices,
-                                           design.triangles, t),
-            surface.within[t]);
     const test::BruteFilter brute =
         test::brute_filter(values, design.vertices.row(i), design.normals.row(i), cutoff, cutoff);
     worst = std::max({worst, brute.low - verdict.filtered[i], verdict.filtered[i] - brute.high});

@@ -149,7 +149,8 @@ TEST(PoseTable, IsTheSecondChainOfThePapersOnTheGantry) {
   EXPECT_LT(worst_rad, 1e-12);
 }
 
-/// What the header of pose_shares.h says that the shares may leave, by what the machine has.
+/// What the header of idle_machine.h says that the contributions may leave, by what the machine
+/// has.
 struct Bound {
   double mm = 0.0, rad = 0.0;
 };

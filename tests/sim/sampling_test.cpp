@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <numbers>
@@ -30,7 +31,8 @@ Verdict uncompensated(const Job& job) { return judge(job, cut(job), nullptr); }
 
 TEST(Sampling, FormDoesNotDependOnTheVerticesThatAPartBeginsWith) {
   std::vector<double> pv, rms, raw;
-  for (const int vertices : {300, 2000, 12000}) {
+  const bool is_long = std::getenv("ABBE_LONG") != nullptr;
+  for (const int vertices : is_long ? std::vector{300, 2000, 12000} : std::vector{300, 12000}) {
     const std::string part =
         small_dome +
         fmt::format("vertices = {}\nsampling = \"adaptive\"\nresolution_um = 0.1\n", vertices);

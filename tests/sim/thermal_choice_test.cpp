@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <map>
 #include <random>
@@ -31,8 +32,14 @@ std::vector<DayReadings> packaged_days(const std::string& name) {
   return days;
 }
 
-ThermalChoice chosen_on(const std::string& name) {
-  return thermal_choice(packaged_days(name), *read_scene(packaged(name)).sensor_choice);
+/// The choice on a packaged scene, computed once for all tests.
+const ThermalChoice& chosen_on(const std::string& name) {
+  static std::map<std::string, ThermalChoice> choices;
+  const auto known = choices.find(name);
+  if (known != choices.end()) return known->second;
+  ThermalChoice choice =
+      thermal_choice(packaged_days(name), *read_scene(packaged(name)).sensor_choice);
+  return choices.emplace(name, std::move(choice)).first->second;
 }
 
 ThermalChoice chosen_on(const Scene& scene) {
@@ -171,16 +178,19 @@ Scene drawn_day(const Scene& scene, std::mt19937& random) {
   return day;
 }
 
+// Ten days in the long form, the first three of them otherwise. Two of three days would beat the
+// median by chance as often as five of ten: in a half of all cases against 62 %.
 TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
   const unsigned seed = 20261201;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
   const Scene scene = read_scene(packaged(GetParam().first));
+  const DayReadings own_day = measured_day("its own day", scene);
+  const int days = std::getenv("ABBE_LONG") != nullptr ? 10 : 3;
   int beats = 0, within = 0;
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < days; ++i) {
     const Json json = to_json(thermal_choice(
-        {measured_day("its own day", scene), measured_day("drawn", drawn_day(scene, random))},
-        *scene.sensor_choice));
+        {own_day, measured_day("drawn", drawn_day(scene, random))}, *scene.sensor_choice));
     const Json& fours = json["random_choices_rms_over_range"];
     const auto across = displacements(json);
     const bool better = fours["chosen"].get<double>() < fours["p50"].get<double>();
@@ -197,9 +207,10 @@ TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
         100 * fours["chosen"].get<double>(), 100 * fours["p50"].get<double>(),
         100 * fours["beaten_by_the_choice"].get<double>());
   }
-  std::cout << GetParam().first << ": " << beats << " of 10 days beat the median four, " << within
-            << " of 10 stay below 15 % in every displacement\n";
-  EXPECT_GE(beats, 5);
+  std::cout << GetParam().first << ", seed " << seed << ": " << beats << " of " << days
+            << " days beat the median four, " << within << " of " << days
+            << " stay below 15 % in every displacement\n";
+  EXPECT_GE(2 * beats, days);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,

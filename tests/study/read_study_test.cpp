@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <limits>
 #include <random>
@@ -540,7 +541,9 @@ TEST_F(ReadStudy, ReadsOrRefusesAnInjuredStudy) {
       "[tolerance]\nlimit_um = 20\n[influence]\nchecks = 2\n";
   ASSERT_EQ(refusal(whole), "");
   int read = 0, refused = 0;
-  for (int k = 0; k < 400; ++k) {
+  // Of 130 texts 16 are read as of 400 are 50; 6 or fewer once in 200 times.
+  const int texts = std::getenv("ABBE_LONG") != nullptr ? 400 : 130;
+  for (int k = 0; k < texts; ++k) {
     const std::string fodder = "0159.-+eE[]{}\"',#= \n\r\\infnan\xc3";
     const std::string text = injured(whole, fodder, std::size_t(1 + k % 3), random);
     SCOPED_TRACE(text);
@@ -554,9 +557,10 @@ TEST_F(ReadStudy, ReadsOrRefusesAnInjuredStudy) {
       ++refused;
     }
   }
-  std::cout << "of 400 injured studies " << read << " were read, " << refused << " refused\n";
-  EXPECT_GT(read, 20);
-  EXPECT_GT(refused, 100);
+  std::cout << "seed " << seed << ": of " << texts << " injured studies " << read << " were read, "
+            << refused << " refused\n";
+  EXPECT_GT(read, texts / 20);
+  EXPECT_GT(refused, texts / 4);
 }
 
 }  // namespace

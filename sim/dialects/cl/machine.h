@@ -12,29 +12,29 @@
 #include "sim/dialects/program_run.h"
 #include "sim/dialects/tool_vectors.h"
 
-/// APT statements as text, `MAJOR / item, item, ...`, continued over lines by $, and the machine
-/// that they command.
+/// APT statements, `MAJOR / item, item, ...`, which $ continues on the next line, and the machine
+/// that executes them.
 namespace abbe::sim::dialects::cl {
 
 using program::Cause;
 
-/// A number or a word behind the slash.
+/// A number or a word after the slash.
 struct Item {
   std::string_view text;
   std::optional<double> number;  ///< empty for a word
   int line = 0, column = 0;      ///< from 1
 
   Cause cause() const { return {column, text}; }
-  /// Returns true if the item is this word, in either case.
+  /// Returns true if the item is this word, ignoring case.
   bool is(std::string_view word) const;
 };
 
-/// A line, or several joined by $, without comments.
+/// A statement: a line, or several joined by $, without comments.
 struct Statement {
-  std::string major;  ///< first word, upper case; may be empty
-  Cause cause;        ///< the major word
+  std::string major;  ///< major word, upper case; may be empty
+  Cause cause;        ///< where the major word is
   int line = 0;
-  /// Behind "$$->", where Creo writes statements that no postprocessor needs.
+  /// After "$$->", where Creo writes statements that postprocessors may ignore.
   bool in_comment = false;
   std::vector<Item> items;  ///< filled by `read_items`
 
@@ -50,7 +50,7 @@ struct Statement {
 class Statements {
  public:
   explicit Statements(std::string_view text) : lines_(text) {}
-  /// Reads the next statement that is not blank, without its items. Returns false at the end of the
+  /// Reads the next statement that is not blank, but not its items. Returns false at the end of the
   /// text.
   bool next(Statement& statement);
 
@@ -68,7 +68,7 @@ void read_items(Statement& statement, const program::Canon& canon);
 
 class Machine;
 
-/// A major word, its treatment and its handler. The word table is made from these.
+/// Major words with the same treatment and handler. The word table is made of these entries.
 struct WordEntry {
   std::string_view words;
   Use use = Use::Read;
@@ -79,13 +79,13 @@ struct WordEntry {
 /// Returns the entry of a major word, or null if the dialect does not have it.
 const WordEntry* find_entry(std::string_view major);
 
-/// A point of the tip and the tool axis there, as programmed, mm.
+/// A programmed position of the tip and direction of the tool axis.
 struct Location {
-  Eigen::Vector3d tip;
+  Eigen::Vector3d tip;        ///< mm
   Eigen::Vector3d direction;  ///< unit, from the tip to the spindle
 };
 
-/// State of the machine that statements command: modes, tools, cycles, and the moves of the tip.
+/// The machine that executes statements: its modes, tools, cycles and moves of the tip.
 class Machine {
  public:
   explicit Machine(ProgramRun& run) : run_(run), canon_(run.canon), vector_lines_(run) {}
@@ -96,13 +96,15 @@ class Machine {
   /// Issues warnings that concern the whole program.
   void finish();
 
-  // Used by tables of locations.
+  // Used by the reader of tables of locations.
   void set_feed(const program::Feed& feed) { canon_.set_feed(feed); }
-  /// Moves to a location according to the modes: straight, along a stated arc, or down a hole.
+  /// Moves to a location as the modes require: straight, along a stated arc, or through a hole
+  /// cycle.
+  /// @param stated  the location is absolute, so that no axis is uncertain any more
   void go_to(const Location& to, const Cause& cause, bool stated);
   void rapid_next() { rapid_ = true; }
   void assume_mm() { units_stated_ = true; }
-  /// Returns a unit vector. Throws BadInput unless the length is 1 within a thousandth.
+  /// Returns a normalised tool axis. Throws BadInput unless its length is 1 within a thousandth.
   Eigen::Vector3d direction_of(const Item& first, const Eigen::Vector3d& ijk) const;
   const Eigen::Vector3d& direction() const { return direction_; }
 
@@ -141,20 +143,21 @@ class Machine {
  private:
   using AxisVector = kinematics::AxisVector;
 
-  /// A circle that was stated for the points that follow.
+  /// A circle that a statement defines for the points that follow.
   struct Circle {
-    /// Programmed values, mm; the tool moves about the axis by the right-hand rule.
+    /// Programmed values; the tool moves about the axis by the right-hand rule.
     Eigen::Vector3d centre, axis;
     double radius = 0.0;
     std::optional<double> sweep;  ///< rad, if it was stated
-    /// True: the next point only; false: all points that lie on it.
+    /// True: it applies to the next point only; false: to all following points that lie on it.
     bool for_next_point_only = true;
-    bool sense_in_doubt = false;  ///< CAM systems do not agree on the direction of the vector
+    bool sense_in_doubt = false;  ///< CAM systems disagree about the sign of the axis
     int line = 0;
     std::string_view word;  ///< "CIRCLE/"
     int arcs = 0;           ///< arcs made so far
-    double turned = 0.0;    ///< rad, sum of their sweeps
+    double turned = 0.0;    ///< rad, sum of the sweeps of these arcs
   };
+  /// The hole cycle in force.
   struct Hole {
     double depth = 0.0, clear = 0.0, back = 0.0;  ///< mm, from the point along the tool axis
     double dwell_s = 0.0;
@@ -206,7 +209,7 @@ class Machine {
   bool inch_ = false, units_stated_ = false, inches_seen_ = false;
   bool ended_ = false, rapid_ = false, upright_ = false;
   Eigen::Vector3d direction_ = Eigen::Vector3d::UnitZ();  ///< of the current point
-  /// Tool vector for which the rotary axes stand; zero: none.
+  /// Tool vector to which the rotary axes were turned; zero: none.
   Eigen::Vector3d turned_to_ = Eigen::Vector3d::Zero();
   std::optional<Location> home_;
   std::optional<Circle> circle_;
@@ -215,15 +218,16 @@ class Machine {
   int tool_ = -1;                      ///< tool that was loaded
   double speed_rpm_ = 0.0;
   int spindle_turns_ = 1;
-  static constexpr double min_bulge = 1e-4;  ///< rad, 2 um at 20 mm above the tip
-  /// Largest deviation of the tool axis from the great circle, in the middle of a move.
+  static constexpr double min_bulge = 1e-4;  ///< rad; smaller deviations are not reported: 2 um at
+                                             ///< 20 mm above the tip
+  /// Largest deviation of the tool axis from the great circle between its ends, in mid-move.
   struct AxisDeviation {
     double angle = 0.0;  ///< rad
     int line = 0;
   } axis_deviation_;
 };
 
-/// Returns true if the first line with content consists of numbers or is the header of a table.
+/// Returns true if the first line with content is a row of numbers or the header of a table.
 bool is_table(std::string_view text);
 
 /// Reads cutter locations from a table.

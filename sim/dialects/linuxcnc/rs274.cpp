@@ -38,7 +38,8 @@
 
 namespace abbe::sim::dialects {
 
-/// A folder of this run only, in the temporary folder, removed by the destructor. Linux.
+/// A new folder inside the system's temporary folder that only this run uses; the destructor
+/// removes it.
 class PrivateFolder {
  public:
   /// Throws BadInput if no folder can be made.
@@ -52,19 +53,19 @@ class PrivateFolder {
   std::filesystem::path path_;
 };
 
-/// The way in which the interpreter ended.
+/// How the interpreter process ended.
 struct InterpreterExit {
   enum class ExitReason { Exit, Signal, Time, Bytes, Stopped } why = ExitReason::Exit;
-  int number = 0;    ///< exit code, or signal number
-  std::string said;  ///< its stderr, at most 64 kB
+  int number = 0;    ///< exit code or signal number, by `why`
+  std::string said;  ///< start of its stderr, at most 64 kB
 };
 
-/// Runs rs274 in `folder`, which is its home and its working directory and contains `machine.ini`,
-/// `tool.tbl`, `numbers.var` and `program` (a path in the folder). It gets none of our environment
-/// and none of our open files, and can write at most 16 MB into files and take at most 4 GB of
-/// memory. `take` receives each line of its output, without line end, as it is written; false ends
-/// the run. An exception of `take` passes through after the process has been ended. Throws BadInput
-/// if the process cannot be started.
+/// Runs rs274 in `folder`, which is its home and working directory and contains `machine.ini`,
+/// `tool.tbl`, `numbers.var` and the file `program` (a relative path). The process inherits neither
+/// our environment nor our open files, may write files of at most 16 MB and may use at most 4 GB of
+/// memory. `take` is called with each line of its output as it is written, without the line end,
+/// and returns false to end the run. An exception from `take` propagates once the process has been
+/// ended. Throws BadInput if the process cannot be started.
 InterpreterExit run_rs274(const std::filesystem::path& packages,
                           const std::filesystem::path& folder, const std::string& program,
                           const InterpreterLimits& limits,
@@ -75,12 +76,12 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr rlim_t max_written = rlim_t(16) << 20;  // bytes of a file that it writes
+constexpr rlim_t max_written = rlim_t(16) << 20;  // bytes of each file that it writes
 constexpr rlim_t max_memory = rlim_t(4) << 30;    // bytes
 constexpr std::size_t max_said = 65536;           // bytes of stderr that are read
-constexpr std::size_t longest_line = 1 << 20;     // bytes; its commands have some hundred
+constexpr std::size_t longest_line = 1 << 20;     // bytes; its longest command has a few hundred
 constexpr std::size_t chunk = 1 << 18;            // bytes read at a time
-constexpr int commands_file = 3;                  // file descriptor for its commands
+constexpr int commands_file = 3;  // file descriptor to which it writes canonical commands
 
 /// A pipe whose open ends are closed by the destructor.
 struct PipeEnds {
@@ -88,8 +89,8 @@ struct PipeEnds {
   PipeEnds() {
     if (pipe2(ends.data(), O_CLOEXEC) != 0)
       throw BadInput("rs274", 0, 0, "a pipe for its commands", std::strerror(errno));
-    fcntl(ends[0], F_SETPIPE_SZ, 1 << 20);  // fewer context switches; not needed to work
-    // Reading must not block beyond the time limit.
+    fcntl(ends[0], F_SETPIPE_SZ, 1 << 20);  // saves context switches; failure does no harm
+    // A blocking read could outlast the time limit.
     fcntl(ends[0], F_SETFL, O_NONBLOCK);
   }
   ~PipeEnds() {
@@ -101,7 +102,7 @@ struct PipeEnds {
   }
 };
 
-// Debian keeps libraries in folders by architecture, such as x86_64-linux-gnu.
+// Debian keeps libraries in one folder per architecture, such as x86_64-linux-gnu.
 std::string library_path(const fs::path& root) {
   std::string path = "root/usr/lib";
   std::error_code failure;
@@ -121,14 +122,14 @@ bool has_python(const fs::path& lib) {
   return false;
 }
 
-/// Environment of the process: paths relative to the folder, whose links avoid blanks and colons in
-/// ours.
+/// Returns the environment of the process. Library paths are links in its folder, because the real
+/// paths may contain blanks or colons, which separate entries.
 std::vector<std::string> environment_of(const fs::path& packages, const fs::path& folder) {
   std::vector<std::string> all = {
       "HOME=" + folder.string(),    "LC_ALL=C",
       "PATH=/usr/bin:/bin",         "PYTHONDONTWRITEBYTECODE=1",
       "LD_PRELOAD=./all_digits.so", "LD_LIBRARY_PATH=" + library_path(packages)};
-  // Unpacked packages bring their own Python; the system's is preferred if there is one.
+  // The unpacked packages include Python, which is used only if the system has none.
   if (has_python(packages / "usr/lib") && !has_python("/usr/lib"))
     all.push_back("PYTHONHOME=" + (folder / "root/usr").string());
   return all;
@@ -146,17 +147,16 @@ void limit(int resource, rlim_t most) {
   setrlimit(resource, &both);
 }
 
-/// Runs between fork and exec, where only functions that are safe in a signal handler may be
-/// called.
+/// Runs in the child between fork and exec, where only async-signal-safe functions may be called.
 [[noreturn]] void exec_in_child(const char* folder, char* const* arguments,
                                 char* const* environment, int commands, int said) {
   sigset_t none;
   sigemptyset(&none);
-  // Handlers and masks of abbe must not be inherited.
+  // An ignored or blocked signal of abbe would survive exec.
   for (int number = 1; number < NSIG; ++number) signal(number, SIG_DFL);
   sigprocmask(SIG_SETMASK, &none, nullptr);
-  // A process group of its own, so that its children can be ended with it; it also ends if abbe
-  // does.
+  // In a process group of its own its children can be ended with it. If abbe dies, so does the
+  // process.
   setpgid(0, 0);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
@@ -167,14 +167,14 @@ void limit(int resource, rlim_t most) {
   const bool ready = chdir(folder) == 0 && dup2(nothing, 0) == 0 && dup2(nothing, 1) == 1 &&
                      dup2(said, 2) == 2 && dup2(commands, commands_file) == commands_file;
   if (ready) {
-    // No file of abbe stays open in the process.
+    // The process must not keep a file of abbe open.
     close_range(commands_file + 1, ~0u, 0);
     execve(arguments[0], arguments, environment);
   }
   _exit(127);
 }
 
-/// The running process; it and its children are ended by the destructor.
+/// The running process. The destructor ends it and its children.
 class InterpreterProcess {
  public:
   InterpreterProcess(const fs::path& packages, const fs::path& folder, const std::string& program)
@@ -192,7 +192,7 @@ class InterpreterProcess {
     std::vector<std::string> environment = environment_of(packages, folder);
     const std::vector<char*> argv = exec_pointers(arguments), envp = exec_pointers(environment);
     const std::string home = folder.string();
-    // Above the descriptors 0 to 3, which dup2 overwrites in the child.
+    // Duplicated to numbers above 0 to 3, which dup2 overwrites in the child.
     const int said = fcntl(open(said_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600),
                            F_DUPFD_CLOEXEC, 10);
     const int commands = fcntl(pipe_.ends[1], F_DUPFD_CLOEXEC, 10);
@@ -216,18 +216,19 @@ class InterpreterProcess {
     text.resize(std::size_t(in.gcount()));
     return text;
   }
-  /// Waits until the deadline. Returns the exit status, or nothing if the process is still running.
+  /// Waits for the end of the process, at most until the deadline. Returns its exit status; empty
+  /// if it is still running.
   std::optional<int> ended_before(Clock::time_point deadline) {
     for (;;) {
       siginfo_t info{};
-      // WNOWAIT keeps the process number reserved until its group has been ended.
+      // WNOWAIT leaves the process a zombie, so that its number cannot be reused before `end`.
       const int failed = waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
       if (failed == 0 && info.si_pid == pid_) return end();
       if (Clock::now() >= deadline) return std::nullopt;
       poll(nullptr, 0, 1);
     }
   }
-  /// Ends the rest of its process group before its number can be reused.
+  /// Ends the process group before its number can be reused, and returns the exit status.
   int end() {
     if (pid_ <= 0) return status_;
     ::kill(-pid_, SIGKILL);
@@ -256,11 +257,11 @@ int milliseconds_to(Clock::time_point deadline) {
   return int(std::clamp<long long>(left, 0, 1'000'000'000));
 }
 
-/// Joins pieces of text to whole lines.
+/// Cuts a stream of text into lines and passes each to `take`.
 class LineCutter {
  public:
   explicit LineCutter(const std::function<bool(std::string_view)>& take) : take_(take) {}
-  /// Returns false if no more lines are wanted.
+  /// Adds text. Returns false if `take` wants no more lines.
   bool add(std::string_view piece) {
     for (std::size_t end; (end = piece.find('\n')) != std::string_view::npos;
          piece.remove_prefix(end + 1)) {
@@ -269,7 +270,7 @@ class LineCutter {
       rest_.clear();
       if (!more) return false;
     }
-    // A line longer than any command is cut instead of filling the memory.
+    // A line longer than any command is truncated, so that it cannot fill the memory.
     rest_ += piece.substr(0, longest_line - std::min(rest_.size(), longest_line));
     return true;
   }
@@ -296,7 +297,7 @@ PrivateFolder::~PrivateFolder() {
 InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
                           const std::string& program, const InterpreterLimits& limits,
                           const std::function<bool(std::string_view line)>& take) {
-  // Links avoid paths with blanks and colons in LD_PRELOAD and LD_LIBRARY_PATH.
+  // LD_PRELOAD and LD_LIBRARY_PATH cannot express paths with blanks or colons; links avoid them.
   link(all_digits_library(), folder / "all_digits.so");
   link(packages, folder / "root");
   const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
@@ -310,8 +311,8 @@ InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
     return InterpreterExit{why, 0, process.said()};
   };
   for (;;) {
-    // Both the wait and the loop are limited: a process that prints without end never lets poll
-    // time out.
+    // The clock is checked beside the timeout of poll, which never expires while the process keeps
+    // printing.
     pollfd file{process.commands(), POLLIN, 0};
     if (poll(&file, 1, milliseconds_to(deadline)) == 0 || Clock::now() >= deadline)
       return ended(InterpreterExit::ExitReason::Time);
@@ -339,10 +340,10 @@ using linuxcnc::NumberedProgram;
 using program::NcOptions;
 
 constexpr std::string_view six_letters = "XYZABC";
-constexpr std::size_t max_tools = 1000;  // size of its tool table
+constexpr std::size_t max_tools = 1000;  // size of the tool table of rs274
 
-// rs274 converts tables and parameters with this factor, and not with 1 / 25.4, on a metric machine
-// too.
+// rs274 reads tables and parameters in inches, on a metric machine too, and converts them with this
+// factor. With 1 / 25.4 lengths would not come back as given.
 constexpr double inches_of_mm = 0.03937007874016;
 
 void write_whole(const fs::path& file, const std::string& text) {
@@ -357,8 +358,9 @@ std::string machine_text() {
          "ANGULAR_UNITS = deg\n";
 }
 
-/// Tool table with the tools that are known or called, filled with others up to 999 so that a
-/// computed call finds one. Unknown values are rejected where they would matter.
+/// Returns a tool table with the tools that are known or called, filled up with the other numbers
+/// to 999, because a call with a computed number may refer to any of them. A length or radius that
+/// is not known gets a placeholder, which is rejected where a program uses it.
 std::string tool_table(const NcOptions& control, const std::set<int>& called,
                        const ProgramRun& run) {
   std::set<int> tools = called;
@@ -368,7 +370,7 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
   if (tools.size() > max_tools)
     run.canon.refuse({}, fmt::format("at most {} tools for LinuxCNC's own interpreter", max_tools),
                      fmt::format("{}", tools.size()));
-  // Filled up only to the size of the table.
+  // The table has no room for more.
   for (int n = 1; n < int(max_tools) && tools.size() < max_tools; ++n) tools.insert(n);
   const auto known = [](const std::map<int, double>& all, int tool, double otherwise) {
     const auto found = all.find(tool);
@@ -394,8 +396,8 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
   return text;
 }
 
-/// Parameter file with the origins of the nine coordinate systems, those of the scene with `zero`
-/// added.
+/// Returns the parameter file with the origins of the nine coordinate systems: those of the scene
+/// plus `zero`.
 std::string parameter_text(const program::Canon& canon, const Eigen::Vector3d& zero) {
   std::string text = "5220\t1\n";
   for (std::size_t i = 0; i < 9; ++i) {
@@ -413,7 +415,7 @@ std::string parameter_text(const program::Canon& canon, const Eigen::Vector3d& z
   return text;
 }
 
-/// Lines that move rs274, whose axes start at zero, to the initial position of the machine.
+/// Returns the lines that move rs274 from zero to the initial position of the machine.
 std::string lead_in(const program::Canon& canon) {
   std::string words;
   for (const char letter : six_letters)
@@ -423,8 +425,8 @@ std::string lead_in(const program::Canon& canon) {
   return words.empty() ? "" : "G53 G0" + words + "\nG80\n";
 }
 
-/// Throws BadInput if the program sets origins while those of the scene count from the workpiece:
-/// those of the program would count from the axes.
+/// Throws BadInput if the program sets origins although those of the scene are points of the
+/// workpiece (`zero` is not 0): rs274 would take the ones from the program as axis positions.
 void refuse_systems(const NumberedProgram& program, const ProgramRun& run,
                     const Eigen::Vector3d& zero, program::Canon& canon) {
   if (zero.isZero(0.0)) return;
@@ -440,7 +442,7 @@ void refuse_systems(const NumberedProgram& program, const ProgramRun& run,
   }
 }
 
-// Messages before "executing" belong to the start of the interpreter.
+// Messages before "executing" come from the start of the interpreter, not from the program.
 std::vector<std::string> error_lines(const std::string& said) {
   std::vector<std::string> lines;
   Lines all(said);
@@ -461,8 +463,8 @@ int number_behind(std::string_view text, std::string_view word) {
   return number;
 }
 
-/// Builds an error from the message of rs274 and the text of the line; some messages name a line
-/// themselves.
+/// Returns the input error for a message of rs274. Its place is the block that rs274 prints after
+/// the message, or the line that the message itself names.
 BadInput rs274_error(const std::string& said, const NumberedProgram& program, ProgramRun& run) {
   std::vector<std::string> lines = error_lines(said);
   std::string message = lines.empty() ? "no message" : lines.front();
@@ -504,7 +506,7 @@ void check_interpreter_exit(const InterpreterExit& end, const InterpreterLimits&
   else if (end.why == ExitReason::Signal)
     add("that LinuxCNC's own interpreter ends by itself",
         fmt::format("signal {} ({})", end.number, strsignal(end.number)));
-  // 127 is the code of a failed exec.
+  // 127 is the code with which the child exits if exec fails.
   else if (end.why == ExitReason::Exit && end.number == 127)
     add("that rs274 can be started", in_quotes(end.said));
   else if (end.why == ExitReason::Exit && end.number != 0)
@@ -532,7 +534,7 @@ void read_by_linuxcnc(std::string_view text, const Recognised& found, ProgramRun
   const PrivateFolder folder;
   fs::create_directory(folder.path() / "program");
   run.attempt([&] {
-    // The private folder contains everything the process may read of the program.
+    // The process finds everything that it needs of the program in the private folder.
     std::string before = lead_in(run.canon);
     if (!run.options().startup_code.empty()) before += run.options().startup_code + "\n";
     const NumberedProgram program(text, file, before, run, folder.path() / "program");
@@ -570,7 +572,7 @@ std::optional<path> find_linuxcnc() {
     if (has(folder)) return folder;
     return std::nullopt;
   }
-  // build/release/abbe, and the tests in build/release/tests.
+  // abbe runs from build/release, its tests from build/release/tests.
   const path program = program_folder();
   for (const path& folder : {program.parent_path(), program.parent_path().parent_path()})
     if (!folder.empty() && has(folder / "linuxcnc")) return folder / "linuxcnc";

@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t longest_for_rs274 = 252;  // bytes; rs274 rejects longer lines as "too long"
 constexpr std::size_t largest_sub = std::size_t(1) << 26;  // bytes of a subprogram file
 constexpr std::size_t max_subs = 1000;
-// Lines; the N word and our int hold nine digits.
+// lines: N words and int hold nine digits
 constexpr std::size_t max_numbered = 1'000'000'000;
 
 /// Returns the line in capitals without blanks and comments, as RS274 reads it.
@@ -44,7 +44,7 @@ std::string compact(std::string_view line) {
   return text;
 }
 
-/// Parses an unsigned number at `at`, which is advanced past it.
+/// Parses a number without minus at `at` and advances `at` past it; empty if there is none.
 std::optional<double> literal(std::string_view text, std::size_t& at) {
   double value = 0.0;
   const char* from = text.data() + at;
@@ -56,7 +56,7 @@ std::optional<double> literal(std::string_view text, std::size_t& at) {
   return value;
 }
 
-/// Returns the position behind the bracket or name that begins at `at`.
+/// Returns the position after the expression in [ ] or the name in < > that begins at `at`.
 std::size_t behind(std::string_view text, std::size_t at) {
   const char open = text[at], close = open == '[' ? ']' : '>';
   int depth = 0;
@@ -67,7 +67,7 @@ std::size_t behind(std::string_view text, std::size_t at) {
   return text.size();
 }
 
-// Words of a line that decide how it is passed to rs274.
+/// The words of a line that decide how it is passed to rs274.
 struct Words {
   LineCodes codes;
   bool changes = false, changes_by_number = false, calls_number = false;
@@ -76,7 +76,7 @@ struct Words {
 };
 
 void note_code(Words& words, char letter, double value) {
-  // M codes are offset by 100000, so that one number identifies a code.
+  // Tenths, plus 100000 for M, so that one integer identifies a code.
   const int code =
       int(std::lround(std::clamp(value, 0.0, 1e4) * 10)) + (letter == 'M' ? 100000 : 0);
   LineCodes& codes = words.codes;
@@ -99,13 +99,13 @@ Words words_of(std::string_view line) {
   words.codes.assigns = text.find('=') != std::string::npos;
   for (std::size_t at = 0; at < text.size();) {
     const char letter = text[at];
-    // Numbers inside expressions and names are no words.
+    // Letters and numbers inside expressions and names do not form words.
     if (letter == '[' || letter == '<') {
       at = behind(text, at);
       continue;
     }
     ++at;
-    if (letter == '#') {  // the number of a parameter is no word
+    if (letter == '#') {  // the number after # does not form a word
       const auto number = literal(text, at);
       words.codes.system |= number && *number >= 5221 && *number <= 5390;
       continue;
@@ -132,7 +132,8 @@ Words words_of(std::string_view line) {
   return words;
 }
 
-/// Returns the subprogram that the line calls by a literal name or number, in lower case.
+/// Returns the name, in lower case, of the subprogram that a line calls by a literal name or
+/// number; else empty.
 std::string called(std::string_view line, const Words& words) {
   if (words.calls_number && words.p >= 0) return std::to_string(words.p);
   std::string text = compact(line);
@@ -149,7 +150,7 @@ std::string called(std::string_view line, const Words& words) {
   return name;
 }
 
-/// Splits a block into its words and comments; blanks go with the preceding word.
+/// Splits a block into its words and comments; blanks stay with the word before them.
 std::vector<std::string_view> pieces_of(std::string_view block) {
   std::vector<std::string_view> pieces;
   std::size_t from = 0;
@@ -185,8 +186,8 @@ bool changes_tool_and_length(std::string_view block) {
          (words.codes.length || words.codes.no_length || words.other_length);
 }
 
-/// Splits such a block into T and M6, and the rest. rs274 alone, without the rest of a control,
-/// reads the axis positions anew after the block and omits the new length from them.
+/// Splits a block that changes tool and tool length into T and M6, and the rest. In one block,
+/// rs274 without a control around it would read the axis positions again and omit the new length.
 std::pair<std::string, std::string> parted(std::string_view block) {
   std::string change, rest;
   for (const std::string_view piece : pieces_of(block)) {
@@ -196,7 +197,8 @@ std::pair<std::string, std::string> parted(std::string_view block) {
   return {change, rest};
 }
 
-// A name that is safe as a file name in the private folder: no path, no leading dot or dash.
+/// Returns true if a name is safe for a file in the private folder: no path, no leading dot or
+/// dash.
 bool is_plain_name(const std::string& name) {
   return !name.empty() && name.front() != '.' && name.front() != '-' && name.size() < 100 &&
          name.find_first_not_of(
@@ -235,7 +237,7 @@ NumberedProgram::NumberedProgram(std::string_view text, const std::string& file,
   name_ = fs::path(file).filename().string();
   if (!is_plain_name(name_)) name_ = "program.ngc";
   add(name_, 0, std::string(text));
-  // The list grows while subprograms are found, so it is indexed.
+  // By index, since the list grows whenever a file calls a further subprogram.
   for (std::size_t i = 0; i < files_.size(); ++i) write(files_[i], folder);
 }
 
@@ -249,8 +251,8 @@ void NumberedProgram::add(const std::string& name, int of_canon, std::string tex
     throw BadInput(name, 0, 0, fmt::format("at most {} lines", max_numbered), "more");
 }
 
-/// Throws BadInput for text by which a program could start something or read files elsewhere: rs274
-/// executes Python in comments, and follows paths in the names of subprograms.
+/// Throws BadInput for text with which a program could run code or read other files: rs274 executes
+/// Python in comments and follows paths in the names of subprograms.
 void NumberedProgram::refuse_escapes(std::string_view line) const {
   std::string tight;
   for (const char c : line)
@@ -266,8 +268,8 @@ void NumberedProgram::refuse_escapes(std::string_view line) const {
   }
 }
 
-/// Returns a line as rs274 gets it, split in two if it would go wrong otherwise. A line that its
-/// number would make too long stays without.
+/// Returns a line as it is passed to rs274: numbered, unless the number would make it too long, and
+/// split in two if rs274 would misread it in one.
 std::string NumberedProgram::numbered(std::string_view line, int number, int file, int at) const {
   run_.canon.set_line(at, file);
   if (const std::size_t nul = line.find('\0'); nul != std::string_view::npos)
@@ -275,7 +277,7 @@ std::string NumberedProgram::numbered(std::string_view line, int number, int fil
   refuse_escapes(line);
   const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
   if (whole.empty() || whole.front() == '%') return std::string(whole);
-  // A skipped line stays as an empty one, so that line numbers in messages agree.
+  // A skipped block becomes an empty line, so that line numbers in messages agree.
   if (whole.front() == '/' && run_.skips(0)) return {};
   const std::string_view block = unnumbered_block(line);
   if (block.size() > longest_for_rs274)
@@ -299,7 +301,7 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const std::string line = numbered(lines[i], file.first + int(i), file.of_canon, int(i) + 1);
     const bool mark = line.starts_with("%");
-    // Lines before the program go behind a leading %, which must come first.
+    // The lines that run before the program follow a leading %, which must stay first.
     if (!line.empty() && !mark) text += std::exchange(before_, {});
     text += line + '\n';
     if (mark) text += std::exchange(before_, {});
@@ -330,7 +332,7 @@ void NumberedProgram::write(const File& file, const fs::path& folder) {
   }
 }
 
-// Files have consecutive numbers, so the file of a number is found by bisection.
+// The numbers of a file are consecutive and follow those of the file before it: bisection.
 const NumberedProgram::File& NumberedProgram::file_of(int number) const {
   const auto after = std::upper_bound(files_.begin(), files_.end(), number,
                                       [](int n, const File& file) { return n < file.first; });
@@ -404,7 +406,7 @@ bool is_without_effect(std::string_view name) {
          name.find("WAIT_ORIENT_COMPLETE") != std::string_view::npos;
 }
 
-// Arguments such as COMMENT("text").
+/// Returns the text in quotes of an argument such as that of COMMENT("text").
 std::string_view between_quotes(std::string_view text) {
   const std::size_t open = text.find('"'), close = text.rfind('"');
   return open == close ? std::string_view() : text.substr(open + 1, close - open - 1);
@@ -412,8 +414,7 @@ std::string_view between_quotes(std::string_view text) {
 
 }  // namespace
 
-// Parses lines of the form "12 N34 STRAIGHT_FEED(...)": a running number, the line number, the
-// command.
+// A line has the form "12 N34 STRAIGHT_FEED(...)": running number, N word of the block, command.
 std::optional<PrintedCommand> printed_command(std::string_view line) {
   const auto skip = [&](std::string_view what) {
     line.remove_prefix(std::min(line.size(), line.find_first_not_of(what)));
@@ -443,7 +444,8 @@ void Commands::refuse(std::string expected, std::optional<std::string> seen) con
   canon_.refuse({0, program_.text_of(number_)}, std::move(expected), std::move(seen));
 }
 
-/// Sets the location. A command without a number, such as those of M72, stays at the previous one.
+/// Sets the current line to that of a command. Commands without a line number, such as those of
+/// M72, belong to the line before.
 void Commands::stand(const PrintedCommand& command) {
   if (command.number <= 0 || command.number == number_) return;
   number_ = command.number;
@@ -457,13 +459,13 @@ bool Commands::take(std::string_view line) {
   if (ended_) return true;  // output after the end of the program
   const auto command = printed_command(line);
   if (!command) return true;
-  // T and M6 of one block arrive as two commands; anything else in between means T alone.
+  // T and M6 of one block arrive as separate commands. Any other command means that T was alone.
   const bool changes = command->name == "START_CHANGE" || command->name == "STOP_SPINDLE_TURNING" ||
                        command->name == "CHANGE_TOOL";
   if (pending_ && (!changes || pending_in_ != command->number)) end_pending_tool();
   run_.attempt([&] {
     stand(*command);
-    // An error of a block is reported once, although a loop repeats it.
+    // A block is reported once, even if a loop repeats it.
     if (faulty_.count(number_) > 0) {
       try {
         apply(*command);
@@ -492,7 +494,7 @@ void Commands::apply(const PrintedCommand& command) {
   refuse("a canonical command that abbe knows", in_quotes(command.name));
 }
 
-// Parses the arguments as numbers; at least `least` of them.
+// Throws BadInput unless all arguments are numbers and there are at least `least` of them.
 Commands::Numbers Commands::numbers(const PrintedCommand& command, std::size_t least) const {
   Numbers all;
   const std::string_view text = command.arguments;
@@ -524,7 +526,8 @@ Commands::Six Commands::in_mm(Six lengths) const {
   return lengths;
 }
 
-/// Sets the frame as LinuxCNC composes it: G92 first, then the rotation about Z, then the shift.
+/// Sets the frame in the order of LinuxCNC: first the shift of G92, then the rotation about Z, then
+/// the shift of the coordinate system.
 void Commands::apply_frame() {
   program::Frame frame;
   frame.shift = AxisVector::Zero(canon_.position().size());
@@ -540,7 +543,7 @@ void Commands::apply_frame() {
   }
   for (std::size_t k = 0; k < 6; ++k) {
     const int j = joint(k);
-    // The origins given to rs274 contain `zero`, which the canon adds itself.
+    // The origins that rs274 was given include `zero`, which the canon adds by itself.
     const double on_top = k < 3 ? zero_[Eigen::Index(k)] : 0.0;
     if (j >= 0)
       frame.shift[j] = (g5x_[k] - on_top + first[k]) * (canon_.is_linear(j) ? 1.0 : units::deg);
@@ -550,7 +553,7 @@ void Commands::apply_frame() {
 
 void Commands::set_units(bool inch) {
   if (number_ > 0 && inch != inch_ && canon_.feed() && codes_.feed)
-    // rs274 reads F before it switches the unit.
+    // rs274 interprets F before it switches the unit.
     run_.warn_once(fmt::format(
         "{}:{}: F in a block that changes G20 and G21: LinuxCNC's own interpreter takes it in the "
         "unit before",
@@ -580,8 +583,8 @@ bool Commands::apply_state(const PrintedCommand& command) {
     g5x_ = in_mm(six(n, 1));
     apply_frame();
   } else if (name == "SET_G92_OFFSET") {
-    // The first command that certainly contains zeros: without the preloaded library they are
-    // printed as 0.0000.
+    // The first command that certainly contains zeros shows whether the preloaded library works:
+    // without it they are printed as 0.0000.
     if (!digits_checked_ && command.arguments.find("0.0000") != std::string_view::npos)
       throw ProgramLimitExceeded("rs274", 0, 0, "numbers with all their digits",
                                  in_quotes(command.arguments));
@@ -596,7 +599,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
       return command.arguments.find(plane) != std::string_view::npos;
     };
     if (is("_XY")) plane_ = {0, 1, 2};
-    // rs274 names the plane of G18 XZ; its axes are Z X in the right-handed order.
+    // rs274 calls the plane of G18 XZ, but in right-handed order its axes are Z X.
     else if (is("_XZ"))
       plane_ = {2, 0, 1};
     else if (is("_YZ"))
@@ -616,7 +619,7 @@ bool Commands::apply_state(const PrintedCommand& command) {
   return true;
 }
 
-/// Handles comments: rs274's own, which announce cutter compensation, and those of the program.
+/// Handles comments of the program, and those of rs274 itself, which announce cutter compensation.
 void Commands::comment(std::string_view text) {
   constexpr std::string_view own = "interpreter: ";
   if (!text.starts_with(own)) return canon_.comment(text);
@@ -624,7 +627,7 @@ void Commands::comment(std::string_view text) {
   run_.warn_once(
       "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
       "lines of such moves may be those of the block behind");
-  // The table contains a radius for every tool, so an unknown one has to be detected here.
+  // The tool table has a placeholder for every unknown radius, so rs274 cannot detect this error.
   if (codes_.radius && codes_.d == -1 && tool_ <= 0)
     refuse("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
@@ -641,7 +644,7 @@ bool Commands::apply_auxiliary_word(const PrintedCommand& command) {
     canon_.aside("M7");
   else if (name == "FLOOD_ON")
     canon_.aside("M8");
-  else if (name == "FLOOD_OFF")  // M9 prints both, mist first
+  else if (name == "FLOOD_OFF")  // M9 prints MIST_OFF and FLOOD_OFF; one of them suffices
     canon_.aside("M9");
   else if (name == "MIST_OFF")
     return true;

@@ -10,10 +10,10 @@ namespace {
 
 using Line = CodeLine<Group>;
 
-// Short names, so that an entry fits its line.
+// Short names, so that most entries fit on a line.
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
-// The single source of the word table in the README, of the messages and of the groups of codes.
+// The only list of codes: the word table of the README, messages and groups are all made from it.
 constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid; line"},
     {"G2 G3", Group::Motion, read,
@@ -106,7 +106,7 @@ constexpr Line lines[] = {
     {"M429", Group::Kinematics, read, "identity kinematics: G43 as before, the end of G43.4"},
 };
 
-// Words other than codes.
+// Words other than G and M codes.
 constexpr WordTableEntry other_words[] = {
     {"F S", read, "feed; spindle speed"},
     {"T", read, "tool"},
@@ -163,7 +163,7 @@ bool is_beside_motion(Group group) {
   return false;
 }
 
-// The table is built at first use and indexed by tenths: every code of a program is looked up.
+// Built once and indexed by tenths, because every code of a program is looked up.
 const CodeEntry& find_entry(char letter, int tenths) {
   static const CodeTable<Group> table(lines);
   return table.find_entry(letter, tenths);

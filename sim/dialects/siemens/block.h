@@ -10,16 +10,16 @@
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
 
-/// One block of Siemens 840D, with its expressions evaluated.
+/// A block of a Siemens 840D program, with its expressions evaluated.
 namespace abbe::sim::dialects::siemens {
 
 using program::Cause;
 using program::Target;
 
-/// Modal groups of words: a block has at most one word of each.
+/// Groups of words. A block may have at most one word of each group.
 enum class Group {
-  None,    ///< rejected, or without effect and without axis words
-  Beside,  ///< without effect; axis words in its block belong to the motion in force
+  None,    ///< rejected, or without effect and not to be combined with axis words
+  Beside,  ///< without effect; axis words of the block belong to the motion in force
   Master,  ///< SETMS
   Motion,
   Plane,
@@ -44,21 +44,21 @@ enum class Group {
   Count
 };
 
-/// Returns true for groups whose words leave the axis words of their block to the motion.
+/// Returns true for groups whose words may share a block with axis words of a motion.
 bool is_beside_motion(Group group);
 
-/// A word of letters, or a code.
+/// An entry of the word table: a keyword or a G or M code.
 struct WordEntry {
   std::string_view word;  ///< "G64", "TRAORI"
   Group group = Group::None;
   Use use = Use::Read;
   std::string_view sentence;
 };
-/// Returns the table entry of a word in upper case, a code without leading zeros; null if the
-/// control does not have it.
+/// Returns the entry of a word; null if the control does not have it.
+/// @param word  upper case, a code without leading zeros
 const WordEntry* find_entry(std::string_view word);
 
-/// Addresses that take a value.
+/// Addresses to which a value is assigned.
 enum class Address : std::uint8_t {
   X,
   Y,
@@ -94,17 +94,17 @@ enum class Address : std::uint8_t {
   Count
 };
 
-/// Meaning of the value of an axis word.
+/// How the value of an axis word is meant.
 enum class Measure {
   Modal,     ///< G90 or G91
   Absolute,  ///< AC()
   Step,      ///< IC()
   Shortest,  ///< DC(): absolute, in the shorter direction of a rotary axis
-  Upwards,   ///< ACP(): absolute, in positive direction
-  Downwards  ///< ACN(): absolute, in negative direction
+  Upwards,   ///< ACP(): absolute, rotary axis in positive direction
+  Downwards  ///< ACN(): absolute, rotary axis in negative direction
 };
 
-/// A value of an address as programmed.
+/// The programmed value of an address.
 struct Value {
   double value = 0.0;
   Cause cause;
@@ -114,7 +114,7 @@ struct Value {
   operator Cause() const { return cause; }
 };
 
-/// A word of a modal group as programmed.
+/// The programmed word of a group.
 struct Code {
   std::string_view word;  ///< as in `WordEntry`
   Cause cause;
@@ -153,7 +153,7 @@ struct Block {
   std::optional<std::string> tool_name;   ///< of T="..."
   std::vector<SpindleWord> spindles;      ///< S2=, M3=4
   int master = 1;                         ///< argument of SETMS
-  Code wordless;  ///< a word without effect beside which axis words are an error
+  Code wordless;  ///< a word without effect that must not be combined with axis words
   std::optional<ProgramCall> call;
   bool modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;
@@ -164,10 +164,10 @@ struct Block {
   void clear();
 };
 
-/// Returns the operators and functions of the control.
+/// Returns the operators and functions in expressions of this control.
 const ExpressionGrammar& grammar();
 
-/// Names of a program: its variables and subprograms.
+/// The variables of a program, to which its expressions and assignments refer.
 class Names : public Operands {
  public:
   /// Executes an assignment at the cursor, R1=..., COUNT=... or FIELD[2]=..., and advances past it.
@@ -178,27 +178,29 @@ class Names : public Operands {
   virtual std::optional<std::string> text_variable(Cursor& cursor) = 0;
 };
 
-/// Evaluates an expression. A following word that begins like an operator (ORIWKS, DIVON) ends it.
+/// Evaluates the expression at the cursor. A word that only begins like an operator (ORIWKS, DIVON)
+/// ends it.
 double number_at(Cursor& cursor, Names& names);
 
-/// Returns letters, digits and _ at the cursor in upper case and advances past them; empty if there
-/// are none.
+/// Returns the name at the cursor (letters, digits, _) in upper case and advances past it; empty if
+/// there is none.
 std::string name_at(Cursor& cursor);
 
-/// Returns the text between quotes at the cursor. Throws BadInput if the second quote is missing.
+/// Returns the text in quotes at the cursor. Throws BadInput if the closing quote is missing.
 std::string quoted_at(Cursor& cursor);
 
 /// Parses (a, b, ...) at the cursor. Throws BadInput.
 std::vector<Argument> arguments_at(Cursor& cursor, Names& names);
 
-/// A line up to its comment, and the comment without its ; if there is one.
+/// A line up to its comment, and the comment without the semicolon; empty if there is none.
 struct CommentSplit {
   std::string_view block;
   std::optional<std::string_view> comment;
 };
 CommentSplit split_comment(std::string_view line);
 
-/// Parses the words from the cursor on into `block`, whose memory is reused. Throws BadInput.
+/// Parses the words from the cursor to the end of the line into `block`, whose memory is reused.
+/// Throws BadInput.
 void read_block(Cursor cursor, ProgramRun& run, Names& names, Block& block);
 
 }  // namespace abbe::sim::dialects::siemens
