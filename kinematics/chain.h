@@ -26,7 +26,7 @@ enum class Squareness {
   Travel,  ///< only the direction of travel
 };
 
-/// What one component of a location error displaces; see `location_element`.
+/// Part of the machine that one component of a location error displaces; see `location_element`.
 enum class DisplacedPart {
   Frame,    ///< the frame of the joint with all that it carries, about its point, before its motion
   Carried,  ///< only what the joint carries, by the opposite displacement, about its point, after

@@ -31,7 +31,7 @@ struct FilmMesh {
   bool closed = false;           ///< a closed mesh, all triangles counter-clockwise from outside
 };
 
-/// What stays the same in all frames of a film.
+/// Settings that stay the same in all frames of a film.
 struct FilmSetting {
   int width = 1280;  ///< px
   int height = 720;  ///< px

@@ -434,7 +434,7 @@ void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End e
     (same ? u0 : u1) = middle;
     (same ? c0 : c1) = c;
   }
-  // Where the trace runs along a straight edge, the contact jumps from one end of the edge to the
+  // Along a straight edge the contact jumps from one end of the edge to the
   // other; the point in the plane lies between.
   if (edge_.has_profile() && std::abs(c1->s - c0->s) > leap && c0->y != c1->y)
     return offer(piece, u0, c0->s + (c1->s - c0->s) * c0->y / (c0->y - c1->y));

@@ -416,7 +416,7 @@ template <Form form, class Rays>
       stdx::min(rest.y * from_low.y, rest.y * from_high.y) +
       stdx::min(rest.z * from_low.z, rest.z * from_high.z);
   const Float8 length = length_of(m);
-  // Of all u in the cone the one nearest to m has the largest m u and, if that is negative, also
+  // The u of the cone that is nearest to m has the largest m u and, if that is negative, also
   // the largest |m x u|. The angle to the cone's axis is then at least a right angle, so that
   // nothing cancels in the sine of the angle that remains after the spread.
   const Float8 along = dot(m, cone);

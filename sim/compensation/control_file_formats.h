@@ -51,7 +51,7 @@ std::vector<AxisTable> summed(const std::vector<AxisTable>& tables);
 /// Returns a table resampled at other positions.
 AxisTable at_positions(const AxisTable& table, const Eigen::VectorXd& positions);
 
-/// What a format can hold.
+/// Capacity of a format.
 struct Capacity {
   int max_points = 256;
   double min_spacing = 1e-6;  ///< mm or degrees; closer positions could become equal when rounded

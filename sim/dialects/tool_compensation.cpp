@@ -289,7 +289,7 @@ void Compensation::concave(Piece& next, const Vector2d& corner) {
   };
   const Vector2d* meet = nullptr;
   const std::vector<Vector2d> points = shared(curve(*waits_), curve(next));
-  // Of two intersections the one nearer to the programmed corner is meant.
+  // The control means that of the two intersections which is nearer to the programmed corner.
   for (const Vector2d& point : points)
     if (meet == nullptr || (point - corner).norm() < (*meet - corner).norm()) meet = &point;
   const bool reached = meet != nullptr && has_length_left(*waits_, waits_->start, *meet) &&
