@@ -1,3 +1,4 @@
+#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <string>
@@ -7,11 +8,12 @@
 namespace {
 
 /// Returns the filter of one part of the test suites: with ABBE_TEST_PART=2/8 every eighth suite
-/// from the third on. Suites stay whole, so that what the tests of a suite share is computed once.
+/// from the third on; empty if it is not a part. Suites stay whole, so that what the tests of a
+/// suite share is computed once.
 std::string filter_of_part(const std::string& part) {
-  const std::size_t slash = part.find('/');
-  if (slash == std::string::npos) return "";
-  const int number = std::atoi(part.c_str()), count = std::atoi(part.c_str() + slash + 1);
+  int number = 0, count = 0;
+  if (std::sscanf(part.c_str(), "%d/%d", &number, &count) != 2) return "";
+  if (number < 0 || number >= count) return "";
   const testing::UnitTest& all = *testing::UnitTest::GetInstance();
   std::string filter;
   for (int i = 0; i < all.total_test_suite_count(); ++i)

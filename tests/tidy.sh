@@ -6,18 +6,16 @@ cd "$(dirname "$0")/.."
 end=$(($(date +%s) + $1 * 60))
 # compiled each alone, so that a warning is that of one source; no precompiled header is made
 cmake --preset dev -B build/tidy -DABBE_TESTS=OFF -DABBE_PYTHON_MODULE=OFF >/dev/null
-sed -i 's/--param=ggc-min-heapsize=1000000//g' build/tidy/compile_commands.json
-changed=$(git log -20 --name-only --format= -- 'kinematics/*.cpp' 'errors/*.cpp' 'cutting/*.cpp' 'render/*.cpp' 'sim/*.cpp' |
-  awk '!seen[$0]++')
+changed=$(git log -20 --name-only --format= -- 'kinematics/*.cpp' 'errors/*.cpp' 'cutting/*.cpp' 'render/*.cpp' \
+  'sim/*.cpp' ':!sim/python' | awk '!seen[$0]++')
 checked=0 left=0 failed=0
 for source in $changed; do
   [ -f "$source" ] || continue
-  case "$source" in sim/python/*) continue ;; esac
   if [ "$(date +%s)" -ge "$end" ]; then
     left=$((left + 1))
     continue
   fi
-  clang-tidy -p build/tidy --quiet --warnings-as-errors='*' "$source" 2>/dev/null || failed=$((failed + 1))
+  clang-tidy -p build/tidy --quiet --extra-arg=-Wno-unused-command-line-argument --warnings-as-errors='*' "$source" 2>/dev/null || failed=$((failed + 1))
   checked=$((checked + 1))
 done
 echo "clang-tidy: $checked sources checked, $failed with warnings, $left left out after $1 minutes"

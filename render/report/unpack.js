@@ -1,4 +1,4 @@
-// What sim/report/page_data.cpp packs: base64 of a range code of numbers, each as its
+// Unpacks the data that sim/report/page_data.cpp packs: base64 of a range code of numbers, each as its
 // difference from what those before it predict.
 function bytesOf(text) {
   if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);

@@ -60,7 +60,7 @@ struct Spiral {
   NcFormat format;
 };
 
-/// What a generator needs to know besides its own options: the machine and the range to cut.
+/// Input of a generator besides its own options: the machine and the range to cut.
 struct GeneratorContext {
   kinematics::Chain control;                             ///< the machine as the control models it
   kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece

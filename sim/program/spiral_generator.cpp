@@ -88,7 +88,7 @@ std::optional<Height> OffsetCurve::on_corner(const Vector2d& corner, double r) c
   return Height{corner.y() + up, -across / up};
 }
 
-// Of all offsets above a radius the highest one is free of gouging.
+// The highest of all offsets above a radius is free of gouging.
 std::optional<Height> OffsetCurve::at(double r) const {
   std::optional<Height> highest;
   const auto take = [&](std::optional<Height> height, int touched) {
