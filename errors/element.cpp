@@ -72,7 +72,6 @@ void expect_node(int node, int nodes, const std::string& who) {
 
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::Joint;
 
 bool is_along(const ElementName& name, const Joint& joint) {

@@ -308,9 +308,6 @@ double coverage(const WorkpieceField& field,
 
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
-
 void require(bool good, const std::string& expected) {
   if (!good) throw std::invalid_argument("workpiece: expected " + expected);
 }

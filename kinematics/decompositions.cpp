@@ -97,10 +97,6 @@ PrincipalAxes principal_axes(const Eigen::MatrixX3d& rows) {
 
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 template <typename Unknowns, typename Matrix, typename Right>
 LeastSquares<Unknowns> solve_by_pivots(const Matrix& A, const Right& b,
                                        const std::optional<double>& threshold) {

@@ -324,8 +324,6 @@ NearestPose nearest_inverse_solution(const Chain& chain, const TipTarget& target
 
 namespace {
 
-using Eigen::Vector3d;
-
 constexpr double one_line = 1e-9;  // rad, between two axes that count as parallel
 
 double between_lines(const Vector3d& a, const Vector3d& b) {

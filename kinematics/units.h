@@ -15,6 +15,7 @@ inline constexpr double nm = 1e-6;                ///< mm
 inline constexpr double inch = 25.4;              ///< mm
 inline constexpr double urad = 1e-6;              ///< rad
 inline constexpr double deg = pi / 180.0;         ///< rad
+inline constexpr double full_turn = 2.0 * pi;     ///< rad
 inline constexpr double rpm = pi / 30.0;          ///< rad/s
 inline constexpr double mm_per_min = 1.0 / 60.0;  ///< mm/s
 }  // namespace units

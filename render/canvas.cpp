@@ -421,8 +421,6 @@ void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
 
 namespace {
 
-using Eigen::Vector2d;
-
 /// A segment of an outline: M move to a point, L line, C cubic curve, Z close.
 struct Piece {
   char kind = 'M';

@@ -353,9 +353,6 @@ void write_grid(const std::filesystem::path& path, const std::vector<Panel>& pan
 
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector2d;
-
 constexpr double nominal_radius_ratio = 0.6;  // radius of the nominal circle relative to the
                                               // outermost one
 

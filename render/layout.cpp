@@ -16,8 +16,6 @@ using Eigen::Vector2d;
 
 namespace {
 
-using Eigen::Vector2d;
-
 // UTF-8: continuation bytes are 10xxxxxx; a text may only be cut before a first byte.
 bool is_continuation(char c) { return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u; }
 
@@ -264,8 +262,6 @@ void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, doub
 }
 
 namespace {
-
-using Eigen::Vector2d;
 
 constexpr double side_margin = 40.0;  // at the reference size
 

@@ -325,8 +325,6 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
 
 namespace {
 
-using Eigen::Vector2d;
-
 constexpr std::size_t max_bars = 400;
 constexpr double bar_px = 38.0;     // distance of the bars in a picture 1600 px wide
 constexpr double legend_px = 44.0;  // above the bars

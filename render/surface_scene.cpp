@@ -274,9 +274,6 @@ Tally tally(const Field& field, const Span& ends_um) {
 
 namespace {
 
-using Eigen::Vector2d;
-using Eigen::Vector3d;
-
 bool overlap(const Rectangle& a, const Rectangle& b) {
   return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
 }

@@ -188,8 +188,6 @@ AlignmentResult aligned(const Surface& surface, const Design& design,
 
 namespace {
 
-using Eigen::Vector3d;
-
 std::vector<Eigen::Index> cut_vertices(const Design& design, const Surface& surface) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
   if (surface.status.size() != n || static_cast<std::size_t>(surface.residual.size()) != n ||

@@ -20,8 +20,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-using Eigen::Vector3d;
-
 // lengths of an edge: the travel along one pass between the cuts of its ends is at most this
 constexpr double pass_travel = 4.0;
 // of an edge; a crest nearer to its end is resolved by shorter edges

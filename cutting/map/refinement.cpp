@@ -386,9 +386,6 @@ RefinementResult refined(const Design& design, const SurfaceInterpolator& on_sur
 
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
-
 // fractions of an edge at which the flipped edge is probed
 constexpr std::array<double, 2> turned_at = {0.31, 0.67};
 constexpr double much_longer = 1.5;  // than an edge to be split, which then waits

@@ -263,7 +263,6 @@ bool Thickness::comes_within(const Vector3d& place, double distance) const {
 namespace {
 
 using Eigen::Vector2d;
-using Eigen::Vector3d;
 
 constexpr double kink = 0.01;  // of the profile's size: within this distance of a kink the normal
                                // decides
@@ -414,9 +413,6 @@ Design design_from_points(const std::vector<Contact>& places) {
 }
 
 namespace {
-
-using Eigen::Vector2d;
-using Eigen::Vector3d;
 
 constexpr double smooth_cosine = 0.8660254037844386;  // cos 30 degrees
 constexpr double edge_slack = 1e-12;  // of a plan coordinate, so that there is no gap between

@@ -332,7 +332,6 @@ FaceRegions grow_face_regions(const Design& design, const std::vector<char>& ope
 namespace {
 
 using Eigen::Index;
-using Eigen::Vector3d;
 
 constexpr double min_lean = 0.866;  // cos 30 degrees, lean of a facet along its surface
 constexpr double min_waste = 1e6, waste_a_triangle = 30.0, fit_work = 50.0;  // triangles

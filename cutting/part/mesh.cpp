@@ -74,8 +74,6 @@ SegmentGrid::Cell SegmentGrid::cell_of(const Vector3d& p) const {
 
 namespace {
 
-using Eigen::Vector3d;
-
 Vector3d cross_of(const Points& vertices, const Triangles& triangles, Eigen::Index t) {
   const Vector3d a = vertices.row(triangles(t, 0));
   const Vector3d b = vertices.row(triangles(t, 1));

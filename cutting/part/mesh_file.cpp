@@ -195,7 +195,6 @@ std::optional<FaceColour> common_corner_colour(
 namespace {
 
 using Eigen::Vector2d;
-using Eigen::Vector3d;
 
 /// Returns twice the area vector of a polygon.
 Vector3d twice_area(const std::vector<Vector3d>& corners) {

@@ -15,7 +15,6 @@ using Eigen::Vector2d;
 
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 using ProfilePiece = RevolvedProfile::Piece;
 using std::numbers::pi;

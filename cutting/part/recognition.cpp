@@ -163,8 +163,6 @@ SurfaceInterpolator patch_interpolator(const std::vector<AnalyticPatch>& patches
 
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
 using kinematics::angle_between;
 
 constexpr double tangent_angle = 2e-3;  // rad

@@ -177,7 +177,6 @@ Design subdivided(const Design& design, const SurfaceInterpolator& on_surface,
 
 namespace {
 
-using Eigen::Index;
 using Eigen::Vector3d;
 
 Vector3d normal_of(const Design& design, int triangle) {
@@ -415,8 +414,6 @@ Design judge_off_edges(const Design& design, std::vector<Segment> edges, double 
 }
 
 namespace {
-
-using Eigen::Vector3d;
 
 /// An edge where two faces meet, by its vertices in each face.
 struct TwoSided {

@@ -25,9 +25,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
-
 /// Returns the number of sides of a polygon around a circle whose corners protrude by at most
 /// `sag`; at least 8, so that small bodies keep their shape.
 int sides_around(double radius, double sag) {

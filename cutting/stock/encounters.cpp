@@ -558,9 +558,6 @@ EncounterSearchResult follow(const EncounterSearch& task, std::size_t first, std
 
 namespace {
 
-using Eigen::Vector3d;
-using kinematics::Pose;
-
 void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& pairs,
            const CarrierMotion& motion, const EncounterOptions& options) {
   require(options.resolution > 0.0 && options.clearance >= 0.0 && options.share > 0.0 &&

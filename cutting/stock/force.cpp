@@ -15,7 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double full_turn = 2.0 * pi;
 constexpr double no_chip = 1e-12;    // of the feed; a surface along the feed has a chip of rounding
 constexpr double no_extent = 1e-12;  // rad; below it an edge counts as upright
 
@@ -50,8 +49,8 @@ void add_zeros(const Harmonic& h, double from, double to, std::vector<double>& z
   const double middle = std::atan2(h.sin, h.cos);
   const double half = std::acos(-h.mean / amplitude);
   for (const double zero : {middle - half, middle + half}) {
-    double phi = zero + full_turn * std::ceil((from - zero) / full_turn);
-    for (; phi < to; phi += full_turn) zeros.push_back(phi);
+    double phi = zero + units::full_turn * std::ceil((from - zero) / units::full_turn);
+    for (; phi < to; phi += units::full_turn) zeros.push_back(phi);
   }
 }
 
@@ -149,7 +148,7 @@ class LoadSum {
     load_.on_tool_t.head<3>() += turned(F.radial, F.around, F.axial[0]);
     load_.on_tool_t.tail<3>() += turned(-z * F.around, z * F.radial - r * F.axial, r * F.around[0]);
     load_.torque += turning_ * r * F.around[0];
-    load_.chip_volume += full_turn * r * F.chip;
+    load_.chip_volume += units::full_turn * r * F.chip;
     load_.contact_t += Vector3d(r * F.amounts[1], r * F.amounts[2], z * F.amounts[0]);
     amount_ += F.amounts[0];
     if (piece.rise == 0.0) return;
@@ -220,7 +219,8 @@ std::vector<Harmonic> thicknesses(const EdgeSlice& slice, const Vector3d& feed_t
   const double now = spindle_angle + flutes.run_out_angle;
   std::vector<Harmonic> result;
   for (int m = 1; m <= flutes.count; ++m) {
-    const double then = now + (flutes.clockwise ? full_turn : -full_turn) * m / flutes.count;
+    const double then =
+        now + (flutes.clockwise ? units::full_turn : -units::full_turn) * m / flutes.count;
     const bool itself = m == flutes.count;
     result.push_back({m * part.mean,
                       m * part.cos + (itself ? 0.0 : out * (std::cos(now) - std::cos(then))),
@@ -235,8 +235,8 @@ void add_edge(const FluteEdge& edge, const EdgeSlice& slice, const EngagedArc& a
   const double high = edge.middle + std::abs(edge.half_extent);
   const bool upright = edge.is_upright();
   const double rise = upright ? 0.0 : edge.half_height / edge.half_extent;
-  double shift = full_turn * std::ceil((low - arc.to) / full_turn);
-  for (; arc.from + shift <= high; shift += full_turn) {
+  double shift = units::full_turn * std::ceil((low - arc.to) / units::full_turn);
+  for (; arc.from + shift <= high; shift += units::full_turn) {
     const double from = std::max(low, arc.from + shift), to = std::min(high, arc.to + shift);
     if (upright ? !(edge.middle < arc.to + shift) : !(from < to)) continue;
     for (const ChipArc& one : chips(thicknesses, from, upright ? from : to, feed)) {
@@ -281,7 +281,7 @@ CuttingLoad mean_force(const Engagement& engagement, const CuttingCoefficients& 
     const Harmonic chip = feed_part(slice, engagement.feed_t, feed_per_tooth);
     for (const ChipArc& one : chips({chip}, arc.from, arc.to, feed_per_tooth)) {
       // number of teeth on the arc on average
-      const double teeth = flutes.count * (one.to - one.from) / full_turn;
+      const double teeth = flutes.count * (one.to - one.from) / units::full_turn;
       sum.add(slice, {one, teeth * slice.length, slice.height, 0.0});
     }
   }
@@ -295,8 +295,8 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
   double radius = 0.0;
   for (const EdgeSlice& slice : engagement.slices) radius = std::max(radius, slice.radius);
   const double lag = radius > 0.0 ? std::tan(flutes.helix) / radius : 0.0;
-  const double pitch =
-      (flutes.clockwise ? full_turn : -full_turn) / flutes.count;  // to the following tooth
+  const double pitch = (flutes.clockwise ? units::full_turn : -units::full_turn) /
+                       flutes.count;  // to the following tooth
   LoadSum sum(coefficients, flutes.clockwise);
   for (const EngagedArc& arc : engagement.arcs) {
     const EdgeSlice& slice = slice_of(engagement, arc);
@@ -351,7 +351,7 @@ CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nos
     load.on_tool_t.head<3>() += force;
     load.on_tool_t.tail<3>() += place.cross(force);
     load.torque += tangential * work_radius;
-    load.chip_volume += full_turn * work_radius * edge.chip * edge.length;
+    load.chip_volume += units::full_turn * work_radius * edge.chip * edge.length;
     load.contact_t += (tangential + radial) * place;
     amount += tangential + radial;
   }

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -15,6 +14,7 @@
 
 #include "cutting/part/compensated_sum.h"
 #include "cutting/part/index_sets.h"
+#include "kinematics/units.h"
 
 namespace abbe::cutting {
 
@@ -23,8 +23,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double whole_turn = 2.0 * std::numbers::pi;  // rad
-constexpr int half_planes = 12;                        // of a profile
+constexpr int half_planes = 12;  // of a profile
 
 using LatticeNode = std::array<int, 3>;
 
@@ -119,7 +118,7 @@ class SkinLattice {
         low[0] = 0.0;
         continue;
       }
-      if (is_round() && angle) c[1] = *angle + std::remainder(c[1] - *angle, whole_turn);
+      if (is_round() && angle) c[1] = *angle + std::remainder(c[1] - *angle, units::full_turn);
       angle = c[1];
       low = low.cwiseMin(c);
       high = high.cwiseMax(c);
@@ -135,7 +134,7 @@ class SkinLattice {
  private:
   void set_spacing(double spacing) {
     step_ = Vector3d::Constant(spacing);
-    if (is_round()) step_[1] = whole_turn / half_planes;
+    if (is_round()) step_[1] = units::full_turn / half_planes;
   }
 
   Eigen::Isometry3d T_wk_, T_kw_;
@@ -486,7 +485,7 @@ double spacing_for(const StockSkin& skin, const std::vector<int>& triangles) {
     turned += one * axis.cross((a + b + d) / 3.0 - skin.T_wk.translation()).norm();
   }
   if (skin.lattice == StockSkin::Lattice::Profile) {
-    const double length = area * area / (2.0 * std::numbers::pi * turned);
+    const double length = area * area / (units::full_turn * turned);
     return std::max(length / rings, skin.spacing);
   }
   // Between dexels of one direction nothing is known of walls along them.

@@ -68,9 +68,6 @@ double beyond(const PartingPlane& plane, std::span<const Ball> hull_b, const Pos
 
 namespace {
 
-using Eigen::Vector3d;
-using kinematics::Pose;
-
 // Every translation that is returned was tested to leave the bodies apart, or separates them by a
 // plane. The limits of steps, pairs and planes below therefore affect its length and the time only.
 

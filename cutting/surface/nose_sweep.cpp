@@ -16,9 +16,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Vector2d;
-using Eigen::Vector3d;
 using std::numbers::pi;
 
 // About 240 bytes each (a piece of 80 and two nodes of 80): 4.8 GB.

@@ -152,17 +152,11 @@ std::vector<metrology::Misalignment> set_ups(std::span<const Readings> readings,
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 using kinematics::AxisState;
-using kinematics::Chain;
 using kinematics::Deviation;
-using kinematics::Joint;
 using kinematics::JointDeviation;
 using metrology::Bodies;
-using metrology::Measurement;
-using metrology::Readings;
 
 constexpr double cancellation_limit = 1e-12;  // relative to the column without cancellation
 

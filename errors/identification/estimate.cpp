@@ -507,10 +507,6 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
 
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-using metrology::Readings;
-
 // Points of a plotted curve.
 constexpr Index samples = 121;
 

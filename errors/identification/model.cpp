@@ -287,9 +287,7 @@ double typical_deviation(const std::string& number) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 using metrology::Readings;
 
 constexpr int max_sweeps = 4;

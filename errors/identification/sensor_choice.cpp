@@ -163,8 +163,6 @@ const char* to_string(GreyStatus status) {
 namespace {
 
 using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 /// Returns the columns with mean 0 and length 1; zero for a constant one.
 MatrixXd directions(const MatrixXd& columns) {

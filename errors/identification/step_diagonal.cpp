@@ -172,13 +172,8 @@ StepPath step_path(const Readings& readings) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::Vector3d;
 using Eigen::VectorXd;
-using kinematics::Chain;
-using metrology::Measurement;
-using metrology::Readings;
 
 /// Returns what the instruments would read on a machine with these errors if every set-up were
 /// perfect.

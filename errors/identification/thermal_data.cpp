@@ -209,8 +209,6 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
 
 namespace {
 
-using Eigen::Index;
-
 /// Calls visit(first row, number of rows) for every run.
 template <typename Visit>
 void transform_runs(const ThermalData& data, const Visit& visit) {

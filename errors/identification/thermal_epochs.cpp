@@ -304,10 +304,6 @@ bool is_moved(const std::vector<DayLog>& logs, int joint) {
 
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-
 void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
   require(!runs.empty(), "a composite needs runs");
   require(options.degree >= 1 && options.degree <= 12, "degree of a cold curve lies in 1 .. 12");

@@ -215,8 +215,6 @@ int count_rows_outside(const ThermalModel& model, const MatrixXd& T) {
 
 namespace {
 
-using Eigen::VectorXd;
-
 /// Residuals of a part that was left out, and its label.
 struct Part {
   int run = 0;
@@ -345,10 +343,6 @@ NestedValidation nested_validation(const ThermalData& data, const std::vector<Re
 // decimal that reads back the same bits.
 
 namespace {
-
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 constexpr int largest_model = 1000;
 constexpr int most_rows = 100'000;

@@ -18,7 +18,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double full_turn = 2.0 * pi;
 constexpr double one_place = 1e-9;  // rad: rounding of an angle computed from two coordinates
 
 /// Distinct positions of readings around a circle, and the gap after each.
@@ -38,10 +37,10 @@ Ring ring_of(const VectorXd& angle) {
   std::vector<Index> order(static_cast<std::size_t>(angle.size()));
   std::iota(order.begin(), order.end(), 0);
   const VectorXd within = angle.unaryExpr([](double a) {
-    const double rest = a - full_turn * std::floor(a / full_turn);
+    const double rest = a - units::full_turn * std::floor(a / units::full_turn);
     // An angle just below a full turn is the start of the circle, by the rounding of its
     // coordinates.
-    return rest > full_turn - one_place ? 0.0 : rest;
+    return rest > units::full_turn - one_place ? 0.0 : rest;
   });
   std::stable_sort(order.begin(), order.end(),
                    [&](Index a, Index b) { return within[a] < within[b]; });
@@ -57,7 +56,8 @@ Ring ring_of(const VectorXd& angle) {
   }
   for (std::size_t k = 0; k + 1 < ring.size(); ++k)
     ring.gap.push_back(ring.place[k + 1] - ring.place[k]);
-  if (ring.size() > 0) ring.gap.push_back(full_turn - (ring.place.back() - ring.place.front()));
+  if (ring.size() > 0)
+    ring.gap.push_back(units::full_turn - (ring.place.back() - ring.place.front()));
   return ring;
 }
 
@@ -115,10 +115,8 @@ VectorXd place_weights(const Eigen::MatrixXd& places, double tolerance) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixX2d;
 using Eigen::Vector2d;
-using Eigen::VectorXd;
 
 void check(const CircularTrace& trace, double sense) {
   const Index n = trace.radius.size();

@@ -246,13 +246,9 @@ double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::Matrix3d;
 using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
-using Eigen::Vector2d;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double flat = 1e-9;  // relative to the size: a cloud thinner than this is a line
 

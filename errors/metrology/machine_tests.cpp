@@ -328,9 +328,6 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
 
 namespace {
 
-using Eigen::Index;
-using Eigen::Vector3d;
-
 /// Returns the signs of the slides along a diagonal, in the order X Y Z; empty if other axes move.
 std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
                                                  const std::vector<int>& moving) {
@@ -389,9 +386,6 @@ std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vecto
 }
 
 namespace {
-
-using Eigen::Index;
-using Eigen::VectorXd;
 
 /// Returns the channels of a set-up over time, the axes at rest.
 std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {

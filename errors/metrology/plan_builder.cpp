@@ -235,11 +235,6 @@ Eigen::VectorXd scatter_targets(Eigen::VectorXd targets, double part) {
   return targets;
 }
 
-using kinematics::AxisVector;
-using kinematics::Chain;
-using kinematics::Joint;
-using kinematics::Motion;
-
 constexpr std::size_t max_measurements = 500'000;  // about 80 MB
 // A shorter motion is rounding of the path: the axis is at rest and has not reversed.
 constexpr double still = 1e-9;  // mm or rad

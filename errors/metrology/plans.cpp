@@ -169,7 +169,6 @@ namespace {
 
 using Eigen::Vector3d;
 using kinematics::AxisVector;
-using kinematics::Chain;
 using kinematics::Joint;
 
 const Joint& joint_of(const AxisDirection& axis, const Chain& nominal) {
@@ -345,10 +344,6 @@ Plan roll_lines(const Instrument& instrument, const Chain& nominal) {
 
 namespace {
 
-using Eigen::Vector3d;
-using kinematics::AxisVector;
-using kinematics::Chain;
-
 /// A diagonal from one corner of the travel to the opposite one; its last axis moves upwards.
 struct Diagonal {
   std::string name;        ///< "+X -Y +Z"
@@ -468,11 +463,6 @@ Plan step_diagonal(const Instrument& instrument, const Chain& nominal) {
 }
 
 namespace {
-
-using Eigen::Vector3d;
-using kinematics::AxisVector;
-using kinematics::Chain;
-using kinematics::Motion;
 
 /// A spindle with its axis in the workpiece and the side that carries the artefact.
 struct Turning {

@@ -270,10 +270,6 @@ Plan sphere(const Instrument& instrument, const Chain& nominal) {
 
 namespace {
 
-using Eigen::Vector3d;
-using kinematics::AxisVector;
-using kinematics::Chain;
-
 std::vector<AxisVector> travel_grid(const Instrument& instrument, const Chain& nominal,
                                     const ParkedMachine& stand) {
   std::vector<GridLine> lines;

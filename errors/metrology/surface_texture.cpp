@@ -297,8 +297,6 @@ ProfileTexture profile_texture(const VectorXd& s, const VectorXd& z,
 
 namespace {
 
-using Eigen::VectorXd;
-
 void check(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights) {
   if (xy.rows() != z.size() || weights.size() != z.size() || z.size() == 0)
     throw std::invalid_argument("areal: expected one height and one weight for every point");

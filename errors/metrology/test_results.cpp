@@ -138,7 +138,6 @@ TestResult circle_result(const CircleTest& test) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 
 TestResult positioning_result(const std::string& name, const PositionRuns& runs, bool angle) {
@@ -308,11 +307,9 @@ std::vector<TestResult> standard_results(const Tests& tests) {
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double one_point = 1e-6;  // mm: points of a design closer than this coincide
 

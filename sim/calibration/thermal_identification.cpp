@@ -216,11 +216,6 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
 
 namespace {
 
-namespace identification = errors::identification;
-using Eigen::Index;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
-using errors::metrology::Readings;
 using identification::DayLog;
 using identification::Estimate;
 using kinematics::Chain;

@@ -182,9 +182,6 @@ TimeSeries loop_response(const TimeSeries& wanted, const PositionLoop& loop,
 
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 // 2e8 cycles: 55 hours at 1 ms
 constexpr double longest_course = 2e8;
 constexpr double largest_count = 1e15;  // below it whole numbers and halves are distinct

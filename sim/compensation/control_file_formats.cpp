@@ -254,8 +254,6 @@ ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const C
 
 namespace {
 
-using kinematics::Chain;
-
 // 256 rows; 1e-3 mm or degrees is ten steps of the fourth decimal
 constexpr Capacity capacity{256, 1e-3};
 constexpr int text_decimals = 4;

@@ -133,9 +133,7 @@ TimeSeries bending(const CurrentLaw& law, const ControlLog& log) {
 namespace {
 
 namespace identification = errors::identification;
-using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
 using identification::ThermalModel;
 using kinematics::JointDeviation;
 
@@ -352,10 +350,8 @@ std::vector<JointDeviation> deviations(const ThermalSeries& course,
 
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixX3d;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr std::size_t neighbours = 9;  // the last one only limits the weights
 
@@ -556,9 +552,7 @@ Vector3d move_at(const DisplacementSeries& course, double time_s) {
 
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::AxisState;
-using kinematics::JointDeviation;
 using kinematics::Pose;
 
 /// Returns a displacement shown by the part, in the workpiece as turned by the spindle.

@@ -114,7 +114,6 @@ std::vector<PulseWindows> pulse_windows(const TimeSeries& motion, Index column, 
 
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double max_cycles = 2e8;

@@ -105,9 +105,6 @@ Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
 
 namespace {
 
-using kinematics::AxisState;
-using kinematics::AxisVector;
-
 bool is_tip(const program::Path& path, int block) {
   return path.blocks[std::size_t(block)].coordinates == program::Coordinates::Tip;
 }

@@ -245,9 +245,6 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> source_contributions(
 
 namespace {
 
-using kinematics::Chain;
-using kinematics::Joint;
-
 constexpr std::size_t max_faults = 20;
 
 struct TimeUnit {

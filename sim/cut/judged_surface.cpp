@@ -142,9 +142,6 @@ int flank_gouge_count(const ProgramGouge& gouge, const Surface& surface,
 
 namespace {
 
-using cutting::Surface;
-using cutting::VertexStatus;
-
 /// Returns the smallest corner radius, mm, of the tools of a job: where that does not fit, none
 /// does. A turning tool counts as 0, since it touches the part along its edge only.
 double smallest_corner(const Job& job) {
@@ -256,7 +253,6 @@ std::string exclusion_text(const SampledSurface& sampled) {
 namespace {
 
 using cutting::Design;
-using cutting::VertexStatus;
 
 /// Returns where further samples within triangles are needed. Adaptive vertices lie on crests and
 /// do not represent their surroundings, so the middle of each triangle is added; a map that its

@@ -308,9 +308,7 @@ PoseResult pose_at(const Scene& scene, const std::string& at, const PoseRequest&
 
 namespace {
 
-using Eigen::Vector3d;
 using kinematics::Chain;
-using kinematics::Joint;
 
 // Counts when none is given, for one, two and three runs: 101, 441 and 1331 poses.
 constexpr int usual_counts[] = {101, 21, 11};  // of one, two, three runs

@@ -161,7 +161,6 @@ std::vector<std::size_t> turning_steps(const program::Samples& samples, const pr
 namespace {
 
 using errors::Load;
-using kinematics::Pose;
 
 /// Solves for the force of one step and the deflection that it causes.
 class Loop {
@@ -304,9 +303,7 @@ ProcessStep converged_step(const CuttingDescription& description, const PoseUnde
 
 namespace {
 
-using errors::Load;
 using kinematics::AxisState;
-using kinematics::Pose;
 
 // Returns the load of a cut as a sample without engagement.
 ProcessSample process_sample(const cutting::CuttingLoad& cut) {

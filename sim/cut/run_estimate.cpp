@@ -198,8 +198,6 @@ std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second
 
 namespace {
 
-using Channel = CaseDescription::Channel;
-
 // Bytes, measured on scenes of the library from 2000 vertices and 105 000 samples to a million and
 // 17 million: the largest resident memory after a program is sampled, its surface sampled, cut,
 // drawn.

@@ -110,7 +110,6 @@ namespace {
 
 using Eigen::Vector3d;
 using kinematics::AxisState;
-using kinematics::Pose;
 
 /// Deviation of the tip and of a point on the tool axis above it, mm.
 struct Off {

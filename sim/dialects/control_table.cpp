@@ -219,7 +219,6 @@ void read_linuxcnc_table(TableReading& reading) {
 
 namespace {
 
-constexpr std::string_view listed_axes = "XYZABCUVW";
 // Bounds the memory of a hostile line.
 constexpr std::size_t max_words = 64;  // of a block
 
@@ -295,7 +294,7 @@ Setting setting_of(TableReading& reading, Cursor& line) {
       put_once(setting.p, word, line);
     else if (word.letter == 'R')
       put_once(setting.r, word, line);
-    else if (listed_axes.find(word.letter) != std::string_view::npos)
+    else if (table_axes.find(word.letter) != std::string_view::npos)
       setting.axes.push_back(word);
     // Program, sequence and M numbers frame the listing.
     else if (word.letter != 'O' && word.letter != 'N' && word.letter != 'M')

@@ -121,8 +121,6 @@ void remove_abandoned_files(const fs::path& folder) {
 
 namespace {
 
-namespace fs = std::filesystem;
-
 [[noreturn]] void refuse_new(const fs::path& file, const std::string& reason) {
   throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
 }

@@ -183,8 +183,6 @@ void append_to_manifest(const fs::path& folder,
 
 namespace {
 
-namespace fs = std::filesystem;
-
 [[noreturn]] void fail(const fs::path& file, const std::string& reason) {
   throw OutputFailure(escaped(file.string()) + ": cannot be written: " + escaped(reason));
 }

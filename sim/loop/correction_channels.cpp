@@ -179,8 +179,6 @@ namespace {
 using compensation::TimeSeries;
 using Eigen::Index;
 using Eigen::VectorXd;
-using kinematics::AxisState;
-using kinematics::AxisVector;
 using Channel = CaseDescription::Channel;
 
 constexpr double arm = 200.0;  // mm, lever at which an angle counts as a length

@@ -2,19 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "cutting/surface/tool.h"
+#include "kinematics/units.h"
 
 namespace abbe::sim {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double whole_turn = 2.0 * std::numbers::pi;
 
 bool is_run_out(const errors::Curve& curve) {
   return std::holds_alternative<errors::Fourier>(curve.shape) ||
@@ -25,7 +23,7 @@ bool is_synchronous(const errors::Curve& curve) {
   const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
   if (fourier == nullptr) return false;
   // A Fourier curve is synchronous if a whole number of its periods fits into a turn.
-  const double a_turn = whole_turn / fourier->period;
+  const double a_turn = units::full_turn / fourier->period;
   return a_turn > 0.5 && std::abs(a_turn - std::round(a_turn)) < 1e-9 * a_turn;
 }
 
@@ -101,7 +99,7 @@ RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& 
   // 65 536 angles: an order k is missed by at most (pi k / 65536)^2 / 2 = 1.2e-9 k^2 of its
   // amplitude
   constexpr int angles = 65536;
-  const double step = (is_synchronous(motion) ? 1.0 : 64.0) * whole_turn / angles;
+  const double step = (is_synchronous(motion) ? 1.0 : 64.0) * units::full_turn / angles;
   RunOut found;
   for (int i = 0; i < angles; ++i) {
     const kinematics::Deviation deviation = at_angle(motion, step * i);

@@ -66,7 +66,6 @@ kinematics::Chain compile_actual(const Scene& scene) {
 namespace {
 
 using kinematics::AxisState;
-using kinematics::Pose;
 
 bool is_active(const errors::ComplianceModel& model, const errors::Load& load) {
   return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||

@@ -243,8 +243,6 @@ Codes parse_codes(const NcBlock& block, const NcLocation& place) {
 
 namespace {
 
-using kinematics::AxisVector;
-
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
 /// Interpreter of a plain NC program; holds the modal state.

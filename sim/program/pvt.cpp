@@ -22,9 +22,6 @@ using kinematics::Motion;
 
 namespace {
 
-using kinematics::AxisVector;
-using kinematics::Motion;
-
 // mm, rad, s and their rates; products of two such values stay finite
 constexpr double largest_value = 1e12;
 

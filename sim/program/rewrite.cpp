@@ -220,7 +220,7 @@ struct Changes {
   std::vector<PvtRow> rows;
 };
 
-/// Of several points at one instant within a block the last one counts; a block always starts where
+/// The last of several points at one instant within a block counts; a block always starts where
 /// the previous one ended.
 Changes changes(const Path& path, std::span<const Points> dense) {
   Changes all;
@@ -329,10 +329,6 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
 }
 
 namespace {
-
-using Eigen::Vector2d;
-using kinematics::AxisVector;
-using kinematics::Motion;
 
 bool is_cubic(const Block& block) { return block.interpolation == Interpolation::Cubic; }
 

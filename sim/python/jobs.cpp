@@ -251,7 +251,6 @@ py::object comparison_to_python(sim::CaseResults cases) {
 namespace {
 
 using sim::Job;
-using sim::Retention;
 
 /// A job and the changes to its scene, for machines with other errors.
 struct PreparedJob {

@@ -163,7 +163,6 @@ PartMaps compared_maps(const std::vector<Compared>& cases, const ordered_json& f
 namespace {
 
 using namespace html;
-using nlohmann::ordered_json;
 
 /// Returns a JSON value as text; null as a dash.
 std::string plain(const ordered_json& value) {
@@ -376,9 +375,6 @@ PartMaps saved_maps(const std::vector<SavedCase>&) {
 #endif
 
 namespace {
-
-using nlohmann::ordered_json;
-using std::filesystem::path;
 
 /// Returns the file that holds the figures of a folder.
 path figures_file(const path& folder) {

@@ -171,7 +171,6 @@ Description describe(const Job& job) {
 
 namespace {
 
-using kinematics::Joint;
 using kinematics::Motion;
 using nlohmann::ordered_json;
 

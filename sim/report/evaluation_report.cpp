@@ -356,11 +356,6 @@ std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, cons
 
 namespace {
 
-namespace metrology = errors::metrology;
-using Eigen::Index;
-using Eigen::VectorXd;
-using nlohmann::ordered_json;
-
 constexpr Index max_drift_points = 2000;
 
 double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }

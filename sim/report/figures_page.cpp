@@ -93,8 +93,6 @@ ordered_json series_of(const PageText& name, const ordered_json& x, const ordere
 
 namespace {
 
-using nlohmann::ordered_json;
-
 /// Returns the labels of both kinds of pages, since charts use both.
 std::vector<ReportLabel> all_labels() {
   std::vector<ReportLabel> all(report_labels().begin(), report_labels().end());

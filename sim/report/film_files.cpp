@@ -112,8 +112,6 @@ void encode(const std::vector<std::string>& command, const std::function<void()>
 
 namespace {
 
-namespace fs = std::filesystem;
-
 std::string frame_name(std::size_t frame) { return fmt::format("frame_{:05d}.png", frame + 1); }
 
 /// Returns true for the name of a frame: only such files of an earlier film are removed.

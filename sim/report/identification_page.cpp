@@ -85,7 +85,6 @@ void write_curves_picture(const ResultFile&,
 
 namespace {
 
-using errors::identification::CurveReadings;
 using nlohmann::ordered_json;
 
 constexpr Eigen::Index max_curve_readings = 1500;  // readings of one element that are drawn; more

@@ -163,7 +163,6 @@ std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
 
 namespace {
 
-using Eigen::Index;
 using errors::identification::element_of_number;
 
 /// Returns a line for every element with all its coefficients and their standard uncertainties.
@@ -368,7 +367,6 @@ std::string identify_text(const Identified& identified) {
 
 namespace {
 
-using Eigen::Index;
 using Json = nlohmann::ordered_json;
 
 Json optional_json(const std::optional<double>& value) {
@@ -555,7 +553,6 @@ Json to_json(const Identified& identified) {
 
 namespace {
 
-using Eigen::Index;
 using errors::identification::shown_unit;
 using Comments = std::vector<std::string>;
 

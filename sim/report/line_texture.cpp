@@ -252,7 +252,6 @@ std::optional<LineTrace> line_trace(const ProfiledMap& map, ProfileLine line) {
 
 namespace {
 
-using Eigen::Index;
 using errors::metrology::EvaluationLength;
 using errors::metrology::ProfileParameters;
 using errors::metrology::ProfileTexture;

@@ -211,7 +211,6 @@ void add_maps(PageData& data, const PartMaps& maps) {
 namespace {
 
 using compensation::TimeSeries;
-using nlohmann::ordered_json;
 
 // A hundredth of a mm or degree is below a pixel of the page.
 constexpr double motion_tolerance = 0.01;  // mm and degrees
@@ -415,7 +414,6 @@ void add_case_time_series(PageData& data, const Compared& one, std::size_t numbe
 namespace {
 
 using namespace html;
-using nlohmann::ordered_json;
 
 /// Returns the table of figures of every case. The unrounded numbers of comparison.json are kept in
 /// attributes beside the displayed ones.

@@ -82,8 +82,6 @@ std::string to_text(const PoseResult& at) {
 
 namespace {
 
-using nlohmann::ordered_json;
-
 constexpr std::string_view json_start = "{\n  \"abbe_poses\": 1,";
 
 /// Returns the `"key": value,` lines of an object, for insertion into another object.
@@ -197,7 +195,6 @@ TableFormat pose_file_format(const std::filesystem::path& file) {
 namespace {
 
 using Eigen::Vector3d;
-using nlohmann::ordered_json;
 
 Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
   return points.row(Eigen::Index(i)).transpose() / unit;

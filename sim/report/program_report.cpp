@@ -374,8 +374,6 @@ ordered_json to_json(const ProgramInspection& alone) {
 
 namespace {
 
-using nlohmann::ordered_json;
-
 constexpr std::size_t max_events = 40;  // in the text
 constexpr std::size_t max_pairs = 12;   // in the text
 

@@ -186,7 +186,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
   return line == "radius" ? without_empty_bins(field, all) : all;
 }
 
-/// What the summary beside a result says about it.
+/// Facts about a result that its summary file states.
 struct About {
   std::string title;
   std::string datum = "not known";

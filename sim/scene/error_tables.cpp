@@ -252,7 +252,6 @@ std::vector<Key> curve_keys() {
 namespace {
 
 using Eigen::Index;
-using Eigen::VectorXd;
 using errors::Element;
 
 /// The covariance matrix in the form of the file.

@@ -93,9 +93,6 @@ errors::GeometricErrors joined(std::vector<ErrorsSection> tables,
 namespace {
 
 using Eigen::Vector3d;
-using errors::Curve;
-using errors::Element;
-using errors::ElementName;
 using kinematics::Joint;
 using kinematics::Motion;
 

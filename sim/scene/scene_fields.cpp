@@ -33,8 +33,6 @@ const Fields<Limits>& limits_fields();
 
 namespace {
 
-using Field = Fields<Scene>::Field;
-
 Key table_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
   Key key = make_key(name, Key::Kind::Table, sentence);
   key.keys = std::move(keys);

@@ -335,8 +335,6 @@ Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) 
 
 namespace {
 
-using kinematics::Joint;
-using kinematics::Motion;
 using Plot = ThermalDescription::Plot;
 
 constexpr Eigen::Index max_curves = 50;

@@ -283,8 +283,6 @@ Fields<ThermalDescription> history_fields(const ThermalSetting& setting) {
 namespace {
 
 using errors::Surroundings;
-using kinematics::Joint;
-using kinematics::Motion;
 
 constexpr Range power{0.0, 1e7};  // W
 constexpr Range share_of_all{0.0, 1.0};

@@ -146,8 +146,6 @@ std::string unidentified_warning(const Study& study, const ConfigurationBudget& 
 
 namespace {
 
-using Eigen::Index;
-
 constexpr std::uint64_t bootstrap_stream = 0x9e3779b97f4a7c15ULL;
 
 /// Gives access to finished rows by analysis.

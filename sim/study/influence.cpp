@@ -168,8 +168,6 @@ Eigen::MatrixXd effects(const InfluenceMap& influence) {
 
 namespace {
 
-using Eigen::Index;
-
 constexpr Index pass_lot = 8;       // machines whose passes are searched together
 constexpr Index answer_block = 64;  // machines whose responses are computed together
 constexpr double step = 0.01;       // of the spread, for differences

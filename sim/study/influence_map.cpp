@@ -358,9 +358,6 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
 namespace {
 
 using cutting::CompetingPass;
-using Eigen::Index;
-using Eigen::Vector3d;
-using kinematics::Pose;
 
 /// One of the two machines of a difference.
 struct Machined {
@@ -520,9 +517,6 @@ Columns difference_columns(const BaseRun& run, Index input, const std::array<Sce
 }
 
 namespace {
-
-using cutting::CompetingPass;
-using Eigen::Index;
 
 constexpr std::uint64_t check_stream = 0x2545f4914f6cdd1dULL;
 Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {

@@ -255,9 +255,6 @@ void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& s
 
 namespace {
 
-using nlohmann::ordered_json;
-using std::filesystem::path;
-
 constexpr std::size_t max_shown_machines = 20000;  // of one response
 
 /// Reads the fields of a CSV file (RFC 4180) record by record.

@@ -132,7 +132,6 @@ nlohmann::ordered_json to_json(const InfluenceMap& influence, const UncertaintyM
 
 namespace {
 
-using Eigen::Index;
 using Eigen::VectorXd;
 
 // The factors are shaped, scaled and verified on different machines, so that factors fitted to the

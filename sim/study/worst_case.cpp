@@ -96,9 +96,6 @@ Box box_of(const Study& study, double coverage) {
 
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 double weighted_magnitude(const auto& slope, const VectorXd& half) {
   double sum = 0.0;
   for (Index i = 0; i < half.size(); ++i) sum += std::abs(slope[i]) * half[i];
@@ -219,9 +216,6 @@ LinearHeights about_mean(LinearHeights heights) {
 }
 
 namespace {
-
-using Eigen::Index;
-using Eigen::VectorXd;
 
 constexpr int starts = 24;        // vertices from which pairs are improved
 constexpr int max_exchanges = 8;  // steps that exchange one vertex of a pair for a farther one
@@ -349,9 +343,6 @@ Eigen::MatrixXd start_points(const InfluenceMap& influence, const Box& box, Resp
 
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 constexpr double max_products = 1e9;  // multiply-adds for the pairs that are examined, about a
                                       // second
 constexpr Index vertex_lot = 64;      // vertices whose pairs are examined in parallel
@@ -453,9 +444,6 @@ double response_bound(const InfluenceMap& influence, const Box& box, Response re
 }
 
 namespace {
-
-using Eigen::Index;
-using Eigen::VectorXd;
 
 constexpr Index few = 12;  // inputs up to which all corners, 4096, are evaluated
 constexpr int random_starts = 64;

@@ -333,7 +333,6 @@ InterpreterExit run_rs274(const fs::path& packages, const fs::path& folder,
 
 namespace {
 
-namespace fs = std::filesystem;
 using kinematics::AxisVector;
 using linuxcnc::Commands;
 using linuxcnc::NumberedProgram;
