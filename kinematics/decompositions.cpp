@@ -88,19 +88,19 @@ SingularValues singular_values(const Eigen::MatrixXd& A, unsigned vectors) {
   return result;
 }
 
-PrincipalAxes principal_axes(const Eigen::MatrixX3d& rows) {
-  const Eigen::JacobiSVD<Eigen::MatrixX3d> svd(rows, Eigen::ComputeFullV);
-  PrincipalAxes result{Eigen::Vector3d::Zero(), svd.matrixV()};
-  result.size.head(svd.singularValues().size()) = svd.singularValues();
+PrincipalAxes principal_axes(const MatrixXd& rows) {
+  const SingularValues svd = singular_values(rows, Eigen::ComputeFullV);
+  PrincipalAxes result{Eigen::Vector3d::Zero(), svd.V};
+  result.size.head(svd.values.size()) = svd.values;
   return result;
 }
 
 namespace {
 
-template <typename Unknowns, typename Matrix, typename Right>
-LeastSquares<Unknowns> solve_by_pivots(const Matrix& A, const Right& b,
+template <typename Unknowns>
+LeastSquares<Unknowns> solve_by_pivots(const MatrixXd& A, const Unknowns& b,
                                        const std::optional<double>& threshold) {
-  Eigen::ColPivHouseholderQR<Matrix> qr(A);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
   if (threshold) qr.setThreshold(*threshold);
   return {qr.solve(b), qr.rank()};
 }
@@ -109,22 +109,12 @@ LeastSquares<Unknowns> solve_by_pivots(const Matrix& A, const Right& b,
 
 LeastSquares<VectorXd> least_squares(const MatrixXd& A, const VectorXd& b,
                                      std::optional<double> threshold) {
-  return solve_by_pivots<VectorXd>(A, b, threshold);
+  return solve_by_pivots(A, b, threshold);
 }
 
 LeastSquares<MatrixXd> least_squares(const MatrixXd& A, const MatrixXd& b,
                                      std::optional<double> threshold) {
-  return solve_by_pivots<MatrixXd>(A, b, threshold);
-}
-
-LeastSquares<Eigen::Vector3d> least_squares(const Eigen::MatrixX3d& A, const VectorXd& b,
-                                            std::optional<double> threshold) {
-  return solve_by_pivots<Eigen::Vector3d>(A, b, threshold);
-}
-
-LeastSquares<Eigen::Vector2d> least_squares(const Eigen::MatrixX2d& A, const VectorXd& b,
-                                            std::optional<double> threshold) {
-  return solve_by_pivots<Eigen::Vector2d>(A, b, threshold);
+  return solve_by_pivots(A, b, threshold);
 }
 
 // Uses pivoted QR: Eigen's divide-and-conquer SVD has returned a singular value of 4e-7 where the
@@ -157,7 +147,7 @@ VectorXd shortest_least_squares(const MatrixXd& A, const VectorXd& b,
   return parts.compute(A).solve(b);
 }
 
-MatrixXd pseudo_inverse(const Eigen::Matrix3Xd& A) {
+MatrixXd pseudo_inverse(const MatrixXd& A) {
   return A.completeOrthogonalDecomposition().pseudoInverse();
 }
 

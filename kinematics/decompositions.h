@@ -4,7 +4,8 @@
 
 #include <Eigen/Core>
 
-/// Matrix decompositions and linear equations on dynamic matrices, compiled once for all modules.
+/// Matrix decompositions and linear equations. They are costly to compile, so they are instantiated
+/// in one source for all modules, and for dynamic matrices only.
 namespace abbe {
 
 /// QR decomposition by Householder reflections without pivoting, kept factored for many right-hand
@@ -66,15 +67,14 @@ struct SingularValues {
 /// @param vectors  Eigen::ComputeThinU, ComputeFullU, ComputeThinV, ComputeFullV or two of them
 SingularValues singular_values(const Eigen::MatrixXd& A, unsigned vectors);
 
-/// Principal directions of points or normals, by singular values.
+/// Principal directions of points or normals (n x 3), by singular values.
 struct PrincipalAxes {
   Eigen::Vector3d size;  ///< singular values, descending; 0 beyond the number of rows
   Eigen::Matrix3d axes;  ///< unit columns, in the order of the sizes
 };
-PrincipalAxes principal_axes(const Eigen::MatrixX3d& rows);
+PrincipalAxes principal_axes(const Eigen::MatrixXd& rows);
 
-// Least squares. The decompositions behind these functions are costly to compile, so they are
-// instantiated in one source for all modules.
+// Least squares.
 
 template <typename Unknowns>
 struct LeastSquares {
@@ -92,17 +92,13 @@ LeastSquares<Eigen::VectorXd> least_squares(const Eigen::MatrixXd& A, const Eige
                                             std::optional<double> threshold = {});
 LeastSquares<Eigen::MatrixXd> least_squares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& b,
                                             std::optional<double> threshold = {});
-LeastSquares<Eigen::Vector3d> least_squares(const Eigen::MatrixX3d& A, const Eigen::VectorXd& b,
-                                            std::optional<double> threshold = {});
-LeastSquares<Eigen::Vector2d> least_squares(const Eigen::MatrixX2d& A, const Eigen::VectorXd& b,
-                                            std::optional<double> threshold = {});
 
 /// Returns the shortest x that minimises |A x - b|, whatever the rank of A; threshold as above.
 Eigen::VectorXd shortest_least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b,
                                        std::optional<double> threshold = {});
 
-/// Returns the pseudo-inverse (n x 3), which maps b to that shortest x.
-Eigen::MatrixXd pseudo_inverse(const Eigen::Matrix3Xd& A);
+/// Returns the pseudo-inverse (n x m), which maps b to that shortest x.
+Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd& A);
 
 /// Returns orthonormal columns N (n x n - rank) with A N = 0; threshold as above.
 Eigen::MatrixXd null_space(const Eigen::MatrixXd& A, double threshold);

@@ -9,26 +9,26 @@ const C = dark ? { ink: "#e4e6ea", faint: "#a4a9b2", rule: "#3a3e45", paper: "#1
   : { ink: "#212429", faint: "#5b6068", rule: "#e6e7ea", paper: "#ffffff", plate: "#ffffffdd", a: "#00458c", b: "#b8430a", high: "#8c0012", low: "#0a1254", ground: [1, 1, 1] };
 
 
-// ---- data: what unpack.js unpacks, once, when first asked for --------------------------------------
+// ---- data: inflated at once, its numbers unpacked when first asked for -------------------------------
 const nV = index.vertices, nT = index.triangles, unpackedArrays = new Map();
 const lap = name => { timings[name] = Math.round(performance.now() - t0); };
 const textOf = name => { const node = $("a:" + name), text = node.textContent; node.remove(); return text; };
 lap("script");
-const { tri, known } = unpackMesh(bytesOf(textOf("mesh")), nV, nT); lap("mesh");
-function unpacked(name) {
+const bytes = new Map(await Promise.all(Object.keys(index.arrays).map(async name => [name, await inflated(textOf(name))]))); lap("inflated");
+function load(name) {                             // -> whole numbers, one component after the other
   if (!unpackedArrays.has(name)) {
     const d = index.arrays[name], r = d.reference;
-    unpackedArrays.set(name, unpackNumbers(bytesOf(textOf(name)), d, d.mesh ? known : null, r && (r.startsWith("midst:") ? midstOf(r.slice(6), d) : unpacked(r).numbers)));
+    unpackedArrays.set(name, unpackNumbers(bytes.get(name), d, r && (r.startsWith("midst:") ? midstOf(r.slice(6), d) : load(r))));
+    bytes.delete(name);
   }
   return unpackedArrays.get(name);
 }
 let midsts = null;
 function midstOf(name, d) {                       // when the lines of a column are half done, in steps of d
-  const line = unpacked("block_line").numbers, begin = unpacked("block_time").numbers, n = line.length, step = Math.round(d.step[0] / index.arrays.block_time.step[0]);
+  const line = load("block_line"), begin = load("block_time"), n = line.length, step = Math.round(d.step[0] / index.arrays.block_time.step[0]);
   if (!midsts) { midsts = new Map(); for (let k = 0; k < n; k++) if (!midsts.has(line[k])) midsts.set(line[k], Math.floor((begin[k] + begin[Math.min(k + 1, n - 1)] + step) / (2 * step))); }
-  return unpacked(name).numbers.map(l => midsts.get(l) || 0);
+  return load(name).map(l => midsts.get(l) || 0);
 }
-const load = name => unpacked(name).shown;        // -> whole numbers, one component after the other
 const NONE = 1e9;                                 // stands for "no value" on the graphics card
 function values(name) {                           // -> numbers with their unit
   const d = index.arrays[name], x = load(name), y = new Float32Array(x.length);
@@ -57,7 +57,7 @@ function inverse(m) {                             // of a rigid one
 }
 
 // ---- mesh -----------------------------------------------------------------------------------------
-const P = interleaved(values("position"), nV, 3); lap("positions");
+const tri = interleaved(load("triangle"), nT, 3), P = interleaved(values("position"), nV, 3); lap("positions");
 const normal = new Float32Array(nV * 3);
 for (let k = 0; k < nT * 3; k += 3) {
   const a = tri[k] * 3, b = tri[k + 1] * 3, c = tri[k + 2] * 3;

@@ -173,10 +173,6 @@ bool is_file(const Option& option) {
                std::vector<std::filesystem::path>*>(option.target);
 }
 
-bool is_number(const Option& option) {
-  return holds<int*, double*, std::optional<std::int64_t>*>(option.target);
-}
-
 }  // namespace
 
 std::vector<Option> named_options(const Command& command) {
@@ -197,26 +193,9 @@ std::vector<Option> positional_options(const Command& command) {
 
 bool is_flag(const Option& option) { return holds<bool*>(option.target); }
 
-bool is_list(const Option& option) {
-  return holds<std::vector<std::string>*, std::vector<std::filesystem::path>*>(option.target);
-}
-
-bool is_optional_argument(const Option& option) {
-  return find_rule<OptionalArgument>(option) != nullptr;
-}
-
 std::vector<std::string> words_of(const Option& option) {
   const OneOf* rule = find_rule<OneOf>(option);
   return rule ? rule->values : std::vector<std::string>{};
-}
-
-std::string value_name(const Option& option) {
-  if (is_flag(option)) return "";
-  if (const TypeName* type = find_rule<TypeName>(option)) return type->name;
-  if (const std::vector<std::string> words = words_of(option); !words.empty())
-    return fmt::format("{}", fmt::join(words, "|"));
-  if (is_number(option)) return "N";
-  return is_file(option) ? "FILE" : "TEXT";
 }
 
 // The order matters: an option that takes a file but enumerates values must offer the values.

@@ -134,7 +134,7 @@ void print_assumptions(const std::vector<program::Assumption>& assumptions);
 /// Prints warnings on standard error.
 void print_warnings(const std::vector<std::string>& warnings);
 
-// Properties of options for manual pages and shell completion.
+// Properties of options for shell completion.
 
 /// Returns every option of a command that has dashes, with `--help`, in the order of `--help`.
 std::vector<Option> named_options(const Command& command);
@@ -143,14 +143,9 @@ std::vector<Option> named_options(const Command& command);
 std::vector<Option> positional_options(const Command& command);
 
 bool is_flag(const Option& option);
-bool is_list(const Option& option);
-bool is_optional_argument(const Option& option);
 
 /// Returns the possible values of an option; empty if they are not enumerated.
 std::vector<std::string> words_of(const Option& option);
-
-/// Returns the name of an option's value: "FILE", "N", "KEY=VALUE", "x|y|radius"; empty for a flag.
-std::string value_name(const Option& option);
 
 /// Kind of completion that a shell offers for a value.
 enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };

@@ -210,7 +210,9 @@ Exit answered(const CLI::App& app, const CLI::Success& help) {
 /// @return the command, or the exit code if help or a usage error was printed
 std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
                                           const std::string& version, int argc, char** argv) {
-  const std::vector<GlobalOption> asked = global_options(commands);
+  if (argc > 1 && std::string_view(argv[1]) == "__complete")
+    return print_completions(commands, std::vector<std::string>(argv + 2, argv + argc));
+  const std::vector<GlobalOption> asked = global_options();
   if (const auto question = std::ranges::find(asked, argc > 1 ? argv[1] : "", &GlobalOption::name);
       question != asked.end())
     return answered(*question, argc, argv);
@@ -223,8 +225,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
   std::string argument;  // global options are listed here and handled above
   for (const GlobalOption& question : asked)
     app.add_option(question.name, argument, question.help)
-        ->type_name(question.argument)
-        ->group(question.hidden ? "" : "Options");
+        ->type_name(question.argument);
   app.footer(std::string("Exit codes: ") + exit_codes_text);
   for (const Command& command : commands) add(app, command);
   const auto refuse = [](const std::string& why) {

@@ -3,14 +3,16 @@
 # abbeConfig.cmake for programs of others (component development). `cpack -G DEB` makes a package of
 # each.
 include(CMakePackageConfigHelpers)
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "virtual five-axis machine tool that is wrong on purpose")
 
 install(TARGETS abbe RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 install(TARGETS abbe_all_digits LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/abbe COMPONENT program)
 # pages and completions are what the program says of itself
 add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/shell/pages
                    COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:abbe> -DOUT=${CMAKE_BINARY_DIR}/shell
+                           -DVERSION=${PROJECT_VERSION} "-DABOUT=${CPACK_PACKAGE_DESCRIPTION_SUMMARY}"
                            -P ${CMAKE_CURRENT_LIST_DIR}/shell_files.cmake
-                   DEPENDS abbe ${CMAKE_CURRENT_LIST_DIR}/shell_files.cmake VERBATIM)
+                   DEPENDS abbe ${CMAKE_CURRENT_LIST_DIR}/shell_files.cmake ${CMAKE_CURRENT_LIST_DIR}/manual.h2m VERBATIM)
 add_custom_target(abbe_shell ALL DEPENDS ${CMAKE_BINARY_DIR}/shell/pages)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/shell/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT program)
 install(FILES ${CMAKE_BINARY_DIR}/shell/abbe DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
@@ -74,7 +76,6 @@ install(FILES ${CMAKE_CURRENT_BINARY_DIR}/abbeConfig.cmake ${CMAKE_CURRENT_BINAR
 
 set(CPACK_PACKAGE_VENDOR "the abbe project")
 set(CPACK_PACKAGE_CONTACT "the abbe project")
-set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "virtual five-axis machine tool that is wrong on purpose")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)

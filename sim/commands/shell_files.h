@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,7 +10,7 @@
 namespace abbe::sim {
 
 /// Description of abbe in one line and in a paragraph, and the meaning of its exit codes, for
-/// `--help`, the manual pages and `abbe help`.
+/// `--help` and `abbe help`.
 inline constexpr const char* about_line = "virtual five-axis machine tool that is wrong on purpose";
 inline constexpr const char* about_text =
     "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
@@ -26,29 +27,34 @@ struct GlobalOption {
   std::vector<std::string> words;  ///< possible values of the argument; empty: any
   /// Called with an empty argument if it is omitted.
   std::function<Exit(const std::string& argument)> answer;
-  bool hidden = false;  ///< not listed by `--help`
 };
 
-/// Returns all such options: manual pages, completion scripts, and the lists that completion reads.
-/// @param commands  that they describe; must outlive the options
-std::vector<GlobalOption> global_options(const std::vector<Command>& commands);
+/// Returns all such options.
+std::vector<GlobalOption> global_options();
 
-// Completion scripts of shells. They call `abbe --cases` and `abbe --keys` for the names of cases
-// and keys.
+/// A text that can stand in place of the word under the cursor.
+struct Candidate {
+  std::string text;         ///< ends in "=" if a value must follow
+  std::string description;  ///< empty if there is none
+};
 
-struct GlobalOption;
+/// Completions of a word of a command line.
+struct Completions {
+  std::vector<Candidate> candidates;
+  bool has_files = false;   ///< names of files complete the word as well
+  std::string file_prefix;  ///< part of the word in front of the name of a file: "--out="
+};
 
-std::string bash_completion(const std::vector<Command>& commands,
-                            const std::vector<GlobalOption>& global_options);
-std::string zsh_completion(const std::vector<Command>& commands,
-                           const std::vector<GlobalOption>& global_options);
-std::string fish_completion(const std::vector<Command>& commands,
-                            const std::vector<GlobalOption>& global_options);
+/// Returns the completions of a word: commands, options, their values, names of cases, and keys.
+/// @param words    of the line, without the name of the program
+/// @param current  index of the word; at most the number of words, which stands for an empty one
+Completions completions(const std::vector<Command>& commands, std::span<const std::string> words,
+                        std::size_t current);
 
-/// Returns the manual page abbe(1) in roff, which refers to the page of every command.
-std::string manual(const std::vector<Command>& commands);
-
-/// Returns the manual page of one command, such as abbe-run(1), in roff.
-std::string manual(const Command& command);
+/// Runs `abbe __complete CURRENT WORD ...`, which the scripts of `--completion` call: prints one
+/// candidate per line, with a tab before its description, and `:files PREFIX` if files complete the
+/// word. CURRENT counts the name of the program as word 0.
+Exit print_completions(const std::vector<Command>& commands,
+                       std::span<const std::string> arguments);
 
 }  // namespace abbe::sim

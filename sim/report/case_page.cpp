@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -32,7 +33,6 @@
 
 #if ABBE_RENDER
 #include "render/residual_field.h"
-#include "render/surface_scene.h"
 #endif
 
 namespace abbe::sim {
@@ -291,21 +291,18 @@ void check_fits(const path& file, const render::Field& field, const CaseMap& one
 }
 
 /// Throws an input error if a map does not belong to the figures: both are written together.
-void check_has_figures(const path& file, const render::Tally& counts,
+/// @param highest  mm, of the vertices and of the samples within triangles; both count in the
+/// figures
+void check_has_figures(const path& file, const std::optional<double>& highest,
                        const nlohmann::ordered_json& figures) {
-  // The file holds the vertices; if sampled points count as well, the figures of the vertices are
-  // separate.
-  const auto vertices = figures.find("at_vertices_um");
-  const bool apart = vertices != figures.end() && vertices->is_object();
-  const auto& written = (apart ? *vertices : figures.at("residual_um")).at("max");
-  const double highest = counts.highest_um;
-  if (!written.is_number() || counts.cut == 0) return;
-  const double wanted = written.get<double>();
+  const auto& written = figures.at("residual_um").at("max");
+  if (!written.is_number() || !highest) return;
+  const double expected_um = written.get<double>(), highest_um = *highest / units::um;
   // The file and the JSON are rounded differently: 1 nm, or 1e-5 of a large value.
-  if (std::abs(highest - wanted) > 1e-3 + 1e-5 * std::abs(wanted))
+  if (std::abs(highest_um - expected_um) > 1e-3 + 1e-5 * std::abs(expected_um))
     throw BadInput(file.string(), 0, 0,
-                   fmt::format("the map of the figures, which reaches {:.6g} um", wanted),
-                   fmt::format("one that reaches {:.6g} um", highest));
+                   fmt::format("the map of the figures, which reaches {:.6g} um", expected_um),
+                   fmt::format("one that reaches {:.6g} um", highest_um));
 }
 
 /// Returns true if the file exists; a folder that cannot be read is an input error.
@@ -319,7 +316,7 @@ bool is_there(const path& file) {
 /// Adds a saved map to the page after checking that it belongs to the figures.
 void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
   render::Field field = render::read_residual(file);
-  const render::Tally counts = render::tally(field, 0.0);
+  const std::optional<double> highest = render::statistics(field).max;
   const std::string name = one.figures.at("name").get<std::string>();
   CaseMap map{name,
               std::move(field.deviation_um),
@@ -328,7 +325,7 @@ void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
               std::move(field.cut_line),
               displayed_figures(one.figures)};
   check_fits(file, field, map);
-  check_has_figures(file, counts, one.figures);
+  check_has_figures(file, highest, one.figures);
   if (map.form_um.size() == 0)
     maps.left_out.push_back(fmt::format(
         "form and texture are left out of the maps: {} holds no form_um", file.string()));

@@ -41,34 +41,32 @@ struct Column {
 
 /// Data shared by all maps of a page.
 struct SharedColumns {
-  MeshWalk walk;
-  std::map<int, int> midst;  ///< of each line, in steps of cut_time_step_ms; or empty
+  std::vector<Eigen::Index> order;  ///< old number of each vertex
+  std::map<int, int> midst;         ///< of each line, in steps of cut_time_step_ms; or empty
   std::vector<Column> residual, form, line, time;  ///< of the maps so far
 };
 
 /// Packs the numbers of all vertices, predicted from one of `others` if that saves bytes.
-Column add_column(PageData& data, const SharedColumns& shared, const Column& column,
-                  const std::vector<Column>& others) {
-  PageArray array{column.name, true, {}};
-  PackOptions options{&shared.walk, {}};
-  for (const Column& one : others) {
-    if (one.step != column.step) continue;
-    options.references.push_back(&one.numbers);
-    array.references.push_back(one.name);
+void add_column(PageData& data, const Column& column, const std::vector<Column>& others) {
+  std::vector<const Eigen::VectorXi*> references;
+  std::vector<std::string> names;
+  for (const Column& other : others) {
+    if (other.step != column.step) continue;
+    references.push_back(&other.numbers);
+    names.push_back(other.name);
   }
-  PackedColumns packed = pack_numbers(column.numbers, options);
+  PackedColumns packed = pack_numbers(column.numbers, references);
   if (column.step > 0.0) {
     packed.step = {column.step};
     packed.offset = {0.0};
   }
-  add(data, array, packed);
-  return {column.name, column.step, packed.numbers.col(0)};
+  add(data, column.name, packed, names);
 }
 
-/// Returns a column in the order of the mesh traversal, in steps.
+/// Returns a column in the order of the page's vertices, in steps.
 Column quantized_column(const std::string& name, const Eigen::VectorXd& values, double step,
                         const SharedColumns& shared) {
-  return {name, step, numbers_of(values(shared.walk.order), step, {0.0})};
+  return {name, step, numbers_of(values(shared.order), step, {0.0})};
 }
 
 /// Returns the times at which the lines of the program are half done, for the first run of each;
@@ -84,11 +82,11 @@ std::map<int, int> line_midpoint_times(PageData& data, const LineIntervals& stre
   const auto column = [&](const std::vector<int>& numbers) {
     return Eigen::Map<const Eigen::VectorXi>(numbers.data(), Eigen::Index(line.size()));
   };
-  add(data, {"block_line"}, pack_numbers(column(line)));
+  add(data, "block_line", pack_numbers(column(line)));
   PackedColumns times = pack_numbers(column(begin_ms));
   times.step = {ms};
   times.offset = {0.0};
-  add(data, {"block_time"}, times);
+  add(data, "block_time", times);
   return midst;
 }
 
@@ -99,16 +97,17 @@ void add_times(PageData& data, const CaseMap& map, const std::string& number,
   Column line{"line" + number, 0.0, Eigen::VectorXi(map.residual_um.size())};
   Column midst{"midst:" + line.name, cut_time_step_ms * ms, line.numbers};
   for (Eigen::Index k = 0; k < line.numbers.size(); ++k) {
-    line.numbers[k] = map.cut_line[std::size_t(shared.walk.order[std::size_t(k)])];
+    line.numbers[k] = map.cut_line[std::size_t(shared.order[std::size_t(k)])];
     const auto at = shared.midst.find(line.numbers[k]);
     midst.numbers[k] = at == shared.midst.end() ? 0 : at->second;
   }
-  shared.line.push_back(add_column(data, shared, line, shared.line));
+  add_column(data, line, shared.line);
+  shared.line.push_back(line);
   std::vector<Column> others = shared.time;
   if (!shared.midst.empty()) others.push_back(midst);
-  shared.time.push_back(add_column(
-      data, shared, quantized_column("cut_time" + number, map.cut_time_s, midst.step, shared),
-      others));
+  const Column time = quantized_column("cut_time" + number, map.cut_time_s, midst.step, shared);
+  add_column(data, time, others);
+  shared.time.push_back(time);
 }
 
 /// Adds the layers of a case; each is predicted from the same layer of earlier cases, which differ
@@ -116,33 +115,35 @@ void add_times(PageData& data, const CaseMap& map, const std::string& number,
 void add_layers(PageData& data, const CaseMap& map, bool has_form, SharedColumns& shared) {
   const std::string number = std::to_string(data.index["cases"].size());
   const double step = residual_step(map.residual_um);
-  shared.residual.push_back(
-      add_column(data, shared, quantized_column("residual" + number, map.residual_um, step, shared),
-                 shared.residual));
-  if (has_form)
-    shared.form.push_back(add_column(
-        data, shared, quantized_column("form" + number, map.form_um, step, shared), shared.form));
+  const auto add_layer = [&](const std::string& name, const Eigen::VectorXd& values_um,
+                             std::vector<Column>& earlier) {
+    const Column layer = quantized_column(name + number, values_um, step, shared);
+    add_column(data, layer, earlier);
+    earlier.push_back(layer);
+  };
+  add_layer("residual", map.residual_um, shared.residual);
+  if (has_form) add_layer("form", map.form_um, shared.form);
   add_times(data, map, number, shared);
   data.index["cases"].push_back(
       {{"name", map.name}, {"step_nm", 1e3 * step}, {"stats", map.shown}});
 }
 
-/// Adds the mesh. Its vertices are in the order of the traversal, so that neighbours are close.
-void add_mesh(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
+/// Adds the mesh, its vertices in the order of the page.
+void add_mesh(PageData& data, const PartMaps& maps, const std::vector<Eigen::Index>& order) {
   data.index["vertices"] = maps.vertices.rows();
   data.index["triangles"] = maps.triangles.rows();
-  add_block(data, "mesh", base64(walk.code));
-  const Eigen::MatrixXd vertices = maps.vertices(walk.order, Eigen::all);
-  add(data, {"position", true, {}}, pack_values(vertices, step_for_16_bits(vertices), {&walk, {}}));
+  add(data, "triangle", pack_numbers(sorted_triangles(maps.triangles, order)));
+  const Eigen::MatrixXd vertices = maps.vertices(order, Eigen::all);
+  add(data, "position", pack_values(vertices, step_for_16_bits(vertices)));
 }
 
 /// Adds the region of every vertex.
-void add_regions(PageData& data, const PartMaps& maps, const MeshWalk& walk) {
+void add_regions(PageData& data, const PartMaps& maps, const std::vector<Eigen::Index>& order) {
   data.index["regions"] = maps.regions;
   if (maps.regions.empty()) return;
   const Eigen::Map<const Eigen::VectorXi> numbers(maps.region.data(),
                                                   Eigen::Index(maps.region.size()));
-  add(data, {"region", true, {}}, pack_numbers(numbers(walk.order), {&walk, {}}));
+  add(data, "region", pack_numbers(numbers(order)));
 }
 
 /// Returns true if a design has the mesh of the page.
@@ -199,9 +200,9 @@ std::optional<std::string> packing_limit(const CaseMap& one) {
 }
 
 void add_maps(PageData& data, const PartMaps& maps) {
-  SharedColumns shared{mesh_walk(maps.triangles, maps.vertices.rows()), {}, {}, {}, {}, {}};
-  add_mesh(data, maps, shared.walk);
-  add_regions(data, maps, shared.walk);
+  SharedColumns shared{morton_order(maps.vertices), {}, {}, {}, {}, {}};
+  add_mesh(data, maps, shared.order);
+  add_regions(data, maps, shared.order);
   shared.midst = line_midpoint_times(data, maps.stretches);
   const bool has_form =
       std::ranges::all_of(maps.cases, [](const CaseMap& one) { return one.form_um.size() > 0; });
@@ -229,8 +230,8 @@ void add_body(PageData& data, const SolidBody& body, int tool) {
   const bool is_machine = body.kind == SolidBody::Kind::Machine;
   const bool hides = is_machine && body.carrier != "b";
   const std::string number = std::to_string(bodies.size());
-  add(data, {"body" + number}, pack_values(body.mesh.vertices, body_step_mm));
-  add(data, {"facet" + number}, pack_numbers(body.mesh.triangles));
+  add(data, "body" + number, pack_values(body.mesh.vertices, body_step_mm));
+  add(data, "facet" + number, pack_numbers(body.mesh.triangles));
   bodies.push_back(
       {{"on", body.carrier == "w" ? "f" : body.carrier},
        {"tool", tool},  // -1: always present
@@ -288,8 +289,8 @@ void add_motion(PageData& data, const Job& job) {
     packed.step[std::size_t(j)] *= coarser[j];
     packed.offset[std::size_t(j)] *= coarser[j];
   }
-  add(data, {"q"}, packed);
-  add(data, {"t"}, pack_values(few.time_s, time_step_s));
+  add(data, "q", packed);
+  add(data, "t", pack_values(few.time_s, time_step_s));
 }
 
 /// Returns the tool changes with the poses of the tools.
@@ -315,8 +316,8 @@ void add_signal(PageData& data, std::size_t number, const std::string& name,
       TimeSeries{time_s, value}, Eigen::VectorXd::Constant(1, signal_fraction * span / 2.0));
   ordered_json& all = data.index["cases"][number]["signals"];
   const std::string key = fmt::format("signal{}_{}", number, all.size());
-  add(data, {"t:" + key}, pack_values(few.time_s, time_step_s));
-  add(data, {key}, pack_values(few.value, signal_fraction * span / 2.0));
+  add(data, "t:" + key, pack_values(few.time_s, time_step_s));
+  add(data, key, pack_values(few.value, signal_fraction * span / 2.0));
   all.push_back({{"name", name}, {"key", key}});
 }
 
@@ -364,9 +365,9 @@ void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
   tolerance << mm, mm, mm, rad, rad, rad;
   const TimeSeries few = compensation::thinned(course, tolerance);
   const std::string key = fmt::format("track{}", number);
-  add(data, {"t:" + key}, pack_values(few.time_s, time_step_s));
-  add(data, {key + "_tip"}, pack_values(few.value.leftCols(3), mm / 10.0));
-  add(data, {key + "_direction"}, pack_values(few.value.rightCols(3), rad / 10.0));
+  add(data, "t:" + key, pack_values(few.time_s, time_step_s));
+  add(data, key + "_tip", pack_values(few.value.leftCols(3), mm / 10.0));
+  add(data, key + "_direction", pack_values(few.value.rightCols(3), rad / 10.0));
   data.index["cases"][number]["track"] = key;
 }
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,67 +8,50 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "cutting/part/mesh.h"
+
 namespace abbe::sim {
 
-/// A traversal of a mesh: its triangles in an order in which nearly every one shares an edge with
-/// an earlier one, and its vertices in the order of their first occurrence. Vertices without a
-/// triangle come last.
-struct MeshWalk {
-  std::vector<Eigen::Index> order;  ///< (n) old number of each vertex
-  /// (n) new numbers of earlier vertices: the edge over which the traversal came and the corner
-  /// opposite it; the preceding vertex three times if it came over no edge.
-  std::vector<std::array<int, 3>> known;
-  std::string code;  ///< range-coded description from which a page rebuilds the triangles
-};
+// The mesh of a page. Vertices and triangles are sorted so that consecutive numbers differ little.
 
-/// Traverses a mesh.
-/// @param triangles  any mesh: holes, several parts, edges of more than two triangles; a triangle
-/// keeps its orientation and may begin at another corner
-/// @param vertices   their number
-/// Source: the edge conquest of Gumhold and Strasser 1998 and the valences of Touma and Gotsman
-/// 1998, without their splits of the border.
-MeshWalk mesh_walk(const Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>& triangles,
-                   Eigen::Index vertices);
+/// Returns the old numbers (n) of vertices along a Morton curve through 1024 cells in each
+/// direction of their bounding box.
+/// Source: Morton 1966, A computer oriented geodetic data base.
+std::vector<Eigen::Index> morton_order(const Eigen::MatrixX3d& vertices);
 
-// Numbers packed into the text of a page: each number is predicted from earlier ones, and the
-// difference is range coded and written in base64. render/report/unpack.js unpacks it.
+/// Returns the triangles (m x 3) by the new numbers of their corners, the smallest corner first and
+/// the orientation kept, in ascending order.
+/// @param order  (n) old number of each vertex, a permutation
+Eigen::MatrixXi sorted_triangles(const cutting::Triangles& triangles,
+                                 const std::vector<Eigen::Index>& order);
 
-/// Prediction of a number: from its values at the vertices a and b of an earlier edge and c
-/// opposite it; in a sequence a and b are the preceding number and c the one before it.
-enum class Prediction {
-  Parallelogram,  ///< a + b - c
-  Middle,         ///< (a + b) / 2, rounded down
-  Reference,      ///< the reference only
-};
+// Numbers packed into the text of a page: differences of consecutive numbers, deflated, in base64.
+// render/report/unpack.js unpacks them.
 
-/// Columns of integers, packed one after the other; a value is offset + step times its number.
+/// Columns of integers; a value is offset + step times its number.
 struct PackedColumns {
   Eigen::Index rows = 0, columns = 0;
   std::vector<double> offset, step;  ///< (columns); empty if the numbers are the values
-  std::vector<Prediction> by;        ///< (columns) prediction of each
   int reference = -1;                ///< index of the reference that was used; -1: none
-  bool has_missing = false;
-  Eigen::MatrixXi numbers;  ///< as coded, with the prediction in place of missing numbers
-  std::string text;         ///< base64
+  /// Base64 of a zlib stream of 4 rows columns bytes: the lowest bytes of all differences, column
+  /// by column, then the next higher bytes. A difference d is stored as 2 d if d >= 0, as -2 d - 1
+  /// if d < 0; 2^32 - 1 marks a missing number.
+  std::string text;
 };
 
 /// The number that represents NaN.
 inline constexpr int missing = -2147483647 - 1;
 
-/// Largest number that can be packed.
-inline constexpr int max_packed = 1 << 29;
+/// Largest magnitude of a number that can be packed: differences of differences fit into 32 bits.
+inline constexpr int max_packed = (1 << 29) - 1;
 
-/// Options of packing.
-struct PackOptions {
-  const MeshWalk* walk = nullptr;  ///< rows are its vertices in its order; null: a sequence
-  /// References (rows) for a single column: numbers without missing ones that differ from the
-  /// packed ones by a smooth function over the mesh.
-  std::vector<const Eigen::VectorXi*> references = {};
-};
-
-/// Packs integers (n x m), `missing` among them, exactly.
+/// Packs integers (n x m), `missing` among them, exactly. Each number is predicted from the
+/// preceding one that is not missing.
+/// @param references  columns (n) that resemble a single packed column: the one whose subtraction
+/// saves most bytes is used, if any does; a missing number of it counts as 0
 /// @throws std::invalid_argument if a number is too large
-PackedColumns pack_numbers(const Eigen::MatrixXi& numbers, const PackOptions& options = {});
+PackedColumns pack_numbers(const Eigen::MatrixXi& numbers,
+                           const std::vector<const Eigen::VectorXi*>& references = {});
 
 /// Returns the numbers of values (n x m): the nearest to (value - offset) / step, `missing` for
 /// NaN.
@@ -81,8 +62,7 @@ Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
 
 /// Packs values (n x m) to within half a step.
 /// @throws std::invalid_argument as `numbers_of`
-PackedColumns pack_values(const Eigen::MatrixXd& values, double step,
-                          const PackOptions& options = {});
+PackedColumns pack_values(const Eigen::MatrixXd& values, double step);
 
 /// Returns the smallest step with which 16 bits suffice for every column; 1 if all values are
 /// equal.
@@ -97,17 +77,10 @@ struct PageData {
   std::string blocks;
 };
 
-/// Adds a text under a name.
-void add_block(PageData& data, const std::string& name, const std::string& text);
-
-/// Description of an array.
-struct PageArray {
-  std::string name;
-  bool on_mesh = false;                      ///< rows are the vertices of the mesh
-  std::vector<std::string> references = {};  ///< names of the arrays offered as references
-};
-/// Adds packed columns with their description in the index.
-void add(PageData& data, const PageArray& array, const PackedColumns& packed);
+/// Adds packed columns under a name, with their description in the index.
+/// @param references  names of the arrays that were offered as references
+void add(PageData& data, const std::string& name, const PackedColumns& packed,
+         const std::vector<std::string>& references = {});
 
 /// Returns a rigid pose, column by column.
 nlohmann::ordered_json to_json(const Eigen::Isometry3d& T);

@@ -7,8 +7,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <iterator>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <regex>
 #include <set>
@@ -89,10 +91,10 @@ TEST(PackedColumns, WholeNumbersUnpackExactly) {
 
 // --- meshes
 
-using Corners = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using cutting::Triangles;
 
-Corners grid(int side) {
-  Corners triangles(2 * (side - 1) * (side - 1), 3);
+Triangles grid(int side) {
+  Triangles triangles(2 * (side - 1) * (side - 1), 3);
   Eigen::Index row = 0;
   for (int y = 0; y + 1 < side; ++y)
     for (int x = 0; x + 1 < side; ++x) {
@@ -113,54 +115,75 @@ std::vector<std::array<int, 3>> ordered(std::vector<std::array<int, 3>> all) {
   return all;
 }
 
-void expect_comes_back(const Corners& triangles, Eigen::Index vertices) {
-  const MeshWalk walk = mesh_walk(triangles, vertices);
-  std::vector<int> number(std::size_t(vertices), -1);
-  ASSERT_EQ(walk.order.size(), number.size());
-  for (std::size_t k = 0; k < walk.order.size(); ++k) number[std::size_t(walk.order[k])] = int(k);
-  EXPECT_EQ(std::ranges::count(number, -1), 0) << "not every vertex stands in the order";
-  for (std::size_t k = 1; k < walk.known.size(); ++k)
-    for (const int one : walk.known[k]) ASSERT_LT(std::size_t(one), k);
-  std::vector<std::array<int, 3>> wanted;
-  for (const auto& t : triangles.rowwise())
-    wanted.push_back(
-        {number[std::size_t(t[0])], number[std::size_t(t[1])], number[std::size_t(t[2])]});
-  EXPECT_EQ(ordered(unpack::Mesh(walk.code, wanted.size()).all), ordered(wanted));
+void expect_comes_back(const Triangles& triangles, const Eigen::MatrixX3d& vertices) {
+  const std::vector<Eigen::Index> order = morton_order(vertices);
+  std::vector<Eigen::Index> sorted = order;
+  std::ranges::sort(sorted);
+  ASSERT_EQ(Eigen::Index(sorted.size()), vertices.rows());
+  for (std::size_t v = 0; v < sorted.size(); ++v) ASSERT_EQ(sorted[v], Eigen::Index(v));
+  const Eigen::MatrixXi packed = unpack::numbers(pack_numbers(sorted_triangles(triangles, order)));
+  std::vector<std::array<int, 3>> expected, unpacked;
+  for (const auto& t : triangles.rowwise()) expected.push_back({t[0], t[1], t[2]});
+  for (const auto& t : packed.rowwise())
+    unpacked.push_back({int(order[std::size_t(t[0])]), int(order[std::size_t(t[1])]),
+                        int(order[std::size_t(t[2])])});
+  EXPECT_EQ(ordered(unpacked), ordered(expected));
 }
 
-TEST(MeshWalk, TrianglesOfAnyMeshComeBack) {
+Eigen::MatrixX3d random_vertices(Eigen::Index count) {
+  std::mt19937 rng(13);
+  std::uniform_real_distribution<double> uniform(-40.0, 70.0);
+  Eigen::MatrixX3d vertices(count, 3);
+  for (double& coordinate : vertices.reshaped()) coordinate = uniform(rng);
+  return vertices;
+}
+
+TEST(PageMesh, TrianglesOfAnyMeshComeBack) {
   std::mt19937 rng(7);
   for (const int vertices : {1, 3, 5, 10, 60, 500})  // few: edges of many triangles, equal corners
     for (const int triangles : {0, 1, 4, 60, 900}) {
       SCOPED_TRACE(testing::Message() << vertices << " vertices, " << triangles << " triangles");
-      Corners soup(triangles, 3);
+      Triangles soup(triangles, 3);
       for (int& corner : soup.reshaped()) corner = int(rng() % unsigned(vertices));
-      expect_comes_back(soup, vertices);
+      expect_comes_back(soup, random_vertices(vertices));
     }
 }
 
-TEST(MeshWalk, TrianglesOfAMeshWithHolesComeBackInAnyOrder) {
-  std::mt19937 rng(11);
-  const Corners whole = grid(40);
-  std::vector<Eigen::Index> kept;
-  for (Eigen::Index t = 0; t < whole.rows(); ++t)
-    if (rng() % 8 > 0) kept.push_back(t);
-  std::ranges::shuffle(kept, rng);
-  expect_comes_back(whole(kept, Eigen::all), 1600);
+TEST(PageMesh, VerticesAtOnePointOrOnALineKeepTheirOrder) {
+  const Triangles triangles = grid(4);
+  Eigen::MatrixX3d vertices = Eigen::MatrixX3d::Constant(16, 3, -2.5);
+  expect_comes_back(triangles, vertices);
+  std::vector<Eigen::Index> order(16);
+  std::iota(order.begin(), order.end(), Eigen::Index(0));
+  EXPECT_EQ(morton_order(vertices), order);
+  vertices.col(1).setLinSpaced(16, -3.0, 5.0);
+  expect_comes_back(triangles, vertices);
+  EXPECT_EQ(morton_order(vertices), order);
 }
 
-TEST(MeshWalk, AGridTakesNextToNothing) {
+TEST(PageMesh, AMeshInAnyOrderTakesFewBytesATriangle) {
   const int side = 200;
-  const MeshWalk walk = mesh_walk(grid(side), side * side);
-  EXPECT_LT(walk.code.size(), 1000u) << "of " << 2 * (side - 1) * (side - 1) << " triangles";
+  std::mt19937 rng(11);
+  std::vector<int> number(std::size_t(side * side));
+  std::iota(number.begin(), number.end(), 0);
+  std::ranges::shuffle(number, rng);
+  Eigen::MatrixX3d vertices(side * side, 3);
+  for (int v = 0; v < side * side; ++v)
+    vertices.row(number[std::size_t(v)]) << v % side, int(v / side), 0.0;
+  Triangles triangles = grid(side);
+  for (int& corner : triangles.reshaped()) corner = number[std::size_t(corner)];
+  const std::size_t bytes =
+      pack_numbers(sorted_triangles(triangles, morton_order(vertices))).text.size();
+  const double bytes_a_triangle = double(bytes) / double(triangles.rows());
+  std::cout << bytes_a_triangle << " bytes a triangle in base64\n";
+  EXPECT_LT(bytes_a_triangle, 3.0);
 }
 
-/// Values over a grid of a walk, with a hole.
-Eigen::VectorXi wave(const MeshWalk& walk, int side, double phase) {
+/// Values over a grid, with a hole.
+Eigen::VectorXi wave(int side, double phase) {
   Eigen::VectorXi numbers(side * side);
   for (Eigen::Index k = 0; k < numbers.size(); ++k) {
-    const auto x = double(walk.order[std::size_t(k)] % side),
-               y = double(walk.order[std::size_t(k)] / side);
+    const auto x = double(k % side), y = double(k / side);
     numbers[k] = std::hypot(x - 20.0, y - 30.0) < 5.0
                      ? missing
                      : int(3000.0 * std::sin(0.3 * x + phase) * std::cos(0.2 * y));
@@ -168,19 +191,26 @@ Eigen::VectorXi wave(const MeshWalk& walk, int side, double phase) {
   return numbers;
 }
 
-TEST(PackedColumns, NumbersOnAMeshUnpackExactlyAndTakeLessBesideALikeColumn) {
+TEST(PackedColumns, NumbersUnpackExactlyAndTakeLessBesideALikeColumn) {
   const int side = 60;
-  const MeshWalk walk = mesh_walk(grid(side), side * side);
-  const Eigen::VectorXi first = wave(walk, side, 0.0), second = wave(walk, side, 0.02);
-  const PackedColumns alone = pack_numbers(first, {&walk, {}});
-  EXPECT_EQ(unpack::numbers(alone, &walk), first);
-  const Eigen::VectorXi reference = alone.numbers.col(0);
-  EXPECT_EQ((reference.array() == missing).count(), 0);
-  const PackedColumns beside = pack_numbers(second, {&walk, {&reference}});
-  ASSERT_EQ(beside.reference, 0);
-  EXPECT_EQ(unpack::numbers(beside, &walk, &reference), second);
-  EXPECT_LT(double(beside.text.size()),
-            0.8 * double(pack_numbers(second, {&walk, {}}).text.size()));
+  const Eigen::VectorXi first = wave(side, 0.0);
+  Eigen::VectorXi second = wave(side, 0.02), unlike = first.reverse();
+  second[7] = missing;
+  const PackedColumns alone = pack_numbers(second);
+  EXPECT_EQ(unpack::numbers(alone), second);
+  const PackedColumns beside = pack_numbers(second, {&unlike, &first});
+  ASSERT_EQ(beside.reference, 1);
+  EXPECT_EQ(unpack::numbers(beside, &first), second);
+  EXPECT_LT(double(beside.text.size()), 0.8 * double(alone.text.size()));
+  EXPECT_EQ(pack_numbers(second, {&unlike}).reference, -1) << "it saves nothing";
+}
+
+TEST(PackedColumns, TheLargestNumbersUnpackBesideTheirOpposites) {
+  Eigen::VectorXi numbers(4);
+  numbers << max_packed, -max_packed, missing, max_packed;
+  const Eigen::VectorXi reference = -numbers.cwiseMax(-max_packed);
+  PackedColumns packed = pack_numbers(numbers, {&reference});
+  EXPECT_EQ(unpack::numbers(packed, packed.reference < 0 ? nullptr : &reference), numbers);
 }
 
 TEST(PackedColumns, Base64IsThatOfTheRfc) {  // RFC 4648, section 10

@@ -41,21 +41,21 @@ std::string script(const std::string& html, const std::string& id) {
   return html.substr(from, html.find("</script>", from) - from);
 }
 
-/// A page, with what its mesh is decoded by.
+/// A page, with the file's number of each of its vertices.
 struct ReadPage {
   std::string html;
   ordered_json index;
-  MeshWalk walk;
+  std::vector<Eigen::Index> order;
 };
 
+Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name);
+
 ReadPage page_of(const fs::path& file, const cutting::Design& design) {
-  ReadPage page{text_of(file), {}, mesh_walk(design.triangles, design.vertices.rows())};
+  ReadPage page{text_of(file), {}, morton_order(design.vertices)};
   page.index = ordered_json::parse(script(page.html, "index"));
-  EXPECT_EQ(unpack::bytes_of(script(page.html, "a:mesh")), page.walk.code);
+  EXPECT_EQ(numbers(page, "triangle"), sorted_triangles(design.triangles, page.order));
   return page;
 }
-
-Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name);
 
 /// When the lines of a column are half done, in steps of 20 ms.
 Eigen::VectorXi midst(const ReadPage& page, const std::string& lines) {
@@ -73,15 +73,12 @@ Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name) {
   PackedColumns packed;
   packed.rows = about.at("n");
   packed.columns = about.at("components");
-  for (const int by : about.at("by")) packed.by.push_back(Prediction(by));
-  packed.has_missing = about.contains("missing");
   packed.text = script(page.html, "a:" + name);
-  const MeshWalk* walk = about.at("mesh").get<bool>() ? &page.walk : nullptr;
-  if (!about.contains("reference")) return unpack::numbers(packed, walk);
+  if (!about.contains("reference")) return unpack::numbers(packed);
   const std::string of = about.at("reference");
   const Eigen::VectorXi reference =
       of.starts_with("midst:") ? midst(page, of.substr(6)) : Eigen::VectorXi(numbers(page, of));
-  return unpack::numbers(packed, walk, &reference);
+  return unpack::numbers(packed, &reference);
 }
 
 /// By the vertices of the file; NaN where there is no value.
@@ -94,9 +91,9 @@ Eigen::MatrixXd values(const ReadPage& page, const std::string& name) {
     const double step = has_step ? about.at("step")[std::size_t(c)].get<double>() : 1.0;
     const double offset = has_step ? about.at("offset")[std::size_t(c)].get<double>() : 0.0;
     for (Eigen::Index k = 0; k < all.rows(); ++k)
-      all(page.walk.order[std::size_t(k)], c) = packed(k, c) == missing
-                                                    ? std::numeric_limits<double>::quiet_NaN()
-                                                    : offset + step * packed(k, c);
+      all(page.order[std::size_t(k)], c) = packed(k, c) == missing
+                                               ? std::numeric_limits<double>::quiet_NaN()
+                                               : offset + step * packed(k, c);
   }
   return all;
 }
@@ -307,6 +304,35 @@ TEST_F(SavedFolder, NoPageReplacesWhatItIsMadeOf) {
         << refused.text;
     EXPECT_EQ(text_of(file), before);
   }
+}
+
+/// Runs a case whose map has samples within its triangles, and asks for the page of its folder.
+/// @return true if one of those samples is the highest of the map
+bool reports_a_map_with_samples(const std::string& sampling) {
+  const fs::path folder =
+      fs::temp_directory_path() / ("abbe_sampled_" + std::to_string(::getpid()));
+  const safety::Ran cut = safety::run("run " ABBE_SOURCE_DIR
+                                      "/scenes/gantry_dome.toml --case uncompensated"
+                                      " --set program.step_over_mm=4 " +
+                                      sampling + " --out " + folder.string());
+  EXPECT_LE(cut.code, 1) << cut.text;
+  const safety::Ran reported =
+      safety::run("report " + folder.string() + " -o " + (folder / "page.html").string());
+  EXPECT_EQ(reported.code, 0) << reported.text;
+  const render::Field field = render::read_residual(folder / "residual.vtp");
+  fs::remove_all(folder);
+  const auto highest = [](const Eigen::VectorXd& values) {
+    return values.unaryExpr([](double v) { return std::isnan(v) ? -1e9 : v; }).maxCoeff();
+  };
+  EXPECT_GT(field.within_um.size(), 0);
+  return highest(field.within_um) > highest(field.deviation_um);
+}
+
+TEST(SavedMap, SamplesWithinItsTrianglesCountInTheFiguresOfItsPage) {
+  const bool are_highest[] = {
+      reports_a_map_with_samples("--set 'part.sampling=\"adaptive\"' --set part.resolution_um=5"),
+      reports_a_map_with_samples("--set 'part.sampling=\"spacing\"' --set part.spacing_mm=4")};
+  EXPECT_TRUE(are_highest[0] || are_highest[1]) << "the maps do not test what they should";
 }
 
 }  // namespace

@@ -24,10 +24,11 @@ std::string at(const Folder& folder) { return "cd " + folder.path().string() + "
 /// Every line that prints, of the commands and of the program itself.
 std::vector<std::string> printing_lines(const CommandList& list) {
   std::vector<std::string> lines{"--help", "--version"};
-  for (const sim::GlobalOption& question : sim::global_options(list.commands))
+  for (const sim::GlobalOption& question : sim::global_options())
     lines.push_back(question.name + (question.name == "--completion" ? " bash"
                                      : question.name == "--cases"    ? " scene.toml"
                                                                      : ""));
+  lines.push_back("__complete 1");
   for (const sim::Command& command : list.commands) lines.push_back(command.name + " --help");
   for (const CommandCall& call : small_calls()) {
     const std::string line = call.command + " " + call.arguments;

@@ -49,80 +49,101 @@ std::string cut_out(const std::string& text, const std::string& from, const std:
   return text.substr(begin, end == std::string::npos ? end : end - begin);
 }
 
-std::string with_roff_dashes(const std::string& name) {
-  std::string out;
-  for (const char c : name) out += c == '-' ? std::string("\\-") : std::string(1, c);
-  return out;
-}
-
 bool is_there(const std::string& program) {
   return shell("command -v " + program + " > /dev/null").code == 0;
 }
 
-TEST(Shell, EveryOptionIsInThePageAndInTheCompletionsOfItsCommand) {
+/// Texts that complete the last of some words.
+std::vector<std::string> completed(const std::vector<Command>& commands,
+                                   const std::vector<std::string>& words) {
+  std::vector<std::string> texts;
+  for (const Candidate& candidate : completions(commands, words, words.size() - 1).candidates)
+    texts.push_back(candidate.text);
+  return texts;
+}
+
+TEST(Shell, EveryOptionCompletesItsBeginning) {
   const CommandList all;
-  const std::vector<GlobalOption> asked = global_options(all.commands);
-  const std::string bash = bash_completion(all.commands, asked);
-  const std::string zsh = zsh_completion(all.commands, asked);
-  const std::string fish = fish_completion(all.commands, asked);
-  const std::string first_page = manual(all.commands);
   int options = 0;
   for (const Command& command : all.commands) {
-    const std::string page = manual(command);
-    const std::string of_bash = cut_out(bash, "    " + command.name + ") ", ";;\n");
-    const std::string of_zsh = cut_out(zsh, "    " + command.name + ")\n", "      ;;\n");
-    EXPECT_TRUE(has_text(first_page, "\n.B " + command.name + "\n")) << command.name;
+    EXPECT_EQ(completed(all.commands, {command.name}).front(), command.name);
     for (const std::vector<Option>& some : {command.options, command.where})
       for (const Option& option : some) {
-        const std::string where = command.name + " " + option.name;
-        EXPECT_TRUE(has_text(page, "\\fB" + with_roff_dashes(option.name) + "\\fR")) << where;
         ++options;
         if (!option.name.starts_with('-')) continue;
-        EXPECT_TRUE(has_text(of_bash, " " + option.name + " ") ||
-                    has_text(of_bash, " " + option.name + ";"))
-            << where;
-        EXPECT_TRUE(has_text(of_zsh, option.name + "[") || has_text(of_zsh, option.name + "=["))
-            << where;
-        EXPECT_TRUE(has_text(fish, "__fish_seen_subcommand_from " + command.name + "' -l " +
-                                       option.name.substr(2) + " "))
-            << where;
-        if (!is_flag(option)) {
-          EXPECT_TRUE(has_text(bash, "    " + command.name + "/" + option.name + ") ")) << where;
+        const std::vector<std::string> texts =
+            completed(all.commands, {command.name, option.name.substr(0, option.name.size() - 1)});
+        EXPECT_EQ(std::ranges::count(texts, option.name), 1) << command.name << " " << option.name;
+        for (const std::string& word : words_of(option)) {
+          EXPECT_EQ(completed(all.commands, {command.name, option.name, word}).front(), word);
+          EXPECT_EQ(completed(all.commands, {command.name, option.name + "=" + word}).front(),
+                    option.name + "=" + word);
         }
       }
   }
   EXPECT_GT(options, 150) << "too few options were looked at to mean anything";
 }
 
-TEST(Shell, AnOptionThatIsAddedReachesPageAndCompletions) {
+TEST(Shell, ValuesThatAreFilesAreLeftToTheShell) {
   const CommandList all;
-  bool flag = false;
-  const Command with{"run", "Cut", {}, {{"--as-it-was", &flag, "it's [one]: new"}}, {}};
-  EXPECT_FALSE(
-      has_text(manual(*std::ranges::find(all.commands, "run", &Command::name)), "as\\-it\\-was"));
-  EXPECT_TRUE(has_text(manual(with), "\\fB\\-\\-as\\-it\\-was\\fR\nit's [one]: new"));
-  EXPECT_TRUE(has_text(bash_completion({with}, {}), "--as-it-was"));
-  EXPECT_TRUE(has_text(zsh_completion({with}, {}), "'--as-it-was[it'\\''s \\[one\\]\\: new]'"));
-  EXPECT_TRUE(has_text(fish_completion({with}, {}), "-l as-it-was -d 'it\\'s [one]: new'"));
+  const auto prefix = [&](const std::vector<std::string>& words) {
+    const Completions found = completions(all.commands, words, words.size() - 1);
+    return found.has_files ? found.file_prefix : "no files";
+  };
+  EXPECT_EQ(prefix({"run", "--out", "some"}), "no files") << "it is a text";
+  EXPECT_EQ(prefix({"run", "--compensator", "some"}), "");
+  EXPECT_EQ(prefix({"run", "--compensator=some"}), "--compensator=");
+  EXPECT_EQ(prefix({"run", "--set", "part.file=some"}), "part.file=");
+  EXPECT_EQ(prefix({"run", "--set=part.file=some"}), "--set=part.file=");
+  EXPECT_EQ(prefix({"--cases", "some"}), "");
+  EXPECT_EQ(prefix({"run", "some"}), "");
+  EXPECT_EQ(prefix({"run", "--threads", "2"}), "no files");
 }
 
-TEST(Shell, PagesAreCleanRoff) {
-  if (!is_there("man")) GTEST_SKIP() << "man is not installed";
+TEST(Shell, WhatIsNoLineOfAbbeHasNoCompletions) {
+  const CommandList all;
+  EXPECT_EQ(completed(all.commands, {"nothing", ""}), std::vector<std::string>{});
+  EXPECT_EQ(completed(all.commands, {"--cases", "a", ""}), std::vector<std::string>{});
+  for (const std::string arguments :
+       {"", "0", "4 run", "x run", "-1 run", "99999999999999999999"}) {
+    const Ran ran = run("__complete " + arguments);
+    EXPECT_EQ(ran.code, 2) << arguments;
+    EXPECT_TRUE(has_text(ran.text, "expected the index of a word")) << ran.text;
+  }
+  EXPECT_EQ(run("__complete 1").text, run("__complete 1 ''").text);
+}
+
+TEST(Shell, PagesOfTheManualAreCleanAndListEveryOption) {
+  if (!is_there("man") || !is_there("help2man")) GTEST_SKIP() << "man or help2man is not installed";
   const CommandList all;
   const safety::Folder folder;
-  std::vector<std::string> pages{run("--man").text};
-  for (const Command& command : all.commands) pages.push_back(run("--man " + command.name).text);
-  const auto warnings = [&](const std::string& page) {
-    const auto file = folder.write("page.1", page);
+  const Ran made = shell("cmake -DPROGRAM=" ABBE_PROGRAM " -DOUT=" + (folder / "shell").string() +
+                         " -DVERSION=0 '-DABOUT=a machine' -P " ABBE_SOURCE_DIR
+                         "/sim/commands/shell_files.cmake");
+  ASSERT_EQ(made.code, 0) << made.text;
+  const auto page = [&](const std::string& name) {
+    return (folder / ("shell/man1/" + name + ".1")).string();
+  };
+  const auto warnings = [&](const std::string& file) {
     return shell("LC_ALL=C.UTF-8 MANROFFSEQ='' MANWIDTH=80 man --warnings -E UTF-8 -l -Tutf8 -Z " +
-                 file.string() + " 2>&1 > /dev/null | grep -v locale")
+                 file + " 2>&1 > /dev/null | grep -v locale")
         .text;
   };
-  for (const std::string& page : pages) {
-    EXPECT_TRUE(has_text(page, ".TH ABBE")) << page;
-    EXPECT_EQ(warnings(page), "") << page;
+  const auto shown = [&](const std::string& name) {
+    return shell("LC_ALL=C.UTF-8 MANWIDTH=200 man -l " + page(name) + " | col -b").text;
+  };
+  EXPECT_EQ(warnings(page("abbe")), "");
+  EXPECT_TRUE(has_text(shown("abbe"), "ABBE_LIBRARY"));
+  for (const Command& command : all.commands) {
+    EXPECT_TRUE(has_text(shown("abbe"), command.name)) << command.name;
+    EXPECT_EQ(warnings(page("abbe-" + command.name)), "") << command.name;
+    const std::string text = shown("abbe-" + command.name);
+    for (const std::vector<Option>& some : {command.options, command.where})
+      for (const Option& option : some)
+        EXPECT_TRUE(has_text(text, option.name)) << command.name << " " << option.name;
   }
-  EXPECT_NE(warnings(pages.front() + ".no such request\n"), "") << "man warns of nothing";
+  const auto broken = folder.write("broken.1", ".TH A 1\n.no such request\n");
+  EXPECT_NE(warnings(broken.string()), "") << "man warns of nothing";
 }
 
 TEST(Shell, CasesAreThoseThatCompareCuts) {
@@ -188,7 +209,7 @@ TEST(Shell, BashCompletesCommandsOptionsCasesAndKeys) {
 
 TEST(Shell, FishCompletesCasesAndKeys) {
   if (!is_there("fish")) GTEST_SKIP() << "fish is not installed";
-  const auto completed = [](const std::string& line) {
+  const auto completed_by_fish = [](const std::string& line) {
     const std::string abbe = ABBE_PROGRAM;
     const std::string folder = abbe.substr(0, abbe.rfind('/'));
     const safety::Folder home;
@@ -197,21 +218,34 @@ TEST(Shell, FishCompletesCasesAndKeys) {
                  line + "'\"")
         .text;
   };
-  EXPECT_EQ(completed("abbe run " + dome_file + " --case perfect-d"),
-            "perfect-decoupled-ideal\terror_free, uncompensated or belief-strategy-channel\n");
-  EXPECT_TRUE(
-      has_text(completed("abbe run " + dome_file + " --set part.radius"), "part.radius_mm=\t"));
-  EXPECT_TRUE(has_text(completed("abbe comp"), "compare\t"));
+  EXPECT_EQ(completed_by_fish("abbe run " + dome_file + " --case perfect-d"),
+            "perfect-decoupled-ideal\n");
+  EXPECT_EQ(completed_by_fish("abbe run " + dome_file + " --set part.radius"), "part.radius_mm=\n");
+  EXPECT_TRUE(has_text(completed_by_fish("abbe comp"), "compare\t"));
+  EXPECT_TRUE(has_text(completed_by_fish("abbe run " ABBE_SOURCE_DIR "/scenes/gantry_d"),
+                       "gantry_dome.toml"));
 }
 
-TEST(Shell, ZshReadsItsScript) {
+TEST(Shell, ZshCompletesCasesAndKeys) {
   if (!is_there("zsh")) GTEST_SKIP() << "zsh is not installed";
   const safety::Folder folder;
-  const auto file = folder.write("_abbe", run("--completion zsh").text);
-  const Ran ran = shell("zsh -n " + file.string());
-  EXPECT_EQ(ran.code, 0) << ran.text;
-  const auto broken = folder.write("_broken", run("--completion zsh").text + "if\n");
-  EXPECT_NE(shell("zsh -n " + broken.string()).code, 0);
+  // The functions of zsh that the script calls print what they are given.
+  const auto completed_by_zsh = [&](const std::string& line) {
+    const auto script =
+        folder.write("try.zsh",
+                     "compdef() { : }; compset() { : }; _files() { print FILES }\n"
+                     "_describe() { print -l -- ${(P)3} }; compadd() { shift 3; print -l -- $@ }\n"
+                     "source <('" ABBE_PROGRAM "' --completion zsh)\nwords=('" ABBE_PROGRAM "' " +
+                         line + ")\nCURRENT=$#words\n_abbe\n");
+    return shell("zsh -f " + script.string()).text;
+  };
+  EXPECT_TRUE(has_text(completed_by_zsh("compa"), "compare:"));
+  EXPECT_EQ(completed_by_zsh("run " + dome_file + " --case perfect-d"),
+            "perfect-decoupled-ideal\n");
+  EXPECT_EQ(completed_by_zsh("run " + dome_file + " --set part.radius"), "part.radius_mm=\n");
+  EXPECT_EQ(completed_by_zsh("help resi"), "residual\n");
+  EXPECT_EQ(completed_by_zsh("run s"), "FILES\n");
+  EXPECT_EQ(completed_by_zsh("run --case ''"), "error_free\nuncompensated\n");
 }
 
 TEST(Shell, HelpKnowsTopicsAndCommands) {
@@ -261,10 +295,8 @@ TEST(Shell, QuestionsAreRefusedWithWhatTheyTake) {
   const Ran shells = run("--completion tcsh");
   EXPECT_EQ(shells.code, 2);
   EXPECT_TRUE(has_text(shells.text, "expected one of bash, zsh, fish")) << shells.text;
-  EXPECT_EQ(run("--man nothing").code, 2);
   EXPECT_EQ(run("--keys a b").code, 2);
   EXPECT_EQ(run("--completions bash").code, 2);
-  EXPECT_FALSE(has_text(run("--help").text, "--man"));
   EXPECT_TRUE(has_text(run("--help").text, "--completion SHELL"));
 }
 
