@@ -237,7 +237,7 @@ errors::Element element_of(const errors::ElementName& name, const Chain& nominal
   joint.direction_b.cwiseAbs().maxCoeff(&along);
   const bool positions =
       joint.motion == Motion::Linear && !name.location && name.component() == int(along);
-  if (!positions || !identification::is_moved(logs, at)) return {name, {{errors::Constant{}}}};
+  if (!positions || !identification::is_axis_varied(logs, at)) return {name, {{errors::Constant{}}}};
   errors::Curve curve{errors::Polynomial{VectorXd::Zero(2), 0.0, per_metre}};
   curve.argument = errors::Argument::Carriage;
   return {name, {curve}};
