@@ -83,9 +83,9 @@ ThermalFit fit_shrunk(const ThermalData& data, const ThermalModelOptions& option
   return result;
 }
 
-ThermalFit fit_learned(const ThermalData& all, const ThermalModelOptions& options,
+ThermalFit fit_learned(const ThermalData& data, const ThermalModelOptions& options,
                        ThermalModel model) {
-  const ThermalData thinned_data = thin_to(all, options.max_rows);
+  const ThermalData thinned_data = thin_to(data, options.max_rows);
   const Scaling s = data_scaling(thinned_data);
   const MatrixXd Z = scale_inputs(s, thinned_data.T);
   // Kernels and networks have no units, so inputs and outputs are scaled to standard deviation 1.

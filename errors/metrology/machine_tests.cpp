@@ -193,7 +193,7 @@ bool is_hidden_by_centring(const AxisTest& test) {
   place << test.runs.target.array().cos(), test.runs.target.array().sin();
   // 3.5: three distinct positions leave nothing after offset and once-per-turn motion (rounded sum
   // of weights).
-  return place_weights(place, 1e-9).sum() < 3.5;
+  return position_weights(place, 1e-9).sum() < 3.5;
 }
 
 PositionRuns form_of(const AxisTest& test) {
@@ -428,7 +428,7 @@ Eigen::MatrixXd places_of(const Series& series) {
 OtherTest other_test(const Series& series) {
   constexpr double one_place = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
-                 place_weights(places_of(series), one_place)};
+                 position_weights(places_of(series), one_place)};
   test.share /= test.share.sum();
   if (test.deviation.size() > 1) test.deviation.array() -= test.share.dot(test.deviation);
   return test;

@@ -73,7 +73,7 @@ std::string undetermined_reason(const std::vector<std::string>& open, int places
 }
 
 FigureGroup cause_figures(const CircleTest& test) {
-  const int places = place_count(test.runs);
+  const int places = position_count(test.runs);
   const bool enough = places > circular_cause_count;
   const CircularCauses causes = test_causes(test, enough);
   const auto name = [&](const char* cause) { return axis_cause_name(cause, test.plane); };
@@ -112,7 +112,7 @@ TestResult circle_result(const CircleTest& test) {
   std::vector<Figure>& f = result.figures;
   f = {{"plane", "", test.plane},
        {"readings", "", test.runs.anticlockwise.radius.size() + test.runs.clockwise.radius.size()},
-       {"places", "", Index(place_count(test.runs))},
+       {"places", "", Index(position_count(test.runs))},
        {"nominal_radius", "mm", test.runs.nominal_radius},
        radius,
        figure(std::string("centre_") + test.plane[0], c.circle.centre.x()),
@@ -421,7 +421,7 @@ TestResult heights_result(const PartReadings& r, const VectorXd& share, bool fla
 }  // namespace
 
 std::vector<TestResult> standard_results(const PartReadings& r) {
-  const VectorXd share = place_weights(r.points_w, one_point);
+  const VectorXd share = position_weights(r.points_w, one_point);
   // 1e-12: cosine of 1.4 urad between the normals of a plane.
   const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
   std::vector<TestResult> results;
