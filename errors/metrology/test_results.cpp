@@ -368,7 +368,7 @@ VectorXd angles_around(const MatrixX2d& points, const Eigen::Vector2d& centre) {
 /// or the points do not cover the full turn.
 std::optional<TestResult> circularity_result(const PartReadings& r, const std::vector<Index>& rows,
                                              const Vector3d& axis) {
-  const Eigen::Matrix<double, 3, 2> plane = across(axis);
+  const Eigen::Matrix<double, 3, 2> plane = perpendicular_basis(axis);
   const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
   const Eigen::Vector2d middle = design.colwise().mean();
   // also excludes points on a line
@@ -402,7 +402,7 @@ TestResult heights_result(const PartReadings& r, const VectorXd& share, bool fla
   ArealOptions options;
   options.reference = flat ? ArealReference::Plane : ArealReference::Mean;
   const Areal heights =
-      areal(r.points_w * across(Vector3d(r.normals_w.row(0))), r.deviation, share, options);
+      areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))), r.deviation, share, options);
   return {"heights",
           "ISO 25178-2:2021 height parameters, unfiltered",
           {{"reference", "", flat ? "least-squares plane" : "mean, along the design's normals"},
