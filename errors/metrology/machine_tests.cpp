@@ -82,7 +82,7 @@ std::vector<int> moving_joints(const Series& series) {
 }
 
 std::optional<PositionRuns> position_runs(const Series& series, const VectorXd& along,
-                                    const std::vector<bool>& from_below) {
+                                          const std::vector<bool>& from_below) {
   const Targets targets = path_targets(series, along);
   const Index m = targets.position.size();
   if (m < 2) return std::nullopt;
@@ -121,8 +121,8 @@ Eigen::Vector3d sensor_direction_b(const Series& series) {
          sensor.direction_in;
 }
 
-/// Returns true if a channel measures along the travel, false if across it. The change of the reading
-/// on the nominal machine decides.
+/// Returns true if a channel measures along the travel, false if across it. The change of the
+/// reading on the nominal machine decides.
 bool is_measured_along(const Series& series, int joint) {
   std::size_t farthest = 0;
   const auto displacement = [&](std::size_t i) {
@@ -130,9 +130,11 @@ bool is_measured_along(const Series& series, int joint) {
   };
   for (std::size_t i = 1; i < series.measurements.size(); ++i)
     if (displacement(i) > displacement(farthest)) farthest = i;
-  const auto first = nominal_bodies_at(series, 0), farthest_bodies = nominal_bodies_at(series, farthest);
-  const double reading_change = reading(series.optics(), series.channel, {}, farthest_bodies, farthest_bodies) -
-                      reading(series.optics(), series.channel, {}, first, first);
+  const auto first = nominal_bodies_at(series, 0),
+             farthest_bodies = nominal_bodies_at(series, farthest);
+  const double reading_change =
+      reading(series.optics(), series.channel, {}, farthest_bodies, farthest_bodies) -
+      reading(series.optics(), series.channel, {}, first, first);
   // The ratio is about 1 along the travel and about 0 across it.
   return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
@@ -190,8 +192,8 @@ bool is_hidden_by_centring(const AxisTest& test) {
   if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
   Eigen::MatrixX2d coordinates(test.runs.target.size(), 2);
   coordinates << test.runs.target.array().cos(), test.runs.target.array().sin();
-  // The sum of the weights is the number of distinct positions. Three positions are fitted exactly by
-  // offset and once-per-turn motion; 3.5 allows for rounding.
+  // The sum of the weights is the number of distinct positions. Three positions are fitted exactly
+  // by offset and once-per-turn motion; 3.5 allows for rounding.
   return position_weights(coordinates, 1e-9).sum() < 3.5;
 }
 
@@ -200,8 +202,8 @@ PositionRuns form_of(const AxisTest& test) {
   const VectorXd& t = runs.target;
   Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
   VectorXd root_of_weight = VectorXd::Ones(t.size());
-  // The set-up contributes the line of the optics to a straightness, the eccentricity of the artefact
-  // to a radial error motion, and the zero to an axial one.
+  // The set-up contributes the line of the optics to a straightness, the eccentricity of the
+  // artefact to a radial error motion, and the zero to an axial one.
   if (test.what == AxisTest::TestKind::Straightness) {
     set_up.conservativeResize(Eigen::NoChange, 2);
     set_up.col(1) = t.array() - t.mean();
@@ -245,20 +247,21 @@ struct CirclePass {
   std::vector<double> angle;
 };
 
-/// Divides a series into passes. A pass ends with its run, or at a target that is read again before the
-/// motion back.
+/// Divides a series into passes. A pass ends with its run, or at a target that is read again before
+/// the motion back.
 std::vector<CirclePass> circle_passes(const Series& series,
                                       const Eigen::Matrix<double, 3, 2>& plane) {
   std::vector<CirclePass> passes;
   int step = 0;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const Measurement& measurement = series.measurement(i);
-    const Eigen::Vector2d arm =
-        plane.transpose() * (measured_point_w(series, measurement.state.q) - series.sensor().point_in);
+    const Eigen::Vector2d arm = plane.transpose() * (measured_point_w(series, measurement.state.q) -
+                                                     series.sensor().point_in);
     double angle = std::atan2(arm.y(), arm.x());
     const int target_step = i > 0 ? measurement.target - series.measurement(i - 1).target : 0;
-    const bool continues_pass = !passes.empty() && passes.back().run == measurement.run && target_step != 0 &&
-                         (passes.back().measurements.size() < 2 || target_step * step > 0);
+    const bool continues_pass = !passes.empty() && passes.back().run == measurement.run &&
+                                target_step != 0 &&
+                                (passes.back().measurements.size() < 2 || target_step * step > 0);
     if (!continues_pass) passes.push_back({measurement.run, {}, {}});
     CirclePass& pass = passes.back();
     if (!pass.angle.empty())
@@ -271,8 +274,8 @@ std::vector<CirclePass> circle_passes(const Series& series,
   return passes;
 }
 
-/// Returns unit vectors in the workpiece: along the first slide and, perpendicular to it, towards the
-/// second.
+/// Returns unit vectors in the workpiece: along the first slide and, perpendicular to it, towards
+/// the second.
 Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 2>& slides) {
   const auto& q0 = series.measurement(0).state.q;
   Eigen::Matrix<double, 3, 2> plane;
@@ -296,7 +299,8 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
   const auto& q0 = series.measurement(0).state.q;
   const double radius = (measured_point_w(series, q0) - series.sensor().point_in).norm();
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
-    const Vector3d arm = measured_point_w(series, series.measurement(i).state.q) - series.sensor().point_in;
+    const Vector3d arm =
+        measured_point_w(series, series.measurement(i).state.q) - series.sensor().point_in;
     // 1e-6 of the radius allows for the rounding of positions in a file.
     if (std::abs(arm.norm() - radius) > 1e-6 * radius) return {};
   }
@@ -328,7 +332,8 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
 
 namespace {
 
-/// Returns the signs of the slides along a diagonal in the order X Y Z, or nothing if other axes move.
+/// Returns the signs of the slides along a diagonal in the order X Y Z, or nothing if other axes
+/// move.
 std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
                                                  const std::vector<int>& moving) {
   std::array<int, 3> signs{0, 0, 0};
@@ -357,7 +362,8 @@ bool is_along_beam(const Series& series) {
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
     const Vector3d displacement = measured_point_w(series, series.measurement(i).state.q) - start;
     // 1e-6 relative allows for the rounding of positions in a file.
-    if ((displacement - displacement.dot(beam) * beam).norm() > 1e-6 * (1 + displacement.norm())) return false;
+    if ((displacement - displacement.dot(beam) * beam).norm() > 1e-6 * (1 + displacement.norm()))
+      return false;
   }
   return true;
 }
@@ -435,8 +441,8 @@ OtherTest other_test(const Series& series) {
   return test;
 }
 
-/// Joins channels with a single reading, such as those of a tracker at every position, into one test of
-/// lengths and one of angles.
+/// Joins channels with a single reading, such as those of a tracker at every position, into one
+/// test of lengths and one of angles.
 void join_single_readings(std::vector<OtherTest>& tests) {
   std::vector<OtherTest> remaining;
   std::array<std::vector<double>, 2> single;
@@ -453,7 +459,7 @@ void join_single_readings(std::vector<OtherTest>& tests) {
     value.array() -= value.mean();
     VectorXd weights = VectorXd::Constant(value.size(), 1.0 / double(value.size()));
     remaining.push_back({angle ? "angles read once each" : "lengths read once each", angle,
-                      std::move(value), std::move(weights)});
+                         std::move(value), std::move(weights)});
   }
   tests = std::move(remaining);
 }
@@ -471,8 +477,8 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
       return;
     }
   }
-  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle. All
-  // other readings are reported by their range.
+  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle.
+  // All other readings are reported by their range.
   for (const Series& series : channels) {
     const std::vector<int> moving = moving_joints(series);
     if (moving.size() == 1) {
@@ -495,9 +501,10 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
     tests.others.push_back(other_test(series));
   }
   const bool is_square_test = axis_tests.size() == 2 && axes.size() == 2 &&
-                      axis_tests[0].what == AxisTest::TestKind::Straightness &&
-                      axis_tests[1].what == AxisTest::TestKind::Straightness;
-  if (is_square_test) tests.squares.push_back({channels.front().optics().name, axis_tests[0], axis_tests[1]});
+                              axis_tests[0].what == AxisTest::TestKind::Straightness &&
+                              axis_tests[1].what == AxisTest::TestKind::Straightness;
+  if (is_square_test)
+    tests.squares.push_back({channels.front().optics().name, axis_tests[0], axis_tests[1]});
   for (AxisTest& line : axis_tests) tests.axes.push_back(std::move(line));
 }
 
@@ -513,9 +520,9 @@ Tests classify_readings(const Readings& readings) {
   for (std::size_t i = 0; i < plan.measurements.size(); ++i)
     set_ups[std::size_t(plan.measurements[i].set_up)][std::size_t(plan.measurements[i].channel)]
         .measurements.push_back(i);
-  for (const std::vector<Series>& all : set_ups) {
+  for (const std::vector<Series>& set_up_series : set_ups) {
     std::vector<Series> channels;
-    for (const Series& series : all)
+    for (const Series& series : set_up_series)
       if (!series.measurements.empty()) channels.push_back(series);
     if (!channels.empty()) sort_set_up(channels, tests);
   }

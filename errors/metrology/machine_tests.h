@@ -41,12 +41,12 @@ Eigen::Vector3d measured_point_w(const Series& series, const kinematics::AxisVec
 /// Returns the indices of the axes that move.
 std::vector<int> moving_joints(const Series& series);
 
-/// Returns the deviations of a series as runs over positions along a path, in ascending order of the
-/// targets, or nothing unless every run has every target once and all targets are distinct.
+/// Returns the deviations of a series as runs over positions along a path, in ascending order of
+/// the targets, or nothing unless every run has every target once and all targets are distinct.
 /// @param along       (measurements) position on the path
 /// @param from_below  (measurements) true if the measurement was approached from lower positions
 std::optional<PositionRuns> position_runs(const Series& series, const Eigen::VectorXd& along,
-                                    const std::vector<bool>& from_below);
+                                          const std::vector<bool>& from_below);
 
 /// Readings of one channel while one axis moves.
 struct AxisTest {
@@ -70,13 +70,13 @@ struct AxisTest {
 std::optional<AxisTest> axis_test(const Series& series, int joint);
 
 /// Returns the runs without the contribution of the set-up: the least-squares line of the mean of a
-/// straightness, the component once per turn of a radial error motion (centring of the artefact), the
-/// mean of an axial error motion. Runs of other tests are unchanged. Angles have the weight of their
-/// arc, so that 0 and 360 degrees together count as one position.
+/// straightness, the component once per turn of a radial error motion (centring of the artefact),
+/// the mean of an axial error motion. Runs of other tests are unchanged. Angles have the weight of
+/// their arc, so that 0 and 360 degrees together count as one position.
 PositionRuns form_of(const AxisTest& test);
 
-/// Returns true if a radial error motion was read at too few positions, three or less, to separate it
-/// from the centring of the artefact.
+/// Returns true if a radial error motion was read at too few positions, three or less, to separate
+/// it from the centring of the artefact.
 bool is_hidden_by_centring(const AxisTest& test);
 
 /// Lengths read while two slides move around a point.

@@ -19,9 +19,10 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double min_probability = 1e-9;            // less probable readings are an error, not chance
+constexpr double min_probability = 1e-9;  // less probable readings are an error, not chance
 constexpr double large_mm = 1.0, large_rad = 0.01;  // deviations that no machine has
-constexpr double error_factor = 10.0;  // on this limit; larger deviations are an error, not a warning
+constexpr double error_factor =
+    10.0;  // on this limit; larger deviations are an error, not a warning
 // Numbers of readings; fewer can be equal, or have little scatter, by chance.
 constexpr int min_equal = 5, min_equal_in_a_row = 4, min_scattered = 20;
 
@@ -96,7 +97,8 @@ void check_scatter(const std::string& name, const Channel& channel, const Vector
       channel.resolution > channel.noise)
     return;
   const double scatter = second_difference_noise(departure);
-  if (scatter >= min_scatter_ratio * channel.noise || departure.cwiseAbs().maxCoeff() == 0.0) return;
+  if (scatter >= min_scatter_ratio * channel.noise || departure.cwiseAbs().maxCoeff() == 0.0)
+    return;
   diagnostics.warnings.push_back(fmt::format(
       "{}: readings scatter by {}, their noise is {}: in another unit, or smoothed", name,
       noise_text(scatter, channel.is_angle()), noise_text(channel.noise, channel.is_angle())));
@@ -156,7 +158,8 @@ void check_departure(const ChannelReadings& readings, ReadingDiagnostics& diagno
   const double limit = deviation_limit(channel.is_angle()) + allowed;
   const double max_magnitude = max_departure(readings, readings.value);
   if (max_magnitude < limit) return;
-  const bool is_certain = max_magnitude >= error_factor * deviation_limit(channel.is_angle()) + allowed;
+  const bool is_certain =
+      max_magnitude >= error_factor * deviation_limit(channel.is_angle()) + allowed;
   (is_certain ? diagnostics.errors : diagnostics.warnings)
       .push_back(fmt::format("{}: readings are up to {} from what the nominal machine shows: {}",
                              readings.name, size_text(max_magnitude, channel.is_angle()),
@@ -170,13 +173,14 @@ double alignment_sigma(const Readings& readings, const ChannelMeasurements& meas
   double largest = 0.0;
   for (const int i : measured_channel.measurements) {
     const kinematics::AxisState& state = readings.plan.measurements[std::size_t(i)].state;
-    const VectorXd gradient =
-        unknowns_gradient(set_up, measured_channel.channel, nominal_bodies(readings.nominal, state.q),
-                          spindle_angle(readings.nominal, state));
+    const VectorXd gradient = unknowns_gradient(set_up, measured_channel.channel,
+                                                nominal_bodies(readings.nominal, state.q),
+                                                spindle_angle(readings.nominal, state));
     double variance = 0.0;
     for (std::size_t k = 0; k < unknown_list.size(); ++k)
       // Only zeros have infinite sigmas, and the median removes them.
-      if (std::isfinite(unknown_list[k].sigma)) variance += std::pow(unknown_list[k].sigma * gradient[Index(k)], 2);
+      if (std::isfinite(unknown_list[k].sigma))
+        variance += std::pow(unknown_list[k].sigma * gradient[Index(k)], 2);
     largest = std::max(largest, std::sqrt(variance));
   }
   return largest;
@@ -187,17 +191,18 @@ void check_channel(const Readings& readings, const ChannelMeasurements& measured
   const SetUp& set_up = readings.plan.set_ups[std::size_t(measured_channel.set_up)];
   const Channel& channel = set_up.channels[std::size_t(measured_channel.channel)];
   ChannelReadings channel_readings{set_up.name + ", " + channel.name,
-                      &set_up,
-                      measured_channel.channel,
-                      readings.value(measured_channel.measurements),
-                      nominal(measured_channel.measurements),
-                      alignment_sigma(readings, measured_channel)};
+                                   &set_up,
+                                   measured_channel.channel,
+                                   readings.value(measured_channel.measurements),
+                                   nominal(measured_channel.measurements),
+                                   alignment_sigma(readings, measured_channel)};
   check_changes(channel_readings.name, channel, channel_readings.value, diagnostics);
   if (channel.quantity == Quantity::Length && channel_readings.value.minCoeff() <= 0.0)
-    diagnostics.errors.push_back(
-        fmt::format("{}: a length is {}", channel_readings.name, size_text(channel_readings.value.minCoeff(), false)));
+    diagnostics.errors.push_back(fmt::format("{}: a length is {}", channel_readings.name,
+                                             size_text(channel_readings.value.minCoeff(), false)));
   check_departure(channel_readings, diagnostics);
-  check_scatter(channel_readings.name, channel, departure_from_nominal(channel_readings, channel_readings.value), diagnostics);
+  check_scatter(channel_readings.name, channel,
+                departure_from_nominal(channel_readings, channel_readings.value), diagnostics);
 }
 
 /// Warns of repeated rows, which would double the weight of a reading.
@@ -232,7 +237,8 @@ void check_directions(const Readings& readings, ReadingDiagnostics& diagnostics)
       const bool is_one_stroke = measurements[i].set_up == measurements[i - 1].set_up &&
                                  measurements[i].run == measurements[i - 1].run &&
                                  from.stroke[j] == to.stroke[j];
-      contradiction_count += is_one_stroke && (to.q[Index(j)] - from.q[Index(j)]) * to.direction[j] < -1e-9;
+      contradiction_count +=
+          is_one_stroke && (to.q[Index(j)] - from.q[Index(j)]) * to.direction[j] < -1e-9;
     }
     if (contradiction_count > 0)
       diagnostics.warnings.push_back(fmt::format(
@@ -301,8 +307,8 @@ void check_complete(const Plan& plan, const std::vector<ChannelMeasurements>& me
 
 /// Warns of temperatures that contradict each other by a wrong unit or sign, or by a loose contact.
 void check_temperature_levels(const Readings& readings, ReadingDiagnostics& diagnostics) {
-  constexpr double max_room_C = 45.0;           // 20 degrees Celsius are 68 Fahrenheit
-  constexpr double max_below_median_K = 25.0;       // machines are warmer than their room
+  constexpr double max_room_C = 45.0;          // 20 degrees Celsius are 68 Fahrenheit
+  constexpr double max_below_median_K = 25.0;  // machines are warmer than their room
   constexpr double jump_K = 10.0, max_interval_s = 120.0;
   const Eigen::MatrixXd& T_C = readings.T_C;
   if (T_C.size() == 0) return;
@@ -323,8 +329,9 @@ void check_temperature_levels(const Readings& readings, ReadingDiagnostics& diag
           name, min, median));
     for (Index i = 1; i < T_C.rows(); ++i) {
       const double elapsed_s = readings.plan.measurements[std::size_t(i)].state.time_s -
-                              readings.plan.measurements[std::size_t(i - 1)].state.time_s;
-      if (std::abs(T_C(i, k) - T_C(i - 1, k)) <= jump_K || std::abs(elapsed_s) > max_interval_s) continue;
+                               readings.plan.measurements[std::size_t(i - 1)].state.time_s;
+      if (std::abs(T_C(i, k) - T_C(i - 1, k)) <= jump_K || std::abs(elapsed_s) > max_interval_s)
+        continue;
       diagnostics.warnings.push_back(
           fmt::format("{} jumps from {:.2f} to {:.2f} C in {:.3g} s: a loose contact, or a mistake "
                       "in writing",
@@ -347,7 +354,8 @@ void check_temperatures(const Readings& readings, ReadingDiagnostics& diagnostic
     const std::string& name = readings.sensors[k];
     const double low = T_C.col(Index(k)).minCoeff(), high = T_C.col(Index(k)).maxCoeff();
     if (low < absolute_zero_C)
-      diagnostics.errors.push_back(fmt::format("{} reads {:.2f} C, below absolute zero", name, low));
+      diagnostics.errors.push_back(
+          fmt::format("{} reads {:.2f} C, below absolute zero", name, low));
     else if (low < lowest_C || high > highest_C)
       diagnostics.warnings.push_back(
           fmt::format("{} reads {:.2f} to {:.2f} C, as no machine is: temperatures are in degrees "
@@ -364,8 +372,9 @@ void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
                       ReadingDiagnostics& diagnostics) {
   if (v.size() == 0) return;
   if (v.size() >= min_equal && v.minCoeff() == v.maxCoeff())
-    diagnostics.warnings.push_back(fmt::format("{}: all {} deviations are {}: the sensor may not work",
-                                         name, v.size(), noise_text(v[0], is_angle)));
+    diagnostics.warnings.push_back(
+        fmt::format("{}: all {} deviations are {}: the sensor may not work", name, v.size(),
+                    noise_text(v[0], is_angle)));
   const double max_magnitude = v.cwiseAbs().maxCoeff();
   if (max_magnitude >= deviation_limit(is_angle))
     diagnostics.warnings.push_back(fmt::format(
@@ -408,7 +417,8 @@ ReadingDiagnostics diagnose(const Readings& readings) {
   const std::vector<ChannelMeasurements> measured_channels = channel_measurements(readings.plan);
   check_complete(readings.plan, measured_channels, diagnostics);
   const VectorXd nominal = nominal_values(readings);
-  for (const ChannelMeasurements& channel : measured_channels) check_channel(readings, channel, nominal, diagnostics);
+  for (const ChannelMeasurements& channel : measured_channels)
+    check_channel(readings, channel, nominal, diagnostics);
   return diagnostics;
 }
 
@@ -419,7 +429,8 @@ std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files) {
     if (files[f].value.size() == 0) continue;
     for (const ChannelMeasurements& measured_channel : channel_measurements(files[f].plan)) {
       const Channel& channel =
-          files[f].plan.set_ups[std::size_t(measured_channel.set_up)].channels[std::size_t(measured_channel.channel)];
+          files[f].plan.set_ups[std::size_t(measured_channel.set_up)].channels[std::size_t(
+              measured_channel.channel)];
       std::map<int, std::vector<double>> runs;
       for (const int i : measured_channel.measurements)
         runs[files[f].plan.measurements[std::size_t(i)].run].push_back(files[f].value[i]);
@@ -450,7 +461,8 @@ ReadingDiagnostics diagnose(const PartReadings& readings) {
   const std::string name = "the part";
   check_changes(name, channel, readings.deviation, diagnostics);
   if (readings.deviation.size() == 0) return diagnostics;
-  if (const double max_magnitude = readings.deviation.cwiseAbs().maxCoeff(); max_magnitude >= large_mm)
+  if (const double max_magnitude = readings.deviation.cwiseAbs().maxCoeff();
+      max_magnitude >= large_mm)
     diagnostics.warnings.push_back(
         fmt::format("{}: deviations are up to {}: unit or alignment may be wrong", name,
                     size_text(max_magnitude, false)));

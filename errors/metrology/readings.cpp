@@ -40,7 +40,7 @@ Eigen::Matrix<double, 3, 2> mirror_rotations(const SetUp& set_up) {
 
 /// Geometry of a reading.
 struct SightLine {
-  Vector3d offset;         ///< p - p_in, in the frame of `in`
+  Vector3d offset;        ///< p - p_in, in the frame of `in`
   Vector3d direction_in;  ///< u
   Vector3d normal_in;     ///< of the mirror in its current position
 };
@@ -130,9 +130,9 @@ UnknownOffsets unknown_offsets(const SetUp& set_up) {
   return offsets;
 }
 
-/// Returns the rotation vector of the body from its nominal pose. An angle is its component along the
-/// instrument's direction. At nominal poses it is zero, so a misaligned direction has no first-order
-/// effect.
+/// Returns the rotation vector of the body from its nominal pose. An angle is its component along
+/// the instrument's direction. At nominal poses it is zero, so a misaligned direction has no
+/// first-order effect.
 Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
                                const Bodies& nominal) {
   const Matrix3d R_actual = relative_pose(channel, actual).linear();
@@ -159,10 +159,11 @@ double reading(const SetUp& set_up, int channel, const Misalignment& misalignmen
     value = direction_in.dot(rotation_from_nominal(c, actual, nominal));
   } else {
     const Pose T_of_in = relative_pose(c, actual);
-    const Vector3d point_of =
-        c.point_of + misalignment.point_of + rotated_eccentricity(misalignment.eccentricity, spindle_angle);
-    value = ideal_value(c, {T_of_in * point_of - (c.point_in + misalignment.point_in), direction_in,
-                     T_of_in.linear() * (kinematics::rotation(misalignment.normal) * c.normal_of)});
+    const Vector3d point_of = c.point_of + misalignment.point_of +
+                              rotated_eccentricity(misalignment.eccentricity, spindle_angle);
+    value = ideal_value(
+        c, {T_of_in * point_of - (c.point_in + misalignment.point_in), direction_in,
+            T_of_in.linear() * (kinematics::rotation(misalignment.normal) * c.normal_of)});
   }
   const double zero = misalignment.zero.size() > 0 ? misalignment.zero[channel] : 0.0;
   return value + misalignment.scale * value + zero + misalignment.drift * since_s;
@@ -181,7 +182,8 @@ ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
     const Vector3d point_b = T_b_of * channel.point_of;
     of_gradient.head<3>() = R_b_in * s.point;
     // The mirror is carried by `of`, so a rotation of the body also turns its normal.
-    of_gradient.tail<3>() = point_b.cross(of_gradient.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
+    of_gradient.tail<3>() =
+        point_b.cross(of_gradient.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
   }
   ReadingGradient result;
   const auto add = [&](Body body, double sign) {
@@ -216,11 +218,13 @@ Misalignment misalignment(const SetUp& set_up, const Eigen::VectorXd& values) {
   const UnknownOffsets offsets = unknown_offsets(set_up);
   assert(values.size() == offsets.size);
   Misalignment result;
-  if (offsets.zero >= 0) result.zero = values.segment(offsets.zero, Eigen::Index(set_up.channels.size()));
+  if (offsets.zero >= 0)
+    result.zero = values.segment(offsets.zero, Eigen::Index(set_up.channels.size()));
   if (offsets.rotation >= 0) result.rotation = values.segment<3>(offsets.rotation);
   if (offsets.point_of >= 0) result.point_of = values.segment<3>(offsets.point_of);
   if (offsets.point_in >= 0) result.point_in = values.segment<3>(offsets.point_in);
-  if (offsets.normal >= 0) result.normal = mirror_rotations(set_up) * values.segment<2>(offsets.normal);
+  if (offsets.normal >= 0)
+    result.normal = mirror_rotations(set_up) * values.segment<2>(offsets.normal);
   if (offsets.eccentricity >= 0) result.eccentricity = values.segment<2>(offsets.eccentricity);
   if (offsets.scale >= 0) result.scale = values[offsets.scale];
   if (offsets.drift >= 0) result.drift = values[offsets.drift];
@@ -237,7 +241,8 @@ Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment) {
   if (offsets.point_in >= 0) result.segment<3>(offsets.point_in) = misalignment.point_in;
   if (offsets.normal >= 0)
     result.segment<2>(offsets.normal) = mirror_rotations(set_up).transpose() * misalignment.normal;
-  if (offsets.eccentricity >= 0) result.segment<2>(offsets.eccentricity) = misalignment.eccentricity;
+  if (offsets.eccentricity >= 0)
+    result.segment<2>(offsets.eccentricity) = misalignment.eccentricity;
   if (offsets.scale >= 0) result[offsets.scale] = misalignment.scale;
   if (offsets.drift >= 0) result[offsets.drift] = misalignment.drift;
   return result;
@@ -255,7 +260,8 @@ Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies
   const Pose T_of_in = relative_pose(c, nominal);
   const SightLine sight = nominal_sight(c, T_of_in);
   const ValueGradient s = value_gradient(c, sight);
-  const Vector3d point_gradient = T_of_in.linear().transpose() * s.point;  // per motion of the carried point
+  const Vector3d point_gradient =
+      T_of_in.linear().transpose() * s.point;  // per motion of the carried point
   if (offsets.rotation >= 0) g.segment<3>(offsets.rotation) = c.direction_in.cross(s.direction);
   if (offsets.point_of >= 0) g.segment<3>(offsets.point_of) = point_gradient;
   if (offsets.point_in >= 0) g.segment<3>(offsets.point_in) = -s.point;
@@ -264,8 +270,10 @@ Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies
     g.segment<2>(offsets.normal) = mirror_rotations(set_up).transpose() * normal_gradient;
   }
   if (offsets.eccentricity >= 0) {
-    g[offsets.eccentricity] = point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitX(), spindle_angle));
-    g[offsets.eccentricity + 1] = point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitY(), spindle_angle));
+    g[offsets.eccentricity] =
+        point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitX(), spindle_angle));
+    g[offsets.eccentricity + 1] =
+        point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitY(), spindle_angle));
   }
   if (offsets.scale >= 0) g[offsets.scale] = ideal_value(c, sight);
   return g;
@@ -304,7 +312,8 @@ void check(const Plan& plan, const kinematics::Chain& nominal) {
     if (channels > 0 && (measurement.channel < 0 || measurement.channel >= channels))
       throw_input_error(fmt::format("one of {} channels", channels), measurement.channel);
     if (measurement.state.q.size() != nominal.size())
-      throw_input_error(fmt::format("{} axis positions", nominal.size()), int(measurement.state.q.size()));
+      throw_input_error(fmt::format("{} axis positions", nominal.size()),
+                        int(measurement.state.q.size()));
     if (!measurement.state.q.allFinite() || !std::isfinite(measurement.state.time_s))
       throw std::invalid_argument(
           fmt::format("reading {} of {}: expected finite positions", i + 1, plan.instrument));
@@ -344,14 +353,17 @@ struct Conditions {
 
 /// Returns the value on the instrument's display, without noise, and sets a counter at its first
 /// reading.
-double displayed_value(SetUpState& state, const SetUp& set_up, int channel, const Conditions& conditions) {
+double displayed_value(SetUpState& state, const SetUp& set_up, int channel,
+                       const Conditions& conditions) {
   const auto reading_with = [&](const Misalignment& m) {
-    return reading(set_up, channel, m, conditions.actual, conditions.nominal_poses, conditions.spindle_angle, conditions.since_s);
+    return reading(set_up, channel, m, conditions.actual, conditions.nominal_poses,
+                   conditions.spindle_angle, conditions.since_s);
   };
   char& is_zero_set = state.is_zero_set[std::size_t(channel)];
   if (set_up.zero_unknown && !is_zero_set) {  // the counter is set to its nominal value
     state.misalignment.zero[channel] =
-        reading(set_up, channel, {}, conditions.nominal_poses, conditions.nominal_poses) - reading_with(state.misalignment);
+        reading(set_up, channel, {}, conditions.nominal_poses, conditions.nominal_poses) -
+        reading_with(state.misalignment);
     is_zero_set = 1;
   }
   return reading_with(state.misalignment);
@@ -384,9 +396,9 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
     if (set_up.channels.empty()) continue;
     const Channel& channel = set_up.channels[std::size_t(measurement.channel)];
     const double value =
-        displayed_value(
-            set_up_states[std::size_t(measurement.set_up)], set_up, measurement.channel,
-            {actual, nominal_poses, spindle_angle(nominal, measurement.state), since_s[Eigen::Index(i)]}) +
+        displayed_value(set_up_states[std::size_t(measurement.set_up)], set_up, measurement.channel,
+                        {actual, nominal_poses, spindle_angle(nominal, measurement.state),
+                         since_s[Eigen::Index(i)]}) +
         channel.noise * normal_deviate(seed, i);
     if (!std::isfinite(value))
       throw std::invalid_argument(fmt::format("reading {} of {} ({}): expected a finite number",

@@ -26,7 +26,8 @@ struct Bodies {
 /// Quantity that a channel reads. A point p_of of one body has the position p = T p_of in another.
 enum class Quantity {
   Length,        ///< |p - p_in|: ball bar, tracking interferometer
-  Displacement,  ///< u (p - p_in): interferometer with retroreflector, straightness optics, dial, probe
+  Displacement,  ///< u (p - p_in): interferometer with retroreflector, straightness optics, dial,
+                 ///< probe
   Mirror,        ///< n (p - p_in) / (n u), n the current normal of a flat mirror: laser vector
   Angle,         ///< u times the rotation vector of the body from its nominal pose: angle optics,
                  ///< level (in the bed), autocollimator with polygon
@@ -49,8 +50,8 @@ struct Channel {
   bool is_angle() const { return quantity == Quantity::Angle; }
 };
 
-/// Unknowns of a set-up. Their true values are drawn at the set-up; identifications estimate them. All
-/// are zero in a perfect set-up.
+/// Unknowns of a set-up. Their true values are drawn at the set-up; identifications estimate them.
+/// All are zero in a perfect set-up.
 struct Misalignment {
   Eigen::VectorXd zero;  ///< (channels) mm or rad, added to the readings; empty: zeros
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< rad, common rotation of every
@@ -86,8 +87,8 @@ struct SetUp {
 /// @param spindle_angle  rad, of the nose, used for an eccentric ball only
 /// @param since_s        s since the set-up's first reading
 /// Bound: 2 ulp of the sum of the distances of both bodies from the bed's origin and of both points
-/// from the origins of their bodies (1e-12 mm if each is 500 mm), for a mirror divided by n u; 1e-15 rad for
-/// an angle below 3 mrad.
+/// from the origins of their bodies (1e-12 mm if each is 500 mm), for a mirror divided by n u;
+/// 1e-15 rad for an angle below 3 mrad.
 double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
                const Bodies& actual, const Bodies& nominal, double spindle_angle = 0.0,
                double since_s = 0.0);
@@ -150,9 +151,9 @@ struct Readings {
 /// Machine under test: returns the actual poses of the bodies at a state.
 using MachineUnderTest = std::function<Bodies(const kinematics::AxisState&)>;
 
-/// Simulates set-ups and readings. Misalignments and noise are drawn from the seed, the same on every
-/// computer. A counter with an unknown zero is set at its first reading to the value of the nominal
-/// machine, so its zero is minus the error there. Temperature sensors are left empty.
+/// Simulates set-ups and readings. Misalignments and noise are drawn from the seed, the same on
+/// every computer. A counter with an unknown zero is set at its first reading to the value of the
+/// nominal machine, so its zero is minus the error there. Temperature sensors are left empty.
 /// @throws std::invalid_argument if the plan does not fit the chain (a set-up or channel out of
 ///         range, a state of another size)
 Readings measure(const Plan& plan, const kinematics::Chain& nominal,
@@ -167,7 +168,8 @@ double standard_deviation(const Channel& channel);
 /// Returns a reading rounded to a resolution; 0: unchanged.
 double rounded(double value, double resolution);
 
-/// Returns the rotation of an eccentric ball at a state: the angle of the nose `s`, 0 without a nose.
+/// Returns the rotation of an eccentric ball at a state: the angle of the nose `s`, 0 without a
+/// nose.
 double spindle_angle(const kinematics::Chain& nominal, const kinematics::AxisState& state);
 
 /// Returns for every measurement the time since the first reading of its set-up, s (measurements).

@@ -401,8 +401,8 @@ Figure shape(const char* name, const std::optional<double>& value) {
 TestResult heights_result(const PartReadings& r, const VectorXd& share, bool flat) {
   ArealOptions options;
   options.reference = flat ? ArealReference::Plane : ArealReference::Mean;
-  const Areal heights =
-      areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))), r.deviation, share, options);
+  const Areal heights = areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))),
+                              r.deviation, share, options);
   return {"heights",
           "ISO 25178-2:2021 height parameters, unfiltered",
           {{"reference", "", flat ? "least-squares plane" : "mean, along the design's normals"},
