@@ -120,7 +120,7 @@ struct OtherTest {
   std::string name;
   bool angle = false;
   Eigen::VectorXd deviation;  ///< (n) with zero mean
-  Eigen::VectorXd share;      ///< (n) weights by which each position of the axes counts once
+  Eigen::VectorXd weights;    ///< (n) weights by which each position of the axes counts once
 };
 
 /// Readings of a machine, sorted into the tests that the standards evaluate.
