@@ -436,8 +436,8 @@ OtherTest other_test(const Series& series) {
   constexpr double tolerance = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
                  position_weights(wrapped_positions(series), tolerance)};
-  test.share /= test.share.sum();
-  if (test.deviation.size() > 1) test.deviation.array() -= test.share.dot(test.deviation);
+  test.weights /= test.weights.sum();
+  if (test.deviation.size() > 1) test.deviation.array() -= test.weights.dot(test.deviation);
   return test;
 }
 

@@ -268,13 +268,13 @@ TestResult drift_result(const DriftTest& test) {
   std::vector<DriftInterval> intervals{{"whole", t[0], t[t.size() - 1]}};
   if (t[t.size() - 1] - t[0] > 3600.0)
     intervals.insert(intervals.begin(), {"first_hour", t[0], t[0] + 3600.0});
-  for (const DriftRange& one : drift(test.log, intervals)) {
-    const double hours = (one.interval.to_s - one.interval.from_s) / 3600.0;
-    FigureGroup interval{one.interval.name, {{"hours", "", hours}}};
+  for (const DriftRange& drift_range : drift(test.log, intervals)) {
+    const double hours = (drift_range.interval.to_s - drift_range.interval.from_s) / 3600.0;
+    FigureGroup interval{drift_range.interval.name, {{"hours", "", hours}}};
     for (std::size_t c = 0; c < test.log.names.size(); ++c)
       interval.groups.push_back({test.log.names[c],
-                                 {figure("range", one.range[Index(c)], test.angle[c]),
-                                  figure("change", one.change[Index(c)], test.angle[c])}});
+                                 {figure("range", drift_range.range[Index(c)], test.angle[c]),
+                                  figure("change", drift_range.change[Index(c)], test.angle[c])}});
     result.groups.push_back(std::move(interval));
   }
   return result;
@@ -368,9 +368,9 @@ std::optional<TestResult> circularity_result(const PartReadings& r, const std::v
                                              const Vector3d& axis) {
   const Eigen::Matrix<double, 3, 2> plane = perpendicular_basis(axis);
   const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
-  const Eigen::Vector2d middle = design.colwise().mean();
+  const Eigen::Vector2d design_mean = design.colwise().mean();
   // This also excludes points on a line.
-  if (!is_full_turn(angles_around(design, middle))) return std::nullopt;
+  if (!is_full_turn(angles_around(design, design_mean))) return std::nullopt;
   const LeastSquaresCircle nominal = least_squares_circle(design);
   const VectorXd angle = angles_around(design, nominal.centre);
   if (nominal.circularity > point_tolerance || !is_full_turn(angle)) return std::nullopt;
