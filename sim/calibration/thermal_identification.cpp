@@ -339,7 +339,7 @@ CoefficientSeries coefficient_series(const errors::GeometricErrors& model,
   return series;
 }
 
-/// Returns the model with coefficients held at zero, by a prior variance of zero.
+/// Returns the model with coefficients held at their values, by a prior variance of zero.
 errors::GeometricErrors with_held_coefficients(errors::GeometricErrors model,
                                                const std::set<Index>& held_columns) {
   const auto list = errors::coefficients(model.elements);
@@ -516,21 +516,21 @@ ThermalIdentificationResult identify_thermal(std::span<const Readings> readings,
   const CoefficientSeries series = options.elements.empty()
                                        ? significant_series(model, changes, options.min_signal)
                                        : coefficient_series(model, changes);
-  const std::vector<TermCoefficient> numbers = determined_coefficients(series, model, nominal);
+  const std::vector<TermCoefficient> determined = determined_coefficients(series, model, nominal);
 
   const std::vector<std::string> logged = identification::common_sensors(logs);
   const MatrixXd logged_dT_K = identification::temperature_rise_K(logs, day.epochs, logged);
   day.sensors = options.sensors;
   if (day.sensors.empty()) {
     day.chosen = {logged,
-                  choose_term_sensors(series, numbers, logged, logged_dT_K, options.choice)};
+                  choose_term_sensors(series, determined, logged, logged_dT_K, options.choice)};
     for (const int i : day.chosen->choice.chosen) day.sensors.push_back(logged[std::size_t(i)]);
   }
   day.dT_K = logged_dT_K(Eigen::all, identification::sensor_columns(day.sensors, logged));
   day.margin = options.margin;
   const identification::ThermalData inputs{
       day.sensors, day.dT_K, {}, std::vector<int>(day.epochs.size(), 0)};
-  for (const TermCoefficient& term : numbers) {
+  for (const TermCoefficient& term : determined) {
     const identification::ThermalFit fit = fit_term(term, series, inputs, options.margin);
     result.belief.terms.push_back({term.name, term.slope, *fit.model});
     day.terms.push_back({term.name, term.slope, series.value.col(term.column),
