@@ -410,7 +410,7 @@ LineTexture line_texture(LineTrace trace, const std::optional<double>& form_cuto
   constexpr double default_Nic = 2.5;  // mm, for a part without form_cutoff_mm
   LineTexture t;
   t.Nic = options.Nic.value_or(form_cutoff.value_or(default_Nic));
-  t.Nic_of = options.Nic ? "--nic" : form_cutoff ? "form_cutoff_mm of the part" : "assumed";
+  t.Nic_source = options.Nic ? "--nic" : form_cutoff ? "form_cutoff_mm of the part" : "assumed";
   errors::metrology::TextureOptions settings;
   settings.Nic = t.Nic;
   settings.Nis = options.Nis;
@@ -443,7 +443,7 @@ std::string to_text(const LineTexture& t) {
       "(ISO 16610-21), lines fitted at the ends (ISO 16610-28)\n"
       "P and W: {:.4g} mm, less the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} "
       "mm\n",
-      t.where, texture.length, texture.Nis / units::um, t.Nic, t.Nic_of, class_text(t.Nic),
+      t.where, texture.length, texture.Nis / units::um, t.Nic, t.Nic_source, class_text(t.Nic),
       texture.length, e.sections, e.sections == 1 ? "" : "s", std::min(e.section, texture.length),
       e.from);
   if (t.trace.interpolation)
@@ -477,7 +477,7 @@ ordered_json to_json(const LineTexture& t) {
       {"ends", "first moment retained, ISO 16610-28"},
       {"form_removed", "the design, then the least-squares line"},
       {"Nic_mm", t.Nic},
-      {"Nic_of", t.Nic_of},
+      {"Nic_of", t.Nic_source},
       {"Nis_um", texture.Nis / units::um},
       {"setting_class",
        setting_class != nullptr ? ordered_json(setting_class->name) : ordered_json()},

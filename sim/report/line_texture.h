@@ -64,11 +64,11 @@ struct LineTextureOptions {
 
 /// A line of a map and its profiles by ISO 21920.
 struct LineTexture {
-  std::string line;    ///< "x", "y", "radius"
-  std::string where;   ///< description of the position of the line
-  LineTrace trace;     ///< residuals in mm
-  double Nic = 0.0;    ///< mm
-  std::string Nic_of;  ///< source of Nic
+  std::string line;        ///< "x", "y", "radius"
+  std::string position;    ///< description of the position of the line
+  LineTrace trace;         ///< residuals in mm
+  double Nic = 0.0;        ///< mm
+  std::string Nic_source;  ///< source of Nic
   errors::metrology::ProfileTexture texture;
   std::vector<std::string> warnings;
 };

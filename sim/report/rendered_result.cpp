@@ -297,8 +297,8 @@ LineTexture result_texture(const RenderOptions& options, const std::filesystem::
   }
   LineTexture texture = line_texture(std::move(*trace), facts.form_cutoff, options.texture);
   texture.line = *options.line;
-  texture.where = *options.line == "radius" ? "the radius from the part's z axis towards +x"
-                                            : line_description(field, *options.line);
+  texture.position = *options.line == "radius" ? "the radius from the part's z axis towards +x"
+                                               : line_description(field, *options.line);
   return texture;
 }
 

@@ -264,8 +264,7 @@ std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& ve
           verdict.cut.name, figure_name, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
       messages.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um",
-                                      verdict.cut.name, figure_name, *value / units::um,
-                                      *limit_um));
+                                     verdict.cut.name, figure_name, *value / units::um, *limit_um));
   };
   if (verdict.cut.collisions && !is_clear(*verdict.cut.collisions))
     messages.push_back(

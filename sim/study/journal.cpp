@@ -411,7 +411,7 @@ Database open_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     throw journal_error(file,
-                         std::filesystem::exists(file, ignored) ? "something else" : "no file");
+                        std::filesystem::exists(file, ignored) ? "something else" : "no file");
   check_file_names(file);
   return open_database(file, SQLITE_OPEN_READONLY);
 }

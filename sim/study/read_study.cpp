@@ -398,7 +398,7 @@ Study StudyReader::read() {
   study_ = response_fields().read(reader_, std::move(study_));
   read_scenes();
   read_declared_inputs();
-  study_ = question_fields().read(reader_, std::move(study_));
+  study_ = analysis_fields().read(reader_, std::move(study_));
   reader_.close();
   if (scenes_.size() == study_.arms.size()) check_paths(study_, scenes_, places_, input_errors_);
   if (input_errors_.empty()) report_missing_centres();
@@ -433,10 +433,10 @@ std::vector<Key> study_keys() {
        make_key(KeyName("variants").otherwise("[\"\"]"), Kind::Texts,
                 "names of the scene's variants, `\"\"` the scene itself; every case for each")});
   add(response_fields().keys());
-  add({table_key("input", Kind::Tables, one_input_keys(), "one thing that nobody knows exactly"),
-       table_key("inputs", Kind::Tables, many_inputs_keys(), "many at once"),
+  add({table_key("input", Kind::Tables, single_input_keys(), "one thing that nobody knows exactly"),
+       table_key("inputs", Kind::Tables, input_group_keys(), "many at once"),
        table_key("correlation", Kind::Tables, correlation_keys(), "of two inputs")});
-  add(question_fields().keys());
+  add(analysis_fields().keys());
   return keys;
 }
 

@@ -116,7 +116,7 @@ std::vector<Key> sweep_keys() {
 void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   TableReader reader(node, "sweep", input_errors);
   Sweep sweep;
-  sweep.input = input_named(reader, "input", study.inputs);
+  sweep.input = read_input_index(reader, "input", study.inputs);
   if (reader.has("values")) {
     sweep.values = reader.numbers("values");
   } else {
@@ -264,7 +264,7 @@ const Fields<Study>& response_fields() {
   return fields;
 }
 
-const Fields<Study>& question_fields() {
+const Fields<Study>& analysis_fields() {
   static const Fields<Study> fields = [] {
     const Fields<Study>::Field sweep = sweep_field();
     return Fields<Study>()
@@ -317,7 +317,8 @@ std::set<std::string> input_names(const std::vector<Input>& inputs) {
   return names;
 }
 
-int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs) {
+int read_input_index(TableReader& reader, const std::string& key,
+                     const std::vector<Input>& inputs) {
   const std::string name = reader.text(key);
   for (std::size_t i = 0; i < inputs.size(); ++i)
     if (inputs[i].name == name) return int(i);

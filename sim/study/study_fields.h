@@ -21,14 +21,14 @@ const Fields<Distribution>& distribution_fields();
 const Fields<Study>& response_fields();
 /// Returns the keys of the tables of analyses, `[one_at_a_time]` to `[histories]`. The inputs of
 /// the study must have been read.
-const Fields<Study>& question_fields();
+const Fields<Study>& analysis_fields();
 
 /// Returns all keys of a study, for the schema and `abbe explain`.
 std::vector<Key> study_keys();
 
 std::set<std::string> input_names(const std::vector<Input>& inputs);
 /// Returns the index of the input that a key names; an unknown name is an input error.
-int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs);
+int read_input_index(TableReader& reader, const std::string& key, const std::vector<Input>& inputs);
 /// Returns an unknown name in quotes, with the nearest known name as a suggestion.
 std::string with_suggestion(const std::string& name, const std::set<std::string>& known_names);
 

@@ -520,8 +520,8 @@ void InputsReader::add_numbers(const InputGroup& group, const Place& place) {
 void InputsReader::read_correlations() {
   for (const Node* node : reader_.tables("correlation")) {
     TableReader reader(*node, "correlation", input_errors_);
-    const int a = input_named(reader, "first", declared_.inputs);
-    const int b = input_named(reader, "second", declared_.inputs);
+    const int a = read_input_index(reader, "first", declared_.inputs);
+    const int b = read_input_index(reader, "second", declared_.inputs);
     const double rho = correlation_fields().read(reader);
     reader.close();
     if (!input_errors_.empty()) continue;
@@ -565,13 +565,13 @@ DeclaredInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes
   return InputsReader(reader, scenes).read();
 }
 
-std::vector<Key> one_input_keys() {
+std::vector<Key> single_input_keys() {
   std::vector<Key> keys = single_input_fields().keys();
   for (Key& key : distribution_fields().keys()) keys.push_back(std::move(key));
   return keys;
 }
 
-std::vector<Key> many_inputs_keys() {
+std::vector<Key> input_group_keys() {
   std::vector<Key> keys = input_group_fields().keys(),
                    distribution_keys = distributed_group_fields().keys();
   Key priors =

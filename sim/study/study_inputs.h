@@ -66,8 +66,8 @@ DeclaredInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes
 std::optional<double> scene_number(const Scene& scene, const std::string& path);
 
 /// Return the keys of one `[[input]]`, of `[[inputs]]` and of `[[correlation]]`.
-std::vector<Key> one_input_keys();
-std::vector<Key> many_inputs_keys();
+std::vector<Key> single_input_keys();
+std::vector<Key> input_group_keys();
 std::vector<Key> correlation_keys();
 
 }  // namespace abbe::sim::study

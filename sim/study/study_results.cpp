@@ -62,14 +62,15 @@ std::string sheet_title(const PreparedStudy& ready, std::size_t configuration,
 
 /// Returns the map of the effect of one standard deviation of an input.
 /// @param input_effects  (inputs x n) effects of all inputs
-/// @param sd   (inputs) standard deviations
-render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& influence, Index input,
+/// @param sd             (inputs) standard deviations
+render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& influence, Index index,
                             const Eigen::MatrixXd& input_effects, const Eigen::VectorXd& sd) {
-  const auto& [name, unit] = std::tie(ready.study.inputs[std::size_t(input)].name,
-                                      ready.study.inputs[std::size_t(input)].unit);
+  const Input& input = ready.study.inputs[std::size_t(index)];
   render::SheetMap map;
-  map.title = unit.empty() ? name : fmt::format("{}, {:.3g} {}", name, sd[input], shown_unit(unit));
-  map.values_um = input_effects.row(input).transpose() * (sd[input] / units::um);
+  map.title = input.unit.empty()
+                  ? input.name
+                  : fmt::format("{}, {:.3g} {}", input.name, sd[index], shown_unit(input.unit));
+  map.values_um = input_effects.row(index).transpose() * (sd[index] / units::um);
   const cutting::Statistics figures = map_statistics(influence.design, map.values_um);
   map.figures = figures_text("PV", figures.rms, figures.pv);
   return map;
@@ -87,12 +88,13 @@ render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t confi
 
 /// Returns the inputs sorted by the RMS of the effect of one standard deviation, largest first;
 /// ties keep their order.
-std::vector<Index> inputs_by_effect(const InfluenceMap& influence, const Eigen::MatrixXd& input_effects,
+std::vector<Index> inputs_by_effect(const InfluenceMap& influence,
+                                    const Eigen::MatrixXd& input_effects,
                                     const Eigen::VectorXd& sd) {
   std::vector<double> rms;
   for (Index i = 0; i < input_effects.rows(); ++i)
-    rms.push_back(
-        map_statistics(influence.design, input_effects.row(i).transpose() * sd[i]).rms.value_or(0.0));
+    rms.push_back(map_statistics(influence.design, input_effects.row(i).transpose() * sd[i])
+                      .rms.value_or(0.0));
   std::vector<Index> order(std::size_t(input_effects.rows()));
   std::iota(order.begin(), order.end(), Index(0));
   std::stable_sort(order.begin(), order.end(),
@@ -102,7 +104,8 @@ std::vector<Index> inputs_by_effect(const InfluenceMap& influence, const Eigen::
 
 /// Writes the sheets of all inputs. Those of an earlier study with more inputs are removed.
 void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::size_t configuration,
-                 const Eigen::MatrixXd& input_effects, const Eigen::VectorXd& sd, PictureNames& names) {
+                 const Eigen::MatrixXd& input_effects, const Eigen::VectorXd& sd,
+                 PictureNames& names) {
   const InfluenceMap& influence = ready.influences[configuration];
   const std::vector<Index> order = inputs_by_effect(influence, input_effects, sd);
   const std::size_t pages = (order.size() + maps_per_page - 1) / maps_per_page;
@@ -149,8 +152,8 @@ void write_effect_pictures(const ResultFolder& folder, const PreparedStudy& read
           sheet_title(ready, configuration, "what one standard deviation of an input does"));
       single.width = 1600;
       write_file(folder / (names.unused({"influence", name}) + ".png"), [&](const path& file) {
-        render::write_sheet(file, influence.design, {effect_map(ready, influence, i, input_effects, sd)},
-                            single);
+        render::write_sheet(file, influence.design,
+                            {effect_map(ready, influence, i, input_effects, sd)}, single);
       });
     }
 }

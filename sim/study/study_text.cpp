@@ -54,11 +54,11 @@ std::string file_part(const std::string& text) {
 std::string PictureNames::unused(const std::vector<std::string>& parts) {
   std::string name;
   for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_part(part);
-  std::string unique_name = name;
+  std::string candidate = name;
   // Windows and macOS ignore case in file names.
-  for (int number = 2; !used_names_.insert(lower_case(unique_name)).second; ++number)
-    unique_name = name + "-" + std::to_string(number);
-  return unique_name;
+  for (int number = 2; !used_names_.insert(lower_case(candidate)).second; ++number)
+    candidate = name + "-" + std::to_string(number);
+  return candidate;
 }
 
 std::string title_of(Response response) {
