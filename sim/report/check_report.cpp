@@ -256,6 +256,7 @@ ordered_json element_json(const Description::Element& element) {
   return json;
 }
 
+/// Returns the thermal network with the elements and sensors that depend on it.
 ordered_json heat_json(const Description::Heat& heat) {
   ordered_json elements = ordered_json::array(), sensors = ordered_json::array();
   for (const Description::Heat::Element& element : heat.elements) {
@@ -315,6 +316,7 @@ std::string bodies_text(const kinematics::BodyArray& array) {
          "   (low-order body array, 0 is the bed)\n";
 }
 
+/// Returns the row of an axis; a spindle has no travel.
 std::string axis_text(const Joint& joint) {
   const auto vector_text = [](const Eigen::Vector3d& v) {
     return fmt::format("{:.6g} {:.6g} {:.6g}", v.x(), v.y(), v.z());
@@ -367,6 +369,7 @@ std::string location_text(const errors::ElementName& name, const LocationEffect&
                      name.is_angle() ? "about" : "along", acting_axis(name), angles, tip);
 }
 
+/// Returns a line on the thermal network and a line for every element that depends on it.
 std::string heat_text(const Description::Heat& heat) {
   std::string text = fmt::format(
       "\nheat     {} nodes, {} links, {} sources, time constants {:.3g} s to {:.3g} h, history of "
@@ -383,6 +386,7 @@ std::string heat_text(const Description::Heat& heat) {
   return text;
 }
 
+/// Returns the stiffness along the axes of the tool; "stiff" for a rigid direction.
 std::string stiffness_text(const std::array<std::optional<double>, 3>& stiffness) {
   std::string text = "\nstiffness at the tip, half way, along tool x y z:";
   for (const auto& k : stiffness) text += k ? fmt::format(" {:.4g}", *k) : " stiff";
@@ -416,6 +420,7 @@ std::string part_text(const Description::Part& part) {
   return text;
 }
 
+/// Returns the program with its segments by tool.
 std::string program_text(const Description& d) {
   std::string text = fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
                                  d.program.samples, d.program.time_s);

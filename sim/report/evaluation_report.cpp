@@ -150,6 +150,7 @@ using Eigen::VectorXd;
 
 constexpr std::size_t max_panels = 12;  // of one picture
 
+/// Return the unit of deviations in pictures, and its name.
 double picture_unit(bool angle) { return angle ? units::urad : units::um; }
 const char* picture_unit_name(bool angle) { return angle ? "µrad" : "µm"; }
 
@@ -229,8 +230,8 @@ render::PolarTrace polar_trace(const char* name, const metrology::CircularTrace&
                                const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
   VectorXd angle = trace.angle;
   VectorXd deviation = trace.radius.array() - runs.nominal_radius;
-  // The first order of the eccentricity suffices: the centre is off by micrometres, which is small
-  // against the radius.
+  // The eccentricity of the centre is subtracted to first order, which suffices because the
+  // deviations are small against the radius.
   for (Index i = 0; i < deviation.size(); ++i)
     deviation[i] -= centre.x() * std::cos(angle[i]) + centre.y() * std::sin(angle[i]);
   if (metrology::is_full_turn(angle)) {
@@ -369,6 +370,7 @@ namespace {
 
 constexpr Index max_drift_points = 2000;
 
+/// Return the unit of deviations in charts, and its name.
 double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }
 const char* chart_unit_name(bool is_angle) { return is_angle ? "µrad" : "µm"; }
 

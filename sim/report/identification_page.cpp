@@ -90,6 +90,7 @@ using nlohmann::ordered_json;
 // More readings of one element could not be told apart in its chart and would slow the page.
 constexpr Eigen::Index max_curve_readings = 1500;
 
+/// Returns a unit for display: "um" becomes "µm", "urad" becomes "µrad".
 std::string page_unit(const std::string& unit) {
   return unit == "um" ? "µm" : unit == "urad" ? "µrad" : unit;
 }
@@ -381,6 +382,7 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
   return panel;
 }
 
+/// Returns the charts of all identified curves; null if there are none.
 ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal) {
   if (fit.curves.empty()) return {};
   ordered_json block = page_block("panels", "curves", label_text("curves"));

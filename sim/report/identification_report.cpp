@@ -81,6 +81,7 @@ std::string method_text(const Identified& identified) {
   return names.at(identified.fit.index());
 }
 
+/// Returns the number of readings of all files.
 std::size_t reading_count(const Identified& identified) {
   std::size_t count = 0;
   for (const ReadingsSource& source : identified.sources) count += source.readings;
@@ -315,32 +316,35 @@ std::vector<Trend> sensor_trends(const StepDiagonalFit& fit) {
 std::string trends_text(const StepDiagonalFit& fit) {
   constexpr std::size_t max_shown = 12;
   std::vector<Trend> trends = sensor_trends(fit);
-  const std::size_t count = trends.size(), shown = std::min(count, max_shown);
+  const std::size_t count = trends.size(), shown_count = std::min(count, max_shown);
   if (count > max_shown)
     std::stable_sort(trends.begin(), trends.end(), [](const Trend& a, const Trend& b) {
       return std::pair(a.significance(), std::abs(a.value)) >
              std::pair(b.significance(), std::abs(b.value));
     });
   std::string text;
-  for (std::size_t i = 0; i < shown; ++i) {
+  for (std::size_t i = 0; i < shown_count; ++i) {
     const Trend& trend = trends[i];
     text += fmt::format("\n{:<12} {:>10.4f} ({}) {} by {}", trend.name, trend.value,
                         trend.u ? fmt::format("{:.2g}", *trend.u) : "-", trend.unit, trend.sensor);
   }
-  if (shown == count) return text;
-  const double next = trends[shown].significance();
+  if (shown_count == count) return text;
+  const double max_significance = trends[shown_count].significance();
   return text + fmt::format("\nand {} more trends by temperature{}; all are in the report",
-                            count - shown,
-                            std::isfinite(next) ? fmt::format(", each at most {:.3g} times its "
-                                                              "standard uncertainty",
-                                                              next)
-                                                : "");
+                            count - shown_count,
+                            std::isfinite(max_significance)
+                                ? fmt::format(", each at most {:.3g} times its "
+                                              "standard uncertainty",
+                                              max_significance)
+                                : "");
 }
 
+/// Returns the trends and the chi-square of a step diagonal.
 std::string fit_text(const Identified&, const StepDiagonalFit& fit) {
   return trends_text(fit) + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
 }
 
+/// Returns the number of outliers and the chi-square of a fit on the exact chain.
 std::string fit_text(const Identified&, const ChainFit& fit) {
   std::string text;
   if (!fit.outliers.empty())
@@ -375,6 +379,7 @@ Json optional_json(const std::optional<double>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
+/// Returns all coefficients of a belief with their standard uncertainties.
 Json numbers_json(const errors::GeometricErrors& belief) {
   Json numbers = Json::array();
   for (const ParameterEstimate& parameter : parameter_estimates(belief))
@@ -385,6 +390,7 @@ Json numbers_json(const errors::GeometricErrors& belief) {
   return numbers;
 }
 
+/// Returns the coefficients that were not identified, with those that hide them.
 Json confounded_json(const std::vector<errors::identification::Confounded>& confounded) {
   Json list = Json::array();
   for (const auto& coefficient : confounded) {
@@ -588,7 +594,7 @@ errors::GeometricErrors completed(const Identified& identified) {
 
 /// Returns the unidentified coefficients with those that hide them. Unknowns of set-ups are left
 /// out, since they are not properties of the machine.
-std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
+std::vector<UnidentifiedNumber> unidentified_numbers(const Identified& identified) {
   std::vector<UnidentifiedNumber> numbers;
   for (const auto& confounded : identified.confounded) {
     if (confounded.name.find(": ") != std::string::npos) continue;
@@ -614,7 +620,7 @@ std::string geometric_text(const Identified& identified) {
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
   text += fmt::format("machine = {}\n", to_toml_value(machine_code(identified)));
-  text += unidentified_lines(unidentified_of(identified));
+  text += unidentified_lines(unidentified_numbers(identified));
   return text + to_errors_file(completed(identified), identified.nominal.joints());
 }
 

@@ -311,6 +311,7 @@ Json enumeration_schema(const Key& key) {
   return {{"enum", values}, {"x-taplo", {{"docs", {{"enumValues", sentences}}}}}};
 }
 
+/// Returns the schema of a number with its range.
 Json number_schema(const Key& key, const char* type) {
   Json number{{"type", type}};
   add_range(number, key.range);
@@ -337,6 +338,7 @@ Json table_schema(const Key& key) {
   return {{"anyOf", alternatives}};
 }
 
+/// Returns the schema of the type of a key; without constraints for a key of any type.
 Json schema_type(const Key& key) {
   using Kind = Key::Kind;
   const Json text{{"type", "string"}, {"minLength", 1}};
@@ -364,6 +366,7 @@ Json schema_type(const Key& key) {
   return Json::object();
 }
 
+/// Returns the schema of a key with its description and default.
 Json schema_property(const Key& key) {
   Json property = schema_type(key);
   std::string sentence = key.sentence;

@@ -102,11 +102,11 @@ NodeChain take_chain(MeshSection& section, EdgeOfMesh edge) {
   while (true) {
     std::vector<EdgeOfMesh>& neighbours = section.neighbours.at(edge);
     if (neighbours.empty()) return chain;
-    const EdgeOfMesh next = neighbours.back();
+    const EdgeOfMesh next_edge = neighbours.back();
     neighbours.pop_back();
-    std::vector<EdgeOfMesh>& reverse = section.neighbours.at(next);
+    std::vector<EdgeOfMesh>& reverse = section.neighbours.at(next_edge);
     reverse.erase(std::find(reverse.begin(), reverse.end(), edge));
-    edge = next;
+    edge = next_edge;
     chain.push_back(section.nodes.at(edge));
   }
 }
@@ -380,6 +380,8 @@ std::string shown_row_unit(const ParameterRow& row) {
   return unit == "um_per_mm" ? "um/mm" : unit.empty() ? "1" : unit;
 }
 
+/// Returns the parameters of a profile under keys such as "Ra_um".
+/// @param letter  P, W or R
 ordered_json parameters_json(char letter, const ProfileParameters& p) {
   ordered_json json;
   for (const ParameterRow& row : parameter_rows) {
@@ -443,7 +445,7 @@ std::string to_text(const LineTexture& t) {
       "(ISO 16610-21), lines fitted at the ends (ISO 16610-28)\n"
       "P and W: {:.4g} mm, less the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} "
       "mm\n",
-      t.where, texture.length, texture.Nis / units::um, t.Nic, t.Nic_source, class_text(t.Nic),
+      t.position, texture.length, texture.Nis / units::um, t.Nic, t.Nic_source, class_text(t.Nic),
       texture.length, e.sections, e.sections == 1 ? "" : "s", std::min(e.section, texture.length),
       e.from);
   if (t.trace.interpolation)
@@ -469,7 +471,7 @@ ordered_json to_json(const LineTexture& t) {
   const SettingClass* setting_class = find_setting_class(t.Nic);
   ordered_json json = {
       {"line", t.line},
-      {"where", t.where},
+      {"where", t.position},
       {"length_mm", texture.length},
       {"stretches", t.trace.segments},
       {"left_out_mm", t.trace.omitted_length},

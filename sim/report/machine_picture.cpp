@@ -177,6 +177,7 @@ void add_spindle(const Chain& chain, const AxisVector& q, double unit,
   picture.bodies.push_back(body);
 }
 
+/// Adds the tool as a cylinder.
 void add_tool(const Chain& chain, const AxisVector& q, double radius, double length,
               render::MachinePicture& picture) {
   render::Body tool;
@@ -248,6 +249,7 @@ void add_bodies(const MachineDescription& machine, const Chain& chain, const Axi
   add_structure(sides, tool.T * Vector3d(0.0, 0.0, length), part_b, unit, picture);
 }
 
+/// Returns the caption that says whether the bodies of the machine are schematic.
 std::string blocks_text(const MachineDescription& machine) {
   return machine.bodies.empty()
              ? "carriages are schematic: the description places them but gives them no shape"

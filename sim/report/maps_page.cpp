@@ -24,8 +24,8 @@ constexpr double max_residual_step_um = 2e-3, min_residual_step_um = 1e-3;
 constexpr int cut_time_step_ms = 20;
 constexpr double ms = 1e-3;
 
-/// Returns the step of a residual: at most 2 nm if the map then fits into 16 bits, but not finer
-/// than needed for a 2000th of the span; 1 nm otherwise.
+/// Returns the step of a residual: 1/2048 of the span of the map, at most 1 nm, or up to 2 nm if
+/// the map then fits into 16 bits.
 double residual_step(const Eigen::VectorXd& residual_um) {
   const double step = step_for_16_bits(residual_um);  // 1/65534 of the span
   if (step > max_residual_step_um) return min_residual_step_um;

@@ -56,6 +56,7 @@ bool shows_form_map(const Job& job, const Verdict& verdict) {
   return is_coarse(verdict) && cutting::resolves_form(job.design_w, job.scene.part.form_cutoff);
 }
 
+/// Returns Sz of the texture as text.
 std::string texture_height(const Verdict& verdict) {
   return length_text(verdict.texture ? verdict.texture->Sz : 0.0);
 }

@@ -36,6 +36,7 @@ ordered_json pose_rows(const kinematics::Pose& T) {
   return rows;
 }
 
+/// Returns the rows of a homogeneous matrix below its name.
 std::string rows_text(const char* name, const kinematics::Pose& T) {
   std::string text = fmt::format("{}\n", name);
   for (int i = 0; i < 4; ++i)
@@ -202,6 +203,7 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// Returns a row of a table of points or vectors, in a unit.
 Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
   return points.row(Eigen::Index(i)).transpose() / unit;
 }
@@ -276,9 +278,9 @@ std::string xyz_text(const Vector3d& v) {
 }
 
 /// Returns the line with the figures of a map, for a picture.
-std::string figures_line(const VolumetricData& shown) {
-  const PoseStatistics& s = shown.summary.all;
-  const Vector3d tip = row(shown.map.nominal, s.worst, 1.0);
+std::string figures_line(const VolumetricData& volumetric) {
+  const PoseStatistics& s = volumetric.summary.all;
+  const Vector3d tip = row(volumetric.map.nominal, s.worst, 1.0);
   // Adding 0.0 turns -0 into 0.
   return with_minus_signs(
       fmt::format("max {} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {}, RMS {}",
@@ -287,24 +289,24 @@ std::string figures_line(const VolumetricData& shown) {
 }
 
 /// Returns the caption: convention, grid, volumetric error, warnings.
-std::vector<std::string> caption(const IdleMachine& idle, const VolumetricData& shown) {
-  std::string positions = grid_text(idle, shown.map.grid);
-  if (const std::string standing = standing_text(idle, shown.map.grid); !standing.empty())
+std::vector<std::string> caption(const IdleMachine& idle, const VolumetricData& volumetric) {
+  std::string positions = grid_text(idle, volumetric.map.grid);
+  if (const std::string standing = standing_text(idle, volumetric.map.grid); !standing.empty())
     positions += "; " + standing;
-  const VolumetricSummary& s = shown.summary;
+  const VolumetricSummary& s = volumetric.summary;
   std::vector<std::string> lines{
       "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
       with_minus_signs(positions),
       fmt::format("range in X, Y, Z {} µm; about them {} µrad; two points differ by at most {} µm",
                   xyz_text(s.range_um), xyz_text(s.range_urad), render::figure(s.worst_pair_um))};
-  for (const std::string& warning : shown.warnings) lines.push_back("warning: " + warning);
+  for (const std::string& warning : volumetric.warnings) lines.push_back("warning: " + warning);
   return lines;
 }
 
 /// Draws a grid of one axis as curves over its position.
 void write_single_run_curves(const std::filesystem::path& file, const IdleMachine& idle,
-                             const VolumetricData& shown) {
-  const VolumetricMap& map = shown.map;
+                             const VolumetricData& volumetric) {
+  const VolumetricMap& map = volumetric.map;
   const PoseGrid::Run& run = map.grid.runs.front();
   const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
   render::Panel tip_panel, axis_panel;
@@ -326,22 +328,22 @@ void write_single_run_curves(const std::filesystem::path& file, const IdleMachin
   render::CurvesOptions options;
   options.title = fmt::format("deviations along {} of {}", joint.name, name_of(idle));
   options.panel_height = 480;
-  options.caption = caption(idle, shown);
-  options.caption.insert(options.caption.begin(), figures_line(shown));
+  options.caption = caption(idle, volumetric);
+  options.caption.insert(options.caption.begin(), figures_line(volumetric));
   render::write_curves(file, {tip_panel, axis_panel}, options);
 }
 
 /// Draws the grid in space, or as curves if it has a single axis.
 void write_volumetric_picture(const std::filesystem::path& file, const IdleMachine& idle,
-                              const VolumetricData& shown) {
-  if (shown.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, shown);
+                              const VolumetricData& volumetric) {
+  if (volumetric.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, volumetric);
   render::VolumePicture picture;
   picture.title = "volumetric error of " + name_of(idle);
-  picture.figures = figures_line(shown);
-  picture.points = shown.map.nominal;
-  picture.displacement_um = shown.map.deviation / units::um;
-  picture.size = shown.map.grid.size;
-  picture.caption = caption(idle, shown);
+  picture.figures = figures_line(volumetric);
+  picture.points = volumetric.map.nominal;
+  picture.displacement_um = volumetric.map.deviation / units::um;
+  picture.size = volumetric.map.grid.size;
+  picture.caption = caption(idle, volumetric);
   render::write_volume_map(file, picture);
 }
 

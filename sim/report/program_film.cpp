@@ -154,7 +154,7 @@ Pose pose_at_rest(const Job& segment, const AxisVector& q, const Pose& T_wt) {
 }
 
 /// Returns the index of the last sample at or before a time; 0 if there is none.
-std::size_t sample_until(const program::Samples& samples, double time_s) {
+std::size_t sample_index_at(const program::Samples& samples, double time_s) {
   const auto next =
       std::ranges::upper_bound(samples.states, time_s, {}, &kinematics::AxisState::time_s);
   return std::size_t(std::max<std::ptrdiff_t>(next - samples.states.begin(), 1) - 1);
@@ -228,6 +228,7 @@ cutting::Points box_corners(const cutting::Points& points) {
   return corners;
 }
 
+/// Appends points that are transformed by T.
 void append_transformed(const cutting::Points& points, const Pose& T,
                         std::vector<Vector3d>& transformed) {
   for (const auto& row : points.rowwise()) transformed.push_back(T * Vector3d(row.transpose()));
@@ -266,11 +267,11 @@ void ProgramFilm::add_frame_samples() {
       const auto& states = of_part(source_.commands, i).samples.states;
       if (!states.empty() && (states.front().time_s <= time || i == 0)) segment = i;
     }
-    FrameSample shown;
-    shown.segment = segment;
-    shown.sample = sample_until(of_part(source_.commands, segment).samples, time);
-    sample_indices[segment].push_back(shown.sample);
-    frame_samples_.push_back(std::move(shown));
+    FrameSample frame_sample;
+    frame_sample.segment = segment;
+    frame_sample.sample = sample_index_at(of_part(source_.commands, segment).samples, time);
+    sample_indices[segment].push_back(frame_sample.sample);
+    frame_samples_.push_back(std::move(frame_sample));
   }
   std::vector<std::vector<Pose>> T_wt(segments.size());
   for (std::size_t i = 0; i < segments.size(); ++i)
@@ -278,19 +279,19 @@ void ProgramFilm::add_frame_samples() {
       T_wt[i] =
           tool_poses(segments[i], of_part(source_.commands, i), source_.process, sample_indices[i]);
   std::vector<std::size_t> next_pose(segments.size(), 0);
-  for (FrameSample& shown : frame_samples_) {
-    const Job& job = segments[shown.segment];
+  for (FrameSample& frame_sample : frame_samples_) {
+    const Job& job = segments[frame_sample.segment];
     kinematics::AxisState state =
-        of_part(source_.commands, shown.segment).samples.states[shown.sample];
-    const Pose& actual = T_wt[shown.segment][next_pose[shown.segment]++];
-    const Pose& nominal = nominal_poses(source_, shown.segment)[shown.sample];
-    shown.error = (actual.translation() - nominal.translation()).norm();
-    shown.T_wt = pose_at_rest(job, state.q, actual);
-    shown.T_wt_nominal = pose_at_rest(job, state.q, nominal);
+        of_part(source_.commands, frame_sample.segment).samples.states[frame_sample.sample];
+    const Pose& actual = T_wt[frame_sample.segment][next_pose[frame_sample.segment]++];
+    const Pose& nominal = nominal_poses(source_, frame_sample.segment)[frame_sample.sample];
+    frame_sample.error = (actual.translation() - nominal.translation()).norm();
+    frame_sample.T_wt = pose_at_rest(job, state.q, actual);
+    frame_sample.T_wt_nominal = pose_at_rest(job, state.q, nominal);
     const auto axis_deviations =
         deviations(job.truth, state, load_at(source_.process, state.time_s)).joints;
     if (const auto spindle = find_spindle(job.machine)) state.q[*spindle] = 0.0;
-    shown.carriers_b = carrier_poses(job.truth.actual, state.q, axis_deviations);
+    frame_sample.carriers_b = carrier_poses(job.truth.actual, state.q, axis_deviations);
   }
 }
 
@@ -438,9 +439,9 @@ void ProgramFilm::add_trace() {
   }
 }
 
-kinematics::Pose ProgramFilm::tool_pose(const FrameSample& shown) const {
-  if (magnification_ == 1.0) return shown.T_wt;
-  const Pose &nominal = shown.T_wt_nominal, &actual = shown.T_wt;
+kinematics::Pose ProgramFilm::tool_pose(const FrameSample& frame_sample) const {
+  if (magnification_ == 1.0) return frame_sample.T_wt;
+  const Pose &nominal = frame_sample.T_wt_nominal, &actual = frame_sample.T_wt;
   Pose T = nominal;
   T.translation() += magnification_ * (actual.translation() - nominal.translation());
   const Eigen::AngleAxisd error(actual.linear() * nominal.linear().transpose());
@@ -449,14 +450,15 @@ kinematics::Pose ProgramFilm::tool_pose(const FrameSample& shown) const {
   return T;
 }
 
-const Pose& ProgramFilm::workpiece_in_bed(const FrameSample& shown) const {
-  const Carriers carriers{parts_of(source_.job)[shown.segment].truth.actual.size()};
-  return shown.carriers_b[std::size_t(carriers.workpiece())];
+const Pose& ProgramFilm::workpiece_in_bed(const FrameSample& frame_sample) const {
+  const Carriers carriers{parts_of(source_.job)[frame_sample.segment].truth.actual.size()};
+  return frame_sample.carriers_b[std::size_t(carriers.workpiece())];
 }
 
 double ProgramFilm::max_error() const {
   double error = 0.0;
-  for (const FrameSample& shown : frame_samples_) error = std::max(error, shown.error);
+  for (const FrameSample& frame_sample : frame_samples_)
+    error = std::max(error, frame_sample.error);
   return error;
 }
 
@@ -469,10 +471,10 @@ double ProgramFilm::end_s() const {
   return end;
 }
 
-bool ProgramFilm::is_feeding(const FrameSample& shown) const {
-  const program::Samples& samples = of_part(source_.commands, shown.segment).samples;
-  return is_feed(
-      segment_path(source_, shown.segment).blocks[std::size_t(samples.block[shown.sample])]);
+bool ProgramFilm::is_feeding(const FrameSample& frame_sample) const {
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  return is_feed(segment_path(source_, frame_sample.segment)
+                     .blocks[std::size_t(samples.block[frame_sample.sample])]);
 }
 
 void ProgramFilm::set_views() {
@@ -487,21 +489,22 @@ void ProgramFilm::set_views() {
   append_transformed(part, Pose::Identity(), part_w);
   for (const Trace::Point& point : trace_.points)
     part_w.insert(part_w.end(), {point.nominal_w, point.actual_w});
-  for (const FrameSample& shown : frame_samples_) {
-    const Pose& T_bw = workpiece_in_bed(shown);
+  for (const FrameSample& frame_sample : frame_samples_) {
+    const Pose& T_bw = workpiece_in_bed(frame_sample);
     append_transformed(box_corners(part), T_bw, bodies_b);
     for (std::size_t i = 0; i < attachments_.size(); ++i) {
       const Attachment& attachment = attachments_[i];
-      if (attachment.segment && *attachment.segment != shown.segment) continue;
-      const Pose T_wt = tool_pose(shown);
-      append_transformed(corners[i],
-                         attachment.segment
-                             ? T_bw * T_wt
-                             : shown.carriers_b[std::size_t(attachment.frame)] * attachment.T,
-                         bodies_b);
+      if (attachment.segment && *attachment.segment != frame_sample.segment) continue;
+      const Pose T_wt = tool_pose(frame_sample);
+      append_transformed(
+          corners[i],
+          attachment.segment
+              ? T_bw * T_wt
+              : frame_sample.carriers_b[std::size_t(attachment.frame)] * attachment.T,
+          bodies_b);
       if (!attachment.segment) continue;
       append_transformed(corners[i], T_wt, close_w);
-      if (attachment.is_cutting_part && (is_feeding(shown) || !has_feed))
+      if (attachment.is_cutting_part && (is_feeding(frame_sample) || !has_feed))
         append_transformed(corners[i], T_wt, part_w);
     }
   }
@@ -535,33 +538,35 @@ void ProgramFilm::set_captions() {
                      {"spindle", 0.12},      {"tool error", 0.12}, {"tool", 0.29}};
 }
 
-std::vector<std::string> ProgramFilm::values(const FrameSample& shown, double time_s) const {
-  const Job& job = parts_of(source_.job)[shown.segment];
-  const program::Samples& samples = of_part(source_.commands, shown.segment).samples;
-  const program::Block& block =
-      segment_path(source_, shown.segment).blocks[std::size_t(samples.block[shown.sample])];
+std::vector<std::string> ProgramFilm::values(const FrameSample& frame_sample, double time_s) const {
+  const Job& job = parts_of(source_.job)[frame_sample.segment];
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  const program::Block& block = segment_path(source_, frame_sample.segment)
+                                    .blocks[std::size_t(samples.block[frame_sample.sample])];
   const auto& states = samples.states;
   // The speed is that of one block, so the neighbour sample must be in the same block.
-  std::size_t first = shown.sample, second = std::min(shown.sample + 1, states.size() - 1);
+  std::size_t first = frame_sample.sample,
+              second = std::min(frame_sample.sample + 1, states.size() - 1);
   if (samples.block[second] != samples.block[first] && first > 0) second = first--;
   const double duration = states[second].time_s - states[first].time_s;
   const double speed =
       duration > 0.0
-          ? (nominal_tip(shown.segment, second) - nominal_tip(shown.segment, first)).norm() /
+          ? (nominal_tip(frame_sample.segment, second) - nominal_tip(frame_sample.segment, first))
+                    .norm() /
                 duration
           : 0.0;
   const std::string feed = block.interpolation == program::Interpolation::Rapid ? "rapid"
                            : block.interpolation == program::Interpolation::Dwell
                                ? "dwell"
                                : fmt::format("{:.0f} mm/min", 60.0 * speed);
-  const double rpm = states[shown.sample].spindle_speed * 60.0 / (2.0 * pi);
+  const double rpm = states[frame_sample.sample].spindle_speed * 60.0 / (2.0 * pi);
   std::string tool = job.scene.tool.name;
   if (job.scene.tool.number) tool = fmt::format("T{} {}", *job.scene.tool.number, tool);
-  return {std::to_string(samples.line[shown.sample]),
+  return {std::to_string(samples.line[frame_sample.sample]),
           fmt::format("{:.1f} s of {:.1f} s", time_s, end_s()),
           feed,
           rpm > 0.0 ? fmt::format("{:.0f} rpm", rpm) : "at rest",
-          fmt::format("{:.1f} µm", shown.error / units::um),
+          fmt::format("{:.1f} µm", frame_sample.error / units::um),
           tool};
 }
 
@@ -610,22 +615,22 @@ void ProgramFilm::show_part(double time_s, render::FilmState& state) {
 }
 
 render::FilmState ProgramFilm::state(std::size_t frame) {
-  const FrameSample& shown = frame_samples_.at(frame);
+  const FrameSample& frame_sample = frame_samples_.at(frame);
   const double time_s = plan_.time_s[frame];
   render::FilmState state;
-  state.T_bw = workpiece_in_bed(shown);
+  state.T_bw = workpiece_in_bed(frame_sample);
   for (const Attachment& attachment : attachments_) {
     if (!attachment.segment)
-      state.T_b.emplace_back(shown.carriers_b[std::size_t(attachment.frame)] * attachment.T);
-    else if (*attachment.segment == shown.segment)
-      state.T_b.emplace_back(state.T_bw * tool_pose(shown));
+      state.T_b.emplace_back(frame_sample.carriers_b[std::size_t(attachment.frame)] * attachment.T);
+    else if (*attachment.segment == frame_sample.segment)
+      state.T_b.emplace_back(state.T_bw * tool_pose(frame_sample));
     else
       state.T_b.emplace_back(std::nullopt);
   }
-  const program::Samples& samples = of_part(source_.commands, shown.segment).samples;
-  state.text = program_text_.line(
-      segment_path(source_, shown.segment).blocks[std::size_t(samples.block[shown.sample])]);
-  state.values = values(shown, time_s);
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  state.text = program_text_.line(segment_path(source_, frame_sample.segment)
+                                      .blocks[std::size_t(samples.block[frame_sample.sample])]);
+  state.values = values(frame_sample, time_s);
   if (!trace_.points.empty()) state.paths = paths(time_s);
   show_part(time_s, state);
   state.done = end_s() > 0.0 ? time_s / end_s() : 1.0;

@@ -141,10 +141,10 @@ class ProgramFilm {
   void add_part();
   void set_views();
   void set_captions();
-  kinematics::Pose tool_pose(const FrameSample& shown) const;
-  const kinematics::Pose& workpiece_in_bed(const FrameSample& shown) const;
-  bool is_feeding(const FrameSample& shown) const;
-  std::vector<std::string> values(const FrameSample& shown, double time_s) const;
+  kinematics::Pose tool_pose(const FrameSample& frame_sample) const;
+  const kinematics::Pose& workpiece_in_bed(const FrameSample& frame_sample) const;
+  bool is_feeding(const FrameSample& frame_sample) const;
+  std::vector<std::string> values(const FrameSample& frame_sample, double time_s) const;
   std::vector<render::Wire> paths(double time_s) const;
   void show_part(double time_s, render::FilmState& state);
 

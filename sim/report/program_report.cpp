@@ -25,10 +25,11 @@ using program::AxisFigures;
 using program::MoveFigures;
 using program::ValueAtLine;
 
-const kinematics::Joint& joint_of(const ProgramInspection& inspection, int j) {
+const kinematics::Joint& control_joint(const ProgramInspection& inspection, int j) {
   return inspection.machine.control.joints()[std::size_t(j)];
 }
 
+/// Return the unit of an axis in the report, and its name.
 double axis_unit(const kinematics::Joint& joint) {
   return joint.motion == Motion::Linear ? 1.0 : units::deg;
 }
@@ -61,6 +62,7 @@ MoveFigures feed_totals(const program::PathFigures& figures) {
   return sum;
 }
 
+/// Returns the number of moves: all blocks of the path except dwells.
 std::size_t move_count(const program::PathFigures& figures) {
   return figures.blocks - figures.dwells.count;
 }
@@ -83,6 +85,7 @@ std::string offsets_text(const ProgramInspection& inspection) {
                                    : "G54 to G59 at " + escaped(inspection.offset) + " each";
 }
 
+/// Returns the program line of an extreme value, with the file if it is a subprogram.
 std::string line_reference(const ProgramInspection& inspection, const ValueAtLine& extreme) {
   return program::line_text(inspection.more_files, extreme.line, extreme.file);
 }
@@ -127,7 +130,7 @@ std::string axes_text(const ProgramInspection& inspection) {
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
     if (!axis.positioned) continue;
-    const kinematics::Joint& joint = joint_of(inspection, j);
+    const kinematics::Joint& joint = control_joint(inspection, j);
     const double unit = axis_unit(joint);
     const std::string remaining =
         has_limits(joint) ? fmt::format("{:.5g} {}", axis.remaining / unit, axis_unit_name(joint))
@@ -145,7 +148,7 @@ std::string axes_text(const ProgramInspection& inspection) {
   }
   if (inspection.figures.fastest_axis >= 0)
     text += fmt::format("{} comes nearest to its limit\n",
-                        joint_of(inspection, inspection.figures.fastest_axis).name);
+                        control_joint(inspection, inspection.figures.fastest_axis).name);
   return text;
 }
 
@@ -157,9 +160,9 @@ std::string singular_text(const ProgramInspection& inspection) {
   const program::SingularPose& pose = *inspection.figures.singular;
   std::string positions;
   for (int j = 0; j < inspection.machine.control.size(); ++j)
-    if (joint_of(inspection, j).motion == Motion::Rotary)
-      positions +=
-          fmt::format(" {} {:.5g}", joint_of(inspection, j).name, pose.q[j] / units::deg + 0.0);
+    if (control_joint(inspection, j).motion == Motion::Rotary)
+      positions += fmt::format(" {} {:.5g}", control_joint(inspection, j).name,
+                               pose.q[j] / units::deg + 0.0);
   return fmt::format("singular  nearest pose {:.4g} deg away, on {}:{} deg\n",
                      pose.angle / units::deg,
                      program::line_text(inspection.more_files, pose.line, pose.file), positions);
@@ -257,7 +260,7 @@ ordered_json axes_json(const ProgramInspection& inspection) {
   for (int j = 0; j < inspection.machine.control.size(); ++j) {
     const AxisFigures& axis = inspection.figures.axes[std::size_t(j)];
     if (!axis.positioned) continue;
-    const kinematics::Joint& joint = joint_of(inspection, j);
+    const kinematics::Joint& joint = control_joint(inspection, j);
     const double unit = axis_unit(joint);
     ordered_json remaining;
     if (has_limits(joint)) remaining = axis.remaining / unit;
@@ -281,7 +284,7 @@ ordered_json singular_json(const ProgramInspection& inspection) {
   const program::SingularPose& pose = *inspection.figures.singular;
   ordered_json positions;
   for (int j = 0; j < inspection.machine.control.size(); ++j)
-    if (const auto& joint = joint_of(inspection, j); joint.motion != Motion::Spindle)
+    if (const auto& joint = control_joint(inspection, j); joint.motion != Motion::Spindle)
       positions[std::string(1, joint.name)] = pose.q[j] / axis_unit(joint) + 0.0;
   return {{"angle_deg", pose.angle / units::deg}, {"line", pose.line}, {"axes", positions}};
 }
@@ -292,7 +295,7 @@ ordered_json pole_json(const ProgramInspection& inspection) {
   const program::NearPole& pole = *inspection.figures.pole;
   return {{"angle_deg", pole.angle / units::deg},
           {"line", pole.line},
-          {"axis", std::string(1, joint_of(inspection, pole.axis).name)},
+          {"axis", std::string(1, control_joint(inspection, pole.axis).name)},
           {"turned_deg", pole.turned / units::deg},
           {"fastest_deg_per_min", pole.fastest / units::deg * 60.0}};
 }
@@ -343,7 +346,7 @@ ordered_json to_json(const ProgramInspection& inspection) {
   for (const auto& [number, blocks] : figures.offsets)
     offsets[offset_name(inspection, number)] = blocks;
   if (figures.fastest_axis >= 0)
-    fastest = std::string(1, joint_of(inspection, figures.fastest_axis).name);
+    fastest = std::string(1, control_joint(inspection, figures.fastest_axis).name);
   return {
       {"program", inspection.file.string()},
       {"dialect", inspection.dialect},

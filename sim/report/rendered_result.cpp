@@ -245,6 +245,7 @@ ResultFacts read_facts(const std::filesystem::path& result) {
   return facts;
 }
 
+/// Returns the format "svg", "pdf" or, for any other name, PNG.
 render::PictureFormat picture_format(const std::string& name) {
   return name == "svg"   ? render::PictureFormat::Svg
          : name == "pdf" ? render::PictureFormat::Pdf

@@ -127,6 +127,8 @@ Json channel_json(const ChannelGrade& channel, bool with_model) {
   return json;
 }
 
+/// Returns all displacements and tilts.
+/// @param with_models  true: with the coefficients of their models
 Json channels_json(const SensorChoiceGrade& grade, bool with_models) {
   Json list = Json::array();
   for (const ChannelGrade& channel : grade.channels)

@@ -149,6 +149,7 @@ ordered_json finding_json(const Finding& finding, std::size_t number) {
           {"vertices", finding.vertices}};
 }
 
+/// Returns the totals and the listed findings of a kind.
 ordered_json kind_json(const StockCheck& check, FindingKind kind) {
   const Findings::Sums& sums = finding_sums(check, kind);
   ordered_json list = ordered_json::array();

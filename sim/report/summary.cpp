@@ -50,6 +50,7 @@ std::optional<double> relative_reduction(const std::optional<double>& before,
   return 100.0 * (1.0 - *after / *before);
 }
 
+/// Return the reductions of PV and RMS in percent.
 CaseStatistics::Reduction reduction(const cutting::Statistics& before,
                                     const cutting::Statistics& after) {
   return {relative_reduction(before.pv, after.pv), relative_reduction(before.rms, after.rms)};
@@ -62,6 +63,7 @@ std::optional<CaseStatistics::Reduction> reduction(
   return reduction(*before, *after);
 }
 
+/// Returns the reductions of the texture parameters in percent; empty without texture.
 std::optional<CaseStatistics::TextureReduction> texture_reduction(const Verdict& before,
                                                                   const Verdict& after) {
   if (!before.texture || !after.texture) return std::nullopt;
@@ -357,6 +359,7 @@ ordered_json reduction_percent(const CaseStatistics& figures) {
   return json;
 }
 
+/// Returns the figures of a case for comparison.json.
 ordered_json case_json(const CaseStatistics& figures) {
   ordered_json json = {{"name", figures.name},
                        {"residual_um", statistics_um(figures.residual)},

@@ -96,6 +96,7 @@ Verdict::Place triangle_point(const Job& job, const cutting::Surface& surface, i
           surface.cut_line[std::size_t(corner)], false};
 }
 
+/// Returns the vertex or sampled point of a sample in the part frame.
 Verdict::Place sample_point(const Job& job, const cutting::Surface& surface,
                             const cutting::SampleValue& sample) {
   return sample.vertex >= 0 ? vertex_point(job, surface, sample.vertex)

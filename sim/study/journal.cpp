@@ -120,7 +120,7 @@ void JournalLock::try_to_lock() {
 namespace {
 
 constexpr int application_id = 0x61626265;  // "abbe", in the header of the file
-constexpr int busy_ms = 20000;              // time for which an operation waits for other processes
+constexpr int busy_ms = 20000;  // a reader may hold the file while the writer merges its log
 constexpr const char* tables[] = {
     "CREATE TABLE cases (number INTEGER PRIMARY KEY, answers BLOB NOT NULL, fault TEXT NOT NULL, "
     "check_sum INTEGER NOT NULL)",
@@ -129,27 +129,29 @@ constexpr const char* tables[] = {
 /// Returns responses as bytes, little-endian on every computer, so that journals of different
 /// computers can be merged.
 std::string response_bytes(const std::vector<double>& responses) {
-  std::string column_bytes;
-  column_bytes.reserve(8 * responses.size());
+  std::string bytes;
+  bytes.reserve(8 * responses.size());
   for (const double response : responses) {
     const auto bits = std::bit_cast<std::uint64_t>(response);
-    for (int i = 0; i < 8; ++i) column_bytes += char(bits >> (8 * i));
+    for (int i = 0; i < 8; ++i) bytes += char(bits >> (8 * i));
   }
-  return column_bytes;
+  return bytes;
 }
 
-std::vector<double> parse_responses(std::string_view column_bytes) {
-  std::vector<double> answers(column_bytes.size() / 8);
-  for (std::size_t k = 0; k < answers.size(); ++k) {
+/// Returns the responses in such bytes.
+std::vector<double> parse_responses(std::string_view bytes) {
+  std::vector<double> responses(bytes.size() / 8);
+  for (std::size_t k = 0; k < responses.size(); ++k) {
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < 8; ++i)
-      bits |= std::uint64_t(static_cast<unsigned char>(column_bytes[8 * k + i])) << (8 * i);
-    answers[k] = std::bit_cast<double>(bits);
+      bits |= std::uint64_t(static_cast<unsigned char>(bytes[8 * k + i])) << (8 * i);
+    responses[k] = std::bit_cast<double>(bits);
   }
-  return answers;
+  return responses;
 }
 
-std::int64_t check_sum(std::uint64_t index, std::string_view answers, std::string_view fault) {
+/// Returns the checksum of a row.
+std::int64_t row_checksum(std::uint64_t index, std::string_view answers, std::string_view fault) {
   const std::uint64_t start = fnv_1a(fmt::format("{} {} ", index, answers.size()));
   return std::int64_t(fnv_1a(fault, fnv_1a(answers, start)));
 }
@@ -210,6 +212,8 @@ struct Database {
   }
 };
 
+/// Opens a database with protection against manipulated files.
+/// @param flags  of sqlite3_open_v2
 Database open_database(const std::filesystem::path& file, int flags) {
   sqlite3* handle = nullptr;
   const int code =
@@ -244,7 +248,7 @@ Row read_row(const Database& database, const Statement& statement) {
   const std::string_view answers = column_bytes(statement, 1);
   row.fault = column_bytes(statement, 2);
   if (!has_types || answers.size() % 8 != 0 ||
-      sqlite3_column_int64(statement.get(), 3) != check_sum(row.index, answers, row.fault))
+      sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, answers, row.fault))
     throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
   row.answers = parse_responses(answers);
   return row;
@@ -306,9 +310,8 @@ void bind_text(const Statement& statement, int index, std::string_view text) {
   sqlite3_bind_text(statement.get(), index, non_null_data(text), int(text.size()), SQLITE_STATIC);
 }
 
-void bind_blob(const Statement& statement, int index, std::string_view column_bytes) {
-  sqlite3_bind_blob(statement.get(), index, non_null_data(column_bytes), int(column_bytes.size()),
-                    SQLITE_STATIC);
+void bind_blob(const Statement& statement, int index, std::string_view bytes) {
+  sqlite3_bind_blob(statement.get(), index, non_null_data(bytes), int(bytes.size()), SQLITE_STATIC);
 }
 
 /// Creates the tables of a new journal.
@@ -322,6 +325,7 @@ void create_tables(const Database& database, const std::string& identity) {
   });
 }
 
+/// Gives a journal without cases to a study.
 void set_identity(const Database& database, const std::string& identity) {
   run_transaction(database, [&] {
     const Statement study = database.prepare("UPDATE study SET identity = ?");
@@ -330,6 +334,7 @@ void set_identity(const Database& database, const std::string& identity) {
   });
 }
 
+/// Throws BadInput if a journal belongs to another study.
 void check_identity(const std::filesystem::path& file, const std::string& seen,
                     const std::string& expected) {
   if (seen == expected) return;
@@ -351,6 +356,7 @@ constexpr CompanionFile companion_files[] = {{"-wal", "\x37\x7f\x06", 1},
                                              {"-shm", shared_memory_signature, 4},
                                              {"-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 1}};
 
+/// Returns true if a file has the signature of its kind, or if SQLite is creating it.
 bool is_sqlite_companion(const std::filesystem::path& file, const CompanionFile& companion) {
   std::error_code failure;
   if (std::filesystem::file_size(file, failure) < companion.min_file_bytes && !failure) return true;
@@ -407,6 +413,7 @@ Database open_to_write(const std::filesystem::path& file, const std::string& ide
   return database;
 }
 
+/// Opens a journal for reading only.
 Database open_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
@@ -457,7 +464,7 @@ void Journal::add(const std::vector<Row>& rows) {
       sqlite3_bind_int64(insert.get(), 1, std::int64_t(row.index));
       bind_blob(insert, 2, answers);
       bind_text(insert, 3, row.fault);
-      sqlite3_bind_int64(insert.get(), 4, check_sum(row.index, answers, row.fault));
+      sqlite3_bind_int64(insert.get(), 4, row_checksum(row.index, answers, row.fault));
       database.step(insert);
       sqlite3_reset(insert.get());
     }

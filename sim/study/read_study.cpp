@@ -269,6 +269,7 @@ class StudyReader {
   std::vector<MissingCentre> missing_centres_;
 };
 
+/// Reads the path of the scene and `set`, then the scene.
 void StudyReader::read_scene_of_study() {
   const std::string scene = reader_.text("scene");
   study_.scene = scene;
@@ -283,6 +284,7 @@ void StudyReader::read_scene_of_study() {
   }
 }
 
+/// Reads `cases` and `variants`, which form the configurations.
 void StudyReader::read_configurations() {
   std::vector<std::string> cases = reader_.texts("cases");
   std::vector<std::string> variants = reader_.texts("variants");
@@ -337,6 +339,7 @@ void StudyReader::record_program(const std::string& name) {
     record(*cases);
 }
 
+/// Adds an input error if the scene has no such variant.
 void StudyReader::check_variant(const std::string& name) {
   if (name.empty() || !study_.scene_tree) return;  // a scene with input errors is reported already
   std::set<std::string> known_names;
@@ -348,6 +351,7 @@ void StudyReader::check_variant(const std::string& name) {
       with_suggestion(name, known_names));
 }
 
+/// Reads the scenes of all configurations; none if there are input errors.
 void StudyReader::read_scenes() {
   if (!input_errors_.empty() || !study_.scene_tree) return;
   try {
@@ -359,6 +363,7 @@ void StudyReader::read_scenes() {
   }
 }
 
+/// Reads the inputs and builds their copula.
 void StudyReader::read_declared_inputs() {
   DeclaredInputs declared = read_inputs(reader_, scenes_);
   study_.inputs = std::move(declared.inputs);
@@ -379,6 +384,7 @@ void StudyReader::read_declared_inputs() {
   }
 }
 
+/// Adds an input error for each input whose centre is stated nowhere.
 void StudyReader::report_missing_centres() {
   for (const MissingCentre& missing : missing_centres_)
     input_errors_.add(places_[std::size_t(missing.input)],

@@ -271,6 +271,7 @@ double sum_of_powers(std::span<const double> values, double centre, int power) {
   return sum;
 }
 
+/// Returns the mean with Student's interval.
 IntervalEstimate mean_band(std::span<const double> sorted) {
   const auto n = double(sorted.size());
   const double mean = sample_mean(sorted);
@@ -315,6 +316,7 @@ std::pair<std::size_t, std::size_t> rank_band(std::size_t n, double p) {
   return {low, std::min(*high, n - 1)};
 }
 
+/// Returns the quantile p with its interval from order statistics.
 IntervalEstimate quantile_band(std::span<const double> sorted, double p) {
   const double value = sorted_quantile(sorted, p);
   const auto [low, high] = rank_band(sorted.size(), p);

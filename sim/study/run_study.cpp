@@ -59,6 +59,7 @@ std::string log_name(const SlurmOptions& options, const std::string& name) {
   return quoted(folder + "/" + name);
 }
 
+/// Throws std::invalid_argument if the options are invalid.
 void check(const SlurmOptions& options) {
   if (options.shards < 1 || options.cpus < 1)
     throw std::invalid_argument("a job array needs at least one shard and one cpu");
@@ -115,6 +116,7 @@ constexpr std::uint64_t max_input_cells = 2'000'000;
 // A call of a Sobol sequence takes about 0.5 us per dimension, independent of the number of cases.
 constexpr std::uint64_t input_block = 1024;  // cases
 
+/// Returns the name of the journal of a whole study or of a shard.
 std::string journal_name(const StudyOptions& options) {
   if (!options.shard) return "journal.sqlite";
   return fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
@@ -179,6 +181,7 @@ std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, 
   return text;
 }
 
+/// Returns the heading of the column of a response.
 std::string response_head(const Study& study, const Configuration& configuration,
                           Response response) {
   const std::string unit = unit_of(response) == std::string("%") ? "percent" : unit_of(response);
@@ -186,6 +189,7 @@ std::string response_head(const Study& study, const Configuration& configuration
   return study.arms.size() == 1 ? figure : configuration.name + " " + figure;
 }
 
+/// Returns the header of the table of cases.
 std::string table_head(const Study& study, bool with_inputs) {
   std::string head = "case,analysis,engine";
   for (const Input& input : study.inputs)
@@ -241,6 +245,7 @@ constexpr double check_s = 4e-5;    // cutting one machine in full
 constexpr double case_s = 4e-8;     // one case by the map
 constexpr double drawing_s = 2e-5;  // drawing the map
 
+/// Returns true if the study uses influence maps.
 bool has_maps(const Study& study) { return study.engine != Engine::Full && !study.inputs.empty(); }
 
 /// Returns the expected work size of the study's scene, before it is prepared.
@@ -281,6 +286,7 @@ std::vector<Stage> case_stages(const Study& study, const std::string& part,
   return {{part, "cases", seconds}};
 }
 
+/// Returns the stages of writing the results.
 std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
   std::vector<Stage> stages;
   if (!study.inputs.empty())

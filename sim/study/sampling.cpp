@@ -165,6 +165,7 @@ struct Window {
   double probability = 0.0;  ///< of the interval
 };
 
+/// Returns the interval to which a distribution is truncated.
 Window truncation_window(const Distribution& d) {
   const double end = is_bounded(d.kind) ? 1.0 : infinity;
   Window w;
@@ -188,6 +189,7 @@ double truncated_value(const Distribution& d, const Window& w, const Probabiliti
   return std::clamp(value_at(d, standard_value_at(d.kind, p)), w.low, w.high);
 }
 
+/// Returns the quantile p of a truncated distribution.
 double truncated_quantile(const Distribution& d, const Window& w, double p) {
   if (p <= 0.0) return w.low;
   if (p >= 1.0) return w.high;
@@ -362,6 +364,7 @@ Eigen::MatrixXd correlation_matrix(int inputs, std::span<const Correlation> corr
   return matrix;
 }
 
+/// Throws std::invalid_argument if the matrix is not symmetric with ones on its diagonal.
 void require_correlation(const Eigen::MatrixXd& matrix) {
   if (matrix.rows() != matrix.cols()) throw_invalid("a correlation matrix is square");
   if (!matrix.allFinite()) throw_invalid("a correlation is not finite");

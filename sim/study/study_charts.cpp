@@ -48,6 +48,7 @@ bool has_figure(const ordered_json& rows, const char* key) {
                      [&](const ordered_json& row) { return !row.at(key).is_null(); });
 }
 
+/// Returns a number or the value of an estimate; 0 for null.
 double number_or_zero(const ordered_json& json) {
   const ordered_json& value = json.is_object() ? json.at("value") : json;
   return value.is_null() ? 0.0 : value.get<double>();
@@ -80,6 +81,7 @@ ordered_json bars_block(const std::string& id, const PageText& title, const std:
   return block;
 }
 
+/// Adds a row of bars, one for each series.
 void add_bar(ordered_json& block, const PageText& name, const std::vector<ordered_json>& values,
              const PageText& note = nullptr) {
   ordered_json row;
@@ -151,6 +153,7 @@ ordered_json distribution_block(const ordered_json& budget, const ordered_json& 
   return block["series"].empty() ? ordered_json() : block;
 }
 
+/// Returns the charts of a sweep, one for each response.
 ordered_json sweep_block(const ordered_json& sweep, std::size_t number) {
   const std::string input = one_line(text_at(sweep, "input"));
   const std::string unit = text_at(sweep, "unit");
@@ -172,6 +175,7 @@ ordered_json sweep_block(const ordered_json& sweep, std::size_t number) {
   return block;
 }
 
+/// Returns the table that compares influence maps with fully cut machines; null if there are none.
 ordered_json proofs_block(const ordered_json& budget) {
   ordered_json rows = ordered_json::array();
   for (const ordered_json& proof : budget.at("proofs")) {
@@ -192,6 +196,7 @@ ordered_json proofs_block(const ordered_json& budget) {
                      rows);
 }
 
+/// Returns the table of the days on which a thermal belief was learnt and evaluated.
 ordered_json histories_block(const ordered_json& budget) {
   ordered_json rows = ordered_json::array();
   const auto day = [](const ordered_json& result, const char* key) -> PageText {
@@ -303,6 +308,7 @@ ordered_json tornado_block(const ordered_json& budget, const ordered_json& confi
   return block;
 }
 
+/// Returns the dots of the Sobol indices of each input; null if there are none.
 ordered_json indices_block(const ordered_json& configuration, const ordered_json& response,
                            std::size_t number) {
   const ordered_json& contributions = response.at("contributions");
@@ -340,6 +346,8 @@ ordered_json convergence_series(const ordered_json& steps, std::size_t input, co
   return series;
 }
 
+/// Returns the charts of the Sobol indices over the number of base points, for the inputs with the
+/// largest total indices; null if there are none.
 ordered_json convergence_block(const ordered_json& configuration, const ordered_json& response,
                                std::size_t number) {
   const ordered_json& steps = response.at("convergence");
@@ -457,6 +465,7 @@ ordered_json allocation_block(const ordered_json& budget, const ordered_json& co
   return block;
 }
 
+/// Returns the table of cost and yield of the allocations; null if none was requested.
 ordered_json allocation_totals_block(const ordered_json& configuration, std::size_t number) {
   const ordered_json& allocation = configuration.at("allocation");
   if (allocation.is_null()) return {};

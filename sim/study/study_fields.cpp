@@ -28,6 +28,7 @@ std::string distribution_text(const Distribution& distribution) {
                      distribution.spread, distribution.low, distribution.high);
 }
 
+/// Reads `responses`, each of them once; without any, PV and RMS.
 void read_responses(TableReader& reader, Study& study) {
   for (const std::string& name : reader.texts("responses")) {
     const auto match = std::find_if(all_responses.begin(), all_responses.end(),
@@ -50,6 +51,7 @@ void write_responses(const Study& study, Node::Table& table) {
 
 using ResponseLimits = std::vector<std::pair<Response, double>>;
 
+/// Returns the keys of `[limits]`: one for each response that has an upper limit.
 Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
   for (const Response response : all_responses) {
@@ -113,6 +115,7 @@ std::vector<Key> sweep_keys() {
   return keys;
 }
 
+/// Reads a `[[sweep]]`, whose values are listed or evenly spaced.
 void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   TableReader reader(node, "sweep", input_errors);
   Sweep sweep;
@@ -130,6 +133,7 @@ void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   if (study.sweeps.size() < max_sweeps) study.sweeps.push_back(std::move(sweep));
 }
 
+/// Returns the key `sweep`, a list of tables that refer to inputs by name.
 Fields<Study>::Field sweep_field() {
   Key key = make_key("sweep", Key::Kind::Tables,
                      "an input through its values, all others at their centres");

@@ -273,6 +273,7 @@ const Fields<InputGroup>& distributed_group_fields() {
   return fields;
 }
 
+/// Returns true if a group includes an element.
 bool has_element(const InputGroup& group, const std::string& element) {
   return group.of.empty() || std::find(group.of.begin(), group.of.end(), element) != group.of.end();
 }
@@ -333,6 +334,7 @@ double valid_centre(const Node& input, const std::optional<double>& nominal) {
   return low ? *low + 1.0 : high ? *high - 1.0 : 1.0;
 }
 
+/// Adds an input, or an input error if its name or what it sets is not unique.
 void InputsReader::add(Input input, const Place& place) {
   if (declared_.inputs.size() == max_inputs)
     input_errors_.add(place, fmt::format("at most {} inputs", max_inputs), "more");
@@ -350,6 +352,7 @@ void InputsReader::add(Input input, const Place& place) {
   declared_.inputs.push_back(std::move(input));
 }
 
+/// Reads an `[[input]]`.
 void InputsReader::read_input(const Node& node) {
   TableReader reader(node, "input", input_errors_);
   SingleInput single = single_input_fields().read(reader);
@@ -465,6 +468,7 @@ void InputsReader::add_covariance(const Node& node, double cost, const Priors& p
   declared_.completion = std::move(belief.completion);
 }
 
+/// Reads an `[[inputs]]`.
 void InputsReader::read_group(const Node& node) {
   TableReader reader(node, "inputs", input_errors_);
   InputGroup group = input_group_fields().read(reader);
@@ -489,6 +493,7 @@ void InputsReader::read_group(const Node& node) {
     add_numbers(group, node.place);
 }
 
+/// Adds an input for every element of a group, which scales it.
 void InputsReader::add_elements(const InputGroup& group, const Place& place) {
   for (const errors::Element& element : scenes_.front().geometric.elements) {
     const std::string name = errors::to_string(element.name);
@@ -497,6 +502,7 @@ void InputsReader::add_elements(const InputGroup& group, const Place& place) {
   }
 }
 
+/// Adds an input for every coefficient of the elements of a group.
 void InputsReader::add_numbers(const InputGroup& group, const Place& place) {
   const std::vector<errors::Element>& elements = scenes_.front().geometric.elements;
   const Eigen::VectorXd values = errors::values(elements);
@@ -517,6 +523,7 @@ void InputsReader::add_numbers(const InputGroup& group, const Place& place) {
   }
 }
 
+/// Reads all `[[correlation]]`.
 void InputsReader::read_correlations() {
   for (const Node* node : reader_.tables("correlation")) {
     TableReader reader(*node, "correlation", input_errors_);

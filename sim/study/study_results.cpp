@@ -76,6 +76,7 @@ render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& infl
   return map;
 }
 
+/// Returns the options of a sheet with the view of the configuration's scene.
 render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t configuration,
                                    std::string title) {
   const Scene& scene = ready.arms[configuration].job.scene;

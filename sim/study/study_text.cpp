@@ -126,6 +126,7 @@ std::string short_line(const std::string& text, std::size_t max_characters) {
 
 namespace {
 
+/// Escapes the characters that are mark-up in Markdown.
 std::string escape_markdown(const std::string& line) {
   const auto is_word_char = [&](std::size_t i) {
     return i < line.size() && std::isalnum(static_cast<unsigned char>(line[i])) != 0;
@@ -165,6 +166,7 @@ std::string markdown_table(const TextTable& table) {
   return text + "\n";
 }
 
+/// Returns the table with columns aligned for a terminal.
 std::string terminal_table(const TextTable& table) {
   const std::vector<std::size_t> columns = filled_columns(table);
   std::vector<std::size_t> widths(table.heads.size(), 0);

@@ -172,6 +172,8 @@ struct Machines {
   }
 };
 
+/// Returns random machines of a study.
+/// @param stream  makes the seed of the study that of an independent sequence
 Machines machines(const Study& study, const ResponseFunction& response, Sampling sampling,
                   std::uint64_t stream, std::uint64_t count) {
   return {study, response, {sampling, int(study.inputs.size()), study.seed ^ stream}, count};

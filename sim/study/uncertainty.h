@@ -10,8 +10,9 @@ namespace abbe::sim::study {
 /// Uncertainty of the map of a configuration at each vertex due to the spread of its inputs.
 struct UncertaintyMap {
   Eigen::VectorXd standard_deviation;  ///< (n) mm, square root of the diagonal of G S G^T, where G
-                                       ///< is that of the pass that cuts the vertex in the base run
-                                       ///< and S the covariance of the inputs; NaN where uncut
+                                       ///< are the effects of the inputs by the pass that cuts the
+                                       ///< vertex in the base run and S is the covariance of the
+                                       ///< inputs; NaN where uncut
   Eigen::VectorXd low;   ///< (n) mm, lower end of the interval of the residual over random machines
   Eigen::VectorXd high;  ///< (n) mm, upper end of that interval
   Eigen::VectorXd drawn;  ///< (n) mm, standard deviation over these machines, in which other passes

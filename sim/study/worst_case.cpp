@@ -278,6 +278,8 @@ struct SquaredNorm {
   VectorXd b;
 };
 
+/// Returns the variable part of the squared norm of heights over a box.
+/// @param half  half widths of the box
 SquaredNorm squared_norm(const LinearHeights& linear, const VectorXd& half) {
   const Eigen::MatrixXd weighted = linear.slope * linear.weight.asDiagonal();
   return {half.asDiagonal() * (weighted * linear.slope.transpose()) * half.asDiagonal(),
@@ -536,6 +538,7 @@ class CornerSearch {
   double sign_;
 };
 
+/// Returns all 2^p corners of a box. (p x 2^p)
 Eigen::MatrixXd all_corners(const Box& box) {
   return Eigen::MatrixXd::NullaryExpr(
       box.low.size(), Index(1) << box.low.size(),
