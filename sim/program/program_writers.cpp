@@ -199,7 +199,7 @@ std::string LocationWriter::feed_of(const Path& path, const Block& block, double
     kinematics::AxisVector a = position(path, block, from), b = position(path, block, to);
     for (int j = 0; j < int(a.size()); ++j)
       if (axes_[std::size_t(j)].motion == Motion::Linear) b[j] = a[j];
-    way = feed_distance(axes_, a, b).length;
+    way = feed_length(axes_, a, b).length;
   }
   const double minutes = (to - from) * (block.end_s - block.start_s) / 60.0;
   // 1e-6 keeps the feed positive; 9 digits preserve the time to 1e-9.

@@ -316,7 +316,7 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
       if (stands) points.insert(points.begin(), {0.0, *stands, {}, {}});
       // Arcs in rotated planes are thinned as lines: NC text has no plane for them.
       const bool is_arc =
-          block.interpolation == Interpolation::Arc && path.arcs[block.shape].turned < 0;
+          block.interpolation == Interpolation::Arc && path.arcs[block.shape].plane_rotation < 0;
       kept[i] = BlockThinner(points, is_arc ? &path.arcs[block.shape] : nullptr,
                              measures[std::size_t(block.coordinates)], options)
                     .run();
@@ -429,7 +429,7 @@ class NcRewriter {
   std::vector<CorrectedPoint> chords(const Block& block) const;
   std::vector<CorrectedPoint> half_turns(const Block& block) const;
   void plane(std::string_view letters);
-  double feed(const Way& way, double seconds) const;
+  double feed(const FeedLength& way, double seconds) const;
   double step(int joint) const;
   double offset(int joint) const;
   bool is_at_words(const AxisVector& words) const;
@@ -559,7 +559,7 @@ bool NcRewriter::is_at_words(const AxisVector& words) const {
   return true;
 }
 
-double NcRewriter::feed(const Way& way, double seconds) const {
+double NcRewriter::feed(const FeedLength& way, double seconds) const {
   if (inverse_time_ == true) return std::max(min_feed, 60.0 / seconds);
   const double unit = way.linear && inch_ == true ? units::inch : 1.0;
   return std::max(min_feed, way.length / unit / seconds * 60.0);
@@ -610,7 +610,7 @@ void NcRewriter::move(const Block& block, const Point& to, double seconds, const
                   (round->centre - start) / (inch_ == true ? units::inch : 1.0)};
   }
   if (!move.rapid) {
-    Way way = feed_distance(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
+    FeedLength way = feed_length(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
                             round ? &*round : nullptr);
     // From an unknown position the length may be computed as nearly zero; the feed must not become
     // a crawl.
@@ -692,7 +692,7 @@ void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   if (block.interpolation == Interpolation::Dwell)
     return wait(block.end_s - block.start_s, {index, 0.0, 1.0});
   if (!points.empty()) return pieces(index, points);
-  if (block.interpolation == Interpolation::Arc && path_.arcs[block.shape].turned >= 0)
+  if (block.interpolation == Interpolation::Arc && path_.arcs[block.shape].plane_rotation >= 0)
     return pieces(index, chords(block));
   if (block.interpolation == Interpolation::Arc) {
     const Arc& arc = path_.arcs[block.shape];

@@ -138,7 +138,7 @@ void Walk::set_rates() {
   double turn_second = 0.0, turn_third = 0.0;
   double travel_squared = 0.0;
   for (int j = 0; j < control_.size(); ++j) {
-    const DerivativeBounds b = bends(path_, block_, j);
+    const DerivativeBounds b = derivative_bounds(path_, block_, j);
     if (is_rotary(j)) {
       rates_.turn += b.first;
       turn_second += b.second;
@@ -204,7 +204,7 @@ std::vector<double> Walk::breakpoints() const {
     if (at > 1e-9 && at < 1 - 1e-9) u.push_back(at);
   };
   if (block_.interpolation == Interpolation::Arc)
-    for (const double at : turning_points(path_, block_)) add(at);
+    for (const double at : reversal_points(path_, block_)) add(at);
   if (block_.interpolation == Interpolation::Cubic) {
     const double duration = block_.end_s - block_.start_s;
     const Cubic& cubic = path_.cubics[block_.shape];
@@ -275,7 +275,7 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
     slide_bend += 0.5 * arc.radius * arc.sweep * arc.sweep * part * part;
   }
   for (int j = 0; j < control_.size(); ++j) {
-    const double programmed = bends(path_, block_, j).first * part;
+    const double programmed = derivative_bounds(path_, block_, j).first * part;
     if (options_.workpiece_spindle == j) {
       n = std::max(n, programmed / options_.max_spindle_turn);
     } else if (motion(j) == Motion::Spindle) {
