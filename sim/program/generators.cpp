@@ -74,8 +74,8 @@ Reach MillingTextWriter::reach(const CutterPose& pose) {
   return result.reach;
 }
 
-// `must_reach_all` programs must not lose a pose; others record the first one lost for the message.
-void MillingTextWriter::leave_out(const CutterPose& pose, Reach why) {
+// Only the first unreached pose is recorded in full, for the message.
+void MillingTextWriter::record_unreached(const CutterPose& pose, Reach why) {
   if (options_.must_reach_all)
     throw std::invalid_argument(fmt::format(
         "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
@@ -87,7 +87,7 @@ void MillingTextWriter::leave_out(const CutterPose& pose, Reach why) {
   unreached_.tip_w = pose.tip_w;
 }
 
-AxisVector MillingTextWriter::words(const Eigen::Vector3d& tip_w) const {
+AxisVector MillingTextWriter::axis_words(const Eigen::Vector3d& tip_w) const {
   AxisVector q = axes_;
   // With rotary axes G43.4 is in force, so the words are tip coordinates.
   if (is_five_axis_) {
@@ -180,12 +180,6 @@ bool has_rotary_axes(const kinematics::Chain& chain) {
                      [](const kinematics::Joint& joint) {
                        return joint.motion == Motion::Rotary && joint.name != 'S';
                      });
-}
-
-std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain) {
-  std::vector<ControlledAxis> axes;
-  for (const kinematics::Joint& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
-  return axes;
 }
 
 MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
@@ -303,10 +297,11 @@ std::vector<double> points_along(const Section& section, const Interval& interva
   return x;
 }
 
-/// Positions the cutter on a contact: its axis leans from the normal by `lead` towards the feed and
-/// by `tilt` about it.
-Posture pose(const Raster& raster, const cutting::Cutter& cutter, const cutting::Contact& contact,
-             const Eigen::Vector3d& feed, const std::optional<Eigen::Vector3d>& fixed_axis) {
+/// Returns the pose of the cutter at a contact: its axis leans from the normal by `lead` towards
+/// the feed and by `tilt` about it.
+CutterPose raster_pose(const Raster& raster, const cutting::Cutter& cutter,
+                       const cutting::Contact& contact, const Eigen::Vector3d& feed,
+                       const std::optional<Eigen::Vector3d>& fixed_axis) {
   const Eigen::Vector3d& n = contact.normal;
   Eigen::Vector3d u = std::cos(raster.lead) * n + std::sin(raster.lead) * feed;
   u = Eigen::AngleAxisd(raster.tilt, feed) * u;
@@ -421,9 +416,10 @@ namespace {
 // Steps beyond the full turn, which remove the mark of the entry.
 constexpr int overlap_steps = 2;
 
-// Posture of the flank along the generator of the cone at one azimuth.
-Posture pose(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
-             double azimuth) {
+/// Returns the pose in which the flank of the cutter lies along the generator of the cone at one
+/// azimuth.
+CutterPose flank_pose(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
+                      double azimuth) {
   const double c = std::cos(cone.half_apex_angle), s = std::sin(cone.half_apex_angle);
   const Eigen::Vector3d out(std::cos(azimuth), std::sin(azimuth), 0.0);
   const Eigen::Vector3d normal = c * out + s * Eigen::Vector3d::UnitZ();

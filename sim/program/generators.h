@@ -143,7 +143,4 @@ MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOp
 /// Returns true if the machine has a rotary axis besides the spindle S.
 bool has_rotary_axes(const kinematics::Chain& chain);
 
-/// Returns all joints in the form that readers of programs take.
-std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain);
-
 }  // namespace abbe::sim::program

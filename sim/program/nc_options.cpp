@@ -29,6 +29,12 @@ void for_each_positioned_axis(const std::vector<ControlledAxis>& axes, const Vis
 
 }  // namespace
 
+std::vector<ControlledAxis> controlled_axes(const Chain& chain) {
+  std::vector<ControlledAxis> axes;
+  for (const kinematics::Joint& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
+  return axes;
+}
+
 // A rotary S carries the workpiece and has precedence: on a lathe S and M3 turn the work.
 int find_spindle(const std::vector<ControlledAxis>& axes) {
   int nose = -1;

@@ -33,6 +33,9 @@ struct ControlledAxis {
   Rollover rollover = Rollover::ByControl;
 };
 
+/// Returns the joints of a chain as controlled axes.
+std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain);
+
 /// Returns the joint that S and M3 turn: the rotary axis S that carries the workpiece, otherwise
 /// the tool spindle s; -1 if there is neither.
 int find_spindle(const std::vector<ControlledAxis>& axes);

@@ -115,8 +115,7 @@ std::optional<Circle> circle_of(const std::array<Vector3d, 4>& p, double angle) 
 }  // namespace
 
 LocationWriter::LocationWriter(const kinematics::Chain& control, const LocationOptions& options)
-    : control_(control), options_(options) {
-  for (const auto& joint : control.joints()) axes_.push_back({joint.name, joint.motion});
+    : control_(control), options_(options), axes_(controlled_axes(control)) {
   spindle_ = find_spindle(axes_);
   text_ = is_table() ? "x,y,z,i,j,k,feed\n" : "UNITS/MM\nMULTAX/ON\n";
 }

@@ -611,7 +611,7 @@ void NcRewriter::move(const Block& block, const Point& to, double seconds, const
   }
   if (!move.rapid) {
     FeedLength way = feed_length(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
-                            round ? &*round : nullptr);
+                                 round ? &*round : nullptr);
     // From an unknown position the length may be computed as nearly zero; the feed must not become
     // a crawl.
     if (!stands_) way.length = std::max(way.length, unknown_way);
