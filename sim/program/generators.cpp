@@ -101,7 +101,7 @@ AxisVector MillingTextWriter::axis_words(const Eigen::Vector3d& tip_w) const {
   return *slides;
 }
 
-void MillingTextWriter::head() {
+void MillingTextWriter::write_header() {
   items_.push_back("(" + options_.title + ")");
   items_.push_back("G17 G21 G90 G94 G54");
   items_.push_back(is_five_axis_ ? fmt::format("G43.4 H{}", context_.h_number) : "G49");
@@ -194,7 +194,7 @@ MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOp
   // margin.
   MillingTextWriter writer(options, context,
                            max_tip_z + options.clearance + 2 * options.cutter_radius);
-  writer.head();
+  writer.write_header();
   for (const Pass& pass : passes) writer.pass(pass);
   return writer.program();
 }

@@ -214,7 +214,7 @@ NcBlock parse_block(std::string_view text, const NcLocation& location, NcBlock r
   NcBlock block = std::move(reused);
   block.line = location.line;
   block.percent = block.deleted = false;
-  block.words.parse({});
+  block.words.fill({});
   block.g.clear();
   block.m.clear();
   block.comments.clear();

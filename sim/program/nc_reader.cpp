@@ -383,7 +383,7 @@ void NcInterpreter::set_tool_length(const NcBlock& block, const Codes& codes) {
   if (length == lengths.end()) {
     std::string known_lengths;
     for (const auto& [number, mm] : lengths) known_lengths += fmt::format(" H{}", number);
-    refuse(h, "a tool length that is known_lengths (" +
+    refuse(h, "a tool length that is known (" +
                   (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
   }
   canon_.select_length(length->first, code.word);
