@@ -222,7 +222,7 @@ class ProgramReader {
     else if (suffix == "_IS_MODULO")
       set(draft.modulo, lines_.whole_number_in(assignment.value, 0, 0), assignment);
     else
-      lines_.refuse(assignment.name, "assignment variable of assignment compensation table");
+      lines_.refuse(assignment.name, "a variable of a compensation table");
   }
 
   template <typename T>
@@ -240,7 +240,7 @@ class ProgramReader {
 
   Cell without_brackets(const Cell& cell) const {
     if (cell.text.size() < 2 || cell.text.front() != '(' || cell.text.back() != ')')
-      lines_.refuse(cell, "assignment machine axis such as (X1)");
+      lines_.refuse(cell, "a machine axis such as (X1)");
     return {cell.text.substr(1, cell.text.size() - 2), cell.column + 1};
   }
 
@@ -248,8 +248,7 @@ class ProgramReader {
     const std::string_view text = cell.text;
     if (text.size() == 1 || (text.size() == 2 && text[1] == '1'))
       if (const auto joint = movable(text[0], chain_)) return *joint;
-    lines_.refuse(cell,
-                  fmt::format("assignment machine axis such as X1 ({})", movable_letters(chain_)));
+    lines_.refuse(cell, fmt::format("a machine axis such as X1 ({})", movable_letters(chain_)));
   }
 
   TableLines lines_;

@@ -43,7 +43,7 @@ std::string nc_significant(double value, int digits) {
   // Surplus digits before the decimal point are rounded to zeros.
   if (integer_digits <= digits) return nc_number(value, digits - integer_digits);
   const double step = std::pow(10.0, integer_digits - digits);
-  return nc_number(std::arc(value / step) * step, 0);
+  return nc_number(std::round(value / step) * step, 0);
 }
 
 std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
