@@ -22,10 +22,10 @@
 #include "sim/compensation/child_process.h"
 #include "sim/compensation/plug_in_protocol.h"
 
-/// Start of a host for a shared library by the asking side (plug_in_host in plug_in.h).
+/// Running of plug-ins, and the host process of shared libraries (plug_in_host in plug_in.h).
 namespace abbe::sim::compensation {
 
-inline constexpr const char* host_argument = "plug-in-host";       ///< its first argument
+inline constexpr const char* host_argument = "plug-in-host";       ///< first argument of a host
 inline constexpr const char* host_variable = "ABBE_PLUG_IN_HOST";  ///< set in its environment
 
 namespace {
@@ -35,7 +35,7 @@ using NumberTable = std::vector<double>;  // rows one after another
 
 constexpr const char* query_prefix = R"({"kind":"ask")";
 
-/// Returns the object of the library. The library stays loaded until the process ends.
+/// Loads a library and returns its compensator object. It stays loaded until the process ends.
 const abbe_compensator_v1& load_library(const char* library) {
   void* handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) throw ChildProcessError("a shared library", dlerror());
@@ -54,16 +54,16 @@ const abbe_compensator_v1& load_library(const char* library) {
   return compensator;
 }
 
-/// Returns the numbers of the list or table under a key of a line written by abbe; null becomes
-/// NaN. A general JSON reader would take most of the time of a sample.
+/// Parses the list or table of numbers under a key of a line written by abbe; null becomes NaN. A
+/// general JSON parser would take most of the time of a sample.
 NumberTable parse_table(std::string_view line, const std::string& key) {
   NumberTable table;
   const std::string prefix = "\"" + key + "\":";
-  const std::size_t found = line.find(prefix);
-  if (found == std::string_view::npos) throw ChildProcessError(prefix, "none");
-  const char* position = line.data() + found + prefix.size();
-  const char* const finish = line.data() + line.size();
-  for (int depth = 0; position != finish;) {
+  const std::size_t start = line.find(prefix);
+  if (start == std::string_view::npos) throw ChildProcessError(prefix, "none");
+  const char* position = line.data() + start + prefix.size();
+  const char* const end = line.data() + line.size();
+  for (int depth = 0; position != end;) {
     const char c = *position;
     if (c == '[') ++depth;
     if (c == ']' && --depth == 0) break;
@@ -73,7 +73,7 @@ NumberTable parse_table(std::string_view line, const std::string& key) {
       table.push_back(std::numeric_limits<double>::quiet_NaN());
       position += 4;
     } else {
-      const auto [next, error_code] = std::from_chars(position, finish, table.emplace_back());
+      const auto [next, error_code] = std::from_chars(position, end, table.emplace_back());
       if (error_code != std::errc())
         throw ChildProcessError("numbers under " + key, in_quotes({position, 1}));
       position = next;
@@ -97,7 +97,7 @@ abbe_joint parse_joint(const json& message) {
   return joint;
 }
 
-/// The task, with the memory that its pointers refer to.
+/// The task in the layout of abbe_compensator.h, with the memory to which its pointers refer.
 struct HostTask {
   explicit HostTask(const std::string& line) : HostTask(line, json::parse(line)) {}
   HostTask(const std::string& line, const json& message)
@@ -131,18 +131,18 @@ struct HostTask {
   abbe_task c{};
 };
 
-/// Returns the next line, or an empty one at the end.
+/// Reads the next line from stdin; an empty one at the end.
 std::string next_line() {
   std::string line;
   std::getline(std::cin, line);
   return line;
 }
 
-// Throws if a function of the library failed, with its own text if it gave one.
-void check_result(std::int32_t failed, const char* function, const std::string& error) {
-  if (failed != 0)
+/// Throws if a function of the library failed, with the error text of the library if there is one.
+void check_result(std::int32_t result, const char* function, const std::string& error) {
+  if (result != 0)
     throw std::runtime_error(
-        error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, failed));
+        error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, result));
 }
 
 std::string response_line(const abbe_compensator_v1& compensator, void* instance,
@@ -160,7 +160,7 @@ std::string response_line(const abbe_compensator_v1& compensator, void* instance
                          readings.data()};
   const bool is_correction = compensator.answers == ABBE_CORRECTION;
   const std::size_t columns_per_row = is_correction ? task.joints.size() : 6;
-  // NaN marks a number that the library did not write, which the asking side rejects
+  // A number that the library does not write remains NaN, which abbe rejects.
   NumberTable rows(time_s.size() * columns_per_row, std::numeric_limits<double>::quiet_NaN());
   std::string error(ABBE_ERROR_BYTES, '\0');
   check_result(compensator.answer(instance, &batch, rows.data(), error.data()), "answer", error);
@@ -209,15 +209,15 @@ void serve(const char* library, std::FILE* stream) {
 std::optional<int> plug_in_host(int argc, char** argv) {
   if (argc != 3 || std::string_view(argv[1]) != host_argument) return std::nullopt;
   std::ios::sync_with_stdio(false);
-  // Output of the library is for people and must not mix with the answers, so stdout goes to stderr
-  // and the answers to a duplicate.
+  // What the library prints must not mix with the answers, so stdout is redirected to stderr, and
+  // answers are written to a duplicate of the original stdout.
   std::FILE* stream = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
   dup2(STDERR_FILENO, STDOUT_FILENO);
   if (stream == nullptr) return 1;
   try {
     serve(argv[2], stream);
-  } catch (const std::exception& fault) {
-    write_line(stream, json_text_line({{"error", fault.what()}}));
+  } catch (const std::exception& error) {
+    write_line(stream, json_text_line({{"error", error.what()}}));
   }
   std::fclose(stream);
   return 0;
@@ -230,7 +230,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t line_base_bytes = 65536;  // bytes allowed for any line
 constexpr std::size_t bytes_per_number = 64;    // longer than any notation of a double
 
-/// The command and environment with which a plug-in is started.
+/// The command and the additional environment with which a plug-in is started.
 struct LaunchCommand {
   std::vector<std::string> command;
   std::vector<std::string> environment;
@@ -250,29 +250,29 @@ LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& optio
     throw ChildProcessError("a program or a shared library",
                             fs::is_directory(status) ? "a folder" : "something else");
   const std::string path = fs::absolute(plug_in).string();
-  LaunchCommand start;
-  // Without it a Python program that writes to a pipe would hold back its lines.
-  if (std::getenv("PYTHONUNBUFFERED") == nullptr) start.environment = {"PYTHONUNBUFFERED=1"};
+  LaunchCommand launch;
+  // Without this variable Python buffers its output to a pipe.
+  if (std::getenv("PYTHONUNBUFFERED") == nullptr) launch.environment = {"PYTHONUNBUFFERED=1"};
   const bool is_executable = ::access(path.c_str(), X_OK) == 0;
   if (plug_in.extension() == ".so") {
-    // The mark is set in a host: seeing it here means that the host ran its normal main and would
+    // The variable is set in a host. If it is set here, the host ran its normal main and would
     // start itself for ever.
     if (std::getenv(host_variable) != nullptr)
       throw ChildProcessError("a host whose main begins with plug_in_host", "one that does not");
-    start.environment.push_back(fmt::format("{}=1", host_variable));
-    start.command = {options.host.string(), host_argument, path};
+    launch.environment.push_back(fmt::format("{}=1", host_variable));
+    launch.command = {options.host.string(), host_argument, path};
   } else if (plug_in.extension() == ".py" && !(is_executable && has_shebang(plug_in))) {
-    start.command = {"python3", path};
+    launch.command = {"python3", path};
   } else if (is_executable) {
-    start.command = {path};
+    launch.command = {path};
   } else {
     throw ChildProcessError("a program that may be run (chmod +x), a .py file or a .so file",
                             "a file that is none of these");
   }
-  return start;
+  return launch;
 }
 
-/// Returns the text with bytes that are not UTF-8 replaced, so that it can go into any report.
+/// Replaces bytes that are not UTF-8, so that reports can contain the text.
 std::string replace_invalid_utf8(const std::string& text) {
   const nlohmann::json value = text;
   return nlohmann::json::parse(value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))
@@ -286,17 +286,17 @@ std::string indented(std::string lines) {
   return "  " + lines;
 }
 
-/// A conversation with a plug-in. Every error is reported with the plug-in, the step and its last
-/// lines on stderr.
+/// The exchange of messages with a plug-in. An error names the plug-in and the step, and quotes its
+/// last lines on stderr.
 class Conversation {
  private:
   template <typename Action>
   auto run_step(const std::string& name, const Action& action) {
     try {
       return action();
-    } catch (const ChildProcessError& fault) {
+    } catch (const ChildProcessError& error) {
       std::string text =
-          fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(fault.what()));
+          fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(error.what()));
       if (child_ && !child_->stderr_tail().empty())
         text += "\nits last words on stderr:\n" + indented(child_->stderr_tail());
       throw PlugInFailure(replace_invalid_utf8(text));
@@ -307,8 +307,8 @@ class Conversation {
   Conversation(const fs::path& plug_in, const PlugInOptions& options)
       : plug_in_(plug_in), options_(options) {
     run_step("start", [&] {
-      const LaunchCommand start = launch_command(plug_in, options);
-      child_.emplace(start.command, start.environment, options_.waiting);
+      const LaunchCommand launch = launch_command(plug_in, options);
+      child_.emplace(launch.command, launch.environment, options_.waiting);
     });
   }
 
@@ -342,14 +342,14 @@ class Conversation {
   std::optional<ChildProcess> child_;
 };
 
-void check_result(const PlugInQuestion& question, const PlugInOptions& options) {
+void check_question(const PlugInQuestion& question, const PlugInOptions& options) {
   if (question.T_wt.size() != question.commands.size())
     throw std::invalid_argument("expected a pose for every command");
   if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
 }
 
-/// Returns the rows of all batches of a question.
-/// @param rows  returns the answer to one batch
+/// Asks for all batches of a question and returns the rows of all answers.
+/// @param rows  function that returns the answer to one batch
 template <typename Rows>
 Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& question,
                                const PlugInOptions& options, PlugInOutput answers,
@@ -366,7 +366,7 @@ Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& que
 }
 
 /// Throws ChildProcessError unless the answer of a function has the expected size and values.
-void check_result(const Eigen::MatrixXd& rows, const Expected& expected) {
+void check_response(const Eigen::MatrixXd& rows, const Expected& expected) {
   const Eigen::Index column_count = columns(expected.answers, expected.task);
   if (rows.rows() != expected.samples || rows.cols() != column_count)
     throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, column_count),
@@ -382,31 +382,31 @@ void check_result(const Eigen::MatrixXd& rows, const Expected& expected) {
 
 PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
                    const PlugInOptions& options) {
-  check_result(question, options);
+  check_question(question, options);
   Conversation conversation(plug_in, options);
   const Handshake handshake =
-      conversation.shake_hands(task, Eigen::Index(question.commands.size()));
-  PlugInResponse ask_batch{replace_invalid_utf8(handshake.name), handshake.answers, {}, {}};
-  ask_batch.rows = ask_in_batches(task, question, options, handshake.answers,
-                                  [&](Samples batch, const Expected& expected) {
-                                    return conversation.answer(question, batch, expected);
-                                  });
-  ask_batch.said = conversation.end();
-  return ask_batch;
+      conversation.exchange_handshake(task, Eigen::Index(question.commands.size()));
+  PlugInResponse response{replace_invalid_utf8(handshake.name), handshake.answers, {}, {}};
+  response.rows = ask_in_batches(task, question, options, handshake.answers,
+                                 [&](Samples batch, const Expected& expected) {
+                                   return conversation.ask_batch(question, batch, expected);
+                                 });
+  response.said = conversation.finish();
+  return response;
 }
 
 PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
                    const PlugInQuestion& question, const PlugInOptions& options) {
-  check_result(question, options);
+  check_question(question, options);
   const auto rows = [&](Samples batch, const Expected& expected) {
-    // a function gets the same chance of an interrupt as a process
+    // A function can be interrupted between batches, as a process can.
     if (options.waiting) options.waiting();
     Eigen::MatrixXd response = function.rows(task, make_batch(task, question, batch));
     try {
-      check_result(response, expected);
-    } catch (const ChildProcessError& fault) {
+      check_response(response, expected);
+    } catch (const ChildProcessError& error) {
       throw PlugInFailure(replace_invalid_utf8(fmt::format(
-          "{}: {}: {}", escaped(name), batch_label(expected.id, batch), escaped(fault.what()))));
+          "{}: {}: {}", escaped(name), batch_label(expected.id, batch), escaped(error.what()))));
     }
     return response;
   };

@@ -59,7 +59,7 @@ std::string column_name(const Expected& expected, Index column) {
 
 std::optional<std::string> value_violation(double number, const Expected& expected, Index column) {
   if (!std::isfinite(number)) return "a finite number";
-  // beyond it a value has the wrong unit, such as um given as mm
+  // A larger value probably has the wrong unit, such as um instead of mm.
   const bool is_angle_column = is_angle(expected, column);
   const double limit = is_angle_column ? expected.options.max_rad : expected.options.max_mm;
   if (std::abs(number) <= limit) return std::nullopt;
@@ -76,7 +76,7 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-// Returns the key of the numbers in the messages.
+/// Returns the key of the numbers in the messages.
 const char* enum_key(PlugInOutput answers) {
   return answers == PlugInOutput::Correction ? "correction" : "deviation";
 }
@@ -96,7 +96,7 @@ void append_numbers(std::string& line, Eigen::Index n, const Value& value) {
   append_list(line, n, [&](Eigen::Index i) { append_number(line, value(i)); });
 }
 
-// Bytes that are not UTF-8 are replaced, since a name of a tool may have any.
+// Bytes that are not UTF-8 are replaced, because the name of a tool may contain any.
 std::string text_line(const ordered_json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
 }
@@ -129,7 +129,7 @@ json parse_message(const std::string& line) {
   const auto throw_input_error = [&](const char* why) {
     throw ChildProcessError("a JSON object on one line", in_quotes(line) + why);
   };
-  // checked first, since the parser recurses and a deep nesting would exhaust the stack
+  // The parser recurses, so deep nesting would exhaust the stack.
   if (json_depth(line) > max_nesting) throw_input_error(" that nests too deeply");
   json message;
   try {
@@ -137,7 +137,7 @@ json parse_message(const std::string& line) {
   } catch (const json::out_of_range&) {
     throw_input_error(" with a number that is too large");
   } catch (const json::exception&) {
-    // Python writes NaN and Infinity, which JSON does not have; they get a message of their own.
+    // Python writes NaN and Infinity, which are not JSON; they have a message of their own.
     const bool has_non_finite = line.find("NaN") != std::string::npos ||
                                 line.find("nan") != std::string::npos ||
                                 line.find("Infinity") != std::string::npos;
@@ -151,7 +151,7 @@ json parse_message(const std::string& line) {
   return message;
 }
 
-/// Returns a value as an error message shows it.
+/// Returns the text of a value for an error message.
 std::string shown_value(const json& object, const char* key) {
   const auto value = object.find(key);
   if (value == object.end()) return "none";
@@ -215,7 +215,7 @@ std::string ask_line(const PlugInBatch& batch, long id) {
   const Eigen::Index samples = batch.time_s.size();
   const auto size = std::size_t(batch.q.cols() + batch.direction.cols() + batch.readings.cols());
   std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
-  // an upper estimate of the length, which saves copies of a line of megabytes
+  // An upper estimate of the length avoids copies of a line of megabytes.
   line.reserve(std::size_t(samples) * (300 + 10 * size));
   const auto append_entry = [&](const char* key, const auto& value) {
     line += fmt::format(",\"{}\":", key);
