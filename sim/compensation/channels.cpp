@@ -145,7 +145,7 @@ void add_settling_knots(const SeriesSegment& line, const Loop& loop, const Trans
   Transient current = start;
   double time_s = line.start_s;
   while (loop.remaining_motion(current) > loop.options.tolerance) {
-    time_s += loop.step(current, time_s);
+    time_s += loop.knot_interval(current, time_s);
     if (!(time_s < line.end_s)) return;
     const double elapsed_s = time_s - line.start_s;
     current = loop.after(start, elapsed_s);
