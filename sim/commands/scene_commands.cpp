@@ -346,9 +346,10 @@ struct PoseArguments {
   std::filesystem::path at_file;    ///< many poses, CSV
   std::optional<std::string> grid;  ///< the work space, "X=0:400:9 Y=::5"; may be empty
   PoseRequest request;
-  std::vector<std::string> jacobians_by_name;  ///< of the request, as texts
-  std::filesystem::path out;  ///< of many: a file, else standard output; of the work space: a
-                              ///< folder, else out/SCENE/volumetric
+  std::vector<std::string> jacobians;  ///< names of those in the request
+  /// For `at_file` a file, by default standard output; for `grid` a folder, by default
+  /// out/SCENE/volumetric.
+  std::filesystem::path out;
   bool json = false;
   Permissions permissions;
 };
@@ -357,14 +358,14 @@ constexpr std::size_t min_progress_poses = 20000;  // about 0.2 s of computing
 
 /// Prints one pose.
 void print_pose(const Scene& scene, const PoseArguments& arguments) {
-  const PoseResult pose = pose_at(scene, arguments.at, arguments.wishes);
+  const PoseResult pose = pose_at(scene, arguments.at, arguments.request);
   print("{}", Lines(arguments.json ? json_text(to_json(pose)) : to_text(pose)));
   print_warnings(pose.warnings);
 }
 
 /// Prints or writes a table of poses. The output file is checked before the poses are read.
 void print_pose_table(const IdleMachine& idle, const PoseArguments& arguments) {
-  const PoseTable table(idle, arguments.wishes);
+  const PoseTable table(idle, arguments.request);
   const auto default_format = arguments.json ? TableFormat::Json : TableFormat::Csv;
   const TableFormat format =
       arguments.out.empty() ? default_format : pose_file_format(arguments.out);
@@ -415,7 +416,7 @@ std::filesystem::path grid_folder(const Scene& scene, const std::filesystem::pat
 
 /// Computes and writes the volumetric map of the work space.
 void print_work_space(const IdleMachine& idle, const PoseArguments& arguments) {
-  const PoseTable table(idle, arguments.wishes);
+  const PoseTable table(idle, arguments.request);
   const ResultFolder folder(grid_folder(idle.scene, arguments.out),
                             make_writer(idle.scene, arguments.permissions));
   const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *arguments.grid));
@@ -456,7 +457,7 @@ Exit run_pose_command(const CommonOptions& common, PoseArguments arguments) {
                                                               {"motion", PoseJacobian::Motion},
                                                               {"location", PoseJacobian::Location}};
   for (const std::string& name : arguments.jacobians)
-    arguments.wishes.jacobians.push_back(jacobians_by_name.at(name));
+    arguments.request.jacobians.push_back(jacobians_by_name.at(name));
   arguments.json = common.json;
   arguments.permissions = common.permissions;
   if (!arguments.at_file.empty() && !arguments.out.empty())
@@ -480,7 +481,7 @@ Command pose_command(CommonOptions& common) {
                {"--jacobian", &arguments->jacobians,
                 "derivatives of the nominal pose by axes, error motions, location errors",
                 OneOf{{"axis", "motion", "location"}}, CommaSeparated{}},
-               {"--elements", &arguments->wishes.elements,
+               {"--elements", &arguments->request.elements,
                 "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all", CommaSeparated{}},
                {"--out", &arguments->out,
                 "of --at-file a .csv or .json file, or folder for it; of --grid a folder "
