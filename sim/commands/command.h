@@ -48,7 +48,7 @@ using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem:
 
 // Rules of an option. Options that a rule names must precede it in the list.
 struct Between {
-  std::int64_t least, most;
+  std::int64_t min_value, max_value;
 };
 struct OneOf {
   std::vector<std::string> values;

@@ -96,9 +96,9 @@ struct RuleApplier {
   void operator()(std::monostate) const {}
   void operator()(const Between& rule) const {
     if (std::holds_alternative<double*>(option.target))
-      parser_option.check(CLI::Range(double(rule.least), double(rule.most)));
+      parser_option.check(CLI::Range(double(rule.min_value), double(rule.max_value)));
     else
-      parser_option.check(CLI::Range(rule.least, rule.most));
+      parser_option.check(CLI::Range(rule.min_value, rule.max_value));
   }
   void operator()(const OneOf& rule) const {
     const auto validate = [values = rule.values](const std::string& word) -> std::string {
