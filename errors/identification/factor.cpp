@@ -12,48 +12,53 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double min_participation =
-    1e-5;  // of a unit null vector; columns with a smaller part are not candidates
-// Columns that take part nearly equally are chosen by their order, not by rounding.
+// Columns that contribute less than this to a unit null vector are not candidates.
+constexpr double min_participation = 1e-5;
+// Columns that contribute nearly equally are chosen by their order, so that rounding does not
+// decide.
 constexpr double equal_participation = 0.1;
-// The bound of the header for what is named as hiding a column.
-constexpr double hides = 1e-6;
+// Smaller factors are set to 0 in `hidden`, as the header states.
+constexpr double min_hiding_factor = 1e-6;
 
-std::vector<int> selected_indices(const std::vector<char>& wanted) {
+std::vector<int> true_indices(const std::vector<char>& flags) {
   std::vector<int> result;
-  for (std::size_t i = 0; i < wanted.size(); ++i)
-    if (wanted[i]) result.push_back(int(i));
+  for (std::size_t i = 0; i < flags.size(); ++i)
+    if (flags[i]) result.push_back(int(i));
   return result;
 }
 
-/// Returns the row of N to leave out next: of the lowest preference that takes part.
-Index next_left_out(const MatrixXd& N, const std::vector<int>& preference) {
-  const VectorXd part = N.rowwise().norm();
-  std::vector<int> levels = preference;
-  std::sort(levels.begin(), levels.end());
-  levels.erase(std::unique(levels.begin(), levels.end()), levels.end());
-  for (const int level : levels) {
-    double most = 0.0;
+/// Returns the row of the null space N to leave out next: one of the lowest preference among those
+/// that contribute, and of these the last one of nearly the largest contribution.
+Index next_row_to_leave_out(const MatrixXd& N, const std::vector<int>& preference) {
+  const VectorXd participation = N.rowwise().norm();
+  std::vector<int> sorted_levels = preference;
+  std::sort(sorted_levels.begin(), sorted_levels.end());
+  sorted_levels.erase(std::unique(sorted_levels.begin(), sorted_levels.end()), sorted_levels.end());
+  for (const int level : sorted_levels) {
+    double max_participation = 0.0;
     for (Index i = 0; i < N.rows(); ++i)
-      if (preference[std::size_t(i)] == level) most = std::max(most, part[i]);
-    if (most < min_participation) continue;
+      if (preference[std::size_t(i)] == level)
+        max_participation = std::max(max_participation, participation[i]);
+    if (max_participation < min_participation) continue;
     for (Index i = N.rows() - 1; i >= 0; --i)
-      if (preference[std::size_t(i)] == level && part[i] >= equal_participation * most) return i;
+      if (preference[std::size_t(i)] == level &&
+          participation[i] >= equal_participation * max_participation)
+        return i;
   }
-  Index largest = 0;  // of unit vectors one row is never small
-  part.maxCoeff(&largest);
+  Index largest = 0;  // a unit vector always has a row that is not small
+  participation.maxCoeff(&largest);
   return largest;
 }
 
-/// Returns rows of an orthonormal null space (n x d) such that they determine the others of each
-/// null vector.
-std::vector<Index> chosen(MatrixXd N, const std::vector<int>& preference) {
+/// Returns the rows of an orthonormal null space N (n x d) to be left out: they determine all other
+/// rows of each null vector.
+std::vector<Index> rows_to_leave_out(MatrixXd N, const std::vector<int>& preference) {
   std::vector<Index> rows;
   for (Index d = N.cols(); d > 0; --d) {
-    const Index i = next_left_out(N, preference);
+    const Index i = next_row_to_leave_out(N, preference);
     rows.push_back(i);
     const VectorXd direction = N.row(i).transpose().normalized();
-    // The chosen row is projected out, so that the next one belongs to another null vector.
+    // Projecting out the chosen row makes the next one belong to another null vector.
     N -= (N * direction) * direction.transpose();
   }
   std::sort(rows.begin(), rows.end());
@@ -69,6 +74,7 @@ MatrixXd scaled(const MatrixXd& A, const std::vector<int>& columns, const Vector
   return S;
 }
 
+/// Returns the norms of columns; 1 for a zero column, by which it can be divided.
 VectorXd norms(const MatrixXd& A, const std::vector<int>& columns) {
   VectorXd norm(Index(columns.size()));
   for (Index j = 0; j < norm.size(); ++j) {
@@ -78,33 +84,35 @@ VectorXd norms(const MatrixXd& A, const std::vector<int>& columns) {
   return norm;
 }
 
-/// Returns the square root of the largest eigenvalue of a symmetric operator, by power iteration.
+/// Returns the largest singular value of B from v -> B'B v, by power iteration.
 template <typename Operator>
-double root_of_max(Index n, const Operator& apply) {
-  VectorXd v = VectorXd::LinSpaced(n, 1.0, 2.0).normalized();  // aligned with no symmetry
+double max_singular_value(Index n, const Operator& apply) {
+  VectorXd v = VectorXd::LinSpaced(n, 1.0, 2.0)
+                   .normalized();  // not orthogonal to a symmetric or alternating vector
   double largest = 0.0;
   // 200 iterations and 1e-4: the condition is reported to a few per cent only.
   for (int i = 0; i < 200; ++i) {
     v = apply(v);
-    const double now = v.norm();
-    v /= now;
-    if (std::abs(now - largest) <= 1e-4 * now) return std::sqrt(now);
-    largest = now;
+    const double eigenvalue = v.norm();
+    v /= eigenvalue;
+    if (std::abs(eigenvalue - largest) <= 1e-4 * eigenvalue) return std::sqrt(eigenvalue);
+    largest = eigenvalue;
   }
   return std::sqrt(largest);
 }
 
-/// Returns the condition number, to a few per cent.
-double condition_of(const MatrixXd& R) {
+/// Returns the condition number of a triangular matrix, to a few per cent.
+double condition_number(const MatrixXd& R) {
   if (R.cols() == 0) return 1.0;
   const auto upper = R.triangularView<Eigen::Upper>();
-  const double most = root_of_max(R.cols(), [&](const VectorXd& v) -> VectorXd {
+  const double largest = max_singular_value(R.cols(), [&](const VectorXd& v) -> VectorXd {
     return upper.transpose() * VectorXd(upper * v);
   });
-  const double least = root_of_max(R.cols(), [&](const VectorXd& v) -> VectorXd {
-    return upper.solve(VectorXd(upper.transpose().solve(v)));
-  });
-  return most * least;
+  const double inverse_of_smallest =
+      max_singular_value(R.cols(), [&](const VectorXd& v) -> VectorXd {
+        return upper.solve(VectorXd(upper.transpose().solve(v)));
+      });
+  return largest * inverse_of_smallest;
 }
 
 }  // namespace
@@ -113,7 +121,7 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
               const std::vector<int>& preference, double tolerance) {
   Factor result;
   result.rows = int(A.rows());
-  const std::vector<int> columns = selected_indices(is_sought);
+  const std::vector<int> columns = true_indices(is_sought);
   const auto n = Index(columns.size());
   result.hidden = MatrixXd::Zero(A.cols(), 0);
   if (n == 0) return result;
@@ -122,9 +130,9 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
   const MatrixXd R = triangle(result.outer);
   const MatrixXd N = null_space(R, tolerance);
 
-  std::vector<int> level;
-  for (const int column : columns) level.push_back(preference[std::size_t(column)]);
-  const std::vector<Index> left = chosen(N, level);
+  std::vector<int> sought_preference;
+  for (const int column : columns) sought_preference.push_back(preference[std::size_t(column)]);
+  const std::vector<Index> left = rows_to_leave_out(N, sought_preference);
   std::vector<Index> found;
   for (Index j = 0; j < n; ++j)
     if (!std::binary_search(left.begin(), left.end(), j)) found.push_back(j);
@@ -132,26 +140,27 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
   for (const Index j : found) result.found.push_back(columns[std::size_t(j)]);
   result.norm = norm(found);
   result.inner = factor_by_householder(R(Eigen::all, found));
-  result.condition = condition_of(triangle(result.inner));
+  result.condition = condition_number(triangle(result.inner));
   result.hidden = MatrixXd::Zero(A.cols(), N.cols());
   if (left.empty()) return result;
   const MatrixXd N_left = N(left, Eigen::all);
-  const MatrixXd along = N * full_pivot_inverse(N_left);  // null vectors, each with a unit of one
-                                                          // left column
+  const MatrixXd null_vectors = N * full_pivot_inverse(N_left);  // each with a unit of one
+                                                                 // column left out
   for (Index k = 0; k < N.cols(); ++k)
     for (const Index j : found)
-      if (std::abs(along(j, k)) > hides)
+      if (std::abs(null_vectors(j, k)) > min_hiding_factor)
         result.hidden(columns[std::size_t(j)], k) =
-            -along(j, k) * norm[left[std::size_t(k)]] / norm[j];
+            -null_vectors(j, k) * norm[left[std::size_t(k)]] / norm[j];
   return result;
 }
 
 VectorXd solve(const Factor& factor, const VectorXd& b) {
   if (factor.found.empty()) return VectorXd();
-  VectorXd all = VectorXd::Zero(factor.outer.packed.rows());
-  all.head(b.size()) = b;
-  const VectorXd head = apply_reflections(factor.outer, all).head(factor.outer.packed.cols());
-  return abbe::solve(factor.inner, head).cwiseQuotient(factor.norm);
+  VectorXd padded = VectorXd::Zero(factor.outer.packed.rows());
+  padded.reduced(b.size()) = b;
+  const VectorXd reduced =
+      apply_reflections(factor.outer, padded).reduced(factor.outer.packed.cols());
+  return abbe::solve(factor.inner, reduced).cwiseQuotient(factor.norm);
 }
 
 MatrixXd covariance(const Factor& factor) {

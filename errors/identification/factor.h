@@ -12,11 +12,13 @@ namespace abbe::errors::identification {
 /// are left out by preference, never by a pseudo-inverse.
 struct Factor {
   std::vector<int> found;  ///< columns that are solved for
-  std::vector<int> left;   ///< columns left out, one for each undetermined direction
-  Eigen::MatrixXd hidden;  ///< (columns x left) combination with the same effect as a unit of each
-                           ///< column left out; 0 below 1e-6 of its effect; rows of `left` are 0
-  double condition = 0.0;  ///< of the scaled matrix of the columns found, to a few per cent
-  int rows = 0;
+  std::vector<int> left;   ///< columns left out, one for each dimension of the null space
+  Eigen::MatrixXd hidden;  ///< (columns x left) combination of columns with the same effect as a
+                           ///< unit of each column left out; 0 below 1e-6 of its effect; rows of
+                           ///< `left` are 0
+  double condition = 0.0;  ///< condition number of the scaled matrix of the columns found, to a few
+                           ///< per cent
+  int rows = 0;            ///< of the matrix
 
   HouseholderQr outer;   ///< of the scaled matrix, sought columns
   HouseholderQr inner;   ///< of its triangle, columns found
@@ -26,8 +28,8 @@ struct Factor {
 /// Factorises a design matrix.
 /// @param A          (m x n) rows in standard deviations
 /// @param is_sought  (n) 0: not solved for, ignored
-/// @param preference (n) columns of the lowest are left out first; among equals that take part to
-///                   at least a tenth of the largest, the last
+/// @param preference (n) columns of the lowest preference are left out first; among equals that
+///                   contribute at least a tenth of the largest contribution, the last
 /// @param tolerance  smallest pivot that counts, relative to the largest
 Factor factor(const Eigen::MatrixXd& A, const std::vector<char>& is_sought,
               const std::vector<int>& preference, double tolerance);

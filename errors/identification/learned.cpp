@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <vector>
 
-// Only the headers of dlib are used. Its check against the packaged library would require that
-// library; BLAS and LAPACK, which its package enables, would make the bits depend on the installed
-// ones.
+// dlib is used header-only. Its check against the packaged library would require linking that
+// library; BLAS and LAPACK, which its package enables, would make results depend on the installed
+// versions.
 #define DLIB_TEST_FOR_ODR_VIOLATIONS_H_
 #include <dlib/assert.h>
 #undef DLIB_USE_BLAS
@@ -45,13 +45,13 @@ VectorXd to_eigen(const Sample& sample) {
   return v;
 }
 
-std::vector<Sample> samples_of(const MatrixXd& Z) {
+std::vector<Sample> dlib_samples(const MatrixXd& Z) {
   std::vector<Sample> result;
   for (Index row = 0; row < Z.rows(); ++row) result.push_back(to_dlib(Z.row(row)));
   return result;
 }
 
-KernelSum to_sum(const dlib::decision_function<Kernel>& f) {
+KernelSum kernel_sum(const dlib::decision_function<Kernel>& f) {
   const auto s = static_cast<Index>(f.basis_vectors.size());
   const Index m = s ? static_cast<Index>(f.basis_vectors(0).size()) : 0;
   KernelSum sum{MatrixXd(s, m), VectorXd(s), -f.b, f.kernel_function.gamma};
@@ -63,8 +63,9 @@ KernelSum to_sum(const dlib::decision_function<Kernel>& f) {
 }
 
 template <typename Trainer>
-KernelSum trained(const Trainer& trainer, const MatrixXd& Z, const VectorXd& y) {
-  return to_sum(trainer.train(samples_of(Z), std::vector<double>(y.data(), y.data() + y.size())));
+KernelSum train_kernel_sum(const Trainer& trainer, const MatrixXd& Z, const VectorXd& y) {
+  return kernel_sum(
+      trainer.train(dlib_samples(Z), std::vector<double>(y.data(), y.data() + y.size())));
 }
 
 /// Loss of a network and its gradient with respect to all weights in one vector: in, in_bias, out,
@@ -78,9 +79,10 @@ class NetworkLoss {
 
   Network unpack(const Sample& w) const {
     const Index m = Z_.cols();
-    const double* at = &w(0);
-    return {Eigen::Map<const MatrixXd>(at, h_, m), Eigen::Map<const VectorXd>(at + h_ * m, h_),
-            Eigen::Map<const VectorXd>(at + h_ * (m + 1), h_), w(h_ * (m + 2))};
+    const double* weights = &w(0);
+    return {Eigen::Map<const MatrixXd>(weights, h_, m),
+            Eigen::Map<const VectorXd>(weights + h_ * m, h_),
+            Eigen::Map<const VectorXd>(weights + h_ * (m + 1), h_), w(h_ * (m + 2))};
   }
 
   double loss(const Sample& w) const {
@@ -93,7 +95,7 @@ class NetworkLoss {
     const Network net = unpack(w);
     const MatrixXd t = hidden(net);
     const VectorXd r = residual(net, t) * (2.0 / static_cast<double>(y_.size()));
-    // d tanh = 1 - tanh^2; each row's residual times its back-propagated factor.
+    // d tanh = 1 - tanh^2: derivative of the loss by the sum at each hidden node, for every row.
     const MatrixXd back =
         ((1 - t.array().square()).rowwise() * net.out.transpose().array()).colwise() * r.array();
     VectorXd g(size());
@@ -139,7 +141,7 @@ KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
   trainer.set_c(options.cost);
   trainer.set_epsilon_insensitivity(options.epsilon);
   trainer.set_epsilon(options.accuracy);
-  return trained(trainer, Z, y);
+  return train_kernel_sum(trainer, Z, y);
 }
 
 KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
@@ -152,7 +154,7 @@ KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
   // dlib's lambda is not per row, while `penalty` is.
   trainer.set_lambda(options.penalty * static_cast<double>(y.size()));
   trainer.set_max_basis_size(static_cast<unsigned long>(options.max_support));
-  return trained(trainer, Z, y);
+  return train_kernel_sum(trainer, Z, y);
 }
 
 double value(const Network& network, const VectorXd& z) {
@@ -170,24 +172,24 @@ Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& 
   const NetworkLoss loss(Z, y, options);
   std::mt19937_64 random(options.seed);
   Sample best;
-  double least = std::numeric_limits<double>::infinity();
-  // Several starts, since the loss has local minima.
+  double min_loss = std::numeric_limits<double>::infinity();
+  // The loss has local minima, so the best of several starts is used.
   for (int start = 0; start < options.starts; ++start) {
     Sample w(loss.size());
-    // Uniform in +-0.5 by hand: the distributions of the standard library differ between
-    // implementations.
+    // Uniform in +-0.5, computed from the raw bits: distributions of the standard library differ
+    // between implementations.
     for (Index i = 0; i < loss.size(); ++i)
       w(i) = static_cast<double>(random() >> 11) * 0x1p-53 - 0.5;
     // 20 pairs of the quasi-Newton history; 1e-10 is far below the noise of temperature data.
-    const double end = dlib::find_min(
+    const double final_loss = dlib::find_min(
         dlib::lbfgs_search_strategy(20),
         dlib::objective_delta_stop_strategy(1e-10,
                                             static_cast<unsigned long>(options.max_iterations)),
         [&](const Sample& x) { return loss.loss(x); },
         [&](const Sample& x) { return loss.gradient(x); }, w,
         -std::numeric_limits<double>::infinity());
-    if (end < least) {
-      least = end;
+    if (final_loss < min_loss) {
+      min_loss = final_loss;
       best = w;
     }
   }

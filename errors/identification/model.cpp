@@ -30,39 +30,40 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr int max_order = 60;
-constexpr double endless = 1e8;  // mm: a larger travel is one that was not stated
+constexpr int order_limit = 60;
+constexpr double unlimited = 1e8;  // mm; limits as wide as this mean that no travel was stated
 
-Index along(const Joint& joint) {
+/// Returns the index of the coordinate axis nearest to the direction of a joint.
+Index nearest_axis(const Joint& joint) {
   Index k = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&k);
   return k;
 }
 
-/// An element with the numbers that are held at their values.
+/// Element with the coefficients that are held at their values.
 struct ElementModel {
   Element element;
-  std::vector<std::pair<int, int>> held;  ///< curve and number
+  std::vector<std::pair<int, int>> held;  ///< indices of curve and coefficient
 };
 
 void check_order(const std::string& name, int order) {
-  if (order < 0 || order > max_order)
+  if (order < 0 || order > order_limit)
     throw std::invalid_argument(
-        fmt::format("{}: expected an order from 0 to {}, seen {}", name, max_order, order));
+        fmt::format("{}: expected an order from 0 to {}, seen {}", name, order_limit, order));
 }
 
-int order_of(const ElementName& name, int usual, const ModelOptions& options) {
-  const auto own = options.orders.find(to_string(name));
-  return own == options.orders.end() ? usual : own->second;
+int element_order(const ElementName& name, int default_order, const ModelOptions& options) {
+  const auto override = options.orders.find(to_string(name));
+  return override == options.orders.end() ? default_order : override->second;
 }
 
-/// Selection of the constant and the slope of a straight line, to be identified or held.
+/// States which parameters of a straight line are identified. The others are held.
 struct Line {
   bool constant = false;
   bool slope = false;
 };
 
-void add_series(ElementModel& p, Shape shape, int order, const Line& line) {
+void add_polynomial_series(ElementModel& p, Shape shape, int order, const Line& line) {
   const int curve = int(p.element.curves.size());
   if (order == 0 && !line.constant) return;
   if (!line.constant) p.held.emplace_back(curve, 0);
@@ -72,8 +73,8 @@ void add_series(ElementModel& p, Shape shape, int order, const Line& line) {
 
 void add_spline(ElementModel& p, double low, double high, int order, const Line& line) {
   if (order == 0) return;
-  // A spline is linear in its knot values; the first stands for its constant and the last for its
-  // slope.
+  // A spline is linear in its knot values; holding the first fixes its constant, holding the last
+  // its slope.
   const int curve = int(p.element.curves.size());
   const VectorXd q = VectorXd::LinSpaced(order + 1, low, high);
   if (!line.constant) p.held.emplace_back(curve, 0);
@@ -88,28 +89,30 @@ void add_fourier(ElementModel& p, int order, double period) {
 }
 
 void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& options) {
-  const std::string who = to_string(p.element.name);
-  if (!(joint.max - joint.min < endless))
-    throw std::invalid_argument(fmt::format("{}: its travel is not stated", who));
+  const std::string element_name = to_string(p.element.name);
+  if (!(joint.max - joint.min < unlimited))
+    throw std::invalid_argument(fmt::format("{}: its travel is not stated", element_name));
   if (!(joint.max > joint.min))
-    throw std::invalid_argument(fmt::format("{}: its travel is nothing", who));
-  const int order = order_of(p.element.name, options.order, options);
-  check_order(who, order);
+    throw std::invalid_argument(fmt::format("{}: its travel is nothing", element_name));
+  const int order = element_order(p.element.name, options.order, options);
+  check_order(element_name, order);
   const bool is_angle = p.element.name.is_angle();
-  const bool is_positioning = !is_angle && p.element.name.component() == int(along(joint));
+  const bool is_positioning = !is_angle && p.element.name.component() == int(nearest_axis(joint));
   const Line line{options.constants, is_angle || is_positioning || options.straightness_slopes};
   const double centre = 0.5 * (joint.min + joint.max);
-  const double half = 0.5 * (joint.max - joint.min);
+  const double forward_solution = 0.5 * (joint.max - joint.min);
   switch (options.slides) {
     case Basis::Polynomial:
-      add_series(p, Polynomial{VectorXd::Zero(order + 1), centre, half}, order, line);
+      add_polynomial_series(p, Polynomial{VectorXd::Zero(order + 1), centre, forward_solution},
+                            order, line);
       break;
     case Basis::Legendre:
-      add_series(p, Legendre{VectorXd::Zero(order + 1), centre, half}, order, line);
+      add_polynomial_series(p, Legendre{VectorXd::Zero(order + 1), centre, forward_solution}, order,
+                            line);
       break;
     case Basis::Fourier:
-      add_series(p, Legendre{VectorXd::Zero(2), centre, half}, 1, line);
-      add_fourier(p, order, 2.0 * half);
+      add_polynomial_series(p, Legendre{VectorXd::Zero(2), centre, forward_solution}, 1, line);
+      add_fourier(p, order, 2.0 * forward_solution);
       break;
     case Basis::Spline:
       add_spline(p, joint.min, joint.max, order, line);
@@ -117,18 +120,18 @@ void add_slide_curves(ElementModel& p, const Joint& joint, const ModelOptions& o
   }
 }
 
-/// Returns true if order 1 of this motion of a table, together with that of the other motion across
-/// its axis, is equivalent to the position of the workpiece on the table.
+/// Returns true if order 1 of this error motion of a table, together with order 1 of the other one
+/// across its axis, has the effect of a shift or tilt of the workpiece on the table.
 bool is_workpiece_placement(const ElementName& name, const Joint& joint) {
-  const int first_across = along(joint) == 0 ? 1 : 0;
+  const int first_across = nearest_axis(joint) == 0 ? 1 : 0;
   return joint.motion == Motion::Rotary && joint.side == kinematics::Side::Workpiece &&
          name.component() % 3 == first_across;
 }
 
 void add_turning_curves(ElementModel& p, const Joint& joint, const ModelOptions& options) {
   const bool is_nose = joint.motion == Motion::Spindle;
-  const int usual = is_nose ? options.spindle_harmonics : options.harmonics;
-  const int order = order_of(p.element.name, usual, options);
+  const int default_order = is_nose ? options.spindle_harmonics : options.harmonics;
+  const int order = element_order(p.element.name, default_order, options);
   check_order(to_string(p.element.name), order);
   if (is_nose || options.constants) p.element.curves.push_back({Constant{}});
   if (!options.placement && order > 0 && is_workpiece_placement(p.element.name, joint)) {
@@ -139,20 +142,21 @@ void add_turning_curves(ElementModel& p, const Joint& joint, const ModelOptions&
   add_fourier(p, order, 2.0 * std::numbers::pi);
 }
 
-ElementModel motion_of(const ElementName& name, const Joint& joint, const ModelOptions& options) {
+ElementModel motion_model(const ElementName& name, const Joint& joint,
+                          const ModelOptions& options) {
   ElementModel p{{name, {}}, {}};
   if (joint.motion == Motion::Linear) {
     add_slide_curves(p, joint, options);
   } else {
     add_turning_curves(p, joint, options);
   }
-  const int moves = int(along(joint)) + (joint.motion == Motion::Rotary ? 3 : 0);
+  const int moving_component = int(nearest_axis(joint)) + (joint.motion == Motion::Rotary ? 3 : 0);
   const auto pitch = options.pitch.find(joint.name);
-  if (pitch != options.pitch.end() && name.component() == moves) {
+  if (pitch != options.pitch.end() && name.component() == moving_component) {
     add_fourier(p, 2, pitch->second);
     p.element.curves.back().name = pitch_name;
   }
-  if (options.backlash && joint.motion != Motion::Spindle && name.component() == moves)
+  if (options.backlash && joint.motion != Motion::Spindle && name.component() == moving_component)
     p.element.curves.push_back({Backlash{}});
   return p;
 }
@@ -168,15 +172,15 @@ bool is_meaningful(const ElementName& name, const Chain& chain, int joint) {
 
 constexpr char letters[] = "XYZABC";
 
-std::vector<ElementModel> motions(const Chain& chain, const ModelOptions& options) {
+std::vector<ElementModel> motion_models(const Chain& chain, const ModelOptions& options) {
   std::vector<ElementModel> result;
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
     const bool is_nose = joint.motion == Motion::Spindle;
-    if (is_nose && chain.find('S')) continue;  // there the letter S denotes the work spindle
+    if (is_nose && chain.find('S')) continue;  // S is then the name of the work spindle
     for (int component = 0; component < 6; ++component) {
       const ElementName name{letters[component], is_nose ? 'S' : joint.name, false};
-      if (is_meaningful(name, chain, j)) result.push_back(motion_of(name, joint, options));
+      if (is_meaningful(name, chain, j)) result.push_back(motion_model(name, joint, options));
     }
   }
   return result;
@@ -195,16 +199,16 @@ std::vector<ElementName> squarenesses(const Chain& chain) {
   return result;
 }
 
-/// Returns two angles and two offsets of every rotary axis; for a work spindle its constants are
-/// equivalent.
-std::vector<ElementName> places(const Chain& chain) {
+/// Returns two angles and two offsets of every rotary axis. A work spindle has none: constants of
+/// its error motions are equivalent to them.
+std::vector<ElementName> axis_locations(const Chain& chain) {
   std::vector<ElementName> result;
   for (int j = 0; j < chain.size(); ++j) {
     const Joint& joint = chain.joints()[std::size_t(j)];
     if (joint.motion != Motion::Rotary || joint.name == 'S') continue;
     for (int component = 0; component < 6; ++component) {
       const ElementName name{letters[component], joint.name, true};
-      if (component % 3 != int(along(joint)) && is_meaningful(name, chain, j))
+      if (component % 3 != int(nearest_axis(joint)) && is_meaningful(name, chain, j))
         result.push_back(name);
     }
   }
@@ -212,16 +216,16 @@ std::vector<ElementName> places(const Chain& chain) {
 }
 
 std::vector<ElementModel> all_element_models(const Chain& chain, const ModelOptions& options) {
-  std::vector<ElementModel> all = motions(chain, options);
-  if (!options.locations) return all;
+  std::vector<ElementModel> models = motion_models(chain, options);
+  if (!options.locations) return models;
   std::vector<ElementName> names = squarenesses(chain);
-  for (const ElementName& name : places(chain)) names.push_back(name);
-  for (const ElementName& name : names) all.push_back({{name, {Curve{Constant{}}}}, {}});
-  return all;
+  for (const ElementName& name : axis_locations(chain)) names.push_back(name);
+  for (const ElementName& name : names) models.push_back({{name, {Curve{Constant{}}}}, {}});
+  return models;
 }
 
-void check_element_names(const std::string& name, const std::vector<ElementModel>& all) {
-  for (const ElementModel& p : all)
+void check_element_names(const std::string& name, const std::vector<ElementModel>& models) {
+  for (const ElementModel& p : models)
     if (to_string(p.element.name) == name) return;
   throw std::invalid_argument(
       fmt::format("expected an element that means something on this machine, seen {}", name));
@@ -238,20 +242,21 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
     if (!joint || nominal.joints()[std::size_t(*joint)].motion != Motion::Linear)
       throw std::invalid_argument(
           fmt::format("pitch: expected a slide of this machine, seen {}", axis));
-    if (!(period > 0.0 && period < endless))
+    if (!(period > 0.0 && period < unlimited))
       throw std::invalid_argument(
           fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
   }
-  const std::vector<ElementModel> all = all_element_models(nominal, options);
-  for (const std::string& name : options.only) check_element_names(name, all);
-  for (const auto& own : options.orders) check_element_names(own.first, all);
+  const std::vector<ElementModel> models = all_element_models(nominal, options);
+  for (const std::string& name : options.selected) check_element_names(name, models);
+  for (const auto& override : options.orders) check_element_names(override.first, models);
 
   GeometricErrors model;
-  for (const ElementModel& p : all) {
+  for (const ElementModel& p : models) {
     const std::string name = to_string(p.element.name);
-    const auto& only = options.only;
-    if (!only.empty() && std::find(only.begin(), only.end(), name) == only.end()) continue;
-    // An element whose numbers are all held cannot be identified.
+    const auto& selected = options.selected;
+    if (!selected.empty() && std::find(selected.begin(), selected.end(), name) == selected.end())
+      continue;
+    // An element whose coefficients are all held has nothing to identify.
     if (coefficients({p.element}).size() == p.held.size()) continue;
     for (const auto& [curve, number] : p.held)
       model.covariance.of.push_back({int(model.elements.size()), curve, number});
@@ -262,27 +267,28 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
   return model;
 }
 
-std::string element_of_number(const std::string& number) {
-  return number.substr(0, number.find_first_of(" ["));
+std::string element_of_number(const std::string& coefficient_name) {
+  return coefficient_name.substr(0, coefficient_name.find_first_of(" ["));
 }
 
-double shown_unit(const std::string& number) {
-  return parse_element_name(element_of_number(number)).is_angle() ? units::urad : units::um;
+double shown_unit(const std::string& coefficient_name) {
+  return parse_element_name(element_of_number(coefficient_name)).is_angle() ? units::urad
+                                                                            : units::um;
 }
 
-double typical_deviation(const std::string& number) {
-  const ElementName name = parse_element_name(element_of_number(number));
-  const double unit = shown_unit(number);
+double typical_deviation(const std::string& coefficient_name) {
+  const ElementName name = parse_element_name(element_of_number(coefficient_name));
+  const double unit = shown_unit(coefficient_name);
   // Half of the tolerances of ISO 10791-1 and -2, as listed in the header.
   if (name.location) return 20.0 * unit;
-  const double whole =
+  const double element_deviation =
       name.axis == 'S' ? (name.is_angle() ? 10.0 : 5.0) : (name.is_angle() ? 15.0 : 5.0);
-  // the 2 of "EXX[2]" and of "EXC cos 2"
-  const std::size_t digits = number.find_last_not_of("0123456789]") + 1;
-  const std::string order =
-      number.substr(digits, std::min<std::size_t>(6, number.find(']', digits) - digits));
-  const bool has_order = digits > to_string(name).size() && !order.empty();
-  return whole * unit / (has_order ? std::max(1, std::stoi(order)) : 1);
+  // The order is the number at the end: 2 in "EXX[2]" and "EXC cos 2".
+  const std::size_t first_digit = coefficient_name.find_last_not_of("0123456789]") + 1;
+  const std::string order = coefficient_name.substr(
+      first_digit, std::min<std::size_t>(6, coefficient_name.find(']', first_digit) - first_digit));
+  const bool has_order = first_digit > to_string(name).size() && !order.empty();
+  return element_deviation * unit / (has_order ? std::max(1, std::stoi(order)) : 1);
 }
 
 namespace {
@@ -294,8 +300,8 @@ constexpr int max_sweeps = 4;
 constexpr double ridge = 1e-11;  // relative to unit columns, whose normal equations have a rounding
                                  // of 1e-16
 
-/// Returns the lowest order of its element at which a number takes part.
-int order_of(const Coefficient& coefficient, const GeometricErrors& model) {
+/// Returns the lowest order of its element that includes a coefficient.
+int element_order(const Coefficient& coefficient, const GeometricErrors& model) {
   const Curve& curve =
       model.elements[std::size_t(coefficient.element)].curves[std::size_t(coefficient.curve)];
   if (curve.name == pitch_name) return 0;
@@ -307,46 +313,49 @@ int order_of(const Coefficient& coefficient, const GeometricErrors& model) {
   return is_series ? coefficient.number : 0;
 }
 
-/// Sought columns of unit norm, right-hand side, and the fold of every row.
+/// Linear least-squares problem for the choice of orders: sought columns scaled to unit norm,
+/// right-hand side, and the fold of every row.
 struct OrderProblem {
   MatrixXd A;
   VectorXd b;
   MatrixXd prior;
-  std::vector<int> fold;     ///< (rows)
-  std::vector<int> element;  ///< (columns) -1: of a set-up
-  std::vector<int> order;    ///< (columns)
+  std::vector<int> fold;     ///< (rows) -1: never left out
+  std::vector<int> element;  ///< (columns) index of the element; -1: unknown of a set-up
+  std::vector<int> order;    ///< (columns) lowest order that includes the column
   int folds = 0;
   int elements = 0;
 };
 
-/// Returns the fold of every row. All readings of one position of a set-up, in any run and
-/// direction, belong to one fold. The first and the last position are never left out (fold -1): a
-/// curve is needed between targets, not beyond them.
+/// Returns the fold of every row. All readings of one target of a set-up, in any run and direction,
+/// belong to one fold. The first and the last target are never left out (fold -1): a curve must
+/// interpolate between targets, not extrapolate beyond them.
 std::vector<int> fold_numbers(const Design& design, std::span<const Readings> readings, int folds) {
-  std::map<std::tuple<int, int, int>, int> number;  // key: readings, set-up, target
+  std::map<std::tuple<int, int, int>, int> fold_of_target;  // key: readings, set-up, target
   for (const Row& row : design.rows) {
     const metrology::Measurement& measurement =
         readings[std::size_t(row.readings)].plan.measurements[std::size_t(row.measurement)];
-    number.insert({{row.readings, measurement.set_up, measurement.target}, 0});
+    fold_of_target.insert({{row.readings, measurement.set_up, measurement.target}, 0});
   }
-  if (int(number.size()) < folds)
-    throw std::invalid_argument(
-        fmt::format("expected at least {} targets, one a fold, seen {}", folds, number.size()));
-  int next = 0;
-  const auto set_up_of = [](const auto& place) {
-    return std::pair(std::get<0>(place.first), std::get<1>(place.first));
+  if (int(fold_of_target.size()) < folds)
+    throw std::invalid_argument(fmt::format("expected at least {} targets, one a fold, seen {}",
+                                            folds, fold_of_target.size()));
+  int interior_count = 0;
+  const auto set_up_key = [](const auto& entry) {
+    return std::pair(std::get<0>(entry.first), std::get<1>(entry.first));
   };
-  for (auto place = number.begin(); place != number.end(); ++place) {
-    const auto after = std::next(place);
-    const bool first = place == number.begin() || set_up_of(*std::prev(place)) != set_up_of(*place);
-    const bool last = after == number.end() || set_up_of(*after) != set_up_of(*place);
-    place->second = first || last ? -1 : next++ % folds;
+  for (auto entry = fold_of_target.begin(); entry != fold_of_target.end(); ++entry) {
+    const auto following = std::next(entry);
+    const bool first =
+        entry == fold_of_target.begin() || set_up_key(*std::prev(entry)) != set_up_key(*entry);
+    const bool last =
+        following == fold_of_target.end() || set_up_key(*following) != set_up_key(*entry);
+    entry->second = first || last ? -1 : interior_count++ % folds;
   }
   std::vector<int> result;
   for (const Row& row : design.rows) {
     const metrology::Measurement& measurement =
         readings[std::size_t(row.readings)].plan.measurements[std::size_t(row.measurement)];
-    result.push_back(number.at({row.readings, measurement.set_up, measurement.target}));
+    result.push_back(fold_of_target.at({row.readings, measurement.set_up, measurement.target}));
   }
   return result;
 }
@@ -354,17 +363,18 @@ std::vector<int> fold_numbers(const Design& design, std::span<const Readings> re
 OrderProblem order_problem(const GeometricErrors& model, std::span<const Readings> readings,
                            int folds) {
   const Design d = design(model, readings);
-  const VectorXd at_start = predicted(model, readings, d, start(model, d.unknowns));
+  const VectorXd at_start = predicted_readings(model, readings, d, start(model, d.unknowns));
   OrderProblem problem;
   std::vector<Index> columns;
   for (Index j = 0; j < d.unknowns.size(); ++j) {
     if (!d.is_sought[std::size_t(j)]) continue;
     columns.push_back(j);
-    const bool is_number = j < Index(d.unknowns.coefficients.size());
+    const bool is_coefficient = j < Index(d.unknowns.coefficients.size());
     const Coefficient none{-1, 0, 0};
-    const Coefficient& number = is_number ? d.unknowns.coefficients[std::size_t(j)] : none;
-    problem.element.push_back(number.element);
-    problem.order.push_back(is_number ? order_of(number, model) : 0);
+    const Coefficient& coefficient =
+        is_coefficient ? d.unknowns.coefficients[std::size_t(j)] : none;
+    problem.element.push_back(coefficient.element);
+    problem.order.push_back(is_coefficient ? element_order(coefficient, model) : 0);
   }
   problem.A = d.A(Eigen::all, columns);
   problem.prior = d.prior(Eigen::all, columns);
@@ -373,13 +383,14 @@ OrderProblem order_problem(const GeometricErrors& model, std::span<const Reading
     problem.A.col(j) /= norm;
     problem.prior.col(j) /= norm;
   }
-  problem.b = (observed(readings, d) - at_start).cwiseQuotient(d.sigma);
+  problem.b = (observed_readings(readings, d) - at_start).cwiseQuotient(d.sigma);
   problem.fold = fold_numbers(d, readings, folds);
   problem.folds = folds;
   problem.elements = int(model.elements.size());
   return problem;
 }
 
+/// Returns the rows of a fold, or all others.
 std::vector<Index> select_rows(const OrderProblem& problem, int fold, bool inside) {
   std::vector<Index> rows;
   for (std::size_t i = 0; i < problem.fold.size(); ++i)
@@ -387,56 +398,58 @@ std::vector<Index> select_rows(const OrderProblem& problem, int fold, bool insid
   return rows;
 }
 
-/// Returns the columns with those of one element last and in ascending order, so that every lower
-/// order is a leading block of the highest; those of the others up to their orders.
+/// Returns the columns of all elements up to their orders and all columns of one element. The
+/// latter come last and in ascending order, so that the equations of a lower order are a leading
+/// block.
 std::vector<Index> columns_for_element(const OrderProblem& problem, int element,
                                        const std::vector<int>& orders) {
   std::vector<Index> columns;
   for (std::size_t j = 0; j < problem.order.size(); ++j) {
-    const int own = problem.element[j];
-    if (own < 0 || own == element || problem.order[j] <= orders[std::size_t(own)])
+    const int column_element = problem.element[j];
+    if (column_element < 0 || column_element == element ||
+        problem.order[j] <= orders[std::size_t(column_element)])
       columns.push_back(Index(j));
   }
   std::stable_sort(columns.begin(), columns.end(), [&](Index a, Index b) {
     const auto key = [&](Index j) {
-      const auto at = std::size_t(j);
-      return problem.element[at] == element ? problem.order[at] : -1;
+      const auto column = std::size_t(j);
+      return problem.element[column] == element ? problem.order[column] : -1;
     };
     return key(a) < key(b);
   });
   return columns;
 }
 
-/// Squared prediction errors of one fold, per order, and the number of readings.
+/// Prediction errors of one fold.
 struct Score {
-  VectorXd squares;
-  int readings = 0;
+  VectorXd squares;  ///< (orders) sum of squared prediction errors
+  int readings = 0;  ///< number of predicted readings
 };
 
-/// Normal equations without one fold.
+/// Normal equations G x = h of all rows outside a fold.
 struct Training {
   MatrixXd G;
   VectorXd h;
-  std::vector<Index> left_out;
+  std::vector<Index> left_out;  ///< rows of the fold
 };
 
 Training training(const OrderProblem& problem, int fold) {
-  const std::vector<Index> in = select_rows(problem, fold, false);
-  const MatrixXd A = problem.A(in, Eigen::all);
+  const std::vector<Index> training_rows = select_rows(problem, fold, false);
+  const MatrixXd A = problem.A(training_rows, Eigen::all);
   MatrixXd G = MatrixXd::Zero(A.cols(), A.cols());
   G.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
   G.selfadjointView<Eigen::Lower>().rankUpdate(problem.prior.transpose());
   G.diagonal().array() += ridge;
-  return {G.selfadjointView<Eigen::Lower>(), A.transpose() * problem.b(in),
+  return {G.selfadjointView<Eigen::Lower>(), A.transpose() * problem.b(training_rows),
           select_rows(problem, fold, true)};
 }
 
 Score score(const OrderProblem& problem, const Training& fold, int element,
-            const std::vector<int>& orders, int most) {
+            const std::vector<int>& orders, int highest_order) {
   // One Cholesky factor serves all orders: the equations of a lower order are its leading block.
   const std::vector<Index> columns = columns_for_element(problem, element, orders);
   const MatrixXd L = cholesky(fold.G(columns, columns)).L;
-  const VectorXd half = L.triangularView<Eigen::Lower>().solve(fold.h(columns));
+  const VectorXd forward_solution = L.triangularView<Eigen::Lower>().solve(fold.h(columns));
   std::vector<Index> rows;  // readings that depend on the element
   for (const Index i : fold.left_out)
     for (const Index j : columns)
@@ -444,22 +457,23 @@ Score score(const OrderProblem& problem, const Training& fold, int element,
         rows.push_back(i);
         break;
       }
-  Score result{VectorXd::Zero(most + 1), int(rows.size())};
+  Score result{VectorXd::Zero(highest_order + 1), int(rows.size())};
   const MatrixXd A = problem.A(rows, columns);
-  for (int order = 0; order <= most; ++order) {
+  for (int order = 0; order <= highest_order; ++order) {
     const Index n = std::count_if(columns.begin(), columns.end(), [&](Index j) {
-      const auto at = std::size_t(j);
-      return problem.element[at] != element || problem.order[at] <= order;
+      const auto column = std::size_t(j);
+      return problem.element[column] != element || problem.order[column] <= order;
     });
-    const VectorXd x =
-        L.topLeftCorner(n, n).transpose().triangularView<Eigen::Upper>().solve(half.head(n));
+    const VectorXd x = L.topLeftCorner(n, n).transpose().triangularView<Eigen::Upper>().solve(
+        forward_solution.head(n));
     result.squares[order] = (problem.b(rows) - A.leftCols(n) * x).squaredNorm();
   }
   return result;
 }
 
-// Errors that all orders have in common say nothing about the order, so each order is compared with
-// the best fold by fold, and the standard error is that of the difference.
+/// Returns the smallest order within one standard error of the best. Errors common to all orders
+/// carry no information about the order, so each order is compared with the best fold by fold, and
+/// the standard error is that of the difference.
 int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds) {
   const auto folds = double(mean_square_of_folds.size());
   VectorXd mean = VectorXd::Zero(mean_square_of_folds[0].size());
@@ -470,26 +484,28 @@ int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds)
     const double worse = mean[order] - mean[best];
     double spread = 0.0;
     for (const VectorXd& f : mean_square_of_folds) {
-      const double off = f[order] - f[best] - worse;
-      spread += off * off;
+      const double deviation = f[order] - f[best] - worse;
+      spread += deviation * deviation;
     }
     if (worse <= std::sqrt(spread / (folds - 1.0) / folds)) return order;
   }
   return int(best);
 }
 
-// Over part of a turn harmonics are nearly dependent on each other and on a constant; there no more
-// are tried than the model has.
-ModelOptions with_highest_orders(ModelOptions model, const kinematics::Chain& nominal, int most) {
+/// Returns the options with all orders at the highest order to be tried. Over part of a turn
+/// harmonics are nearly dependent on each other and on a constant, so no more are tried there than
+/// the model has.
+ModelOptions with_highest_orders(ModelOptions model, const kinematics::Chain& nominal,
+                                 int highest_order) {
   model.orders.clear();
   for (const kinematics::Joint& joint : nominal.joints())
     if (joint.motion == kinematics::Motion::Rotary && joint.max - joint.min < 2.0 * pi - 1e-9)
       for (const char direction : {'X', 'Y', 'Z', 'A', 'B', 'C'})
         model.orders[to_string(ElementName{direction, joint.name, false})] =
-            std::min(model.harmonics, most);
-  model.order = most;
-  model.harmonics = most;
-  if (model.spindle_harmonics > 0) model.spindle_harmonics = most;
+            std::min(model.harmonics, highest_order);
+  model.order = highest_order;
+  model.harmonics = highest_order;
+  if (model.spindle_harmonics > 0) model.spindle_harmonics = highest_order;
   return model;
 }
 
@@ -497,7 +513,7 @@ void check(const ModelOptions& model, const OrderOptions& options) {
   if (model.slides == Basis::Spline)
     throw std::invalid_argument("orders of splines do not hold each other: choose another basis");
   if (options.folds < 2) throw std::invalid_argument("expected at least 2 folds");
-  if (options.most < 0) throw std::invalid_argument("expected a highest order of 0 or more");
+  if (options.max_order < 0) throw std::invalid_argument("expected a highest order of 0 or more");
 }
 
 }  // namespace
@@ -506,39 +522,41 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
                           const OrderOptions& options) {
   check(model, options);
   if (readings.empty()) throw std::invalid_argument("there are no readings");
-  const GeometricErrors highest = model_of(
-      readings.front().nominal, with_highest_orders(model, readings.front().nominal, options.most));
+  const GeometricErrors highest =
+      model_of(readings.front().nominal,
+               with_highest_orders(model, readings.front().nominal, options.max_order));
   const OrderProblem problem = order_problem(highest, readings, options.folds);
   std::vector<Training> folds;
   for (int f = 0; f < options.folds; ++f) folds.push_back(training(problem, f));
-  std::vector<int> orders(std::size_t(problem.elements), options.most);
+  std::vector<int> orders(std::size_t(problem.elements), options.max_order);
   OrderChoice choice;
-  // the first sweep has all other elements at their highest order
-  constexpr std::array done{0.0, 0.6, 0.8, 0.9, 1.0};
-  static_assert(done.size() == max_sweeps + 1);
+  // Finished fraction before each sweep: the first takes longest, since all other elements are at
+  // their highest order.
+  constexpr std::array finished{0.0, 0.6, 0.8, 0.9, 1.0};
+  static_assert(finished.size() == max_sweeps + 1);
   for (int sweep = 0; sweep < max_sweeps; ++sweep) {
-    const std::vector<int> before = orders;
+    const std::vector<int> previous_orders = orders;
     for (int e = 0; e < problem.elements; ++e) {
       if (options.progress)
-        options.progress(
-            (done[std::size_t(sweep)] * (problem.elements - e) + done[std::size_t(sweep) + 1] * e) /
-            problem.elements);
+        options.progress((finished[std::size_t(sweep)] * (problem.elements - e) +
+                          finished[std::size_t(sweep) + 1] * e) /
+                         problem.elements);
       if (highest.elements[std::size_t(e)].name.location) continue;
       std::vector<VectorXd> mean_squares;
-      Score total{VectorXd::Zero(options.most + 1), 0};
+      Score total{VectorXd::Zero(options.max_order + 1), 0};
       for (const Training& fold : folds) {
-        const Score s = score(problem, fold, e, before, options.most);
-        if (s.readings == 0) continue;
-        mean_squares.push_back(s.squares / s.readings);
-        total.squares += s.squares;
-        total.readings += s.readings;
+        const Score fold_score = score(problem, fold, e, previous_orders, options.max_order);
+        if (fold_score.readings == 0) continue;
+        mean_squares.push_back(fold_score.squares / fold_score.readings);
+        total.squares += fold_score.squares;
+        total.readings += fold_score.readings;
       }
       if (mean_squares.size() < 2) continue;  // read at too few positions
       const std::string name = to_string(highest.elements[std::size_t(e)].name);
       orders[std::size_t(e)] = choice.orders[name] = smallest_sufficient_order(mean_squares);
       choice.rms[name] = (total.squares / total.readings).cwiseSqrt();
     }
-    if (orders == before) break;
+    if (orders == previous_orders) break;
   }
   return choice;
 }

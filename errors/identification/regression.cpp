@@ -36,8 +36,8 @@ RealVector row_scale(const VectorXd& weight, Index n) {
   return weight.cast<Real>().cwiseSqrt();
 }
 
-/// [1 A], each row times the root of its weight, each column scaled to a length near 1 by a power
-/// of two, which is exact.
+/// Design matrix [1 A] in extended precision. Each row is multiplied by the root of its weight,
+/// each column scaled to a length near 1 by a power of two, which is exact.
 struct ExtendedDesign {
   RealMatrix scaled;
   RealVector unit;  ///< divisor of each column
@@ -60,32 +60,31 @@ ExtendedDesign make_design(const MatrixXd& A, bool constant, const RealVector& r
 using Qr = Eigen::ColPivHouseholderQR<RealMatrix>;
 
 /// Returns the leading half of the mantissa (Veltkamp splitting).
-Real leading(Real a) {
+Real leading_half(Real a) {
   const Real c = 4294967297.0L * a;  // 2^32 + 1
   return c - (c - a);
 }
 
-/// Compensated sum of products: collects the rounding of every step (Dekker, Knuth) and adds it at
-/// the end.
+/// Compensated sum of products (Dekker, Knuth): `correction` collects the rounding of every step.
 struct TwofoldSum {
-  Real sum = 0, rest = 0;
+  Real sum = 0, correction = 0;
   void add(Real a, Real b) {
     const Real product = a * b;
-    // By halves: a fused multiply-add of long double is emulated in software, and slow.
-    const Real a1 = leading(a), b1 = leading(b), a2 = a - a1, b2 = b - b1;
-    const Real lost = ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2;
-    const Real next = sum + product;
-    const Real back = next - sum;
-    rest += lost + ((sum - (next - back)) + (product - back));
-    sum = next;
+    // Split products: a fused multiply-add of long double is emulated in software, and slow.
+    const Real a1 = leading_half(a), b1 = leading_half(b), a2 = a - a1, b2 = b - b1;
+    const Real product_error = ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2;
+    const Real new_sum = sum + product;
+    const Real added = new_sum - sum;
+    correction += product_error + ((sum - (new_sum - added)) + (product - added));
+    sum = new_sum;
   }
 };
 
 /// Returns b corrected by one refinement step, with the gradient of the normal equations in
 /// compensated summation: plain QR has an error of condition^2 times the residual, which matters
 /// for a poor fit.
-RealVector refined(const ExtendedDesign& design, const RealVector& y, const Qr& qr,
-                   const RealVector& b) {
+RealVector refine(const ExtendedDesign& design, const RealVector& y, const Qr& qr,
+                  const RealVector& b) {
   const Index n = design.scaled.rows(), q = design.scaled.cols();
   std::vector<TwofoldSum> gradient(static_cast<std::size_t>(q));
   for (Index i = 0; i < n; ++i) {
@@ -94,15 +93,16 @@ RealVector refined(const ExtendedDesign& design, const RealVector& y, const Qr& 
     for (Index j = 0; j < q; ++j) residual.add(-design.scaled(i, j), b(j));
     for (Index j = 0; j < q; ++j) {
       gradient[static_cast<std::size_t>(j)].add(design.scaled(i, j), residual.sum);
-      gradient[static_cast<std::size_t>(j)].add(design.scaled(i, j), residual.rest);
+      gradient[static_cast<std::size_t>(j)].add(design.scaled(i, j), residual.correction);
     }
   }
   RealVector g(q);
   for (Index j = 0; j < q; ++j)
-    g(j) = gradient[static_cast<std::size_t>(j)].sum + gradient[static_cast<std::size_t>(j)].rest;
+    g(j) = gradient[static_cast<std::size_t>(j)].sum +
+           gradient[static_cast<std::size_t>(j)].correction;
   const auto R = qr.matrixQR().topRows(q).triangularView<Eigen::Upper>();
-  const RealVector half = R.transpose().solve(qr.colsPermutation().transpose() * g);
-  return b + qr.colsPermutation() * R.solve(half);
+  const RealVector forward_solution = R.transpose().solve(qr.colsPermutation().transpose() * g);
+  return b + qr.colsPermutation() * R.solve(forward_solution);
 }
 
 /// Returns the columns beyond `rank` as combinations of those before.
@@ -111,29 +111,29 @@ std::vector<Dependence> confounded(const Qr& qr, const ExtendedDesign& design, I
   const Index q = design.scaled.cols();
   const auto& order = qr.colsPermutation().indices();
   const RealMatrix R = qr.matrixR().topRows(std::min(q, design.scaled.rows()));
-  const RealMatrix factors = R.topLeftCorner(rank, rank)
-                                 .template triangularView<Eigen::Upper>()
-                                 .solve(R.topRightCorner(rank, q - rank));
+  const RealMatrix combination = R.topLeftCorner(rank, rank)
+                                     .template triangularView<Eigen::Upper>()
+                                     .solve(R.topRightCorner(rank, q - rank));
   const int shift = constant ? 1 : 0;
   std::vector<Dependence> result;
   for (Index k = 0; k < q - rank; ++k) {
     const Index column = order(rank + k);
-    Dependence one{static_cast<int>(column) - shift, {}, {}};
+    Dependence dependence{static_cast<int>(column) - shift, {}, {}};
     for (Index i = 0; i < rank; ++i) {
       // 1e-9: smaller factors are rounding and would only obscure the dependence.
-      if (std::abs(factors(i, k)) < 1e-9L) continue;
-      one.with.push_back(static_cast<int>(order(i)) - shift);
-      one.factor.push_back(
-          static_cast<double>(factors(i, k) * design.unit(column) / design.unit(order(i))));
+      if (std::abs(combination(i, k)) < 1e-9L) continue;
+      dependence.with.push_back(static_cast<int>(order(i)) - shift);
+      dependence.factor.push_back(
+          static_cast<double>(combination(i, k) * design.unit(column) / design.unit(order(i))));
     }
-    result.push_back(std::move(one));
+    result.push_back(std::move(dependence));
   }
   return result;
 }
 
 /// Returns the number of columns of which more than the tolerance remains after projection on those
 /// before them; n >= q.
-Index rank_of(const Qr& qr, double tolerance) {
+Index numerical_rank(const Qr& qr, double tolerance) {
   const auto& R = qr.matrixQR();
   Index rank = 0;
   while (rank < R.cols() &&
@@ -147,11 +147,12 @@ RealMatrix inverse_normal_matrix(const Qr& qr, Index q) {
   const RealMatrix R_inverse =
       qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>().solve(
           RealMatrix::Identity(q, q));
-  const RealMatrix in_order = qr.colsPermutation() * R_inverse;
-  return in_order * in_order.transpose();
+  const RealMatrix unpermuted = qr.colsPermutation() * R_inverse;
+  return unpermuted * unpermuted.transpose();
 }
 
-double condition_of(const Qr& qr) {
+/// Returns the condition number of the design with columns scaled to length 1.
+double scaled_condition(const Qr& qr) {
   const Index q = qr.matrixQR().cols();
   RealMatrix R = qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>();
   R.colwise().normalize();
@@ -159,7 +160,7 @@ double condition_of(const Qr& qr) {
   return static_cast<double>(svd.singularValues()(0) / svd.singularValues()(q - 1));
 }
 
-/// Returns the weighted sum of squares about the weighted mean, or about 0.
+/// Returns the weighted sum of squares about the weighted mean, or about 0 if not `about_mean`.
 Real total_squares(const RealVector& y, const RealVector& row, bool about_mean) {
   if (!about_mean) return y.cwiseProduct(row).squaredNorm();
   const RealVector weight = row.cwiseAbs2();
@@ -181,14 +182,15 @@ VectorXd inflation(const MatrixXd& A, const ExtendedDesign& design, const RealMa
   return vif;
 }
 
+/// Returns the RMS of every row's error as predicted by a fit to all others.
 double press_rms(const RealVector& residual, const VectorXd& leverage, const RealVector& row) {
   Real sum = 0;
   Index count = 0;
   for (Index i = 0; i < residual.size(); ++i) {
     if (row(i) == 0) continue;
     // A row of leverage 1 cannot be predicted by the others.
-    const Real left = std::max<Real>(1.0L - static_cast<Real>(leverage(i)), 1e-12L);
-    sum += (residual(i) / left) * (residual(i) / left);
+    const Real redundancy = std::max<Real>(1.0L - static_cast<Real>(leverage(i)), 1e-12L);
+    sum += (residual(i) / redundancy) * (residual(i) / redundancy);
     ++count;
   }
   return static_cast<double>(std::sqrt(sum / static_cast<Real>(count)));
@@ -218,6 +220,7 @@ StandardisedData standardise(const MatrixXd& A, const VectorXd& y) {
   return s;
 }
 
+/// Returns the fit with its coefficients converted from scaled to original columns.
 ShrunkFit in_original_units(const StandardisedData& s, const VectorXd& b) {
   ShrunkFit result;
   result.beta = (s.sd.array() > 0).select(b.array() / s.sd.array(), 0.0);
@@ -225,21 +228,24 @@ ShrunkFit in_original_units(const StandardisedData& s, const VectorXd& b) {
   return result;
 }
 
+/// Returns the largest gradient of any column at zero coefficients.
 double largest_gradient(const StandardisedData& s) {
   return (s.Z.transpose() * s.centred).cwiseAbs().maxCoeff() / static_cast<double>(s.Z.rows());
 }
 
-// Optimality conditions (Karush, Kuhn, Tucker) of the LASSO, as in the header.
-double violation(const MatrixXd& gram, const VectorXd& moment, const VectorXd& b, double penalty) {
+/// Returns the largest violation of the optimality conditions (Karush, Kuhn, Tucker) of the LASSO,
+/// as defined in the header.
+double kkt_violation(const MatrixXd& gram, const VectorXd& moment, const VectorXd& b,
+                     double penalty) {
   const VectorXd gradient = moment - gram * b;
-  double worst = 0;
+  double max_violation = 0;
   for (Index j = 0; j < b.size(); ++j) {
     if (gram(j, j) == 0) continue;
-    const double off = b(j) == 0 ? std::max(std::abs(gradient(j)) - penalty, 0.0)
-                                 : std::abs(gradient(j) - std::copysign(penalty, b(j)));
-    worst = std::max(worst, off);
+    const double violation = b(j) == 0 ? std::max(std::abs(gradient(j)) - penalty, 0.0)
+                                       : std::abs(gradient(j) - std::copysign(penalty, b(j)));
+    max_violation = std::max(max_violation, violation);
   }
-  return worst;
+  return max_violation;
 }
 
 }  // namespace
@@ -257,14 +263,14 @@ Regression fit_regression(const MatrixXd& A, const VectorXd& y, const Regression
   }
   const ExtendedDesign design = make_design(A, options.constant, row);
   const Qr qr(design.scaled);
-  const Index rank = rank_of(qr, options.rank_tolerance);
+  const Index rank = numerical_rank(qr, options.rank_tolerance);
   if (rank < q) {
     fit.status = RegressionStatus::RankDeficient;
     fit.confounded = confounded(qr, design, rank, options.constant);
     return fit;
   }
   const RealVector weighted = y.cast<Real>().cwiseProduct(row);
-  const RealVector b = refined(design, weighted, qr, qr.solve(weighted));
+  const RealVector b = refine(design, weighted, qr, qr.solve(weighted));
   const RealVector weighted_residual = weighted - design.scaled * b;
   const RealVector coefficient = b.cwiseQuotient(design.unit);
   const Index p = A.cols();
@@ -276,9 +282,10 @@ Regression fit_regression(const MatrixXd& A, const VectorXd& y, const Regression
 
   fit.degrees_of_freedom = static_cast<int>(rows - q);
   const Real variance = rows > q ? squares / static_cast<Real>(rows - q) : Real(0);
-  const RealVector unscale = design.unit.cwiseInverse();
-  fit.covariance =
-      (unscale.asDiagonal() * inverse * unscale.asDiagonal() * variance).eval().cast<double>();
+  const RealVector inverse_unit = design.unit.cwiseInverse();
+  fit.covariance = (inverse_unit.asDiagonal() * inverse * inverse_unit.asDiagonal() * variance)
+                       .eval()
+                       .cast<double>();
   fit.standard_error = fit.covariance.diagonal().cwiseSqrt();
   fit.constant = options.constant ? static_cast<double>(coefficient(0)) : 0.0;
   fit.beta = coefficient.tail(p).cast<double>();
@@ -286,9 +293,9 @@ Regression fit_regression(const MatrixXd& A, const VectorXd& y, const Regression
   fit.leverage =
       (design.scaled * inverse).cwiseProduct(design.scaled).rowwise().sum().cast<double>();
   fit.residual_sd = static_cast<double>(std::sqrt(variance));
-  const Real total = total_squares(y.cast<Real>(), row, options.constant);
-  fit.r_squared = total > 0 ? static_cast<double>(1 - squares / total) : 0.0;
-  fit.condition = condition_of(qr);
+  const Real total_sum = total_squares(y.cast<Real>(), row, options.constant);
+  fit.r_squared = total_sum > 0 ? static_cast<double>(1 - squares / total_sum) : 0.0;
+  fit.condition = scaled_condition(qr);
   fit.vif = inflation(A, design, inverse, row);
   fit.press_rms = press_rms(residual, fit.leverage, row);
   return fit;
@@ -300,11 +307,12 @@ std::string describe(const std::vector<Dependence>& confounded,
     return column < 0 ? std::string("constant") : names.at(static_cast<std::size_t>(column));
   };
   std::string text;
-  for (const Dependence& one : confounded) {
-    text += (text.empty() ? "" : "; ") + name(one.column) + " =";
-    if (one.with.empty()) text += " 0";
-    for (std::size_t i = 0; i < one.with.size(); ++i)
-      text += fmt::format("{} {:.6g} {}", i ? " +" : "", one.factor[i], name(one.with[i]));
+  for (const Dependence& dependence : confounded) {
+    text += (text.empty() ? "" : "; ") + name(dependence.column) + " =";
+    if (dependence.with.empty()) text += " 0";
+    for (std::size_t i = 0; i < dependence.with.size(); ++i)
+      text += fmt::format("{} {:.6g} {}", i ? " +" : "", dependence.factor[i],
+                          name(dependence.with[i]));
   }
   return text;
 }
@@ -325,22 +333,23 @@ ShrunkFit fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
   const double n = static_cast<double>(A.rows());
   const MatrixXd gram = s.Z.transpose() * s.Z / n;
   const VectorXd moment = s.Z.transpose() * s.centred / n;
-  const double most = largest_gradient(s);
+  const double max_gradient = largest_gradient(s);
   VectorXd b = VectorXd::Zero(A.cols());
-  double worst = violation(gram, moment, b, penalty);
+  double max_violation = kkt_violation(gram, moment, b, penalty);
   // The limits of the header: 1e-9 of the largest gradient, at most 20 000 sweeps.
-  for (int sweep = 0; sweep < 20000 && worst > 1e-9 * most; ++sweep) {
+  for (int sweep = 0; sweep < 20000 && max_violation > 1e-9 * max_gradient; ++sweep) {
     for (Index j = 0; j < b.size(); ++j) {
       if (gram(j, j) == 0) continue;
       // Soft thresholding: the minimum over one coefficient with the others fixed.
-      const double free = moment(j) - gram.col(j).dot(b) + gram(j, j) * b(j);
-      b(j) = std::copysign(std::max(std::abs(free) - penalty, 0.0), free) / gram(j, j);
+      const double unpenalised = moment(j) - gram.col(j).dot(b) + gram(j, j) * b(j);
+      b(j) =
+          std::copysign(std::max(std::abs(unpenalised) - penalty, 0.0), unpenalised) / gram(j, j);
     }
-    worst = violation(gram, moment, b, penalty);
+    max_violation = kkt_violation(gram, moment, b, penalty);
   }
   ShrunkFit result = in_original_units(s, b);
-  result.converged = worst <= 1e-9 * most;
-  result.kkt = most > 0 ? worst / most : 0.0;
+  result.converged = max_violation <= 1e-9 * max_gradient;
+  result.kkt = max_gradient > 0 ? max_violation / max_gradient : 0.0;
   return result;
 }
 

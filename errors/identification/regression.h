@@ -8,22 +8,23 @@
 /// Linear regression with diagnostics, ridge regression and LASSO.
 namespace abbe::errors::identification {
 
-/// A column that depends on others: column = sum of factor times the columns in `with`.
+/// Linear dependence of a column on others: column = sum of factor times the columns in `with`.
 struct Dependence {
-  int column = 0;              ///< of the design, without the constant; -1 is the constant
-  std::vector<int> with;       ///< other columns, likewise
+  int column = 0;              ///< index in A; -1: the constant
+  std::vector<int> with;       ///< indices of the other columns, -1: the constant
   std::vector<double> factor;  ///< one for each of `with`
 };
+/// Outcome of a regression.
 enum class RegressionStatus {
   Ok,
   TooFewRows,     ///< fewer rows of non-zero weight than coefficients
   RankDeficient,  ///< `confounded` names the columns; nothing else is filled in
 };
 struct RegressionOptions {
-  bool constant = true;    ///< fit a constant too
+  bool constant = true;    ///< also fit a constant
   Eigen::VectorXd weight;  ///< (n) >= 0, 1 / variance up to a factor; empty: all 1
-  /// A column of which less than this fraction of its length remains beside the others is
-  /// confounded.
+  /// A column is confounded if less than this fraction of its length remains after projection on
+  /// the others.
   double rank_tolerance = 1e-11;
 };
 /// Result of weighted least squares. With more rows than coefficients the variance is estimated
@@ -33,10 +34,10 @@ struct Regression {
   RegressionStatus status = RegressionStatus::Ok;
   std::vector<Dependence> confounded;
 
-  double constant = 0.0;           ///< 0 if not requested
-  Eigen::VectorXd beta;            ///< (p)
-  Eigen::MatrixXd covariance;      ///< (q x q) of [constant, beta], q = p + 1, or of beta alone
-  Eigen::VectorXd standard_error;  ///< (q) likewise
+  double constant = 0.0;       ///< 0 if not requested
+  Eigen::VectorXd beta;        ///< (p)
+  Eigen::MatrixXd covariance;  ///< (q x q) of [constant, beta], q = p + 1; of beta if no constant
+  Eigen::VectorXd standard_error;  ///< (q) in the same order
   Eigen::VectorXd residual;        ///< (n) y minus fit
   Eigen::VectorXd leverage;        ///< (n) diagonal of the hat matrix
   int degrees_of_freedom = 0;      ///< rows of non-zero weight minus q
@@ -59,7 +60,7 @@ struct Regression {
 [[nodiscard]] Regression fit_regression(const Eigen::MatrixXd& A, const Eigen::VectorXd& y,
                                         const RegressionOptions& options = {});
 
-/// Returns e.g. "T3 = 0.5 T1 - 2 constant" for every confounded column.
+/// Returns the dependences as text, e.g. "T3 = 0.5 T1 - 2 constant".
 std::string describe(const std::vector<Dependence>& confounded,
                      const std::vector<std::string>& names);
 

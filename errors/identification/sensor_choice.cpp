@@ -30,15 +30,16 @@ void validate_series(const MatrixXd& series, const GreyOptions& options) {
   require(options.theta >= 0 && options.theta <= 1, "theta of a grey degree lies in [0, 1]");
 }
 
-struct Images {
+/// Series normalised for a grey degree.
+struct NormalisedSeries {
   GreyStatus status = GreyStatus::Ok;
-  int series = -1;
+  int series = -1;  ///< column that cannot be normalised
   MatrixXd image;
 };
 
-/// Returns every column divided, or shifted and divided, according to the image.
-Images images(const MatrixXd& series, Image image) {
-  Images result;
+/// Returns the image of every column: divided, or shifted and divided.
+NormalisedSeries normalise(const MatrixXd& series, Image image) {
+  NormalisedSeries result;
   result.image = series;
   for (int i = 0; i < series.cols() && result.status == GreyStatus::Ok; ++i) {
     auto x = result.image.col(i);
@@ -62,7 +63,7 @@ Images images(const MatrixXd& series, Image image) {
   return result;
 }
 
-/// Returns |s| of each column: the area between the series and its initial value.
+/// Returns Liu's s of each column: the area between the series and its initial value.
 VectorXd areas(const MatrixXd& series) {
   const auto n = series.rows();
   const MatrixXd from_start = series.rowwise() - series.row(0);
@@ -81,12 +82,14 @@ MatrixXd liu_matrix(const VectorXd& s) {
                                [&](auto i, auto j) { return liu_degree(s(i), s(j)); });
 }
 
-double mean_grade(const ArrayXd& difference, double least, double most, double rho) {
-  if (most == 0) return 1.0;
-  return ((least + rho * most) / (difference + rho * most)).mean();
+/// Returns Deng's degree: the mean of his relational coefficients.
+double mean_grade(const ArrayXd& difference, double min_difference, double max_difference,
+                  double rho) {
+  if (max_difference == 0) return 1.0;
+  return ((min_difference + rho * max_difference) / (difference + rho * max_difference)).mean();
 }
 
-/// Returns Liu's degrees of all pairs, of the requested kind.
+/// Returns Liu's degrees, of the requested kind, of all pairs.
 MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
   MutualDegrees result;
   const bool absolute = options.kind != GreyKind::Relative;
@@ -95,7 +98,7 @@ MutualDegrees liu_degrees(const MatrixXd& series, const GreyOptions& options) {
   result.degree.setZero(series.cols(), series.cols());
   if (absolute) result.degree += theta * liu_matrix(areas(series));
   if (relative) {
-    const Images initial = images(series, Image::Initial);
+    const NormalisedSeries initial = normalise(series, Image::Initial);
     if (initial.status != GreyStatus::Ok) return {initial.status, initial.series, {}};
     result.degree += (1 - theta) * liu_matrix(areas(initial.image));
   }
@@ -109,39 +112,45 @@ GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
   require(reference.size() == series.rows(),
           "reference and series of a grey degree differ in length");
   const auto m = series.cols();
-  MatrixXd all(series.rows(), m + 1);
-  all << reference, series;
-  validate_series(all, options);
+  MatrixXd combined(series.rows(), m + 1);
+  combined << reference, series;
+  validate_series(combined, options);
   require(m >= 1, "a grey degree needs a series");
   if (options.kind != GreyKind::Deng) {
-    const MutualDegrees mutual = liu_degrees(all, options);
+    const MutualDegrees mutual = liu_degrees(combined, options);
     if (mutual.status != GreyStatus::Ok) return {mutual.status, mutual.series - 1, {}};
     return {GreyStatus::Ok, -1, mutual.degree.col(0).tail(m)};
   }
-  const Images made = images(all, options.image);
-  if (made.status != GreyStatus::Ok) return {made.status, made.series - 1, {}};
-  const MatrixXd difference = (made.image.rightCols(m).colwise() - made.image.col(0)).cwiseAbs();
-  const double least = difference.minCoeff(), most = difference.maxCoeff();
+  const NormalisedSeries normalised = normalise(combined, options.image);
+  if (normalised.status != GreyStatus::Ok) return {normalised.status, normalised.series - 1, {}};
+  const MatrixXd difference =
+      (normalised.image.rightCols(m).colwise() - normalised.image.col(0)).cwiseAbs();
+  const double min_difference = difference.minCoeff(), max_difference = difference.maxCoeff();
   GreyDegrees result{GreyStatus::Ok, -1, VectorXd(m)};
   for (int i = 0; i < m; ++i)
-    result.degree(i) = mean_grade(difference.col(i).array(), least, most, options.rho);
+    result.degree(i) =
+        mean_grade(difference.col(i).array(), min_difference, max_difference, options.rho);
   return result;
 }
 
 MutualDegrees mutual_degrees(const MatrixXd& series, const GreyOptions& options) {
   validate_series(series, options);
   if (options.kind != GreyKind::Deng) return liu_degrees(series, options);
-  const Images made = images(series, options.image);
-  if (made.status != GreyStatus::Ok) return {made.status, made.series, {}};
+  const NormalisedSeries normalised = normalise(series, options.image);
+  if (normalised.status != GreyStatus::Ok) return {normalised.status, normalised.series, {}};
   const auto m = series.cols();
-  double most = 0;
+  double max_difference = 0;
   for (int i = 0; i < m; ++i)
-    most = std::max(most, (made.image.colwise() - made.image.col(i)).cwiseAbs().maxCoeff());
+    max_difference =
+        std::max(max_difference,
+                 (normalised.image.colwise() - normalised.image.col(i)).cwiseAbs().maxCoeff());
   MutualDegrees result{GreyStatus::Ok, -1, MatrixXd::Identity(m, m)};
   for (int i = 0; i < m; ++i)
     for (int j = 0; j < i; ++j) {
-      const ArrayXd difference = (made.image.col(i) - made.image.col(j)).cwiseAbs().array();
-      result.degree(i, j) = result.degree(j, i) = mean_grade(difference, 0, most, options.rho);
+      const ArrayXd difference =
+          (normalised.image.col(i) - normalised.image.col(j)).cwiseAbs().array();
+      result.degree(i, j) = result.degree(j, i) =
+          mean_grade(difference, 0, max_difference, options.rho);
     }
   return result;
 }
@@ -164,30 +173,30 @@ namespace {
 
 using Eigen::Index;
 
-/// Returns the columns with mean 0 and length 1; zero for a constant one.
+/// Returns the columns scaled to mean 0 and length 1; a constant column becomes zero.
 MatrixXd directions(const MatrixXd& columns) {
   MatrixXd result = columns.rowwise() - columns.colwise().mean();
   for (Index j = 0; j < columns.cols(); ++j) {
     const double length = result.col(j).norm();
-    const bool moves = columns.col(j).maxCoeff() > columns.col(j).minCoeff();
-    result.col(j) *= moves && length > 0 ? 1 / length : 0;
+    const bool is_varying = columns.col(j).maxCoeff() > columns.col(j).minCoeff();
+    result.col(j) *= is_varying && length > 0 ? 1 / length : 0;
   }
   return result;
 }
 
-std::vector<int> moving(const ThermalData& data) {
+std::vector<int> varying_inputs(const ThermalData& data) {
   std::vector<int> result;
   for (int j = 0; j < data.T.cols(); ++j)
     if (data.T.col(j).maxCoeff() > data.T.col(j).minCoeff()) result.push_back(j);
   return result;
 }
 
-/// Degrees of the selected inputs; the other entries are 0.
+/// Degrees of similarity of the selected inputs; entries of other inputs are 0.
 struct Degrees {
   GreyStatus status = GreyStatus::Ok;
-  int input = -1;
-  VectorXd with_error;  ///< the highest with any error
-  MatrixXd mutual;
+  int input = -1;       ///< input that cannot be normalised; -1: the error
+  VectorXd with_error;  ///< (m) the highest degree with any error
+  MatrixXd mutual;      ///< (m x m) between inputs
   std::vector<std::optional<int>> first_row = {};  ///< (errors)
 };
 
@@ -199,7 +208,8 @@ Degrees correlation_degrees(std::span<const ThermalData> errors) {
   return result;
 }
 
-/// Returns the first row at which neither the error nor an input is too close to zero as a divisor.
+/// Returns the first row at which the error exceeds its minimum and no input is zero, so that all
+/// can be divisors.
 std::optional<int> first_row(const ThermalData& error, const std::vector<int>& inputs,
                              double min_start) {
   for (Index k = 0; k + 1 < error.y.size(); ++k)
@@ -208,9 +218,9 @@ std::optional<int> first_row(const ThermalData& error, const std::vector<int>& i
   return std::nullopt;
 }
 
-/// Returns the inputs of one error as required by its degree.
-MatrixXd series_of(const ThermalData& error, const std::vector<int>& inputs,
-                   const GreyOptions& options) {
+/// Returns the inputs of one error in the form that its degree requires.
+MatrixXd degree_series(const ThermalData& error, const std::vector<int>& inputs,
+                       const GreyOptions& options) {
   MatrixXd series = error.T(Eigen::all, inputs);
   // The interval image maps rising and falling series to opposite shapes, so a sensor that falls
   // while the error rises is inverted first.
@@ -224,7 +234,7 @@ MatrixXd series_of(const ThermalData& error, const std::vector<int>& inputs,
 Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::vector<int>& inputs,
                                 const SensorChoiceOptions& options) {
   const Index m = errors.front().T.cols();
-  const auto input_of = [&](int series) {
+  const auto input_index = [&](int series) {
     return series < 0 ? -1 : inputs[static_cast<std::size_t>(series)];
   };
   Degrees result{GreyStatus::StartsAtZero, -1, VectorXd::Zero(m), MatrixXd::Zero(m, m)};
@@ -236,12 +246,12 @@ Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::
     result.first_row.push_back(first);
     if (!first) continue;
     const Index rows = error.y.size() - *first;
-    const MatrixXd series = series_of(error, inputs, options.grey).bottomRows(rows);
+    const MatrixXd series = degree_series(error, inputs, options.grey).bottomRows(rows);
     const GreyDegrees with_error = grey_degrees(error.y.tail(rows), series, options.grey);
     const MutualDegrees mutual = mutual_degrees(series, options.grey);
     if (with_error.status != GreyStatus::Ok)
-      return {with_error.status, input_of(with_error.series), {}, {}};
-    if (mutual.status != GreyStatus::Ok) return {mutual.status, input_of(mutual.series), {}, {}};
+      return {with_error.status, input_index(with_error.series), {}, {}};
+    if (mutual.status != GreyStatus::Ok) return {mutual.status, input_index(mutual.series), {}, {}};
     result.status = GreyStatus::Ok;
     result.with_error(inputs) = result.with_error(inputs).cwiseMax(with_error.degree).eval();
     result.mutual(inputs, inputs) = result.mutual(inputs, inputs).cwiseMax(mutual.degree).eval();
@@ -249,6 +259,7 @@ Degrees grey_relational_degrees(std::span<const ThermalData> errors, const std::
   return result;
 }
 
+/// Returns groups of similar sensors, each with its leader first.
 std::vector<std::vector<int>> group_sensors(const std::vector<int>& by_degree,
                                             const MatrixXd& mutual, double threshold) {
   std::vector<std::vector<int>> groups;
@@ -265,34 +276,35 @@ std::vector<std::vector<int>> group_sensors(const std::vector<int>& by_degree,
   return groups;
 }
 
-/// Returns the lowest mutual degree that, as a threshold, gives at least `wanted` groups.
-double threshold_for(const std::vector<int>& by_degree, const MatrixXd& mutual,
-                     std::size_t wanted) {
+/// Returns the lowest threshold, among all mutual degrees, that gives at least `group_count`
+/// groups.
+double grouping_threshold(const std::vector<int>& by_degree, const MatrixXd& mutual,
+                          std::size_t group_count) {
   std::set<double> candidates;
   for (const int i : by_degree)
     for (const int j : by_degree)
       if (i != j) candidates.insert(mutual(i, j));
   for (const double threshold : candidates)
-    if (group_sensors(by_degree, mutual, threshold).size() >= wanted) return threshold;
+    if (group_sensors(by_degree, mutual, threshold).size() >= group_count) return threshold;
   return 1.0 + 1e-9;  // every sensor is its own group
 }
 
-/// Returns the mean squared residual of regressions on these inputs over all errors; infinite if
-/// one is not possible.
+/// Returns the sum over all errors of the mean squared residual of a regression on these inputs;
+/// infinite if a regression is not possible.
 double regression_residual(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
   ThermalModelOptions options;
   options.sigma_from_runs = false;
   double sum = 0.0;
   for (const ThermalData& error : errors) {
-    const ThermalData some = select_inputs(error, inputs);
+    const ThermalData selected_data = select_inputs(error, inputs);
     if (runs(error).size() >= 2) {
-      const Validation validation = cross_validate(some, options);
+      const Validation validation = cross_validate(selected_data, options);
       if (validation.status != FitStatus::Ok) return INFINITY;
       sum += validation.overall.rms * validation.overall.rms;
     } else {
-      const ThermalFit fitted = fit(some, options);
-      if (!fitted.regression) return INFINITY;
-      sum += fitted.regression->residual_sd * fitted.regression->residual_sd;
+      const ThermalFit thermal_fit = fit(selected_data, options);
+      if (!thermal_fit.regression) return INFINITY;
+      sum += thermal_fit.regression->residual_sd * thermal_fit.regression->residual_sd;
     }
   }
   return sum;
@@ -301,29 +313,29 @@ double regression_residual(std::span<const ThermalData> errors, const std::vecto
 std::vector<int> screen_by_regression(std::span<const ThermalData> errors, std::vector<int> leaders,
                                       std::size_t count) {
   std::vector<int> chosen;
-  // Greedy forward selection: trying all subsets would need a fit for each.
+  // Greedy forward selection: every subset would need a fit of its own.
   while (chosen.size() < count && !leaders.empty()) {
-    std::vector<double> left;
+    std::vector<double> residuals;
     for (const int leader : leaders) {
-      std::vector<int> with = chosen;
-      with.push_back(leader);
-      left.push_back(regression_residual(errors, with));
+      std::vector<int> candidate = chosen;
+      candidate.push_back(leader);
+      residuals.push_back(regression_residual(errors, candidate));
     }
-    const auto best = std::ranges::min_element(left) - left.begin();
+    const auto best = std::ranges::min_element(residuals) - residuals.begin();
     chosen.push_back(leaders[static_cast<std::size_t>(best)]);
     leaders.erase(leaders.begin() + best);
   }
   return chosen;
 }
 
-std::vector<int> columns_of(const std::vector<std::string>& wanted,
-                            const std::vector<std::string>& names) {
+std::vector<int> input_columns(const std::vector<std::string>& selection,
+                               const std::vector<std::string>& names) {
   std::vector<int> columns;
-  for (const std::string& name : wanted) {
-    const auto found = std::ranges::find(names, name);
-    if (found == names.end())
+  for (const std::string& name : selection) {
+    const auto position = std::ranges::find(names, name);
+    if (position == names.end())
       throw std::invalid_argument("expected a sensor that was logged, seen " + name);
-    columns.push_back(int(found - names.begin()));
+    columns.push_back(int(position - names.begin()));
   }
   return columns;
 }
@@ -360,7 +372,7 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
                             const SensorChoiceOptions& options) {
   check(errors, options);
   SensorChoice choice;
-  const std::vector<int> inputs = moving(errors.front());
+  const std::vector<int> inputs = varying_inputs(errors.front());
   for (int j = 0; j < errors.front().T.cols(); ++j)
     if (!std::ranges::count(inputs, j)) choice.still.push_back(j);
   if (inputs.empty()) {
@@ -369,7 +381,7 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
     return choice;
   }
   if (!options.fixed.empty()) {
-    choice.chosen = columns_of(options.fixed, errors.front().names);
+    choice.chosen = input_columns(options.fixed, errors.front().names);
     return choice;
   }
   Degrees degrees = options.similarity_measure == SimilarityMeasure::Correlation
@@ -384,10 +396,10 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
 
   std::vector<int> by_degree = ranking(choice.degree);
   std::erase_if(by_degree, [&](int j) { return std::ranges::count(choice.still, j) > 0; });
-  const std::size_t wanted =
+  const std::size_t group_count =
       std::min(static_cast<std::size_t>(std::max(options.groups, options.count)), by_degree.size());
-  choice.threshold =
-      options.threshold ? *options.threshold : threshold_for(by_degree, choice.mutual, wanted);
+  choice.threshold = options.threshold ? *options.threshold
+                                       : grouping_threshold(by_degree, choice.mutual, group_count);
   choice.groups = group_sensors(by_degree, choice.mutual, choice.threshold);
 
   std::vector<int> leaders;
@@ -402,7 +414,7 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
 
 namespace {
 
-/// Returns the rows from `start` on with additional noise.
+/// Returns the data from row `start` on, with noise added.
 std::vector<ThermalData> redraw_noise(std::span<const ThermalData> errors, Index start,
                                       const ChoiceSpreadOptions& spread, std::uint64_t stream) {
   const Index n = errors.front().y.size() - start, m = errors.front().T.cols();
@@ -432,7 +444,7 @@ std::vector<int> degree_ranks(const VectorXd& degree) {
   return ranks;
 }
 
-std::vector<int> ascending(std::vector<int> inputs) {
+std::vector<int> in_ascending_order(std::vector<int> inputs) {
   std::ranges::sort(inputs);
   return inputs;
 }
@@ -446,27 +458,27 @@ ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoi
   if (spread.draws < 1 || spread.input_noise.size() != m ||
       spread.error_noise.size() != errors.size())
     throw std::invalid_argument("a spread of a choice needs draws, and a noise of every series");
-  const int last = std::clamp(int(errors.front().y.size() / 4), 0, spread.last_start);
+  const int latest_start = std::clamp(int(errors.front().y.size() / 4), 0, spread.last_start);
   std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
   tbb::parallel_for(0, spread.draws, [&](int draw) {
-    // Start rows in turn, so that all occur even in a few draws.
+    // Start rows are used in turn, so that all occur even in a few draws.
     choices[std::size_t(draw)] =
-        choose_sensors(redraw_noise(errors, draw % (last + 1), spread,
+        choose_sensors(redraw_noise(errors, draw % (latest_start + 1), spread,
                                     spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
                        options);
   });
   ChoiceSpread result{0,
-                      last,
+                      latest_start,
                       VectorXd::Zero(m),
                       std::vector<int>(std::size_t(m), 0),
                       std::vector<int>(std::size_t(m), 0),
                       0.0};
-  for (const SensorChoice& one : choices) {
-    if (one.status != GreyStatus::Ok) continue;  // this start has no degree
+  for (const SensorChoice& draw_choice : choices) {
+    if (draw_choice.status != GreyStatus::Ok) continue;  // from this start row there is no degree
     ++result.draws;
-    for (const int input : one.chosen) result.chosen[input] += 1.0;
-    result.same += ascending(one.chosen) == ascending(choice.chosen);
-    const std::vector<int> ranks = degree_ranks(one.degree);
+    for (const int input : draw_choice.chosen) result.chosen[input] += 1.0;
+    result.same += in_ascending_order(draw_choice.chosen) == in_ascending_order(choice.chosen);
+    const std::vector<int> ranks = degree_ranks(draw_choice.degree);
     for (std::size_t j = 0; j < ranks.size(); ++j) {
       int &best = result.best_rank[j], &worst = result.worst_rank[j];
       if (ranks[j] > 0 && (best == 0 || ranks[j] < best)) best = ranks[j];
@@ -496,23 +508,23 @@ std::vector<int> ranking(const VectorXd& degree) {
   return order;
 }
 
-std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
+std::vector<std::vector<int>> random_subsets(int set_size, int size, int count,
                                              std::uint64_t seed) {
-  if (size < 0 || size > below || how_many < 0)
+  if (size < 0 || size > set_size || count < 0)
     throw std::invalid_argument("a subset is no larger than its set");
   std::mt19937_64 random(seed);
   std::vector<std::vector<int>> subsets;
-  for (int i = 0; i < how_many; ++i) {
-    std::vector<int> all(static_cast<std::size_t>(below));
-    std::iota(all.begin(), all.end(), 0);
+  for (int i = 0; i < count; ++i) {
+    std::vector<int> indices(static_cast<std::size_t>(set_size));
+    std::iota(indices.begin(), indices.end(), 0);
     for (int k = 0; k < size; ++k) {
-      // The remainder differs from uniform by below / 2^64, and is the same with every library.
-      const auto pick = k + static_cast<int>(random() % static_cast<std::uint64_t>(below - k));
-      std::swap(all[static_cast<std::size_t>(k)], all[static_cast<std::size_t>(pick)]);
+      // The remainder differs from uniform by set_size / 2^64, and is the same with every library.
+      const auto pick = k + static_cast<int>(random() % static_cast<std::uint64_t>(set_size - k));
+      std::swap(indices[static_cast<std::size_t>(k)], indices[static_cast<std::size_t>(pick)]);
     }
-    all.resize(static_cast<std::size_t>(size));
-    std::ranges::sort(all);
-    subsets.push_back(std::move(all));
+    indices.resize(static_cast<std::size_t>(size));
+    std::ranges::sort(indices);
+    subsets.push_back(std::move(indices));
   }
   return subsets;
 }
@@ -520,56 +532,56 @@ std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
 namespace {
 
 /// Returns a percentile of sorted values, linear between neighbours.
-double percentile(const std::vector<double>& sorted, double part) {
+double percentile(const std::vector<double>& sorted, double fraction) {
   if (sorted.empty()) return 0.0;
-  const double at = part * static_cast<double>(sorted.size() - 1);
-  const auto low = static_cast<std::size_t>(at);
+  const double position = fraction * static_cast<double>(sorted.size() - 1);
+  const auto low = static_cast<std::size_t>(position);
   const std::size_t high = std::min(low + 1, sorted.size() - 1);
-  return sorted[low] + (at - static_cast<double>(low)) * (sorted[high] - sorted[low]);
+  return sorted[low] + (position - static_cast<double>(low)) * (sorted[high] - sorted[low]);
 }
 
-/// Training and test data of every error, and the evaluation of a choice of inputs.
-struct Trial {
+/// Evaluation of choices of inputs on the training and test data of every error.
+struct ChoiceEvaluation {
   std::span<const ThermalData> training;
   std::span<const ThermalData> test;
   Recipe recipe;
   double range = 0.0;  ///< root of the sum of squares of the errors' ranges
 
-  Validation of(std::size_t error, const std::vector<int>& inputs) const {
+  Validation validation(std::size_t error, const std::vector<int>& inputs) const {
     return validate_on(select_inputs(training[error], inputs), select_inputs(test[error], inputs),
                        recipe);
   }
-  /// Returns the RMS over the range of all errors; empty if one could not be fitted.
-  std::optional<double> graded(const std::vector<int>& inputs) const {
+  /// Returns the RMS of all errors over their range; nothing if an error could not be fitted.
+  std::optional<double> relative_rms(const std::vector<int>& inputs) const {
     double sum = 0.0;
     for (std::size_t e = 0; e < training.size(); ++e) {
-      const Validation validation = of(e, inputs);
-      if (validation.status != FitStatus::Ok) return std::nullopt;
-      sum += validation.overall.rms * validation.overall.rms;
+      const Validation result = validation(e, inputs);
+      if (result.status != FitStatus::Ok) return std::nullopt;
+      sum += result.overall.rms * result.overall.rms;
     }
     return std::sqrt(sum) / range;
   }
 };
 
-RandomChoices random_choices(const Trial& trial, const ThermalStudyOptions& options,
+RandomChoices random_choices(const ChoiceEvaluation& evaluation, const ThermalStudyOptions& options,
                              const ThermalStudy& study) {
   std::vector<int> usable;
-  for (int j = 0; j < trial.training.front().T.cols(); ++j)
+  for (int j = 0; j < evaluation.training.front().T.cols(); ++j)
     if (!std::ranges::count(study.choice.still, j)) usable.push_back(j);
   const auto subsets =
       random_subsets(static_cast<int>(usable.size()), static_cast<int>(study.choice.chosen.size()),
                      options.random_subsets, options.seed);
-  std::vector<std::optional<double>> grades(subsets.size());
-  // Subsets are drawn before, so that the result does not depend on the number of threads.
+  std::vector<std::optional<double>> rms_values(subsets.size());
+  // All subsets are drawn before, so that the result does not depend on the number of threads.
   tbb::parallel_for(std::size_t(0), subsets.size(), [&](std::size_t i) {
     std::vector<int> inputs;
     for (const int k : subsets[i]) inputs.push_back(usable[static_cast<std::size_t>(k)]);
-    grades[i] = trial.graded(inputs);
+    rms_values[i] = evaluation.relative_rms(inputs);
   });
   RandomChoices result;
-  for (const std::optional<double>& grade : grades)
-    if (grade)
-      result.rms_over_range.push_back(*grade);
+  for (const std::optional<double>& rms : rms_values)
+    if (rms)
+      result.rms_over_range.push_back(*rms);
     else
       ++result.unfitted_count;
   std::vector<double>& ratios = result.rms_over_range;
@@ -589,26 +601,26 @@ RandomChoices random_choices(const Trial& trial, const ThermalStudyOptions& opti
 void check_disjoint_runs(const ThermalData& training, const ThermalData& test) {
   if (training.names != test.names)
     throw std::invalid_argument("training and test data differ in their inputs");
-  const std::vector<int> seen = runs(training);
+  const std::vector<int> training_runs = runs(training);
   for (const int label : runs(test))
     // A run in both would let the model predict what it was trained on.
-    if (std::ranges::count(seen, label))
+    if (std::ranges::count(training_runs, label))
       throw std::invalid_argument("run " + std::to_string(label) +
                                   " stands in the training and in the test data");
 }
 
-ErrorStudy study_error(const Trial& trial, std::size_t error, const std::vector<int>& chosen,
-                       const ThermalModelOptions& model) {
-  const ThermalData& test = trial.test[error];
+ErrorStudy study_error(const ChoiceEvaluation& evaluation, std::size_t error,
+                       const std::vector<int>& chosen, const ThermalModelOptions& model) {
+  const ThermalData& test = evaluation.test[error];
   ErrorStudy study;
   study.drift_range = test.y.maxCoeff() - test.y.minCoeff();
-  const ThermalData seen =
-      with_features(select_inputs(trial.training[error], chosen), trial.recipe.features);
-  study.fitted = fit(seen, model);
+  const ThermalData training_data =
+      with_features(select_inputs(evaluation.training[error], chosen), evaluation.recipe.features);
+  study.fitted = fit(training_data, model);
   if (!study.fitted.model) return study;
-  study.in_cycle = spread(seen.y - values(*study.fitted.model, seen.T));
-  if (runs(seen).size() >= 2) study.left_out = cross_validate(seen, model);
-  study.test = trial.of(error, chosen);
+  study.in_cycle = spread(training_data.y - values(*study.fitted.model, training_data.T));
+  if (runs(training_data).size() >= 2) study.left_out = cross_validate(training_data, model);
+  study.test = evaluation.validation(error, chosen);
   if (study.drift_range > 0) study.rms_over_range = study.test.overall.rms / study.drift_range;
   return study;
 }
@@ -630,26 +642,27 @@ ThermalStudy study_sensors(std::span<const ThermalData> training, std::span<cons
     check_disjoint_runs(training[e], test[e]);
   }
   ThermalStudy study;
-  // Lagged copies are made of the chosen sensors only, so the choice is based on the sensors
-  // themselves.
-  std::vector<ThermalData> featured;
+  // The choice is based on the sensors without lagged copies, which are made of the chosen ones
+  // only.
+  std::vector<ThermalData> choice_data;
   for (const ThermalData& error : training)
-    featured.push_back(with_features(error, {options.features.since_start, 0}));
-  study.choice = choose_sensors(featured, options.choice);
+    choice_data.push_back(with_features(error, {options.features.since_start, 0}));
+  study.choice = choose_sensors(choice_data, options.choice);
   if (study.choice.status != GreyStatus::Ok) return study;
   for (const int input : study.choice.chosen)
     study.chosen.push_back(training.front().names[static_cast<std::size_t>(input)]);
-  Trial trial{training, test, {options.features, options.model}};
+  ChoiceEvaluation evaluation{training, test, {options.features, options.model}};
   double squares = 0.0;
   for (std::size_t e = 0; e < training.size(); ++e) {
-    study.errors.push_back(study_error(trial, e, study.choice.chosen, options.model));
+    study.errors.push_back(study_error(evaluation, e, study.choice.chosen, options.model));
     squares += study.errors.back().drift_range * study.errors.back().drift_range;
   }
-  trial.range = std::sqrt(squares);
-  const auto graded = trial.range > 0 ? trial.graded(study.choice.chosen) : std::nullopt;
-  if (!graded) return study;
-  study.rms_over_range = *graded;
-  study.random = random_choices(trial, options, study);
+  evaluation.range = std::sqrt(squares);
+  const auto relative_rms =
+      evaluation.range > 0 ? evaluation.relative_rms(study.choice.chosen) : std::nullopt;
+  if (!relative_rms) return study;
+  study.rms_over_range = *relative_rms;
+  study.random = random_choices(evaluation, options, study);
   return study;
 }
 

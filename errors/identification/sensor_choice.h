@@ -11,15 +11,17 @@
 #include "errors/identification/thermal_data.h"
 #include "errors/identification/thermal_model.h"
 
-/// Grey relational degrees, which measure the similarity of two short series, and the choice of key
-/// temperature sensors. Deng's degree compares every instant with the largest difference of all
-/// series, Liu's degrees compare areas between the series and their initial values.
+/// Choice of key temperature sensors, by grey relational degrees (measures of the similarity of two
+/// short series) or by correlation. Deng's degree compares every instant with the largest
+/// difference of all series, Liu's degrees compare areas between the series and their initial
+/// values.
 namespace abbe::errors::identification {
 
+/// Kinds of grey relational degrees.
 enum class GreyKind {
   Deng,           ///< mean over k of (min + rho max) / (|x0(k) - xi(k)| + rho max)
   Absolute,       ///< Liu, areas of x - x(1)
-  Relative,       ///< Liu, likewise for x / x(1)
+  Relative,       ///< Liu, areas of x / x(1) - 1
   Comprehensive,  ///< theta absolute + (1 - theta) relative
 };
 /// Normalisation of a series for Deng's degree. Liu's degrees use the series unchanged.
@@ -37,14 +39,16 @@ struct GreyOptions {
 };
 enum class GreyStatus { Ok, StartsAtZero, MeanIsZero, StandsStill };
 
+/// Degrees of several series with a reference.
 struct GreyDegrees {
   GreyStatus status = GreyStatus::Ok;
   int series = -1;         ///< column without image if the status is not Ok; -1: the reference
   Eigen::VectorXd degree;  ///< (m), in (0, 1]; empty unless Ok
 };
+/// Degrees of several series with each other.
 struct MutualDegrees {
   GreyStatus status = GreyStatus::Ok;
-  int series = -1;
+  int series = -1;         ///< column without image if the status is not Ok
   Eigen::MatrixXd degree;  ///< (m x m), symmetric with ones on the diagonal; empty unless Ok
 };
 
@@ -66,39 +70,43 @@ struct MutualDegrees {
 
 const char* to_string(GreyStatus status);
 
-// Key temperature points: the few of many sensors that matter, without redundancy.
-
+/// Measure of the similarity of sensors with the error and with each other.
 enum class SimilarityMeasure { Grey, Correlation };
+/// Selection of sensors among the leaders of the groups.
 enum class Screening {
   Degree,      ///< the leaders most similar to the error (Chen)
-  Regression,  ///< one leader after another, each time the one that lowers the residual most: with
-               ///< each run left out or, for a single run, in that run
+  Regression,  ///< one leader after another, each time the one that lowers the residual most; the
+               ///< residual is that of cross-validation over the runs or, for a single run, of its
+               ///< fit
 };
+/// Options of a choice of sensors.
 struct SensorChoiceOptions {
-  int count = 4;  ///< number of sensors wanted
+  int count = 4;  ///< number of sensors to choose
   SimilarityMeasure similarity_measure = SimilarityMeasure::Grey;
   /// With the image Interval, a sensor that falls while the error rises is inverted first.
   GreyOptions grey = {GreyKind::Deng, Image::Interval, 0.5, 0.5};
   /// Sensors of at least this mutual degree belong to one group. Empty: the threshold that gives
-  /// `groups` groups, so that there is something left to screen.
+  /// `groups` groups, more than `count`, so that the screening has a choice.
   std::optional<double> threshold;
   int groups = 6;  ///< if the threshold is empty; at least `count` if there are so many
   Screening screening = Screening::Regression;
-  /// Start values for degrees that divide by the initial value. For each error, rows begin where it
-  /// first exceeds this value, because a drift relative to its first reading starts at zero.
+  /// Minimum magnitude of an error as a divisor, for degrees that divide by the initial value. The
+  /// rows of an error begin where it first exceeds this value, because a drift relative to its
+  /// first reading starts at zero.
   std::vector<double> min_start;   ///< (errors) unit of y; empty: 0
   std::vector<std::string> fixed;  ///< sensors to be used without a choice
 };
 
 /// Returns true if the degree divides every series by its initial value: Deng's with the initial
-/// image, Liu's relative and comprehensive ones. Temperatures are then best in deg C as read, since
-/// a change since the start is zero there.
+/// image, Liu's relative and comprehensive ones. Temperatures should then be in deg C as
+/// read, since changes since the start begin at zero.
 bool is_divided_by_start(const SensorChoiceOptions& options);
 
+/// Chosen sensors, with the degrees and groups on which the choice is based.
 struct SensorChoice {
   GreyStatus status = GreyStatus::Ok;
   int input = -1;          ///< input without image if the status is not Ok; -1: the error
-  std::vector<int> still;  ///< constant inputs, excluded from everything
+  std::vector<int> still;  ///< constant inputs, which cannot be chosen
   Eigen::VectorXd degree;  ///< (m) with the error; 0 for constant inputs
   Eigen::MatrixXd mutual;  ///< (m x m); 0 for constant inputs
   double threshold = 0.0;  ///< threshold used
@@ -109,12 +117,12 @@ struct SensorChoice {
                                               ///< and is not used
 };
 /// Chooses one set of sensors for several errors seen at the same rows.
-/// Groups: the sensor of the highest degree leads, those whose mutual degree with it reaches the
-/// threshold follow; then the same among the rest (Yang: the best of each correlated group). The
-/// leaders are then screened down to `count`. Runs are concatenated for the degrees. With several
-/// errors, a sensor's degree is its highest with any of them, and a regression minimises the sum of
-/// their squares.
-/// Source: yang2012 (grouping), chen2013 (ranking against the error).
+/// Groups: the sensor of the highest degree leads the first group, which contains all sensors whose
+/// mutual degree with it reaches the threshold; further groups are formed of the remaining sensors
+/// in the same manner (Yang: the best of each correlated group). The leaders are then screened down
+/// to `count`. Runs are concatenated for the degrees. With several errors, a sensor's degree is its
+/// highest with any of them, and a regression minimises the sum of their squares. Source: yang2012
+/// (grouping), chen2013 (ranking against the error).
 /// @param errors  (n >= 1) equal except for y
 /// @throws std::invalid_argument as `validate`, for options out of range, or a fixed sensor that
 ///         the data lack
@@ -133,17 +141,18 @@ struct ChoiceSpread {
   std::vector<int> worst_rank;  ///< (m)
   double same = 0.0;            ///< fraction of the draws that choose the same set
 };
+/// Options of the variability of a choice.
 struct ChoiceSpreadOptions {
   int draws = 50;
-  int last_start = 10;              ///< at most a quarter of the rows
+  int last_start = 10;              ///< last start row; at most a quarter of the rows
   Eigen::VectorXd input_noise;      ///< (m) standard deviation added to each input
   std::vector<double> error_noise;  ///< (errors) standard deviation added to each y
   std::uint64_t seed = 1;
 };
-/// Repeats the choice from the rows after a start row, with noise added to the readings, which
-/// contain it already, so that the spread is slightly overestimated. The same bits for any number
-/// of threads.
-/// @param choice  to compare with
+/// Repeats the choice from different start rows, with noise added to the readings. The readings
+/// already contain noise, so the spread is slightly overestimated. Results are the same bits for
+/// any number of threads.
+/// @param choice  the choice with which the repetitions are compared
 /// @throws std::invalid_argument as `choose_sensors`, for noise of another size, or fewer than 1
 ///         draw
 [[nodiscard]] ChoiceSpread choice_spread(std::span<const ThermalData> errors,
@@ -152,49 +161,53 @@ struct ChoiceSpreadOptions {
                                          const ChoiceSpreadOptions& spread);
 
 /// Return the absolute correlation of the error with every input, and of every input with every
-/// other; 0 for a constant one.
+/// other; 0 for a constant input.
 Eigen::VectorXd correlations(const ThermalData& data);
 Eigen::MatrixXd mutual_correlations(const ThermalData& data);
 
 /// Returns indices by descending degree; among equals the lower index first.
 std::vector<int> ranking(const Eigen::VectorXd& degree);
 
-/// Returns random subsets of `size` different numbers below `below`, ascending, drawn
-/// independently.
-std::vector<std::vector<int>> random_subsets(int below, int size, int how_many, std::uint64_t seed);
+/// Returns `count` subsets, drawn independently, of `size` different indices below `set_size`;
+/// each is ascending.
+std::vector<std::vector<int>> random_subsets(int set_size, int size, int count, std::uint64_t seed);
 
+/// Options of a study of sensors.
 struct ThermalStudyOptions {
   SensorChoiceOptions choice;
   ThermalModelOptions model;
-  ThermalFeatures features;  ///< the choice uses `since_start` too, lags are made of the chosen
-                             ///< sensors
+  ThermalFeatures features;  ///< `since_start` also applies to the choice; lags are made of the
+                             ///< chosen sensors only
   int random_subsets = 200;  ///< number of random subsets of the same size, for comparison
   std::uint64_t seed = 1;
 };
 
-/// Percentiles of RMS on the test data over the drift range, for random choices of sensors.
+/// RMS on the test data over the drift range, for random choices of sensors, with percentiles.
 struct RandomChoices {
   std::vector<double> rms_over_range;  ///< ascending; of those that could be fitted
   int unfitted_count = 0;
   double p05 = 0, p25 = 0, p50 = 0, p75 = 0, p95 = 0;
-  double fraction_beaten = 0.0;  ///< fraction of them that are worse than the choice, in [0, 1]
+  double fraction_beaten = 0.0;  ///< fraction of the random choices that are worse than the choice
 };
 
-/// One error predicted from the chosen sensors.
+/// Prediction of one error from the chosen sensors.
 struct ErrorStudy {
   ThermalFit fitted;                   ///< on all training runs
   Spread in_cycle;                     ///< on the training runs
-  std::optional<Validation> left_out;  ///< each training run left out; empty for a single run
-  Validation test;                     ///< on the test runs, which were not used for choice or fit
-  double drift_range = 0.0;            ///< max - min of y in the test data
-  double rms_over_range = 0.0;         ///< 0 if the range is 0
+  std::optional<Validation> left_out;  ///< each training run predicted from the others; empty for a
+                                       ///< single run
+  Validation test;              ///< on the test runs, which were not used for choice or fit
+  double drift_range = 0.0;     ///< max - min of y in the test data
+  double rms_over_range = 0.0;  ///< 0 if the range is 0
 };
 
+/// Result of a study of sensors.
 struct ThermalStudy {
   SensorChoice choice;              ///< indices into the inputs of the training data
   std::vector<std::string> chosen;  ///< names of the chosen sensors
-  std::vector<ErrorStudy> errors;   ///< in the order given
-  double rms_over_range = 0.0;      ///< overall figure: of all errors, root of sums of squares
+  std::vector<ErrorStudy> errors;   ///< in the order of the data
+  double rms_over_range = 0.0;  ///< of all errors: root of the sum of squares of the RMS, over that
+                                ///< of the ranges
   RandomChoices random;
 };
 

@@ -31,45 +31,38 @@ using kinematics::Joint;
 using metrology::Measurement;
 using metrology::Readings;
 
-inline constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
+namespace {
 
-/// Returns the slide X, Y or Z of a chain.
-/// @param axis  0 1 2
-/// @throws std::invalid_argument if the chain lacks it or it does not travel along that bed axis
-kinematics::Joint slide(const kinematics::Chain& chain, int axis);
+constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
 
-/// One leg of a diagonal: the motion of one axis over one interval between step positions, with the
-/// two readings at its ends.
+/// Leg of a diagonal: the motion of one axis over one interval between step positions, with the two
+/// readings at its ends.
 struct StepLeg {
-  int axis = 0;
-  int interval = 0;
-  int diagonal = 0;        ///< index of the set-up
-  Eigen::Vector3d across;  ///< change of reading per mm of displacement error gained from
-                           ///< the lower to the upper step position, by component
-  Eigen::Index from = 0;   ///< index of the reading before the motion
-  Eigen::Index to = 0;     ///< index of the reading after it
+  int axis = 0;                 ///< 0 1 2
+  int interval = 0;             ///< index of the interval among those of the axis
+  int diagonal = 0;             ///< index of the set-up
+  Eigen::Vector3d sensitivity;  ///< change of reading per mm by which the displacement error grows
+                                ///< from the lower to the upper step position, by component
+  Eigen::Index from = 0;        ///< index of the reading before the motion
+  Eigen::Index to = 0;          ///< index of the reading after it
 };
 
 /// Step positions of X, Y and Z, mm, ascending.
 using Steps = std::array<std::vector<double>, 3>;
 
-/// The legs of four step diagonals and the step positions that they share.
+/// Legs of four step diagonals, with the step positions that they share.
 struct StepPath {
   Steps steps;
   std::vector<StepLeg> legs;
 };
 
-/// Returns the legs along which readings were taken.
-/// @throws std::invalid_argument unless the readings are finite and belong to four diagonals with
-///         the same step positions, each one step of X, Y or Z after the one before
-StepPath step_path(const metrology::Readings& readings);
-
 /// Throws std::invalid_argument with "step diagonal: " and the reason.
-[[noreturn]] void throw_diagonal_error(const std::string& why);
+[[noreturn]] void throw_diagonal_error(const std::string& reason) {
+  throw std::invalid_argument("step diagonal: " + reason);
+}
 
-namespace {
-
-constexpr double same_place = 1e-6;  // mm, commanded positions that differ by less are the same
+// mm; commanded positions that differ by less are the same step position
+constexpr double position_tolerance = 1e-6;
 
 void check_diagonals(const Readings& readings) {
   const metrology::Plan& plan = readings.plan;
@@ -92,38 +85,38 @@ int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::s
 
 /// Returns the slide (0 1 2) that moved between two states; -1 unless one slide and no other axis
 /// moved.
-int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
-  int which = -1;
+int moved_slide(const Chain& chain, const kinematics::AxisVector& a,
+                const kinematics::AxisVector& b) {
+  int moving_axis = -1;
   for (int j = 0; j < chain.size(); ++j) {
-    if (std::abs(b[j] - a[j]) <= same_place) continue;
+    if (std::abs(b[j] - a[j]) <= position_tolerance) continue;
     int axis = 0;
     while (axis < 3 && joint_index(chain, axis) != j) ++axis;
-    if (which >= 0 || axis == 3) return -1;
-    which = axis;
+    if (moving_axis >= 0 || axis == 3) return -1;
+    moving_axis = axis;
   }
-  return which;
+  return moving_axis;
 }
 
-void add_step_position(std::vector<double>& places, double q) {
-  const auto at = std::lower_bound(places.begin(), places.end(), q - same_place);
-  if (at == places.end() || *at > q + same_place) places.insert(at, q);
+void add_step_position(std::vector<double>& positions, double q) {
+  const auto position =
+      std::lower_bound(positions.begin(), positions.end(), q - position_tolerance);
+  if (position == positions.end() || *position > q + position_tolerance)
+    positions.insert(position, q);
 }
 
-int step_interval(const std::vector<double>& places, double a, double b) {
+int step_interval(const std::vector<double>& positions, double a, double b) {
   const double low = std::min(a, b);
-  const auto at = std::lower_bound(places.begin(), places.end(), low - same_place);
-  const auto next = at + 1;
-  if (next == places.end() || std::abs(*next - std::max(a, b)) > same_place)
+  const auto lower = std::lower_bound(positions.begin(), positions.end(), low - position_tolerance);
+  const auto upper = lower + 1;
+  if (upper == positions.end() || std::abs(*upper - std::max(a, b)) > position_tolerance)
     throw_diagonal_error("expected the same steps on every diagonal");
-  return int(at - places.begin());
+  return int(lower - positions.begin());
 }
 
-}  // namespace
-
-void throw_diagonal_error(const std::string& why) {
-  throw std::invalid_argument("step diagonal: " + why);
-}
-
+/// Returns the slide X, Y or Z of a chain.
+/// @param axis  0 1 2
+/// @throws std::invalid_argument if the chain lacks it or it does not travel along that bed axis
 Joint slide(const Chain& chain, int axis) {
   const auto joint = chain.find(slides[std::size_t(axis)]);
   if (!joint) throw_diagonal_error(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
@@ -135,26 +128,29 @@ Joint slide(const Chain& chain, int axis) {
   return j;
 }
 
+/// Returns the legs along which readings were taken.
+/// @throws std::invalid_argument unless the readings are finite and belong to four diagonals with
+///         the same step positions, each one step of X, Y or Z after the one before
 StepPath step_path(const Readings& readings) {
   check_diagonals(readings);
   const Chain& chain = readings.nominal;
   const std::vector<Measurement>& measurements = readings.plan.measurements;
   std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
-  std::map<std::pair<int, int>, std::size_t> last;  // reading of each set-up and run
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  std::map<std::pair<int, int>, std::size_t> last_reading;  // of each set-up and run
+  std::vector<std::pair<std::size_t, std::size_t>> reading_pairs;
   StepPath path;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     for (int axis = 0; axis < 3; ++axis)
       add_step_position(path.steps[std::size_t(axis)],
                         measurements[i].state.q[joint_index(chain, axis)]);
-    const auto before = last.find({measurements[i].set_up, measurements[i].run});
-    if (before != last.end()) pairs.emplace_back(before->second, i);
-    last[{measurements[i].set_up, measurements[i].run}] = i;
+    const auto previous = last_reading.find({measurements[i].set_up, measurements[i].run});
+    if (previous != last_reading.end()) reading_pairs.emplace_back(previous->second, i);
+    last_reading[{measurements[i].set_up, measurements[i].run}] = i;
   }
-  for (const auto& [from, to] : pairs) {
+  for (const auto& [from, to] : reading_pairs) {
     const auto& q_from = measurements[from].state.q;
     const auto& q_to = measurements[to].state.q;
-    const int axis = moved(chain, q_from, q_to);
+    const int axis = moved_slide(chain, q_from, q_to);
     if (axis < 0) throw_diagonal_error("expected readings that are one step of X, Y or Z apart");
     const int j = joint_index(chain, axis);
     const metrology::Channel& channel =
@@ -163,21 +159,17 @@ StepPath step_path(const Readings& readings) {
         metrology::gradient(channel, metrology::nominal_bodies(chain, q_to));
     const bool primed = joints[std::size_t(axis)].side == kinematics::Side::Workpiece;
     const Vector3d direction = primed ? g.workpiece.head<3>() : g.tool.head<3>();
-    const double way = q_to[j] > q_from[j] ? 1.0 : -1.0;
+    const double sense = q_to[j] > q_from[j] ? 1.0 : -1.0;
     path.legs.push_back({axis, step_interval(path.steps[std::size_t(axis)], q_from[j], q_to[j]),
-                         measurements[to].set_up, way * direction, Index(from), Index(to)});
+                         measurements[to].set_up, sense * direction, Index(from), Index(to)});
   }
   return path;
 }
 
-namespace {
-
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Returns what the instruments would read on a machine with these errors if every set-up were
-/// perfect.
-/// @return (measurements)
+/// Returns the readings (measurements) of a machine with these errors in perfect set-ups.
 VectorXd perfect_readings(const Readings& readings, const GeometricErrors& errors) {
   const Chain& chain = readings.nominal;
   const GeometricModel model = bind(errors, chain);
@@ -193,31 +185,31 @@ VectorXd perfect_readings(const Readings& readings, const GeometricErrors& error
   return result;
 }
 
-// The estimator is a matrix that acts on the readings, so that it also carries their covariance.
-
-/// Linear estimator of how much the displacement errors grow over each interval.
-struct Linear {
+/// Linear estimator of the growth of the displacement errors over each interval. It is a matrix
+/// that acts on the readings, so that it also propagates their covariance.
+struct LinearEstimator {
   MatrixXd increments;  ///< (3 intervals x readings) components x y z of each interval
   MatrixXd contrast;    ///< (intervals x readings) zero if all errors are translations
 };
 
-Linear linear(const StepPath& path, Index readings) {
-  std::array<Index, 3> first{};
+LinearEstimator linear_estimator(const StepPath& path, Index readings) {
+  std::array<Index, 3> first_interval{};
   Index intervals = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    first[axis] = intervals;
+    first_interval[axis] = intervals;
     intervals += Index(path.steps[axis].size()) - 1;
   }
   std::vector<std::vector<const StepLeg*>> legs(static_cast<std::size_t>(intervals));
   for (const StepLeg& leg : path.legs)
-    legs[std::size_t(first[std::size_t(leg.axis)] + leg.interval)].push_back(&leg);
+    legs[std::size_t(first_interval[std::size_t(leg.axis)] + leg.interval)].push_back(&leg);
 
-  Linear result{MatrixXd::Zero(3 * intervals, readings), MatrixXd::Zero(intervals, readings)};
+  LinearEstimator result{MatrixXd::Zero(3 * intervals, readings),
+                         MatrixXd::Zero(intervals, readings)};
   for (Index k = 0; k < intervals; ++k) {
     Eigen::Matrix<double, 4, 3> N = Eigen::Matrix<double, 4, 3>::Zero();
     Eigen::Vector4d count = Eigen::Vector4d::Zero();
     for (const StepLeg* leg : legs[std::size_t(k)]) {
-      N.row(leg->diagonal) = leg->across.transpose();
+      N.row(leg->diagonal) = leg->sensitivity.transpose();
       count[leg->diagonal] += 1.0;
     }
     if (count.minCoeff() == 0.0) throw_diagonal_error("expected the same steps on every diagonal");
@@ -231,13 +223,13 @@ Linear linear(const StepPath& path, Index readings) {
     const MatrixXd inverse =
         svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
     for (const StepLeg* leg : legs[std::size_t(k)]) {
-      const double share = 1.0 / count[leg->diagonal];
-      const VectorXd column = share * inverse.col(leg->diagonal);
+      const double weight_of_leg = 1.0 / count[leg->diagonal];
+      const VectorXd column = weight_of_leg * inverse.col(leg->diagonal);
       result.increments.col(leg->to).segment<3>(3 * k) += column;
       result.increments.col(leg->from).segment<3>(3 * k) -= column;
-      const double weight = share * svd.U(leg->diagonal, 3);
-      result.contrast(k, leg->to) += weight;
-      result.contrast(k, leg->from) -= weight;
+      const double contrast_weight = weight_of_leg * svd.U(leg->diagonal, 3);
+      result.contrast(k, leg->to) += contrast_weight;
+      result.contrast(k, leg->from) -= contrast_weight;
     }
   }
   return result;
@@ -253,8 +245,8 @@ ElementName axis_element(int component, int axis) {
   return {slides[std::size_t(component)], slides[std::size_t(axis)], false};
 }
 
-/// Linear maps from the readings to the nine displacement errors at their step positions and to the
-/// three squarenesses. The least-squares line of a straightness is removed from it; its slope
+/// Linear maps from the readings to the nine displacement errors at their step positions, and to
+/// the three squarenesses. The least-squares line of a straightness is removed from it; its slope
 /// counts as squareness.
 struct Curves {
   std::array<VectorXd, 3> q;
@@ -265,7 +257,7 @@ struct Curves {
 const std::array<ElementName, 3> identified_squarenesses = {
     ElementName{'C', 'Y', true}, ElementName{'B', 'Z', true}, ElementName{'A', 'Z', true}};
 
-Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain) {
+Curves curves(const StepPath& path, const LinearEstimator& estimator, const Chain& chain) {
   const Index readings = estimator.increments.cols();
   Curves result;
   result.squareness = MatrixXd::Zero(3, readings);
@@ -285,11 +277,11 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
         const Eigen::RowVectorXd mean = rows.colwise().mean();
         rows -= (q.array() - q.mean()).matrix() * slope;
         rows.rowwise() -= mean;
-        for (const SquarenessContribution& share :
+        for (const SquarenessContribution& contribution :
              squareness_contributions(axis_element(component, axis), 1.0, chain.joints()))
           for (std::size_t s = 0; s < 3; ++s)
-            if (identified_squarenesses[s] == share.name)
-              result.squareness.row(Index(s)) += share.value * travel * slope;
+            if (identified_squarenesses[s] == contribution.name)
+              result.squareness.row(Index(s)) += contribution.value * travel * slope;
       }
       result.rows[std::size_t(axis)][std::size_t(component)] = rows;
     }
@@ -298,25 +290,23 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
   return result;
 }
 
-// Belief from the estimates
-
-/// The second-order effects of a tilted direction of travel. A direction tilted by theta deviates
+/// Second-order effects of a tilted direction of travel. A direction tilted by theta deviates
 /// sideways by sin(theta) per mm of travel, the slope, and loses 1 - cos(theta) of its travel.
 struct TravelTilt {
   double angle_per_slope = 1.0;  ///< theta / sin(theta)
   double shortening = 0.0;       ///< 1 - cos(theta)
 };
-TravelTilt turned(double slope) {
+TravelTilt travel_tilt(double slope) {
   if (slope == 0.0) return {};
   const double angle = std::asin(std::min(slope, 1.0));
   return {angle / slope, 2.0 * std::pow(std::sin(0.5 * angle), 2)};
 }
 
-GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorXd& sigma,
-                          const Chain& chain) {
+GeometricErrors estimated_belief(const Curves& curves, const VectorXd& y, const VectorXd& sigma,
+                                 const Chain& chain) {
   const Vector3d slope = curves.squareness * y;
-  const std::array<TravelTilt, 3> turn = {TravelTilt{}, turned(std::abs(slope[0])),
-                                          turned(std::hypot(slope[1], slope[2]))};
+  const std::array<TravelTilt, 3> tilt = {TravelTilt{}, travel_tilt(std::abs(slope[0])),
+                                          travel_tilt(std::hypot(slope[1], slope[2]))};
   GeometricErrors belief;
   std::vector<MatrixXd> rows;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -325,7 +315,7 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
       const MatrixXd& r = curves.rows[axis][component];
       VectorXd value = r * y;
       if (component == axis) {
-        value += travel * turn[axis].shortening * curves.q[axis];
+        value += travel * tilt[axis].shortening * curves.q[axis];
         value.array() -= value[0];
       }
       belief.elements.push_back(
@@ -334,35 +324,34 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
     }
   }
   for (std::size_t s = 0; s < 3; ++s) {
-    const double value = slope[Index(s)] * turn[s == 0 ? 1 : 2].angle_per_slope;
+    const double value = slope[Index(s)] * tilt[s == 0 ? 1 : 2].angle_per_slope;
     belief.elements.push_back({identified_squarenesses[s], {Curve{Constant{value}}}});
     rows.push_back(curves.squareness.row(Index(s)));
   }
   belief.covariance.of = coefficients(belief.elements);
-  MatrixXd all(Index(belief.covariance.of.size()), y.size());
-  Index next = 0;
+  MatrixXd all_rows(Index(belief.covariance.of.size()), y.size());
+  Index first_row = 0;
   for (const MatrixXd& r : rows) {
-    all.middleRows(next, r.rows()) = r;
-    next += r.rows();
+    all_rows.middleRows(first_row, r.rows()) = r;
+    first_row += r.rows();
   }
-  const MatrixXd weighted = all * sigma.asDiagonal();
+  const MatrixXd weighted = all_rows * sigma.asDiagonal();
   belief.covariance.matrix = weighted * weighted.transpose();
   return belief;
 }
 
-// Contradictions between the four diagonals
-
 /// Returns the chi-square that chance exceeds once in a thousand times (Wilson and Hilferty 1931).
 /// @param freedom  degrees of freedom
-double rare_chi_square(double freedom) {
+double critical_chi_square(double freedom) {
   const double t = 2.0 / (9.0 * freedom);
   return freedom * std::pow(1.0 - t + 3.0902 * std::sqrt(t), 3);
 }
 
+/// Test of the contrasts against zero: without angular errors they contain only noise.
 struct Contradiction {
   double chi_square = 0.0;
-  double freedom = 0.0;
-  bool is_rare() const { return freedom > 0.0 && chi_square > rare_chi_square(freedom); }
+  double freedom = 0.0;  ///< degrees of freedom
+  bool is_significant() const { return freedom > 0.0 && chi_square > critical_chi_square(freedom); }
 };
 
 Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const VectorXd& sigma) {
@@ -372,18 +361,18 @@ Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const V
   return {k.dot(solve_positive(weighted * weighted.transpose(), k)), double(k.size())};
 }
 
-/// Matrices that split the contrasts into the mean over each axis and the changes from one interval
-/// to the next.
-struct ContrastParts {
+/// Matrices that split the contrasts of all intervals into their mean over each axis and their
+/// changes from one interval to the next.
+struct ContrastSplit {
   MatrixXd steady;   ///< (3 x intervals)
   MatrixXd varying;  ///< (intervals - 3 x intervals)
 };
 
-ContrastParts parts(const Steps& steps) {
+ContrastSplit split_contrasts(const Steps& steps) {
   std::array<Index, 3> n{};
-  Index all = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis) all += n[axis] = Index(steps[axis].size()) - 1;
-  ContrastParts result{MatrixXd::Zero(3, all), MatrixXd::Zero(all - 3, all)};
+  Index intervals = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) intervals += n[axis] = Index(steps[axis].size()) - 1;
+  ContrastSplit result{MatrixXd::Zero(3, intervals), MatrixXd::Zero(intervals - 3, intervals)};
   Index first = 0;
   Index row = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -399,34 +388,33 @@ ContrastParts parts(const Steps& steps) {
 
 std::vector<std::string> contradiction_warnings(const Steps& steps, const MatrixXd& contrast,
                                                 const VectorXd& y, const VectorXd& sigma) {
-  const ContrastParts part = parts(steps);
-  const Contradiction all = contradiction(contrast, y, sigma);
-  const Contradiction steady = contradiction(part.steady * contrast, y, sigma);
-  const Contradiction varying = contradiction(part.varying * contrast, y, sigma);
-  const auto in_figures = [](const Contradiction& c) {
+  const ContrastSplit split = split_contrasts(steps);
+  const Contradiction overall = contradiction(contrast, y, sigma);
+  const Contradiction steady = contradiction(split.steady * contrast, y, sigma);
+  const Contradiction varying = contradiction(split.varying * contrast, y, sigma);
+  const auto chi_square_text = [](const Contradiction& c) {
     return fmt::format("(chi-square {:.4g} of {:.0f}, beyond chance)", c.chi_square, c.freedom);
   };
   std::vector<std::string> result;
-  if (varying.is_rare())
+  if (varying.is_significant())
     result.push_back("the four diagonals contradict each other differently from step to step " +
-                     in_figures(varying) +
+                     chi_square_text(varying) +
                      ": angular errors of the axes are likely, and the 12 elements are wrong");
-  if (steady.is_rare())
+  if (steady.is_significant())
     result.push_back("the four diagonals contradict each other alike at every step " +
-                     in_figures(steady) +
+                     chi_square_text(steady) +
                      ": a mirror or a beam out of line, or a steady angular error, "
                      "is likely, and the 12 elements are wrong");
-  if (result.empty() && all.is_rare())
-    result.push_back("the four diagonals contradict each other " + in_figures(all) +
+  if (result.empty() && overall.is_significant())
+    result.push_back("the four diagonals contradict each other " + chi_square_text(overall) +
                      ": the 12 elements are doubtful");
   return result;
 }
 
-// Angular errors that cause no contradiction
-
 /// Returns a single angular error that grows linearly over the steps of its axis.
 /// @param angle  rad, at the last step
-GeometricErrors turning(const ElementName& name, const std::vector<double>& steps, double angle) {
+GeometricErrors linear_angular_error(const ElementName& name, const std::vector<double>& steps,
+                                     double angle) {
   const double length = steps.back() - steps.front();
   const Polynomial line{(VectorXd(2) << 0.0, angle).finished(), steps.front(), length};
   return {{{name, {Curve{line}}}}, {}, {}};
@@ -440,48 +428,47 @@ double largest_value(const Curves& curves, const VectorXd& y) {
   return largest;
 }
 
-/// Applies every angular error in turn to the nominal machine and returns a warning that names
-/// those which cause no contradiction; empty if there are none.
+/// Returns a warning that names the angular errors which cause no contradiction, or nothing if
+/// there are none. Each error is applied alone to the nominal machine.
 std::string angular_caution(const Readings& readings, const StepPath& path,
                             const MatrixXd& contrast, const Curves& curves) {
   // Typical pitch or yaw of a machine tool. The effect is linear, so this value only scales the
-  // figure in the message.
+  // effect stated in the message.
   constexpr double angle = 20.0 * units::urad;
   const VectorXd perfect = perfect_readings(readings, {});
-  std::string unseen;
-  double worst = 0.0;
+  std::string hidden_names;
+  double max_effect = 0.0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (const char about : {'A', 'B', 'C'}) {
       const ElementName name{about, slides[axis], false};
       const VectorXd y =
-          perfect_readings(readings, turning(name, path.steps[axis], angle)) - perfect;
-      const double largest = largest_value(curves, y);
-      const double contradicts = (contrast * y).cwiseAbs().maxCoeff();
-      // Below 1 nm the error does not matter. A contrast per step below 1 % of its effect does not
-      // reveal it.
-      if (largest < units::nm || contradicts > 1e-2 * largest / double(path.steps[axis].size()))
+          perfect_readings(readings, linear_angular_error(name, path.steps[axis], angle)) - perfect;
+      const double effect = largest_value(curves, y);
+      const double max_contrast = (contrast * y).cwiseAbs().maxCoeff();
+      // An effect below 1 nm does not matter. A contrast per step below 1 % of the effect does not
+      // reveal the error.
+      if (effect < units::nm || max_contrast > 1e-2 * effect / double(path.steps[axis].size()))
         continue;
-      unseen += " " + to_string(name);
-      worst = std::max(worst, largest);
+      hidden_names += " " + to_string(name);
+      max_effect = std::max(max_effect, effect);
     }
-  if (unseen.empty()) return "";
+  if (hidden_names.empty()) return "";
   return fmt::format(
       "20 urad of{}, growing along the axis, would not show in these readings and "
       "would falsify the elements by up to {:.2f} um",
-      unseen, worst / units::um);
+      hidden_names, max_effect / units::um);
 }
 
-// Trend of several results over temperature
-
-struct Quantities {
+/// Values of one result that are fitted over temperature.
+struct TrendValues {
   std::vector<std::string> names;
   std::vector<bool> is_length;
   std::vector<double> value;
 };
 
-/// Returns those numbers of a result that are fitted over temperature.
-Quantities quantities(const GeometricErrors& belief) {
-  Quantities result;
+/// Returns the values of a result that are fitted over temperature.
+TrendValues trend_values(const GeometricErrors& belief) {
+  TrendValues result;
   for (const Element& element : belief.elements) {
     const std::string name = to_string(element.name);
     const Shape& shape = element.curves.at(0).shape;
@@ -508,21 +495,21 @@ Quantities quantities(const GeometricErrors& belief) {
 
 StepDiagonal step_diagonal(const Readings& readings) {
   const StepPath path = step_path(readings);
-  const Linear estimator = linear(path, readings.value.size());
+  const LinearEstimator estimator = linear_estimator(path, readings.value.size());
   const VectorXd y = readings.value - perfect_readings(readings, {});
   VectorXd sigma(y.size());
   for (Index i = 0; i < y.size(); ++i) {
     const Measurement& measurement = readings.plan.measurements[std::size_t(i)];
-    sigma[i] = sigma_of(readings.plan.set_ups[std::size_t(measurement.set_up)]
-                            .channels[std::size_t(measurement.channel)]);
+    sigma[i] = weighting_sigma(readings.plan.set_ups[std::size_t(measurement.set_up)]
+                                   .channels[std::size_t(measurement.channel)]);
   }
   StepDiagonal result;
-  const Curves found = curves(path, estimator, readings.nominal);
-  result.belief = belief_of(found, y, sigma, readings.nominal);
+  const Curves estimated_curves = curves(path, estimator, readings.nominal);
+  result.belief = estimated_belief(estimated_curves, y, sigma, readings.nominal);
   result.warnings = contradiction_warnings(path.steps, estimator.contrast, y, sigma);
-  result.caution = angular_caution(readings, path, estimator.contrast, found);
-  const Contradiction all = contradiction(estimator.contrast, y, sigma);
-  result.reduced_chi_square = all.chi_square / all.freedom;
+  result.caution = angular_caution(readings, path, estimator.contrast, estimated_curves);
+  const Contradiction overall = contradiction(estimator.contrast, y, sigma);
+  result.reduced_chi_square = overall.chi_square / overall.freedom;
   return result;
 }
 
@@ -537,7 +524,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   StepDiagonalTrend trend;
   MatrixXd values;
   for (Index i = 0; i < m; ++i) {
-    const Quantities q = quantities(results[std::size_t(i)].belief);
+    const TrendValues q = trend_values(results[std::size_t(i)].belief);
     if (i == 0) {
       trend.names = q.names;
       trend.is_length = q.is_length;
@@ -553,12 +540,12 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const auto fit = least_squares(scaled, values, 1e-9);
   if (fit.rank < k + 1)
     throw_diagonal_error("the temperatures do not vary enough to separate their slopes");
-  const MatrixXd solved = norm.cwiseInverse().asDiagonal() * fit.x;
-  trend.at_zero = solved.row(0).transpose();
-  trend.per_K = solved.bottomRows(k).transpose();
+  const MatrixXd coefficients = norm.cwiseInverse().asDiagonal() * fit.x;
+  trend.at_zero = coefficients.row(0).transpose();
+  trend.per_K = coefficients.bottomRows(k).transpose();
   if (m == k + 1) return trend;
   const VectorXd variance =
-      (values - A * solved).colwise().squaredNorm().transpose() / double(m - k - 1);
+      (values - A * coefficients).colwise().squaredNorm().transpose() / double(m - k - 1);
   const VectorXd inverse =
       solve_semidefinite(MatrixXd(A.transpose() * A), MatrixXd(MatrixXd::Identity(k + 1, k + 1)))
           .diagonal();

@@ -18,7 +18,7 @@ namespace {
 
 using Eigen::Index;
 
-ThermalData select_rows_of(const ThermalData& data, const std::vector<Index>& rows) {
+ThermalData select_rows(const ThermalData& data, const std::vector<Index>& rows) {
   ThermalData result{data.names, data.T(rows, Eigen::all), data.y(rows), {}};
   for (const Index row : rows) result.run.push_back(data.run[static_cast<std::size_t>(row)]);
   return result;
@@ -29,27 +29,29 @@ ThermalData filter_rows(const ThermalData& data, const Keep& keep) {
   std::vector<Index> rows;
   for (Index row = 0; row < data.y.size(); ++row)
     if (keep(data.run[static_cast<std::size_t>(row)])) rows.push_back(row);
-  return select_rows_of(data, rows);
+  return select_rows(data, rows);
 }
 
 constexpr std::size_t max_inputs = 1000;
 
-/// Reader of a log, row by row.
+/// Reader of a log of temperatures and deviations, line by line.
 class LogReader {
  public:
   LogReader(std::string file, const ThermalColumns& columns)
       : file_(std::move(file)), columns_(columns) {}
 
-  void heads(std::string_view line, int number) {
-    std::set<std::string, std::less<>> seen;
+  void read_heads(std::string_view line, int number) {
+    std::set<std::string, std::less<>> head_names;
     separator_ = cell_separator(line);
     const std::vector<Cell> cells = cells_of(line, separator_, max_inputs);
     if (cells.size() > max_inputs)
-      refuse(number, cells.back().column, fmt::format("at most {} columns", max_inputs), "more");
+      throw_input_error(number, cells.back().column, fmt::format("at most {} columns", max_inputs),
+                        "more");
     for (const Cell& cell : cells) {
       const std::string name(cell.text);
-      if (name.empty() || !seen.insert(name).second)
-        refuse(number, cell.column, "a head that no other column has", in_quotes(cell.text));
+      if (name.empty() || !head_names.insert(name).second)
+        throw_input_error(number, cell.column, "a head that no other column has",
+                          in_quotes(cell.text));
       const auto index = static_cast<int>(kinds_.size());
       const bool ignored = std::ranges::count(columns_.ignored, name) > 0;
       if (name == columns_.run)
@@ -58,24 +60,28 @@ class LogReader {
         y_ = index;
       else if (!ignored)
         names_.push_back(name);
-      kinds_.push_back(ignored ? Kind::Ignored : Kind::Number);
+      kinds_.push_back(ignored ? ColumnKind::Ignored : ColumnKind::Number);
     }
-    if (run_ < 0) refuse(number, 1, fmt::format("a column {} for the run", columns_.run), "none");
-    if (y_ < 0) refuse(number, 1, fmt::format("a column {} for the deviation", columns_.y), "none");
-    if (names_.empty()) refuse(number, 1, "a column of temperatures", "none");
+    if (run_ < 0)
+      throw_input_error(number, 1, fmt::format("a column {} for the run", columns_.run), "none");
+    if (y_ < 0)
+      throw_input_error(number, 1, fmt::format("a column {} for the deviation", columns_.y),
+                        "none");
+    if (names_.empty()) throw_input_error(number, 1, "a column of temperatures", "none");
   }
 
-  void row(std::string_view line, int number) {
-    const std::vector<Cell> row = cells_of(line, separator_, kinds_.size());
-    if (row.size() != kinds_.size())
-      refuse(number, row.back().column, fmt::format("{} cells, as the head has", kinds_.size()),
-             row.size() > kinds_.size() ? "more" : fmt::format("{}", row.size()));
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      // An ignored column may hold text, such as a time stamp.
-      if (kinds_[i] == Kind::Ignored) continue;
-      const double value = finite(row[i], number);
+  void read_row(std::string_view line, int number) {
+    const std::vector<Cell> cells = cells_of(line, separator_, kinds_.size());
+    if (cells.size() != kinds_.size())
+      throw_input_error(number, cells.back().column,
+                        fmt::format("{} cells, as the head has", kinds_.size()),
+                        cells.size() > kinds_.size() ? "more" : fmt::format("{}", cells.size()));
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      // An ignored column may contain text, such as a time stamp.
+      if (kinds_[i] == ColumnKind::Ignored) continue;
+      const double value = finite_number(cells[i], number);
       if (static_cast<int>(i) == run_)
-        run_of_row(value, row[i], number);
+        add_run_label(value, cells[i], number);
       else if (static_cast<int>(i) == y_)
         y_of_row_.push_back(value);
       else
@@ -85,7 +91,7 @@ class LogReader {
 
   ThermalData finish(int lines) const {
     const auto n = static_cast<Index>(run_of_row_.size());
-    if (n == 0) refuse(lines, 1, "a row of readings", "none");
+    if (n == 0) throw_input_error(lines, 1, "a row of readings", "none");
     // The values were collected row by row, whereas Eigen matrices store columns by default.
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     return {names_,
@@ -93,35 +99,36 @@ class LogReader {
             Eigen::Map<const Eigen::VectorXd>(y_of_row_.data(), n), run_of_row_};
   }
 
-  [[noreturn]] void refuse(int line, int column, std::string expected, std::string seen) const {
+  [[noreturn]] void throw_input_error(int line, int column, std::string expected,
+                                      std::string seen) const {
     throw BadInput(file_, line, column, std::move(expected), std::move(seen));
   }
 
  private:
-  enum class Kind { Number, Ignored };
+  enum class ColumnKind { Number, Ignored };
 
-  double finite(const Cell& cell, int line) const {
+  double finite_number(const Cell& cell, int line) const {
     const std::optional<double> value = number_of(cell.text);
-    if (!value) refuse(line, cell.column, "a number within +-1e9", in_quotes(cell.text));
+    if (!value) throw_input_error(line, cell.column, "a number within +-1e9", in_quotes(cell.text));
     return *value;
   }
 
-  void run_of_row(double value, const Cell& cell, int line) {
+  void add_run_label(double value, const Cell& cell, int line) {
     if (value != std::floor(value) || std::abs(value) > 1e9)
-      refuse(line, cell.column, "a whole number for the run", in_quotes(cell.text));
+      throw_input_error(line, cell.column, "a whole number for the run", in_quotes(cell.text));
     const int label = static_cast<int>(value);
-    // The rows of a run must be contiguous, since lags and starts are taken along them.
+    // The rows of a run must be contiguous, since lags and start values are computed along them.
     if (run_of_row_.empty() || run_of_row_.back() != label)
       if (!labels_.insert(label).second)
-        refuse(line, cell.column, "the rows of one run together",
-               fmt::format("run {} again", label));
+        throw_input_error(line, cell.column, "the rows of one run together",
+                          fmt::format("run {} again", label));
     run_of_row_.push_back(label);
   }
 
   std::string file_;
   ThermalColumns columns_;
   char separator_ = ' ';
-  std::vector<Kind> kinds_;
+  std::vector<ColumnKind> kinds_;
   std::vector<std::string> names_;
   int run_ = -1, y_ = -1;
   std::set<int> labels_;
@@ -179,7 +186,7 @@ ThermalData thinned(const ThermalData& data, int every) {
       start = row;
     if ((row - start) % every == 0) rows.push_back(row);
   }
-  return select_rows_of(data, rows);
+  return select_rows(data, rows);
 }
 
 Spread spread(const Eigen::VectorXd& values) {
@@ -192,26 +199,26 @@ ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns) {
   LogReader reader(file, columns);
   Lines lines(text);
-  bool headed = false;
+  bool has_heads = false;
   while (const auto line = lines.next()) {
     const std::size_t first = line->find_first_not_of(" \t");
     if (first == std::string_view::npos || (*line)[first] == '#') continue;
     // The first line that is neither blank nor a comment holds the heads.
-    if (headed)
-      reader.row(*line, lines.number());
+    if (has_heads)
+      reader.read_row(*line, lines.number());
     else
-      reader.heads(*line, lines.number());
-    headed = true;
+      reader.read_heads(*line, lines.number());
+    has_heads = true;
   }
-  if (!headed) reader.refuse(1, 1, "a line of column heads", "an empty file");
+  if (!has_heads) reader.throw_input_error(1, 1, "a line of column heads", "an empty file");
   return reader.finish(lines.number());
 }
 
 namespace {
 
-/// Calls visit(first row, number of rows) for every run.
+/// Calls visit(first row, row count) for every run.
 template <typename Visit>
-void transform_runs(const ThermalData& data, const Visit& visit) {
+void for_each_run(const ThermalData& data, const Visit& visit) {
   const auto n = static_cast<Index>(data.run.size());
   for (Index start = 0, end = 0; start < n; start = end) {
     while (end < n &&
@@ -221,13 +228,14 @@ void transform_runs(const ThermalData& data, const Visit& visit) {
   }
 }
 
-// Discrete first-order lag: exp(-1 / rows) is its exact decay over one row.
-Eigen::MatrixXd lagged(const ThermalData& data, double rows) {
+/// Returns the temperatures after a first-order lag; exp(-1 / rows) is its exact decay over one
+/// row.
+Eigen::MatrixXd lagged_temperatures(const ThermalData& data, double rows) {
   Eigen::MatrixXd result = data.T;
-  const double kept = std::exp(-1.0 / rows);
-  transform_runs(data, [&](Index start, Index count) {
+  const double decay = std::exp(-1.0 / rows);
+  for_each_run(data, [&](Index start, Index count) {
     for (Index row = start + 1; row < start + count; ++row)
-      result.row(row) = kept * result.row(row - 1) + (1 - kept) * data.T.row(row);
+      result.row(row) = decay * result.row(row - 1) + (1 - decay) * data.T.row(row);
   });
   return result;
 }
@@ -240,20 +248,20 @@ ThermalData with_features(const ThermalData& data, const ThermalFeatures& featur
   ThermalData result = data;
   // The temperature at the start of a run serves as its reference.
   if (features.since_start)
-    transform_runs(data, [&](Index start, Index count) {
+    for_each_run(data, [&](Index start, Index count) {
       result.T.middleRows(start, count).rowwise() -= data.T.row(start);
     });
   if (features.lag_rows == 0) return result;
-  Eigen::MatrixXd both(result.T.rows(), 2 * result.T.cols());
-  both << result.T, lagged(result, features.lag_rows);
-  result.T = std::move(both);
+  Eigen::MatrixXd with_lags(result.T.rows(), 2 * result.T.cols());
+  with_lags << result.T, lagged_temperatures(result, features.lag_rows);
+  result.T = std::move(with_lags);
   for (const std::string& name : data.names) result.names.push_back(name + " lag");
   return result;
 }
 
 ThermalData zeroed_at_start(const ThermalData& data) {
   ThermalData result = data;
-  transform_runs(data, [&](Index start, Index count) {
+  for_each_run(data, [&](Index start, Index count) {
     result.y.segment(start, count).array() -= data.y(start);
   });
   return result;

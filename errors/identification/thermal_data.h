@@ -8,8 +8,8 @@
 
 namespace abbe::errors::identification {
 
-/// Data for a thermal model: in every row the inputs (temperatures, spindle speed, current) and the
-/// deviation at that time. Rows of one run (a day, a warm-up) are consecutive in time and
+/// Data for a thermal model. Every row has the inputs (temperatures, spindle speed, current) and
+/// the deviation at one time. Rows of one run (a day, a warm-up) are consecutive in time and
 /// correlated, so training and test data are separated by run and never by row.
 struct ThermalData {
   std::vector<std::string> names;  ///< (m) of the inputs
@@ -26,7 +26,7 @@ void validate(const ThermalData& data);
 /// Returns the labels of the runs in order of first appearance.
 std::vector<int> runs(const ThermalData& data);
 
-/// Return the rows of the given runs, or all but one run, in the order of the data.
+/// Return the rows of the given runs, or the rows of all runs but one, in the order of the data.
 ThermalData select_runs(const ThermalData& data, const std::vector<int>& labels);
 ThermalData exclude_run(const ThermalData& data, int label);
 
@@ -36,34 +36,35 @@ ThermalData select_inputs(const ThermalData& data, const std::vector<int>& input
 /// Returns every k-th row of each run, including its first.
 ThermalData thinned(const ThermalData& data, int every);
 
-/// RMS and largest magnitude.
+/// Spread of values about 0.
 struct Spread {
   double rms = 0.0;
-  double max = 0.0;
+  double max = 0.0;  ///< largest magnitude
 };
 Spread spread(const Eigen::VectorXd& values);
 
-/// Roles of the columns of a log; every other column that is not in `ignored` is an input.
+/// Names of the columns of a log. Every column other than these is an input.
 struct ThermalColumns {
   std::string run = "run";
   std::string y = "y";
   std::vector<std::string> ignored;
 };
-/// Reads a log: lines that start with # are skipped, the first other line is the header, numbers
-/// follow; cells are separated by ; or , or blanks. Runs are whole numbers.
+/// Reads a log. Lines that start with # are skipped. The first other line has the column heads, all
+/// further lines numbers. Cells are separated by ; or , or blanks. Runs are whole numbers.
 /// @param file  name in input errors
-/// @throws BadInput with the location: a missing column, a name twice, more than 1000 columns, a
-///         row of another length, no number within +-1e9, a run that is not a whole number or not
-///         contiguous, or no rows
+/// @throws BadInput with the location for a missing column, a repeated name, more than 1000
+/// columns,
+///         a row of another length, a cell that is no number within +-1e9, a run that is not a
+///         whole number or not contiguous, or no rows
 ThermalData read_thermal_data(std::string_view text, const std::string& file,
                               const ThermalColumns& columns = {});
 
-/// Features computed from the temperatures of a run for a model. Every feature of a row uses only
-/// that row and earlier ones of its own run, as a control could.
+/// Features of a model, computed from the inputs of a run. Every feature of a row uses only that
+/// row and earlier rows of its run, so a control could compute it.
 struct ThermalFeatures {
   bool since_start = false;  ///< each input minus its value in the first row of the run
-  /// Adds to every input its copy behind a first-order lag of this many rows, the response of a
-  /// mass that it heats; it starts settled in the first row. 0: none.
+  /// Time constant, in rows, of a first-order lag: adds to every input its lagged copy, the
+  /// response of a mass that the input heats, starting in equilibrium. 0: no copies.
   double lag_rows = 0.0;
 };
 
@@ -71,8 +72,8 @@ struct ThermalFeatures {
 /// @throws std::invalid_argument if lag_rows is negative or not finite
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
 
-/// Returns y relative to the first row of each run: the problem of a control that resets its zero
-/// at the start of a run.
+/// Returns the data with y relative to the first row of each run, as for a control that resets its
+/// zero at the start of a run.
 ThermalData zeroed_at_start(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

@@ -25,15 +25,15 @@ using metrology::SetUp;
 
 constexpr std::size_t max_epochs = 200;
 
-// Epochs
-
 Epoch empty_epoch() { return {INFINITY, -INFINITY}; }
 
-void take(Epoch& epoch, double time_s) {
+/// Extends an epoch so that it contains a time.
+void extend(Epoch& epoch, double time_s) {
   epoch.from_s = std::min(epoch.from_s, time_s);
   epoch.to_s = std::max(epoch.to_s, time_s);
 }
 
+/// Returns one epoch per start: the time over which all instruments read.
 std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
   std::vector<Epoch> epochs(std::size_t(starts), empty_epoch());
   for (const DayLog& log : logs) {
@@ -45,7 +45,7 @@ std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
                       "{}",
                       starts, log.starts, log.readings->plan.instrument));
     for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i)
-      take(epochs[std::size_t(log.start_of(i))], log.time_s(i));
+      extend(epochs[std::size_t(log.start_of(i))], log.time_s(i));
   }
   for (std::size_t k = 1; k < epochs.size(); ++k)
     // Overlapping epochs would assign a reading to two thermal states.
@@ -57,44 +57,42 @@ std::vector<Epoch> start_epochs(const std::vector<DayLog>& logs, int starts) {
   return epochs;
 }
 
+/// Returns one epoch per instant, or per group of instants if there are too many.
 std::vector<Epoch> instant_epochs(const std::vector<DayLog>& logs) {
   std::set<double> instants;
   for (const DayLog& log : logs)
     for (const Measurement& measurement : log.readings->plan.measurements)
       instants.insert(measurement.state.time_s);
-  // Neighbouring instants are combined, so that the number of epochs stays below the limit.
-  const std::size_t each = (instants.size() + max_epochs - 1) / max_epochs;
+  // Neighbouring instants are combined to keep the number of epochs within the limit.
+  const std::size_t group_size = (instants.size() + max_epochs - 1) / max_epochs;
   std::vector<Epoch> epochs;
   std::size_t count = 0;
   for (const double instant : instants) {
-    if (count++ % each == 0) epochs.push_back(empty_epoch());
-    take(epochs.back(), instant);
+    if (count++ % group_size == 0) epochs.push_back(empty_epoch());
+    extend(epochs.back(), instant);
   }
   return epochs;
 }
 
-// Changes since the first epoch
-
-/// A position at which a channel read, and the direction of approach; the angle of a nose is
+/// Position at which a channel reads, with the direction of approach. The angle of a nose is
 /// ignored.
-using Place = std::vector<double>;
 struct MeasuringPoint {
   std::string set_up;
   int channel = 0;
-  Place place;
+  std::vector<double> positions;  ///< position and direction of approach of each axis in turn
   auto operator<=>(const MeasuringPoint&) const = default;
 };
 
 MeasuringPoint measuring_point(const Readings& readings, const Measurement& measurement) {
-  MeasuringPoint spot{
+  MeasuringPoint point{
       readings.plan.set_ups[std::size_t(measurement.set_up)].name, measurement.channel, {}};
   const auto& joints = readings.nominal.joints();
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (joints[j].motion == Motion::Spindle) continue;
-    spot.place.push_back(measurement.state.q[Index(j)]);
-    spot.place.push_back(measurement.state.direction[j]);
+    point.positions.push_back(measurement.state.q[Index(j)]);
+    point.positions.push_back(measurement.state.direction[j]);
   }
-  return spot;
+  return point;
 }
 
 struct Mean {
@@ -104,15 +102,17 @@ struct Mean {
 };
 using Means = std::map<MeasuringPoint, Mean>;
 
-bool reads(const Readings& readings, const Measurement& measurement) {
+/// Returns true for a reading of a channel, false for temperatures alone.
+bool has_value(const Readings& readings, const Measurement& measurement) {
   return measurement.channel >= 0 && readings.value.size() > 0;
 }
 
+/// Returns the mean reading of every measuring point over an epoch.
 Means point_means(const DayLog& log, const Epoch& epoch) {
   Means means;
   for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i) {
     const Measurement& measurement = log.readings->plan.measurements[i];
-    if (!reads(*log.readings, measurement) || !epoch.holds(log.time_s(i))) continue;
+    if (!has_value(*log.readings, measurement) || !epoch.contains(log.time_s(i))) continue;
     Mean& mean = means[measuring_point(*log.readings, measurement)];
     mean.sum += log.readings->value[Index(i)];
     ++mean.count;
@@ -120,64 +120,67 @@ Means point_means(const DayLog& log, const Epoch& epoch) {
   return means;
 }
 
-/// Returns a set-up for the difference of two readings: errors of a permanent set-up cancel, those
+/// Returns the set-up of a difference of two readings: errors of a permanent set-up cancel, those
 /// of a repeated set-up add up.
-SetUp difference_set_up(SetUp set_up, bool stands) {
+SetUp difference_set_up(SetUp set_up, bool is_permanent) {
   // The difference of two independent readings has the variance of both.
-  const double twice = std::sqrt(2.0);
+  const double root_of_two = std::sqrt(2.0);
   for (auto& channel : set_up.channels) {
-    channel.noise *= twice;
-    channel.resolution *= twice;
+    channel.noise *= root_of_two;
+    channel.resolution *= root_of_two;
   }
-  const double again = stands ? 0.0 : twice;
+  const double repeat_factor = is_permanent ? 0.0 : root_of_two;
   for (double* sigma :
        {&set_up.rotation_sigma, &set_up.point_of_sigma, &set_up.point_in_sigma,
         &set_up.normal_sigma, &set_up.eccentricity_sigma, &set_up.scale_sigma, &set_up.drift_sigma})
-    *sigma *= again;
-  if (stands) set_up.zero_unknown = false;
+    *sigma *= repeat_factor;
+  if (is_permanent) set_up.zero_unknown = false;
   return set_up;
 }
 
 /// Returns the nominal readings plus the change since the first epoch: the readings of a machine
 /// that was perfect then.
-Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
-  const Readings& all = *log.readings;
-  Readings some{{all.plan.instrument, all.plan.kind, {}, {}, 0.0}, all.nominal, {}, {}, {}};
-  std::map<int, int> kept;  // set-ups
+Readings readings_since_first(const DayLog& log, const Epoch& epoch, const Means& first) {
+  const Readings& original = *log.readings;
+  Readings result{
+      {original.plan.instrument, original.plan.kind, {}, {}, 0.0}, original.nominal, {}, {}, {}};
+  std::map<int, int> new_set_up_index;  // by old index
   std::vector<double> values;
-  for (std::size_t i = 0; i < all.plan.measurements.size(); ++i) {
-    Measurement measurement = all.plan.measurements[i];
-    if (!reads(all, measurement) || !epoch.holds(measurement.state.time_s)) continue;
-    const auto before = first.find(measuring_point(all, measurement));
+  for (std::size_t i = 0; i < original.plan.measurements.size(); ++i) {
+    Measurement measurement = original.plan.measurements[i];
+    if (!has_value(original, measurement) || !epoch.contains(measurement.state.time_s)) continue;
+    const auto reference = first.find(measuring_point(original, measurement));
     // A point that was not read in the first epoch has no reference.
-    if (before == first.end()) continue;
-    const SetUp& set_up = all.plan.set_ups[std::size_t(measurement.set_up)];
-    const auto bodies = metrology::nominal_bodies(all.nominal, measurement.state.q);
-    values.push_back(all.value[Index(i)] - before->second.value() +
-                     metrology::reading(set_up, measurement.channel, {}, bodies, bodies,
-                                        metrology::spindle_angle(all.nominal, measurement.state)));
-    const auto [at, is_new] = kept.emplace(measurement.set_up, int(some.plan.set_ups.size()));
+    if (reference == first.end()) continue;
+    const SetUp& set_up = original.plan.set_ups[std::size_t(measurement.set_up)];
+    const auto bodies = metrology::nominal_bodies(original.nominal, measurement.state.q);
+    values.push_back(
+        original.value[Index(i)] - reference->second.value() +
+        metrology::reading(set_up, measurement.channel, {}, bodies, bodies,
+                           metrology::spindle_angle(original.nominal, measurement.state)));
+    const auto [entry, is_new] =
+        new_set_up_index.emplace(measurement.set_up, int(result.plan.set_ups.size()));
     // Only set-ups with readings in this epoch enter the plan, so their indices change.
-    if (is_new) some.plan.set_ups.push_back(difference_set_up(set_up, log.starts == 1));
-    measurement.set_up = at->second;
-    some.plan.measurements.push_back(measurement);
+    if (is_new) result.plan.set_ups.push_back(difference_set_up(set_up, log.starts == 1));
+    measurement.set_up = entry->second;
+    result.plan.measurements.push_back(measurement);
   }
   if (values.empty())
     throw std::invalid_argument(
         fmt::format("expected {} to read in every epoch where it read in the first, seen none from "
                     "{:.2f} to {:.2f} h",
-                    all.plan.instrument, epoch.from_s / 3600.0, epoch.to_s / 3600.0));
-  some.value = Eigen::Map<const VectorXd>(values.data(), Index(values.size()));
-  return some;
+                    original.plan.instrument, epoch.from_s / 3600.0, epoch.to_s / 3600.0));
+  result.value = Eigen::Map<const VectorXd>(values.data(), Index(values.size()));
+  return result;
 }
 
 }  // namespace
 
 std::vector<int> start_numbers(const metrology::Plan& plan) {
   std::vector<int> starts;
-  std::map<std::string, int> seen;
+  std::map<std::string, int> occurrences;
   // A set-up of the same name appears once per start, so its occurrences number the starts.
-  for (const SetUp& set_up : plan.set_ups) starts.push_back(seen[set_up.name]++);
+  for (const SetUp& set_up : plan.set_ups) starts.push_back(occurrences[set_up.name]++);
   return starts;
 }
 
@@ -185,13 +188,13 @@ std::vector<Readings> split_by_start(const Readings& readings) {
   const std::vector<int> start = start_numbers(readings.plan);
   const metrology::Plan& plan = readings.plan;
   std::vector<Readings> result;
-  std::vector<int> place;  // index of every set-up within its start
+  std::vector<int> index_in_start;  // (set-ups)
   for (std::size_t s = 0; s < start.size(); ++s) {
     const auto k = std::size_t(start[s]);
     if (k == result.size())
       result.push_back(
           {{plan.instrument, plan.kind, {}, {}, 0.0}, readings.nominal, {}, readings.sensors, {}});
-    place.push_back(int(result[k].plan.set_ups.size()));
+    index_in_start.push_back(int(result[k].plan.set_ups.size()));
     result[k].plan.set_ups.push_back(plan.set_ups[s]);
   }
   std::vector<std::vector<Index>> rows(result.size());
@@ -199,7 +202,7 @@ std::vector<Readings> split_by_start(const Readings& readings) {
     const auto s = std::size_t(plan.measurements[i].set_up), k = std::size_t(start[s]);
     rows[k].push_back(Index(i));
     result[k].plan.measurements.push_back(plan.measurements[i]);
-    result[k].plan.measurements.back().set_up = place[s];
+    result[k].plan.measurements.back().set_up = index_in_start[s];
   }
   for (std::size_t k = 0; k < result.size(); ++k) {
     if (readings.value.size() > 0) result[k].value = readings.value(rows[k]);
@@ -212,10 +215,10 @@ std::vector<Index> sensor_columns(const std::vector<std::string>& sensors,
                                   const std::vector<std::string>& logged) {
   std::vector<Index> columns;
   for (const std::string& name : sensors) {
-    const auto found = std::ranges::find(logged, name);
-    if (found == logged.end())
+    const auto position = std::ranges::find(logged, name);
+    if (position == logged.end())
       throw std::invalid_argument("expected a sensor that was logged, seen " + name);
-    columns.push_back(found - logged.begin());
+    columns.push_back(position - logged.begin());
   }
   return columns;
 }
@@ -253,7 +256,7 @@ std::vector<std::vector<Readings>> changes_of(const std::vector<DayLog>& logs,
     if (log.readings->value.size() == 0) continue;
     const Means first = point_means(log, epochs.front());
     for (std::size_t k = 0; k < epochs.size(); ++k)
-      changes[k].push_back(changed(log, epochs[k], first));
+      changes[k].push_back(readings_since_first(log, epochs[k], first));
   }
   if (changes.front().empty())
     throw std::invalid_argument("expected readings of the machine beside the temperatures");
@@ -278,26 +281,26 @@ MatrixXd temperature_rise_K(const std::vector<DayLog>& logs, const std::vector<E
   for (const DayLog& log : logs) {
     const std::vector<Index> columns = sensor_columns(sensors, log.readings->sensors);
     for (std::size_t i = 0; i < log.readings->plan.measurements.size(); ++i) {
-      const auto epoch =
-          std::ranges::find_if(epochs, [&](const Epoch& one) { return one.holds(log.time_s(i)); });
+      const auto epoch = std::ranges::find_if(
+          epochs, [&](const Epoch& candidate) { return candidate.contains(log.time_s(i)); });
       if (epoch == epochs.end()) continue;
       const auto k = Index(epoch - epochs.begin());
       sum.row(k) += log.readings->T_C.row(Index(i))(columns);
       count[k] += 1.0;
     }
   }
-  // Every reading weighs the same, whichever instrument took it.
+  // Every reading has the same weight, whichever instrument took it.
   const MatrixXd mean = sum.array().colwise() / count.array();
   return mean.rowwise() - mean.row(0).eval();
 }
 
-bool is_moved(const std::vector<DayLog>& logs, int joint) {
-  std::optional<double> place;
+bool is_axis_varied(const std::vector<DayLog>& logs, int joint) {
+  std::optional<double> position;
   for (const DayLog& log : logs)
     for (const Measurement& measurement : log.readings->plan.measurements) {
-      if (!reads(*log.readings, measurement)) continue;
-      if (place && *place != measurement.state.q[joint]) return true;
-      place = measurement.state.q[joint];
+      if (!has_value(*log.readings, measurement)) continue;
+      if (position && *position != measurement.state.q[joint]) return true;
+      position = measurement.state.q[joint];
     }
   return false;
 }
@@ -316,7 +319,7 @@ void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& opt
   }
 }
 
-double polynomial(const VectorXd& c, double p) {
+double polynomial_value(const VectorXd& c, double p) {
   double value = 0;
   for (Index k = c.size(); k-- > 0;) value = value * p + c(k);
   return value;
@@ -324,19 +327,20 @@ double polynomial(const VectorXd& c, double p) {
 
 /// Returns all cold runs as one, for the cold curve.
 CompositeRun cold_runs(const std::vector<CompositeRun>& runs) {
-  CompositeRun all;
+  CompositeRun combined;
   for (const CompositeRun& run : runs) {
     if (!run.cold) continue;
-    VectorXd p(all.p.size() + run.p.size()), delta(p.size());
-    p << all.p, run.p;
-    delta << all.delta, run.delta;
-    all.p = p;
-    all.delta = delta;
+    VectorXd p(combined.p.size() + run.p.size()), delta(p.size());
+    p << combined.p, run.p;
+    delta << combined.delta, run.delta;
+    combined.p = p;
+    combined.delta = delta;
   }
-  return all;
+  return combined;
 }
 
-/// Fits powers of p / scale, so that the fourth power of 500 mm does not swamp the first.
+/// Fits the cold curve in powers of p / scale, as the fourth power of 500 mm would swamp the first.
+/// Returns false if the positions do not determine it.
 bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   const double largest = cold.p.size() ? cold.p.cwiseAbs().maxCoeff() : 0.0;
   fit.curve_scale = largest > 0 ? largest : 1.0;
@@ -352,16 +356,17 @@ bool fit_curve(const CompositeRun& cold, int degree, CompositeFit& fit) {
   return true;
 }
 
-/// Fits a straight line to a later run minus the cold curve.
+/// Fits a straight line to a run that is not cold, minus the cold curve.
 Regression fit_slope(const CompositeRun& run, const VectorXd& geometric, bool free_offset) {
-  VectorXd rest = run.delta;
-  for (Index i = 0; i < rest.size(); ++i) rest(i) -= polynomial(geometric, run.p(i));
+  VectorXd thermal_part = run.delta;
+  for (Index i = 0; i < thermal_part.size(); ++i)
+    thermal_part(i) -= polynomial_value(geometric, run.p(i));
   RegressionOptions options;
   options.constant = free_offset;
-  return fit_regression(run.p, rest, options);
+  return fit_regression(run.p, thermal_part, options);
 }
 
-/// Regresses the slopes, once all are known, on the temperatures.
+/// Regresses the slopes of all runs that are not cold on the temperatures.
 void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOptions& options,
                       CompositeFit& fit) {
   MatrixXd dT(static_cast<Index>(fit.later.size()), runs.front().dT_K.size());
@@ -378,6 +383,7 @@ void fit_temperatures(const std::vector<CompositeRun>& runs, const CompositeOpti
   fit.thermal_constant = fit.slope_fit.constant;
 }
 
+/// Returns the RMS residual of all readings about the composite law with offsets.
 double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& fit) {
   double squares = 0;
   Index rows = 0, later = 0;
@@ -386,29 +392,30 @@ double composite_rms(const std::vector<CompositeRun>& runs, const CompositeFit& 
     for (Index i = 0; i < run.p.size(); ++i) {
       // A cold run has dT = 0, and a constant of the slope belongs to the later runs only.
       const double thermal = run.cold ? 0.0 : fit.thermal_constant + fit.thermal.dot(run.dT_K);
-      const double law = polynomial(fit.geometric, run.p(i)) + thermal * run.p(i) + offset;
-      squares += (run.delta(i) - law) * (run.delta(i) - law);
+      const double predicted_delta =
+          polynomial_value(fit.geometric, run.p(i)) + thermal * run.p(i) + offset;
+      squares += (run.delta(i) - predicted_delta) * (run.delta(i) - predicted_delta);
     }
     rows += run.p.size();
   }
   return std::sqrt(squares / static_cast<double>(rows));
 }
 
-/// Returns the first reason why a separation is meaningless.
+/// Lists the runs that are not cold, and returns the first reason why they cannot be separated.
 CompositeStatus check(const std::vector<CompositeRun>& runs, CompositeFit& fit) {
-  bool any_cold = false;
+  bool has_cold_run = false;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!runs[i].cold) {
       fit.later.push_back(static_cast<int>(i));
       continue;
     }
-    any_cold = true;
+    has_cold_run = true;
     if (!runs[i].dT_K.isZero(0)) {
       fit.run = static_cast<int>(i);
       return CompositeStatus::ColdRunWarm;
     }
   }
-  if (!any_cold) return CompositeStatus::NoColdRun;
+  if (!has_cold_run) return CompositeStatus::NoColdRun;
   return fit.later.empty() ? CompositeStatus::NoLaterRun : CompositeStatus::Ok;
 }
 
@@ -444,7 +451,7 @@ CompositeFit fit_composite(const std::vector<CompositeRun>& runs, const Composit
 }
 
 double value(const CompositeFit& fit, double p, const VectorXd& dT_K) {
-  return polynomial(fit.geometric, p) + (fit.thermal_constant + fit.thermal.dot(dT_K)) * p;
+  return polynomial_value(fit.geometric, p) + (fit.thermal_constant + fit.thermal.dot(dT_K)) * p;
 }
 
 double run_slope(const CompositeRun& run) {

@@ -9,19 +9,20 @@
 #include "errors/identification/regression.h"
 #include "errors/metrology/readings.h"
 
-/// Readings of a day, split into epochs and compared with the first of them; Yang's composite
-/// thermal element.
+/// Readings of a day, split into epochs and compared with the first epoch; Yang's composite thermal
+/// element.
 namespace abbe::errors::identification {
 
 /// Returns the index of the start of every set-up, from 0: the number of earlier set-ups of the
 /// same name. (set-ups)
 std::vector<int> start_numbers(const metrology::Plan& plan);
 
-/// Returns the readings of every start separately; the duration of one is not known. (starts)
+/// Returns the readings of every start separately (starts). The plan of a start has no duration, as
+/// it is not known.
 std::vector<metrology::Readings> split_by_start(const metrology::Readings& readings);
 
-/// Returns the columns of sensors among those that were logged.
-/// @throws std::invalid_argument naming one that was not
+/// Returns the columns of sensors among the logged ones.
+/// @throws std::invalid_argument naming a sensor that was not logged
 std::vector<Eigen::Index> sensor_columns(const std::vector<std::string>& sensors,
                                          const std::vector<std::string>& logged);
 
@@ -31,11 +32,12 @@ std::vector<Eigen::Index> sensor_columns(const std::vector<std::string>& sensors
 Eigen::MatrixXd temperature_rise_K(std::span<const metrology::Readings> readings,
                                    const std::vector<std::string>& sensors);
 
-/// Readings with the starts of their set-ups. The readings must outlive it.
+/// Readings of an instrument over a day, with the starts of their set-ups. The readings must
+/// outlive the log.
 struct DayLog {
   const metrology::Readings* readings = nullptr;
-  std::vector<int> start;  ///< (set-ups)
-  int starts = 1;          ///< 1: permanent set-up for the whole day
+  std::vector<int> start;  ///< (set-ups) index of the start
+  int starts = 1;          ///< number of starts; 1: permanent set-up for the whole day
 
   double time_s(std::size_t measurement) const {
     return readings->plan.measurements[measurement].state.time_s;
@@ -46,23 +48,24 @@ struct DayLog {
 };
 DayLog day_log(const metrology::Readings& readings);
 
-/// A closed interval of time.
+/// Closed interval of time in which the thermal state counts as constant.
 struct Epoch {
   double from_s = 0.0;
   double to_s = 0.0;
-  bool holds(double time_s) const { return time_s >= from_s && time_s <= to_s; }
+  bool contains(double time_s) const { return time_s >= from_s && time_s <= to_s; }
 };
 
-/// Returns one epoch for each start of the instruments that read from several; if there is none,
-/// one per instant or group of instants, at most 200.
-/// @throws std::invalid_argument for fewer than 3, for starts that differ between instruments or
-///         that begin before all have read from the one before
+/// Returns one epoch for each start of the instruments with several starts. If there is no such
+/// instrument, returns one per instant or group of instants, at most 200.
+/// @throws std::invalid_argument for fewer than 3 epochs, for starts that differ between
+///         instruments, or for a start that begins before all instruments have read from the
+///         previous one
 std::vector<Epoch> split_into_epochs(const std::vector<DayLog>& logs);
 
 /// Returns the readings of every instrument in an epoch as if the machine had been perfect in the
 /// first: the nominal readings plus the change since the mean of the first epoch at the same
 /// position, with the same direction of approach, by the same channel. Unknowns of a permanent
-/// set-up cancel; those of a repeated set-up count twice, and its zeros are unknown.
+/// set-up cancel. Those of a repeated set-up count twice, and its zeros stay unknown.
 /// @return (epochs), each (instruments)
 /// @throws std::invalid_argument naming an instrument that does not read in every epoch
 std::vector<std::vector<metrology::Readings>> changes_of(const std::vector<DayLog>& logs,
@@ -77,45 +80,48 @@ Eigen::MatrixXd temperature_rise_K(const std::vector<DayLog>& logs,
                                    const std::vector<Epoch>& epochs,
                                    const std::vector<std::string>& sensors);
 
-/// Returns true if an axis was read at more than one position; otherwise a slope along it is
-/// meaningless.
-bool is_moved(const std::vector<DayLog>& logs, int joint);
+/// Returns true if readings were taken at more than one position of an axis, as a slope along it
+/// requires.
+bool is_axis_varied(const std::vector<DayLog>& logs, int joint);
 
 // Yang's composite element, delta(p, T) = delta_G(p) + delta_T(T) p: the cold curve of an axis plus
 // a slope that depends on temperature, separated by runs along the axis at several temperatures.
 
-/// One run along the axis.
+/// Run along an axis.
 struct CompositeRun {
   Eigen::VectorXd p;      ///< (n) mm or rad, positions
   Eigen::VectorXd delta;  ///< (n) mm or rad, deviations
   Eigen::VectorXd dT_K;   ///< (m) temperature changes since the cold state
-  bool cold = false;      ///< true for runs at dT = 0
+  bool cold = false;      ///< true: run at dT = 0
 };
+/// Options of the separation of a composite element.
 struct CompositeOptions {
-  int degree = 4;  ///< of the cold polynomial
-  /// Allow a constant of the slope besides the temperatures. It is 0 by the definition of dT unless
-  /// the cold runs were not cold; the cold curve has its own slope in either case.
+  int degree = 4;  ///< of the polynomial of the cold curve
+  /// Allow a constant of the slope besides the temperatures. By the definition of dT it is 0 unless
+  /// the cold runs were not cold. The cold curve has its own slope in either case.
   bool slope_constant = false;
-  /// Allow every later run a constant offset from the cold curve: a drift of the zero, which
-  /// `offset` reports and the composite law excludes.
+  /// Allow every later run a constant offset from the cold curve, the drift of the zero. `offset`
+  /// reports it; the composite law excludes it.
   bool free_offset = true;
 };
+/// Outcome of a separation.
 enum class CompositeStatus {
   Ok,
-  NoColdRun,    ///< no run is marked as cold
-  ColdRunWarm,  ///< a cold run has a dT other than 0
-  NoLaterRun,
-  CurveNotDetermined,  ///< too few positions for the degree: see `curve`
-  SlopeNotDetermined,  ///< the temperatures do not separate the slopes: see `slope_fit`
+  NoColdRun,           ///< no run is marked as cold
+  ColdRunWarm,         ///< a cold run has a dT other than 0
+  NoLaterRun,          ///< all runs are cold
+  CurveNotDetermined,  ///< too few positions for the degree; `curve` has the details
+  SlopeNotDetermined,  ///< the temperatures do not separate the slopes; `slope_fit` has the details
 };
+/// Composite element of an axis, separated into its cold curve and its thermal slope.
 struct CompositeFit {
   CompositeStatus status = CompositeStatus::Ok;
-  int run = -1;               ///< the run that causes the status, if there is one
+  int run = -1;               ///< index of the run that causes the status; -1: none
   Eigen::VectorXd geometric;  ///< (degree + 1) delta_G = sum_k geometric[k] p^k
   Eigen::VectorXd thermal;    ///< (m) delta_T = thermal_constant + thermal . dT_K, per K
   double thermal_constant = 0.0;
-  Regression curve;  ///< of the cold runs, in powers of p / `curve_scale`
-  double curve_scale = 1.0;
+  Regression curve;             ///< of the cold runs, in powers of p / `curve_scale`
+  double curve_scale = 1.0;     ///< mm or rad
   Regression slope_fit;         ///< of the slopes on the temperatures
   std::vector<int> later;       ///< indices of the runs that are not cold
   Eigen::VectorXd slope;        ///< (later) of each such run minus the cold curve
@@ -136,7 +142,7 @@ struct CompositeFit {
 /// Returns delta_G(p) + delta_T(dT) p.
 double value(const CompositeFit& fit, double p, const Eigen::VectorXd& dT_K);
 
-/// Returns the least-squares slope of a whole run including its geometric part, as regressed in the
+/// Returns the least-squares slope of a run including its geometric part, as regressed in the
 /// paper.
 double run_slope(const CompositeRun& run);
 

@@ -23,7 +23,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// A constant column gets the scale 1, so that it becomes 0 and not NaN.
+/// Returns the standard deviation of centred values; 1 for a constant column, so that scaling gives
+/// 0 and not NaN.
 double finite_sd(const VectorXd& centred) {
   const double sd = std::sqrt(centred.squaredNorm() / static_cast<double>(centred.size()));
   return sd > 0 ? sd : 1.0;
@@ -37,14 +38,14 @@ Scaling data_scaling(const ThermalData& data) {
   return s;
 }
 
-MatrixXd scaled(const Scaling& s, const MatrixXd& T) {
+MatrixXd scale_inputs(const Scaling& s, const MatrixXd& T) {
   return (T.rowwise() - s.mean.transpose()).array().rowwise() / s.scale.transpose().array();
 }
 
-/// Returns every k-th row, so that at most `most` are left (at least one per run).
-ThermalData thin_to(const ThermalData& data, int most) {
+/// Returns every k-th row, so that at most `max_rows` remain (at least one per run).
+ThermalData thin_to(const ThermalData& data, int max_rows) {
   const auto n = static_cast<int>(data.y.size());
-  return n <= most ? data : thinned(data, (n + most - 1) / most);
+  return n <= max_rows ? data : thinned(data, (n + max_rows - 1) / max_rows);
 }
 
 ThermalFit fit_linear(const ThermalData& data, ThermalModel model) {
@@ -82,13 +83,13 @@ ThermalFit fit_shrunk(const ThermalData& data, const ThermalModelOptions& option
   return result;
 }
 
-ThermalFit fit_learned(const ThermalData& all, const ThermalModelOptions& options,
+ThermalFit fit_learned(const ThermalData& data, const ThermalModelOptions& options,
                        ThermalModel model) {
-  const ThermalData data = thin_to(all, options.most_rows);
-  const Scaling s = data_scaling(data);
-  const MatrixXd Z = scaled(s, data.T);
+  const ThermalData thinned_data = thin_to(data, options.max_rows);
+  const Scaling s = data_scaling(thinned_data);
+  const MatrixXd Z = scale_inputs(s, thinned_data.T);
   // Kernels and networks have no units, so inputs and outputs are scaled to standard deviation 1.
-  const VectorXd y = (data.y.array() - s.y_mean) / s.y_scale;
+  const VectorXd y = (thinned_data.y.array() - s.y_mean) / s.y_scale;
   if (options.kind == ModelKind::SupportVectors)
     model.law = KernelLaw{s, fit_support_vectors(Z, y, options.support)};
   else if (options.kind == ModelKind::KernelRidge)
@@ -100,30 +101,31 @@ ThermalFit fit_learned(const ThermalData& all, const ThermalModelOptions& option
   return result;
 }
 
-/// Returns the distance beyond the trained range as a fraction of it; infinite if the input was
-/// constant and now differs.
-double beyond(const ThermalModel& model, Index input, double T) {
-  const double out = std::max({model.lowest(input) - T, T - model.highest(input), 0.0});
+/// Returns the distance beyond the trained range as a fraction of that range; infinite if the input
+/// was constant in training and now differs.
+double relative_excess(const ThermalModel& model, Index input, double T) {
+  const double excess = std::max({model.lowest(input) - T, T - model.highest(input), 0.0});
   // A constant input that has not changed would give 0 / 0.
-  return out == 0 ? 0.0 : out / (model.highest(input) - model.lowest(input));
+  return excess == 0 ? 0.0 : excess / (model.highest(input) - model.lowest(input));
 }
 
-double value_of(const LinearLaw& law, const VectorXd& T) { return law.constant + law.beta.dot(T); }
-double value_of(const KernelLaw& law, const VectorXd& T) {
+double law_value(const LinearLaw& law, const VectorXd& T) { return law.constant + law.beta.dot(T); }
+double law_value(const KernelLaw& law, const VectorXd& T) {
   return law.scaling.y_mean +
          law.scaling.y_scale *
              value(law.sum, (T - law.scaling.mean).cwiseQuotient(law.scaling.scale));
 }
-double value_of(const NetworkLaw& law, const VectorXd& T) {
+double law_value(const NetworkLaw& law, const VectorXd& T) {
   return law.scaling.y_mean +
          law.scaling.y_scale *
              value(law.network, (T - law.scaling.mean).cwiseQuotient(law.scaling.scale));
 }
-double value_of(const ThermalModel& model, const VectorXd& T) {
-  return std::visit([&](const auto& law) { return value_of(law, T); }, model.law);
+double law_value(const ThermalModel& model, const VectorXd& T) {
+  return std::visit([&](const auto& law) { return law_value(law, T); }, model.law);
 }
 
-/// Returns the variance of the coefficients' contribution relative to that of a reading.
+/// Returns the variance of the prediction by that of the coefficients, relative to the variance of
+/// a reading.
 double leverage(const ThermalModel& model, const VectorXd& T) {
   const auto* law = std::get_if<LinearLaw>(&model.law);
   if (!law || law->covariance.size() == 0) return 0.0;
@@ -155,7 +157,7 @@ const char* to_string(ModelKind kind) {
 
 ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
   validate(data);
-  if (!(options.margin >= 0) || !std::isfinite(options.margin) || options.most_rows < 1)
+  if (!(options.margin >= 0) || !std::isfinite(options.margin) || options.max_rows < 1)
     throw std::invalid_argument("an option of a thermal model is out of range");
   ThermalModel model;
   model.kind = options.kind;
@@ -168,16 +170,16 @@ ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options) {
                       : shrunk ? fit_shrunk(data, options, std::move(model))
                                : fit_learned(data, options, std::move(model));
   if (!result.model) return result;
-  // The sigma of a linear fit has its degrees of freedom removed; for the others the plain RMS is
-  // all there is.
+  // The sigma of a linear fit accounts for its degrees of freedom. The other kinds have no such
+  // number, so the plain RMS is used.
   if (options.kind != ModelKind::Linear)
     result.model->sigma = spread(data.y - values(*result.model, data.T)).rms;
-  // Rows of a run are correlated, so the scatter within known runs underestimates that of a new
-  // one.
+  // Rows of a run are correlated, so the scatter within training runs underestimates that of a new
+  // run.
   if (options.sigma_from_runs && runs(data).size() >= 2) {
-    const Validation left_out = cross_validate(data, options);
-    result.model->sigma_from_runs = left_out.status == FitStatus::Ok;
-    if (result.model->sigma_from_runs) result.model->sigma = left_out.overall.rms;
+    const Validation validation = cross_validate(data, options);
+    result.model->sigma_from_runs = validation.status == FitStatus::Ok;
+    if (result.model->sigma_from_runs) result.model->sigma = validation.overall.rms;
   }
   return result;
 }
@@ -186,23 +188,23 @@ ThermalPrediction predict(const ThermalModel& model, const VectorXd& T) {
   if (T.size() != model.lowest.size() || !T.allFinite())
     throw std::invalid_argument("a prediction needs as many finite inputs as were trained");
   ThermalPrediction result;
-  // The farthest of several inputs outside of the range is reported.
+  // Of several inputs outside the range the farthest is reported.
   double farthest = model.margin;
   for (Index i = 0; i < T.size(); ++i)
-    if (const double out = beyond(model, i, T(i)); out > farthest) {
+    if (const double excess = relative_excess(model, i, T(i)); excess > farthest) {
       result.status = PredictionStatus::OutsideTrainedRange;
       result.input = static_cast<int>(i);
-      farthest = out;
+      farthest = excess;
     }
   if (result.status != PredictionStatus::Ok) return result;
-  result.value = value_of(model, T);
+  result.value = law_value(model, T);
   result.sigma = model.sigma * std::sqrt(1.0 + leverage(model, T));
   return result;
 }
 
 VectorXd values(const ThermalModel& model, const MatrixXd& T) {
   VectorXd result(T.rows());
-  for (Index row = 0; row < T.rows(); ++row) result(row) = value_of(model, T.row(row).transpose());
+  for (Index row = 0; row < T.rows(); ++row) result(row) = law_value(model, T.row(row).transpose());
   return result;
 }
 
@@ -215,45 +217,46 @@ int count_rows_outside(const ThermalModel& model, const MatrixXd& T) {
 
 namespace {
 
-/// Residuals of a part that was left out, and its label.
-struct Part {
-  int run = 0;
+/// Residuals of runs that were left out of the training.
+struct ValidationPart {
+  int run = 0;  ///< label
   FitStatus status = FitStatus::Ok;
   VectorXd residual;
-  int outside = 0;
+  int outside = 0;  ///< number of rows outside the trained range
 };
 
-Part graded(const ThermalFit& fitted, const ThermalData& test, int run) {
+ValidationPart test_residuals(const ThermalFit& fitted, const ThermalData& test, int run) {
   if (!fitted.model) return {run, fitted.status, {}, 0};
   return {run, FitStatus::Ok, test.y - values(*fitted.model, test.T),
           count_rows_outside(*fitted.model, test.T)};
 }
 
-Part left_out(const ThermalData& training, const ThermalData& test, ThermalModelOptions options,
-              int run) {
+ValidationPart validate_left_out(const ThermalData& training, const ThermalData& test,
+                                 ThermalModelOptions options, int run) {
   options.sigma_from_runs = false;
-  return graded(fit(training, options), test, run);
+  return test_residuals(fit(training, options), test, run);
 }
 
-/// @param alike  every part has the same weight, not every row
-Validation summary(const std::vector<Part>& parts, bool alike) {
+/// Returns the figures of all parts together.
+/// @param has_equal_weights  true: every part has the same weight; false: every row
+Validation summary(const std::vector<ValidationPart>& parts, bool has_equal_weights) {
   Validation result;
   double squares = 0, weight = 0, sum_rms = 0;
-  for (const Part& part : parts) {
+  for (const ValidationPart& part : parts) {
     // A mean over the remaining parts would be too favourable.
     if (part.status != FitStatus::Ok) {
       result = {};
       result.status = part.status;
       return result;
     }
-    const Spread s = spread(part.residual);
-    const double w = alike ? 1.0 : static_cast<double>(part.residual.size());
-    squares += w * s.rms * s.rms;
-    weight += w;
-    sum_rms += s.rms;
+    const Spread part_spread = spread(part.residual);
+    const double part_weight = has_equal_weights ? 1.0 : static_cast<double>(part.residual.size());
+    squares += part_weight * part_spread.rms * part_spread.rms;
+    weight += part_weight;
+    sum_rms += part_spread.rms;
     result.run.push_back(part.run);
-    result.of_run.push_back(s);
-    result.overall.max = std::max(result.overall.max, s.max);
+    result.of_run.push_back(part_spread);
+    result.overall.max = std::max(result.overall.max, part_spread.max);
     result.rows += static_cast<int>(part.residual.size());
     result.outside += part.outside;
   }
@@ -268,17 +271,19 @@ Validation cross_validate(const ThermalData& data, const ThermalModelOptions& op
                           Split split) {
   const std::vector<int> labels = runs(data);
   if (labels.size() < 2) throw std::invalid_argument("cross-validation by run needs two runs");
-  std::vector<Part> parts;
+  std::vector<ValidationPart> parts;
   if (split == Split::LeaveOneRunOut) {
     for (const int label : labels)
       parts.push_back(
-          left_out(exclude_run(data, label), select_runs(data, {label}), options, label));
+          validate_left_out(exclude_run(data, label), select_runs(data, {label}), options, label));
   } else {
-    // From half of the runs on: fewer would train on too little to say how a model ages.
+    // From half of the runs on: with fewer the training data do not suffice to show how a model
+    // ages.
     for (std::size_t k = (labels.size() + 1) / 2; k < labels.size(); ++k) {
-      const auto cut = labels.begin() + static_cast<std::ptrdiff_t>(k);
-      parts.push_back(left_out(select_runs(data, {labels.begin(), cut}),
-                               select_runs(data, {cut, labels.end()}), options, labels[k - 1]));
+      const auto split_point = labels.begin() + static_cast<std::ptrdiff_t>(k);
+      parts.push_back(validate_left_out(select_runs(data, {labels.begin(), split_point}),
+                                        select_runs(data, {split_point, labels.end()}), options,
+                                        labels[k - 1]));
     }
   }
   return summary(parts, split == Split::Forward);
@@ -286,17 +291,17 @@ Validation cross_validate(const ThermalData& data, const ThermalModelOptions& op
 
 Validation validate_on(const ThermalData& training, const ThermalData& test, const Recipe& recipe) {
   validate(test);
-  const ThermalData seen = with_features(training, recipe.features);
-  const ThermalData unseen = with_features(test, recipe.features);
+  const ThermalData training_data = with_features(training, recipe.features);
+  const ThermalData test_data = with_features(test, recipe.features);
   // Equal names in another order would still assign temperatures to wrong coefficients.
-  if (seen.names != unseen.names)
+  if (training_data.names != test_data.names)
     throw std::invalid_argument("training and test data differ in their inputs");
   ThermalModelOptions options = recipe.model;
   options.sigma_from_runs = false;
-  const ThermalFit fitted = fit(seen, options);
-  std::vector<Part> parts;
-  for (const int label : runs(unseen))
-    parts.push_back(graded(fitted, select_runs(unseen, {label}), label));
+  const ThermalFit fitted = fit(training_data, options);
+  std::vector<ValidationPart> parts;
+  for (const int label : runs(test_data))
+    parts.push_back(test_residuals(fitted, select_runs(test_data, {label}), label));
   return summary(parts, false);
 }
 
@@ -304,14 +309,14 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
                            const ChoiceOptions& options) {
   RecipeChoice choice;
   for (const Recipe& recipe : recipes) {
-    const ThermalData made = thinned(with_features(data, recipe.features), options.every);
-    choice.validation.push_back(cross_validate(made, recipe.model, options.split));
-    const Validation& last = choice.validation.back();
-    if (last.status != FitStatus::Ok) continue;
-    const bool better =
+    const ThermalData featured = thinned(with_features(data, recipe.features), options.every);
+    choice.validation.push_back(cross_validate(featured, recipe.model, options.split));
+    const Validation& latest = choice.validation.back();
+    if (latest.status != FitStatus::Ok) continue;
+    const bool is_better =
         choice.best < 0 ||
-        last.overall.rms < choice.validation[static_cast<std::size_t>(choice.best)].overall.rms;
-    if (better) choice.best = static_cast<int>(choice.validation.size()) - 1;
+        latest.overall.rms < choice.validation[static_cast<std::size_t>(choice.best)].overall.rms;
+    if (is_better) choice.best = static_cast<int>(choice.validation.size()) - 1;
   }
   return choice;
 }
@@ -319,9 +324,9 @@ RecipeChoice choose_recipe(const ThermalData& data, const std::vector<Recipe>& r
 NestedValidation nested_validation(const ThermalData& data, const std::vector<Recipe>& recipes,
                                    const ChoiceOptions& options) {
   const std::vector<int> labels = runs(data);
-  // One run is left out, and the choice among the others again needs two.
+  // One run is left out, and the choice among the others needs two.
   if (labels.size() < 3) throw std::invalid_argument("nested validation by run needs three runs");
-  std::vector<Part> parts(labels.size());
+  std::vector<ValidationPart> parts(labels.size());
   std::vector<int> chosen(labels.size(), -1);
   // Each run writes only its own entry, so the result does not depend on the number of threads.
   tbb::parallel_for(std::size_t(0), labels.size(), [&](std::size_t i) {
@@ -332,38 +337,39 @@ NestedValidation nested_validation(const ThermalData& data, const std::vector<Re
     parts[i].status = FitStatus::NotConverged;
     if (chosen[i] < 0) return;
     const Recipe& recipe = recipes[static_cast<std::size_t>(chosen[i])];
-    parts[i] = left_out(with_features(others, recipe.features),
-                        with_features(select_runs(data, {labels[i]}), recipe.features),
-                        recipe.model, labels[i]);
+    parts[i] = validate_left_out(with_features(others, recipe.features),
+                                 with_features(select_runs(data, {labels[i]}), recipe.features),
+                                 recipe.model, labels[i]);
   });
   return {summary(parts, false), chosen};
 }
 
-// Text format: every line is a keyword and numbers, in a fixed order; a number is the shortest
-// decimal that reads back the same bits.
-
 namespace {
 
-constexpr int largest_model = 1000;
-constexpr int most_rows = 100'000;
+// Text format: every line is a keyword with values, in a fixed order. A number is the shortest
+// decimal that reads back the same bits.
 
-constexpr ModelKind kinds[] = {ModelKind::Linear,      ModelKind::Ridge,
-                               ModelKind::Lasso,       ModelKind::SupportVectors,
-                               ModelKind::KernelRidge, ModelKind::Network};
+constexpr int max_model_size = 1000;
+constexpr int max_support_rows = 100'000;
 
+constexpr ModelKind model_kinds[] = {ModelKind::Linear,      ModelKind::Ridge,
+                                     ModelKind::Lasso,       ModelKind::SupportVectors,
+                                     ModelKind::KernelRidge, ModelKind::Network};
+
+/// Writer of the lines of a model.
 class Writer {
  public:
-  void line(std::string_view word, std::string_view rest) {
-    text_ += fmt::format("{} {}\n", word, rest);
+  void line(std::string_view keyword, std::string_view value) {
+    text_ += fmt::format("{} {}\n", keyword, value);
   }
-  void number(std::string_view word, double value) { line(word, fmt::format("{}", value)); }
-  void vector(std::string_view word, const VectorXd& values) {
-    text_ += word;
+  void number(std::string_view keyword, double value) { line(keyword, fmt::format("{}", value)); }
+  void vector(std::string_view keyword, const VectorXd& values) {
+    text_ += keyword;
     for (const double value : values) text_ += fmt::format(" {}", value);
     text_ += '\n';
   }
-  void matrix(std::string_view word, const MatrixXd& rows) {
-    line(word, fmt::format("{}", rows.rows()));
+  void matrix(std::string_view keyword, const MatrixXd& rows) {
+    line(keyword, fmt::format("{}", rows.rows()));
     for (Index row = 0; row < rows.rows(); ++row) vector("row", rows.row(row).transpose());
   }
 
@@ -383,12 +389,12 @@ class Writer {
   void law(const NetworkLaw& law) {
     scaling(law.scaling);
     number("out_bias", law.network.out_bias);
-    line("hidden", fmt::format("{}", law.network.out.size()));
-    vector("out", law.network.out);
+    line("hidden", fmt::format("{}", law.network.excess.size()));
+    vector("out", law.network.excess);
     vector("in_bias", law.network.in_bias);
     matrix("in", law.network.in);
   }
-  std::string take() { return std::move(text_); }
+  std::string take_text() { return std::move(text_); }
 
  private:
   void scaling(const Scaling& s) {
@@ -400,7 +406,7 @@ class Writer {
   std::string text_;
 };
 
-/// Parser of the lines in their order.
+/// Parser of the lines of a model, in their order.
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
@@ -408,52 +414,56 @@ class Reader {
   }
 
   /// Returns the text after the keyword on the next line.
-  std::string_view rest(std::string_view word) {
+  std::string_view value_text(std::string_view keyword) {
     const std::optional<std::string_view> line = lines_.next();
-    if (!line) refuse(fmt::format("a line \"{} ...\"", word), "the end");
-    if (line->substr(0, word.size()) != word ||
-        (line->size() > word.size() && (*line)[word.size()] != ' '))
-      refuse(fmt::format("a line \"{} ...\"", word), in_quotes(*line));
+    if (!line) throw_input_error(fmt::format("a line \"{} ...\"", keyword), "the end");
+    if (line->substr(0, keyword.size()) != keyword ||
+        (line->size() > keyword.size() && (*line)[keyword.size()] != ' '))
+      throw_input_error(fmt::format("a line \"{} ...\"", keyword), in_quotes(*line));
     line_ = *line;
-    return line->substr(std::min(line->size(), word.size() + 1));
+    return line->substr(std::min(line->size(), keyword.size() + 1));
   }
 
-  VectorXd vector(std::string_view word, Index size) {
-    std::string_view left = rest(word);
-    if (static_cast<Index>(left.size()) < size)  // before memory is allocated for them
-      refuse(fmt::format("{} finite numbers", size), in_quotes(left));
+  VectorXd vector(std::string_view keyword, Index size) {
+    std::string_view remaining = value_text(keyword);
+    // Checked before memory is allocated for the values.
+    if (static_cast<Index>(remaining.size()) < size)
+      throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining));
     VectorXd values(size);
     for (Index i = 0; i < size; ++i) {
-      while (!left.empty() && left.front() == ' ') left.remove_prefix(1);
-      const auto [end, error] = std::from_chars(left.data(), left.data() + left.size(), values(i));
+      while (!remaining.empty() && remaining.front() == ' ') remaining.remove_prefix(1);
+      const auto [end, error] =
+          std::from_chars(remaining.data(), remaining.data() + remaining.size(), values(i));
       if (error != std::errc() || !std::isfinite(values(i)))
-        refuse(fmt::format("{} finite numbers", size), in_quotes(left), left);
-      left.remove_prefix(static_cast<std::size_t>(end - left.data()));
+        throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining), remaining);
+      remaining.remove_prefix(static_cast<std::size_t>(end - remaining.data()));
     }
-    if (!left.empty()) refuse(fmt::format("{} finite numbers", size), in_quotes(left), left);
+    if (!remaining.empty())
+      throw_input_error(fmt::format("{} finite numbers", size), in_quotes(remaining), remaining);
     return values;
   }
-  double number(std::string_view word) { return vector(word, 1)(0); }
-  double positive(std::string_view word) {
-    const double value = number(word);
-    if (!(value > 0)) refuse("a number above 0", fmt::format("{}", value));
+  double number(std::string_view keyword) { return vector(keyword, 1)(0); }
+  double positive(std::string_view keyword) {
+    const double value = number(keyword);
+    if (!(value > 0)) throw_input_error("a number above 0", fmt::format("{}", value));
     return value;
   }
-  double not_negative(std::string_view word) {
-    const double value = number(word);
-    if (!(value >= 0)) refuse("a number of 0 or more", fmt::format("{}", value));
+  double not_negative(std::string_view keyword) {
+    const double value = number(keyword);
+    if (!(value >= 0)) throw_input_error("a number of 0 or more", fmt::format("{}", value));
     return value;
   }
-  int whole(std::string_view word, int least, int most) {
-    const double value = number(word);
-    if (value != std::floor(value) || value < least || value > most)
-      refuse(fmt::format("a whole number from {} to {}", least, most), fmt::format("{}", value));
+  int integer(std::string_view keyword, int min, int max) {
+    const double value = number(keyword);
+    if (value != std::floor(value) || value < min || value > max)
+      throw_input_error(fmt::format("a whole number from {} to {}", min, max),
+                        fmt::format("{}", value));
     return static_cast<int>(value);
   }
-  /// Each row is read before memory for the next is allocated, so a text cannot claim more than it
-  /// contains.
-  MatrixXd matrix(std::string_view word, Index columns, int most) {
-    const int count = whole(word, 0, most);
+  /// Each row is read before memory for the next is allocated, so a text cannot demand more memory
+  /// than its own size justifies.
+  MatrixXd matrix(std::string_view keyword, Index columns, int max_rows) {
+    const int count = integer(keyword, 0, max_rows);
     std::vector<VectorXd> rows;
     for (int row = 0; row < count; ++row) rows.push_back(vector("row", columns));
     MatrixXd result(count, count ? columns : 0);
@@ -463,11 +473,11 @@ class Reader {
   }
   void finish() {
     while (const auto line = lines_.next())
-      if (!line->empty()) refuse("the end", in_quotes(*line));
+      if (!line->empty()) throw_input_error("the end", in_quotes(*line));
   }
 
-  [[noreturn]] void refuse(const std::string& expected, const std::string& seen,
-                           std::string_view at = {}) const {
+  [[noreturn]] void throw_input_error(const std::string& expected, const std::string& seen,
+                                      std::string_view at = {}) const {
     const int column = at.data() && !line_.empty() ? int(at.data() - line_.data()) + 1 : 1;
     throw BadInput(file_, lines_.number(), column, expected, seen);
   }
@@ -479,10 +489,10 @@ class Reader {
 };
 
 ModelKind read_kind(Reader& reader) {
-  const std::string_view word = reader.rest("kind");
-  for (const ModelKind kind : kinds)
-    if (word == to_string(kind)) return kind;
-  reader.refuse("a kind of model", in_quotes(word));
+  const std::string_view keyword = reader.value_text("kind");
+  for (const ModelKind kind : model_kinds)
+    if (keyword == to_string(kind)) return kind;
+  reader.throw_input_error("a kind of model", in_quotes(keyword));
 }
 
 LinearLaw read_linear(Reader& reader, Index m) {
@@ -492,8 +502,8 @@ LinearLaw read_linear(Reader& reader, Index m) {
   // Shrunk models have no covariance, so the matrix may be empty.
   law.covariance = reader.matrix("covariance", m + 1, static_cast<int>(m) + 1);
   if (law.covariance.rows() != 0 && law.covariance.rows() != m + 1)
-    reader.refuse(fmt::format("no covariance or {} rows of it", m + 1),
-                  fmt::format("{}", law.covariance.rows()));
+    reader.throw_input_error(fmt::format("no covariance or {} rows of it", m + 1),
+                             fmt::format("{}", law.covariance.rows()));
   return law;
 }
 
@@ -501,7 +511,7 @@ Scaling read_scaling(Reader& reader, Index m) {
   Scaling s;
   s.mean = reader.vector("mean", m);
   s.scale = reader.vector("scale", m);
-  if (!(s.scale.array() > 0).all()) reader.refuse("scales above 0", "another");
+  if (!(s.scale.array() > 0).all()) reader.throw_input_error("scales above 0", "another");
   s.y_mean = reader.number("y_mean");
   s.y_scale = reader.positive("y_scale");
   return s;
@@ -511,32 +521,35 @@ KernelLaw read_kernel(Reader& reader, Index m) {
   KernelLaw law{read_scaling(reader, m), {}};
   law.sum.gamma = reader.positive("gamma");
   law.sum.bias = reader.number("bias");
-  const int count = reader.whole("supports", 0, most_rows);
+  const int count = reader.integer("supports", 0, max_support_rows);
   law.sum.weight = reader.vector("weight", count);
-  law.sum.support = reader.matrix("support", m, most_rows);
+  law.sum.support = reader.matrix("support", m, max_support_rows);
   if (law.sum.support.rows() != count)
-    reader.refuse(fmt::format("{} supports", count), fmt::format("{}", law.sum.support.rows()));
+    reader.throw_input_error(fmt::format("{} supports", count),
+                             fmt::format("{}", law.sum.support.rows()));
   return law;
 }
 
 NetworkLaw read_network(Reader& reader, Index m) {
   NetworkLaw law{read_scaling(reader, m), {}};
   law.network.out_bias = reader.number("out_bias");
-  const int hidden = reader.whole("hidden", 1, largest_model);
-  law.network.out = reader.vector("out", hidden);
+  const int hidden = reader.integer("hidden", 1, max_model_size);
+  law.network.excess = reader.vector("out", hidden);
   law.network.in_bias = reader.vector("in_bias", hidden);
-  law.network.in = reader.matrix("in", m, largest_model);
+  law.network.in = reader.matrix("in", m, max_model_size);
   if (law.network.in.rows() != hidden)
-    reader.refuse(fmt::format("{} rows", hidden), fmt::format("{}", law.network.in.rows()));
+    reader.throw_input_error(fmt::format("{} rows", hidden),
+                             fmt::format("{}", law.network.in.rows()));
   return law;
 }
 
 std::vector<std::string> read_names(Reader& reader, int count) {
   std::vector<std::string> names;
-  std::set<std::string_view> seen;
+  std::set<std::string_view> earlier_names;
   for (int i = 0; i < count; ++i) {
-    const std::string_view name = reader.rest("input");
-    if (!seen.insert(name).second) reader.refuse("a name that no other input has", in_quotes(name));
+    const std::string_view name = reader.value_text("input");
+    if (!earlier_names.insert(name).second)
+      reader.throw_input_error("a name that no other input has", in_quotes(name));
     names.emplace_back(name);
   }
   return names;
@@ -556,24 +569,24 @@ std::string to_text(const ThermalModel& model) {
   writer.number("sigma", model.sigma);
   writer.line("sigma_from_runs", model.sigma_from_runs ? "1" : "0");
   std::visit([&](const auto& law) { writer.law(law); }, model.law);
-  return writer.take();
+  return writer.take_text();
 }
 
 ThermalModel parse_thermal_model(std::string_view text, const std::string& file) {
   Reader reader(text, file);
-  if (const std::string_view head = reader.rest("abbe"); head != "thermal model 1")
-    reader.refuse("a first line \"abbe thermal model 1\"", in_quotes(head));
+  if (const std::string_view head = reader.value_text("abbe"); head != "thermal model 1")
+    reader.throw_input_error("a first line \"abbe thermal model 1\"", in_quotes(head));
   ThermalModel model;
   model.kind = read_kind(reader);
-  const int m = reader.whole("inputs", 1, largest_model);
+  const int m = reader.integer("inputs", 1, max_model_size);
   model.names = read_names(reader, m);
   model.lowest = reader.vector("lowest", m);
   model.highest = reader.vector("highest", m);
   if (!(model.lowest.array() <= model.highest.array()).all())
-    reader.refuse("no highest below its lowest", "one");
+    reader.throw_input_error("no highest below its lowest", "one");
   model.margin = reader.not_negative("margin");
   model.sigma = reader.not_negative("sigma");
-  model.sigma_from_runs = reader.whole("sigma_from_runs", 0, 1) == 1;
+  model.sigma_from_runs = reader.integer("sigma_from_runs", 0, 1) == 1;
   if (model.kind == ModelKind::SupportVectors || model.kind == ModelKind::KernelRidge)
     model.law = read_kernel(reader, m);
   else if (model.kind == ModelKind::Network)

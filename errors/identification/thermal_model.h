@@ -12,22 +12,23 @@
 #include "errors/identification/regression.h"
 #include "errors/identification/thermal_data.h"
 
-/// Models that predict a deviation from temperatures, with one interface: kind and options ->
-/// fit(data) -> model -> predict, to_text, parse_thermal_model.
+/// Models that predict a deviation from temperatures. All kinds have one interface: `fit` returns a
+/// model, which `predict` evaluates, `to_text` writes and `parse_thermal_model` reads.
 namespace abbe::errors::identification {
 
 enum class ModelKind { Linear, Ridge, Lasso, SupportVectors, KernelRidge, Network };
 const char* to_string(ModelKind kind);
 
+/// Options of a thermal model.
 struct ThermalModelOptions {
   ModelKind kind = ModelKind::Linear;
-  /// The penalty of ridge, with inputs scaled to standard deviation 1; for LASSO it is a fraction
-  /// of the smallest penalty that leaves no coefficient.
+  /// Penalty of ridge for inputs scaled to standard deviation 1; for LASSO a fraction of the
+  /// smallest penalty for which all coefficients are 0.
   double penalty = 1e-2;
   SupportVectorOptions support;     ///< for inputs and y scaled to standard deviation 1
   KernelRidgeOptions kernel_ridge;  ///< likewise
   NetworkOptions network;           ///< likewise
-  int most_rows = 400;          ///< of a learned model: longer data are thinned evenly, run by run
+  int max_rows = 400;           ///< of a learned model: longer data are thinned evenly in every run
   double margin = 0.1;          ///< fraction of an input's trained range by which it may be
                                 ///< exceeded, >= 0
   bool sigma_from_runs = true;  ///< leave every run out once to estimate the uncertainty
@@ -45,26 +46,33 @@ struct Scaling {
   Eigen::VectorXd mean, scale;  ///< (m), scale 1 for a constant input
   double y_mean = 0.0, y_scale = 1.0;
 };
+/// Law of support vectors and of kernel ridge.
 struct KernelLaw {
   Scaling scaling;
   KernelSum sum;
 };
+/// Law of a network.
 struct NetworkLaw {
   Scaling scaling;
   Network network;
 };
 
+/// A fitted model.
 struct ThermalModel {
   ModelKind kind = ModelKind::Linear;
   std::vector<std::string> names;   ///< (m) of the inputs
   Eigen::VectorXd lowest, highest;  ///< (m) trained range
-  double margin = 0.1;
+  double margin = 0.1;              ///< as in the options
   std::variant<LinearLaw, KernelLaw, NetworkLaw> law;
-  double sigma = 0.0;            ///< of one reading in an unknown run: RMS with each run left out
-  bool sigma_from_runs = false;  ///< false: of rows in known runs, which is optimistic
+  double sigma = 0.0;  ///< standard deviation of one reading in a new run: RMS with each
+                       ///< run left out
+  bool sigma_from_runs =
+      false;  ///< false: sigma is that of rows in training runs, which is too low
 };
 
+/// Outcome of a fit.
 enum class FitStatus { Ok, TooFewRows, RankDeficient, NotConverged };
+/// Result of a fit.
 struct ThermalFit {
   FitStatus status = FitStatus::Ok;
   std::vector<Dependence> confounded;    ///< if rank deficient
@@ -77,56 +85,60 @@ struct ThermalFit {
 [[nodiscard]] ThermalFit fit(const ThermalData& data, const ThermalModelOptions& options = {});
 
 enum class PredictionStatus { Ok, OutsideTrainedRange };
+/// Prediction of a deviation.
 struct ThermalPrediction {
   PredictionStatus status = PredictionStatus::Ok;
-  int input = -1;      ///< outside: the input farthest out relative to its range, `names[input]`
+  int input = -1;      ///< index of the input farthest outside relative to its range; -1: none
   double value = 0.0;  ///< unit of y; 0 without a prediction
-  double sigma = 0.0;  ///< of the value as a forecast of one reading; 0 without a prediction
+  double sigma = 0.0;  ///< standard deviation as a forecast of one reading; 0 without a prediction
 };
-/// Predicts a deviation. Returns the status OutsideTrainedRange for an input beyond its trained
-/// range by more than `margin` of it (one that was constant in training may not move).
+/// Predicts a deviation. Returns the status OutsideTrainedRange if an input lies outside its
+/// trained range by more than `margin` of it; an input that was constant in training may not
+/// change.
 /// @param T  (m)
 /// @throws std::invalid_argument for another size or numbers that are not finite
 [[nodiscard]] ThermalPrediction predict(const ThermalModel& model, const Eigen::VectorXd& T);
 
-/// Returns the values of the law for each row, whether within the range or not: for evaluating
-/// models, not for correcting.
+/// Returns the values of the law for each row without a check of the range: for evaluations, not
+/// for corrections.
 Eigen::VectorXd values(const ThermalModel& model, const Eigen::MatrixXd& T);
 
 /// Returns the number of rows that `predict` rejects.
 int count_rows_outside(const ThermalModel& model, const Eigen::MatrixXd& T);
 
-/// Returns the model as plain text; `parse_thermal_model` returns one that predicts the same bits.
+/// Returns the model as plain text. The model that `parse_thermal_model` reads from it predicts the
+/// same bits.
 std::string to_text(const ThermalModel& model);
 
-/// Parses a model. @throws BadInput with the line: anything that `to_text` would not write
+/// Parses a model.
+/// @throws BadInput with the line for anything that `to_text` would not write
 ThermalModel parse_thermal_model(std::string_view text, const std::string& file);
 
-// Validation on runs that were not used for training. Data are split by run, never by row at
-// random, because neighbours in time would be on both sides.
-
+/// Division into training and test data. Data are divided by run, never by row at random, because
+/// neighbours in time would be on both sides.
 enum class Split {
   LeaveOneRunOut,  ///< each run predicted by a model of all others
   Forward,  ///< the first k runs predict all later ones, for every k from half of them on: shows
             ///< how a model ages. Every k has the same weight
 };
+/// Residuals on runs that were not used for training.
 struct Validation {
-  FitStatus status = FitStatus::Ok;  ///< first outcome of a fit that was not ok; then there are no
-                                     ///< figures
-  std::vector<int> run;              ///< labels; for Forward: the last run of the training
-  std::vector<Spread> of_run;        ///< residuals of that run
-  Spread overall;         ///< RMS over all rows left out (Forward: over all k), and largest
-  double mean_rms = 0.0;  ///< mean of the RMS of the runs
-  int rows = 0;           ///< number of predicted rows
-  int outside = 0;        ///< number of those that the model would reject; evaluated all the
-                          ///< same
+  FitStatus status = FitStatus::Ok;  ///< first outcome of a fit other than Ok; all other members
+                                     ///< are then empty
+  std::vector<int> run;        ///< labels; for Forward: the last run of the training
+  std::vector<Spread> of_run;  ///< residuals of that run
+  Spread overall;              ///< RMS over all rows left out (Forward: over all k), and largest
+  double mean_rms = 0.0;       ///< mean of the RMS of the runs
+  int rows = 0;                ///< number of predicted rows
+  int outside = 0;             ///< number of predicted rows outside the trained range, which count
+                               ///< in the figures
 };
-/// Validates a model by runs left out. @throws std::invalid_argument for fewer than 2 runs, or as
-/// `fit`
+/// Validates a model by runs left out.
+/// @throws std::invalid_argument for fewer than 2 runs, or as `fit`
 [[nodiscard]] Validation cross_validate(const ThermalData& data, const ThermalModelOptions& options,
                                         Split split = Split::LeaveOneRunOut);
 
-/// Features and model, chosen together.
+/// Features and model that are chosen together.
 struct Recipe {
   ThermalFeatures features;
   ThermalModelOptions model;
@@ -135,22 +147,24 @@ struct Recipe {
 [[nodiscard]] Validation validate_on(const ThermalData& training, const ThermalData& test,
                                      const Recipe& recipe);
 
+/// Choice among recipes.
 struct RecipeChoice {
-  int best = -1;                       ///< least overall RMS; -1 if none could be fitted
+  int best = -1;  ///< index of the least overall RMS; -1 if none could be fitted
   std::vector<Validation> validation;  ///< one for each recipe
 };
-/// Options of a choice within given data only. Lags count in rows of `data`; the fits then use
-/// every k-th row, which loses little, since neighbours are similar.
+/// Options of a choice among recipes. Lags count in rows of the data. The fits then use every k-th
+/// row, which loses little, since neighbours are similar.
 struct ChoiceOptions {
   Split split = Split::LeaveOneRunOut;
-  int every = 1;
+  int every = 1;  ///< k
 };
+/// Chooses the recipe of the least overall RMS by cross-validation.
 [[nodiscard]] RecipeChoice choose_recipe(const ThermalData& data,
                                          const std::vector<Recipe>& recipes,
                                          const ChoiceOptions& options = {});
 
-/// Each run predicted by the recipe that the other runs choose: an unbiased figure for choice and
-/// fit together.
+/// Validation of choice and fit together, without bias: each run is predicted by the recipe that
+/// the other runs choose.
 struct NestedValidation {
   Validation validation;
   std::vector<int> chosen;  ///< recipe for each run, -1 if none could be fitted

@@ -9,15 +9,15 @@
 
 #include "errors/metrology/form.h"
 
-/// The circular test of ISO 230-4, and weights with which a position on a closed path counts once
+/// Circular test of ISO 230-4, and weights by which every position on a closed path counts once,
 /// even if it is read twice.
 namespace abbe::errors::metrology {
 
-/// Returns the weight of each reading on a circle: half the angle to each of its two neighbouring
-/// positions, whichever turn they were read in. Readings at the same position (to 1e-9 rad) share
-/// its weight. The end of an arc is weighted as if it had a neighbour beyond at the same distance.
-/// Evenly spaced readings thus have equal weights, on an arc as well as on a circle, whether or not
-/// the end point of the circle is read again.
+/// Returns the weight of each reading on a circle: half the sum of the angles to its two
+/// neighbouring positions, which may belong to other turns. Readings at the same position (to 1e-9
+/// rad) divide its weight. The end of an arc has the weight that it would have with a further
+/// neighbour at the same distance. Evenly spaced readings thus have equal weights on an arc and on
+/// a circle, whether or not the end point of the circle is read again.
 /// @param angle  (n) rad, in any order, whole turns ignored
 /// @return (n) rad, > 0
 Eigen::VectorXd arc_weights(const Eigen::VectorXd& angle);
@@ -27,37 +27,37 @@ Eigen::VectorXd arc_weights(const Eigen::VectorXd& angle);
 /// positions.
 bool is_full_turn(const Eigen::VectorXd& angle);
 
-/// Returns for each row 1 over the number of rows at its position, itself included, so that every
-/// position counts once.
+/// Returns for each row 1 over the number of rows at its position, so that every position counts
+/// once.
 /// @param places     (n x k) coordinates; for an angle its cosine and sine
 /// @param tolerance  rows that differ by less in every coordinate are at the same position
 /// @return (n) in (0, 1]
-Eigen::VectorXd place_weights(const Eigen::MatrixXd& places, double tolerance);
+Eigen::VectorXd position_weights(const Eigen::MatrixXd& positions, double tolerance);
 
-/// Radii along a circular path in a plane, as measured with a ball bar. The angle is the commanded
-/// one, since a ball bar does not measure it. This introduces an error of e^2 / R into every
-/// result, where e is the largest deviation of the path (20 um on 100 mm: 4 nm).
+/// Radii along a circular path in a plane, as measured with a ball bar. The angles are commanded
+/// ones, since a ball bar does not measure them. The resulting error of every result is e^2 / R,
+/// where e is the largest deviation of the path (20 um on 100 mm: 4 nm).
 struct CircularTrace {
   Eigen::VectorXd angle;   ///< (n) rad, from the first axis of the plane to the second
   Eigen::VectorXd radius;  ///< (n) mm, distance from the centre of the path; empty: not measured
 };
 
-/// One circle or arc, measured in one or both senses of motion.
+/// Circle or arc, measured in one or both senses of motion.
 struct CircularRuns {
   double nominal_radius = 0.0;  ///< mm
   CircularTrace anticlockwise;  ///< angles in the order of motion, increasing
   CircularTrace clockwise;      ///< angles in the order of motion, decreasing
 };
 
-/// The centre to which radial deviations refer.
+/// Centre to which radial deviations refer.
 enum class CircleCentre {
-  Set,          ///< as set up, from which the radii are measured
-  LeastSquares  ///< of the least-squares circle of all readings; as set up if they cover only an
+  Set,          ///< centre of the set-up, from which the radii are measured
+  LeastSquares  ///< centre of the least-squares circle of all readings; `Set` if they cover only an
                 ///< arc, since ISO 230-4 allows this centre for full circles only
 };
 
 struct CircularOptions {
-  CircleCentre centre = CircleCentre::LeastSquares;  ///< for F; G always uses its own centre
+  CircleCentre centre = CircleCentre::LeastSquares;  ///< for F; G always has its own centre
 };
 
 /// Deviations of one sense of motion, or of both together, mm.
@@ -68,15 +68,15 @@ struct CircularFigures {
   double F_min = 0.0;           ///< smallest radial deviation
 };
 
-/// Results by ISO 230-4. `both` holds G(b) by its two definitions and the extremes of F over both
-/// senses. Least squares weight every reading by its arc: a first position that is read again at
-/// the end counts once, and both senses count equally.
+/// Results by ISO 230-4. `both` contains G(b) by its two definitions and the extremes of F over
+/// both senses. In least squares every reading has the weight of its arc: a first position that is
+/// read again at the end counts once, and both senses have equal weight.
 struct Circular {
   std::optional<CircularFigures> anticlockwise;
   std::optional<CircularFigures> clockwise;
   std::optional<CircularFigures> both;               ///< bidirectional; requires both senses
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< mm, reference of F and H
-  CircleCentre centre_kind = CircleCentre::Set;      ///< which centre that is
+  CircleCentre centre_kind = CircleCentre::Set;      ///< kind of `centre`
   LeastSquaresCircle circle;                         ///< least-squares circle of all readings
   double D = 0.0;  ///< mean radial deviation: radius of that circle minus the nominal, mm
   /// Circular hysteresis, mm: the largest difference of radius between the two senses at the same
@@ -89,7 +89,7 @@ struct Circular {
 ///         points, its angles do not run in that sense, or a number is not finite or not positive
 Circular circular(const CircularRuns& runs, const CircularOptions& options = {});
 
-/// A value found by least squares.
+/// Value estimated by least squares.
 struct EstimatedValue {
   double value = 0.0;
   double u = 0.0;  ///< standard uncertainty, from the residuals of the fit
@@ -100,9 +100,10 @@ struct EstimatedValue {
 struct CircularCauses {
   std::optional<EstimatedValue> radius;    ///< mm, deviation by mean scale error and bar length
   std::optional<EstimatedValue> centre_u;  ///< mm, centre of the path along the first axis
-  std::optional<EstimatedValue> centre_v;  ///< mm, along the second axis
+  std::optional<EstimatedValue> centre_v;  ///< mm, centre of the path along the second axis
   std::optional<EstimatedValue> scale;  ///< ratio, scale error of the first axis minus the second
-  std::optional<EstimatedValue> squareness;  ///< rad, second axis turned about first x second
+  std::optional<EstimatedValue>
+      squareness;  ///< rad, rotation of the second axis about first x second
   std::optional<EstimatedValue> reversal_u;  ///< mm, reversal value of the first axis: mean in
                                              ///< positive minus mean in negative motion
   std::optional<EstimatedValue> reversal_v;  ///< mm, reversal value of the second axis
@@ -116,9 +117,10 @@ struct CauseOptions {
                                  ///< determines squareness
 };
 
-/// Returns the number of distinct positions, whole turns ignored, summed over both senses.
-int place_count(const CircularRuns& runs);
-inline constexpr int circular_cause_count = 8;  ///< an estimate needs more positions
+/// Returns the number of distinct positions of each sense, whole turns ignored, summed over both
+/// senses.
+int position_count(const CircularRuns& runs);
+inline constexpr int circular_cause_count = 8;  ///< an estimate needs more positions than this
 /// Names of the causes in the order of `CircularCauses`, as in `undetermined`.
 inline constexpr std::array<const char*, circular_cause_count> cause_names{
     "radius", "centre_u", "centre_v", "scale", "squareness", "reversal_u", "reversal_v", "lag"};
@@ -131,7 +133,7 @@ inline constexpr std::array<const char*, circular_cause_count> cause_names{
 ///
 /// Source: the shapes listed in ISO 230-4 annex B.
 /// @throws std::invalid_argument as `circular`, or unless there are more distinct positions
-///         (`place_count`) than causes
+///         (`position_count`) than causes
 CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& options = {});
 
 }  // namespace abbe::errors::metrology

@@ -26,15 +26,15 @@ void check(const DriftLog& log) {
       throw std::invalid_argument("drift: expected times that increase");
 }
 
-// Linear between samples; at and beyond the ends the first or last segment.
-VectorXd at(const DriftLog& log, double time_s) {
+/// Returns the values at a time, linear between samples and extrapolated beyond the ends.
+VectorXd values_at(const DriftLog& log, double time_s) {
   const double* begin = log.time_s.data();
   const double* end = begin + log.time_s.size();
   const Index after =
       std::clamp<Index>(std::upper_bound(begin, end, time_s) - begin, 1, log.time_s.size() - 1);
-  const double from = log.time_s[after - 1];
-  const double part = (time_s - from) / (log.time_s[after] - from);
-  return (1.0 - part) * log.values.row(after - 1) + part * log.values.row(after);
+  const double previous_s = log.time_s[after - 1];
+  const double fraction = (time_s - previous_s) / (log.time_s[after] - previous_s);
+  return (1.0 - fraction) * log.values.row(after - 1) + fraction * log.values.row(after);
 }
 
 DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
@@ -42,69 +42,70 @@ DriftRange interval_drift(const DriftLog& log, const DriftInterval& interval) {
   if (!(interval.from_s < interval.to_s) || !(interval.from_s >= first) || !(interval.to_s <= last))
     throw std::invalid_argument("drift: the interval '" + interval.name +
                                 "' is empty or leaves the log");
-  const VectorXd start = at(log, interval.from_s), end = at(log, interval.to_s);
+  const VectorXd start = values_at(log, interval.from_s), end = values_at(log, interval.to_s);
   VectorXd low = start.cwiseMin(end), high = start.cwiseMax(end);
   VectorXd rate = VectorXd::Zero(log.values.cols());
-  VectorXd before = start;
-  double before_s = interval.from_s;
-  const auto go_to = [&](const VectorXd& value, double time_s) {
-    if (!(time_s > before_s)) return;
-    rate = rate.cwiseMax((value - before).cwiseAbs() / (time_s - before_s));
-    before = value;
-    before_s = time_s;
+  VectorXd previous = start;
+  double previous_s = interval.from_s;
+  const auto update_rate = [&](const VectorXd& value, double time_s) {
+    if (!(time_s > previous_s)) return;
+    rate = rate.cwiseMax((value - previous).cwiseAbs() / (time_s - previous_s));
+    previous = value;
+    previous_s = time_s;
   };
   for (Index i = 0; i < log.time_s.size(); ++i) {
     if (log.time_s[i] < interval.from_s || log.time_s[i] > interval.to_s) continue;
     const VectorXd value = log.values.row(i);
     low = low.cwiseMin(value);
     high = high.cwiseMax(value);
-    go_to(value, log.time_s[i]);
+    update_rate(value, log.time_s[i]);
   }
-  go_to(end, interval.to_s);
+  update_rate(end, interval.to_s);
   return {interval, high - low, end - start, rate};
 }
 
 /// Extreme of a sliding window: a monotonic queue of the indices that can still become the extreme,
-/// the current one first. Each index enters and leaves once, so a log costs linear time.
+/// with the current extreme first. Each index enters and leaves once, so the time is linear in the
+/// length of the log.
 class WindowExtreme {
  public:
   WindowExtreme(const Eigen::MatrixXd& values, Index column, double sign)
       : values_(values), column_(column), sign_(sign) {}
   void push(Index i) {
-    while (!kept_.empty() && value(kept_.back()) <= value(i)) kept_.pop_back();
-    kept_.push_back(i);
+    while (!candidates_.empty() && value(candidates_.back()) <= value(i)) candidates_.pop_back();
+    candidates_.push_back(i);
   }
-  void forget_before(Index i) {
-    while (!kept_.empty() && kept_.front() < i) kept_.pop_front();
+  void remove_before(Index i) {
+    while (!candidates_.empty() && candidates_.front() < i) candidates_.pop_front();
   }
-  /// Returns sign times the largest of sign times value.
-  double extreme() const { return sign_ * value(kept_.front()); }
-  bool empty() const { return kept_.empty(); }
+  /// Returns the largest value for sign 1, the smallest for sign -1.
+  double extreme() const { return sign_ * value(candidates_.front()); }
+  bool empty() const { return candidates_.empty(); }
 
  private:
   double value(Index i) const { return sign_ * values_(i, column_); }
   const Eigen::MatrixXd& values_;
   Index column_;
   double sign_;
-  std::deque<Index> kept_;
+  std::deque<Index> candidates_;
 };
 
-/// Returns the log with an extra row wherever a window that begins or ends at a sample has its
-/// other end. The range is piecewise linear between these, so the worst window begins or ends at a
-/// sample.
+/// Returns the log with an additional row at the other end of every window that begins or ends at a
+/// sample. The range over a window is piecewise linear in its position, so the largest range occurs
+/// for a window that begins or ends at a sample.
 DriftLog with_window_ends(const DriftLog& log, double window_s) {
   const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
   std::vector<double> times(log.time_s.begin(), log.time_s.end());
   for (const double t : log.time_s)
-    for (const double other : {t - window_s, t + window_s})
-      if (other > first && other < last) times.push_back(other);
+    for (const double window_end : {t - window_s, t + window_s})
+      if (window_end > first && window_end < last) times.push_back(window_end);
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end()), times.end());
-  DriftLog dense{Eigen::Map<const VectorXd>(times.data(), Index(times.size())), log.names, {}};
-  dense.values.resize(dense.time_s.size(), log.values.cols());
-  for (Index i = 0; i < dense.time_s.size(); ++i)
-    dense.values.row(i) = at(log, dense.time_s[i]).transpose();
-  return dense;
+  DriftLog refined{Eigen::Map<const VectorXd>(times.data(), Index(times.size())), log.names, {}};
+  refined.values.resize(refined.time_s.size(), log.values.cols());
+  for (Index i = 0; i < refined.time_s.size(); ++i)
+    refined.values.row(i) = values_at(log, refined.time_s[i]).transpose();
+  return refined;
 }
 
 }  // namespace
@@ -121,19 +122,20 @@ VectorXd worst_drift(const DriftLog& log, double window_s) {
   const double length = log.time_s[log.time_s.size() - 1] - log.time_s[0];
   if (!(window_s > 0.0) || !(window_s <= length))
     throw std::invalid_argument("drift: expected a window that fits into the log");
-  const DriftLog dense = with_window_ends(log, window_s);
-  // Window ends found by adding and by subtracting agree to a few ulp only.
-  const double slack = 1e-12 * std::max(length, dense.time_s.cwiseAbs().maxCoeff());
+  const DriftLog refined = with_window_ends(log, window_s);
+  // Window ends computed by addition and by subtraction agree to a few ulp only.
+  const double tolerance = 1e-12 * std::max(length, refined.time_s.cwiseAbs().maxCoeff());
   VectorXd worst = VectorXd::Zero(log.values.cols());
   for (Index c = 0; c < log.values.cols(); ++c) {
-    WindowExtreme high(dense.values, c, 1.0), low(dense.values, c, -1.0);
-    Index begin = 0;
-    for (Index i = 0; i < dense.time_s.size(); ++i) {
+    WindowExtreme high(refined.values, c, 1.0), low(refined.values, c, -1.0);
+    Index window_begin = 0;
+    for (Index i = 0; i < refined.time_s.size(); ++i) {
       high.push(i);
       low.push(i);
-      while (dense.time_s[i] - dense.time_s[begin] > window_s + slack) ++begin;
-      high.forget_before(begin);
-      low.forget_before(begin);
+      while (refined.time_s[i] - refined.time_s[window_begin] > window_s + tolerance)
+        ++window_begin;
+      high.remove_before(window_begin);
+      low.remove_before(window_begin);
       worst[c] = std::max(worst[c], high.extreme() - low.extreme());
     }
   }

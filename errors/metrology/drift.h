@@ -7,20 +7,21 @@
 
 namespace abbe::errors::metrology {
 
-/// Displacements over time; a column is a quantity.
+/// Displacements over time. Every column is a quantity.
 struct DriftLog {
   Eigen::VectorXd time_s;          ///< (n) strictly increasing, n >= 2
   std::vector<std::string> names;  ///< (c) such as X, Y, Z, A, B, or X at a position
   Eigen::MatrixXd values;          ///< (n x c) mm or rad
 };
 
+/// Interval over which a drift is evaluated.
 struct DriftInterval {
   std::string name;  ///< "first hour", "environment"
   double from_s = 0.0;
   double to_s = 0.0;
 };
 
-/// Thermal drift d over one interval.
+/// Thermal drift over one interval.
 struct DriftRange {
   DriftInterval interval;
   Eigen::VectorXd range;      ///< (c) largest minus smallest value within the interval
@@ -29,8 +30,9 @@ struct DriftRange {
                               ///< interval
 };
 
-/// Returns the range of every column over every interval; between samples, and at the ends of an
-/// interval, the log is linear. Source: ISO 230-3:2020, the drift d(X), d(Y), d(Z), d(A), d(B).
+/// Returns the range of every column over every interval. The log is interpolated linearly between
+/// samples and at the ends of an interval. Source: ISO 230-3:2020, the drift d(X), d(Y), d(Z),
+/// d(A), d(B).
 /// @throws std::invalid_argument if the log is malformed, or an interval is empty or exceeds it
 std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterval>& intervals);
 
@@ -40,13 +42,13 @@ std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterv
 Eigen::VectorXd worst_drift(const DriftLog& log, double window_s);
 
 /// Returns the intervals that ISO 230-3 reports for a spindle or an axis that runs from `start_s`
-/// to `stop_s`: its first hour, the whole running time, and the rest of the log.
+/// to `stop_s`: the first hour of running, the whole running time, and the time after it.
 std::vector<DriftInterval> running_intervals(const DriftLog& log, double start_s, double stop_s);
 
-/// Positions of the five sensors along a mandrel in Z: X and Y are measured at both heights.
+/// Positions along Z of the five sensors around a mandrel. X and Y are measured at both heights.
 struct MandrelSensors {
-  double z_near_mm = 0.0;  ///< mm, of the pair near the nose, to which X and Y of the result refer
-  double z_far_mm = 0.0;   ///< mm, of the pair towards the end
+  double z_near_mm = 0.0;  ///< mm, pair near the nose; X and Y of the result refer to it
+  double z_far_mm = 0.0;   ///< mm, pair near the free end
 };
 
 /// Returns columns X Y Z A B from the readings of five sensors: A and B are the tilts of the

@@ -18,29 +18,17 @@
 
 namespace abbe::errors::metrology {
 
-/// Uniform (minimax) fit of linear terms: the coefficients that minimise the largest |y - terms *
+namespace {
+
+/// Uniform (minimax) fit of linear terms: the coefficients x that minimise the largest |y - terms *
 /// x|.
 struct ChebyshevFit {
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
-  double half_width = 0.0;  ///< largest |residual| at `x`
-  double lower = 0.0;       ///< lower bound of the optimum: half_width - lower is the most by which
-                            ///< the fit can be improved
+  double half_width = 0.0;                 ///< largest |residual| at `x`
+  double lower = 0.0;                      ///< lower bound of the optimal half width
   std::vector<Eigen::Index> upper_points;  ///< rows with residual +half_width
   std::vector<Eigen::Index> lower_points;  ///< rows with residual -half_width
 };
-
-/// Returns the uniform fit by exchanging one point of a reference of four (Remez). The third term
-/// is a constant, so `terms` has two columns; they and `y` should be centred and scaled to about 1.
-/// Source: Stiefel 1959; Watson 1980, ch. 2.
-ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const Eigen::VectorXd& y);
-
-/// Returns the rate at which a difference of extremes grows away from its minimum: the least over
-/// unit directions d of max over upper points of -d.u minus min over lower points of -d.u; 0 or
-/// less if the contact points do not enclose the minimum.
-/// @param upper, lower  (n x 2), (k x 2), n and k >= 1
-double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower);
-
-namespace {
 
 using Eigen::Index;
 using Eigen::Matrix4d;
@@ -50,11 +38,12 @@ using Eigen::Vector4d;
 using Eigen::VectorXd;
 using Reference = std::array<Index, 4>;
 
-// The lower bound grows with every exchange, so the iteration ends by itself; the limit only stops
-// cycling by rounding.
+// The lower bound grows with every exchange, so the iteration ends without this limit, which only
+// stops cycles caused by rounding.
 constexpr int max_exchanges = 1000;
-constexpr double nudge = 1e-11;  // relative to the terms, which are about 1; separates points on a
-                                 // line, whose references would be degenerate
+// Relative to the terms, which are about 1. It separates points on a line, whose references would
+// be degenerate.
+constexpr double perturbation = 1e-11;
 
 /// Returns a pseudo-random number in -1 .. 1 that depends on k alone, so that results are
 /// reproducible.
@@ -69,8 +58,8 @@ double orientation(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
-/// Returns weights of four points for which every affine function of the terms sums to zero, their
-/// absolute values to one; zero if the points do not determine them.
+/// Returns weights of four points for which every affine function of the terms sums to zero and the
+/// absolute weights to one; zeros if the points do not determine them.
 Vector4d balance(const Eigen::MatrixX2d& terms, const Reference& r) {
   const Vector2d p0 = terms.row(r[0]), p1 = terms.row(r[1]), p2 = terms.row(r[2]),
                  p3 = terms.row(r[3]);
@@ -81,31 +70,33 @@ Vector4d balance(const Eigen::MatrixX2d& terms, const Reference& r) {
   return weight / sum;
 }
 
+/// Returns the weighted sum of y over a reference; its magnitude is a lower bound of the half
+/// width.
 double value(const VectorXd& y, const Reference& r, const Vector4d& weight) {
   return weight[0] * y[r[0]] + weight[1] * y[r[1]] + weight[2] * y[r[2]] + weight[3] * y[r[3]];
 }
 
-/// Returns the reference in which the entering point replaces one of the four such that the lower
-/// bound grows most.
+/// Returns the reference in which the entering point replaces the one for which the lower bound
+/// grows most.
 Reference exchange_point(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r,
                          Index entering) {
   Reference best = r;
-  double most = -1.0;
+  double max_bound = -1.0;
   for (int leaving = 0; leaving < 4; ++leaving) {
     Reference trial = r;
     trial[leaving] = entering;
     const double bound = std::abs(value(y, trial, balance(terms, trial)));
-    if (bound > most) {
-      most = bound;
+    if (bound > max_bound) {
+      max_bound = bound;
       best = trial;
     }
   }
   return best;
 }
 
-/// Returns the coefficients whose residuals at the reference are the bound with the signs of its
-/// weights.
-Vector3d solved(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r) {
+/// Returns the coefficients whose residuals at the reference have the magnitude of the bound and
+/// the signs of its weights.
+Vector3d reference_solution(const Eigen::MatrixX2d& terms, const VectorXd& y, const Reference& r) {
   const Vector4d weight = balance(terms, r);
   const double side = value(y, r, weight) < 0.0 ? -1.0 : 1.0;
   Matrix4d system;
@@ -130,12 +121,12 @@ Reference first_reference(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   const Vector2d along = terms.row(r[1]) - terms.row(r[0]);
   const Vector2d across(-along.y(), along.x());
   ((terms.rowwise() - terms.row(r[0])) * across).cwiseAbs().maxCoeff(&r[2]);
-  double most = -1.0;
+  double max_bound = -1.0;
   for (Index i = 0; i < y.size(); ++i) {
     const Reference trial{r[0], r[1], r[2], i};
     const double bound = std::abs(value(y, trial, balance(terms, trial)));
-    if (i != r[0] && i != r[1] && i != r[2] && bound > most) {
-      most = bound;
+    if (i != r[0] && i != r[1] && i != r[2] && bound > max_bound) {
+      max_bound = bound;
       r[3] = i;
     }
   }
@@ -144,8 +135,8 @@ Reference first_reference(const Eigen::MatrixX2d& terms, const VectorXd& y) {
 
 /// Returns the coefficients with the constant shifted to the middle of the residuals.
 Vector3d centred(const Eigen::MatrixX2d& terms, const VectorXd& y, Vector3d x) {
-  const VectorXd left = residual(terms, y, x);
-  x[2] += 0.5 * (left.maxCoeff() + left.minCoeff());
+  const VectorXd residuals = residual(terms, y, x);
+  x[2] += 0.5 * (residuals.maxCoeff() + residuals.minCoeff());
   return x;
 }
 
@@ -153,10 +144,10 @@ Vector3d centred(const Eigen::MatrixX2d& terms, const VectorXd& y, Vector3d x) {
 std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
   std::vector<Vector2d> sorted;
   for (Index i = 0; i < points.rows(); ++i) sorted.push_back(points.row(i));
-  const auto before = [](const Vector2d& a, const Vector2d& b) {
+  const auto precedes = [](const Vector2d& a, const Vector2d& b) {
     return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
   };
-  std::sort(sorted.begin(), sorted.end(), before);
+  std::sort(sorted.begin(), sorted.end(), precedes);
   sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
   if (sorted.size() < 3) return sorted;
   std::vector<Vector2d> corners;
@@ -175,82 +166,87 @@ std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
   return corners;
 }
 
-void add_contact_points(const VectorXd& left, ChebyshevFit& fit) {
-  // 1e-9 relative is the accuracy of the fit; 1e-15 covers the rounding of terms of size 1.
-  const double near = fit.half_width * (1.0 - 1e-9) - 1e-15;
-  for (Index i = 0; i < left.size(); ++i) {
-    if (left[i] >= near) fit.upper_points.push_back(i);
-    if (left[i] <= -near) fit.lower_points.push_back(i);
+void add_contact_points(const VectorXd& residuals, ChebyshevFit& fit) {
+  // 1e-9: relative accuracy of the fit; 1e-15: rounding of terms of size 1.
+  const double contact_threshold = fit.half_width * (1.0 - 1e-9) - 1e-15;
+  for (Index i = 0; i < residuals.size(); ++i) {
+    if (residuals[i] >= contact_threshold) fit.upper_points.push_back(i);
+    if (residuals[i] <= -contact_threshold) fit.lower_points.push_back(i);
   }
 }
 
-}  // namespace
-
+/// Returns the uniform fit, by exchanging one point at a time of a reference of four (Remez). The
+/// third term is a constant, so `terms` has two columns. `terms` and `y` should be centred and
+/// scaled to about 1. Source: Stiefel 1959; Watson 1980, ch. 2.
 ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   ChebyshevFit fit;
   const Index n = y.size();
   if (n < 4) {  // three points are always fitted exactly
-    Eigen::MatrixX3d all(n, 3);
-    all << terms, VectorXd::Ones(n);
-    fit.x = centred(terms, y, all.fullPivLu().solve(y));
+    Eigen::MatrixX3d all_terms(n, 3);
+    all_terms << terms, VectorXd::Ones(n);
+    fit.x = centred(terms, y, all_terms.fullPivLu().solve(y));
   } else {
-    Eigen::MatrixX2d moved = terms;
+    Eigen::MatrixX2d perturbed = terms;
     for (Index i = 0; i < n; ++i)
-      moved.row(i) += nudge * Eigen::RowVector2d(scatter(2 * i), scatter(2 * i + 1));
-    Reference r = first_reference(moved, y);
-    double best = std::numeric_limits<double>::infinity();
+      perturbed.row(i) += perturbation * Eigen::RowVector2d(scatter(2 * i), scatter(2 * i + 1));
+    Reference r = first_reference(perturbed, y);
+    double smallest_residual = std::numeric_limits<double>::infinity();
     for (int i = 0; i < max_exchanges; ++i) {
-      const Vector3d x = solved(moved, y, r);
+      const Vector3d x = reference_solution(perturbed, y, r);
       fit.lower = std::max(fit.lower, std::abs(value(y, r, balance(terms, r))));
-      const VectorXd left = residual(moved, y, x);
+      const VectorXd residuals = residual(perturbed, y, x);
       Index farthest = 0;
-      const double largest = left.cwiseAbs().maxCoeff(&farthest);
-      if (largest < best) {
-        best = largest;
+      const double max_residual = residuals.cwiseAbs().maxCoeff(&farthest);
+      if (max_residual < smallest_residual) {
+        smallest_residual = max_residual;
         fit.x = x;
       }
-      const bool known = std::find(r.begin(), r.end(), farthest) != r.end();
-      // The largest residual equals the bound to rounding, or its point is already in the
-      // reference: optimal.
-      if (known || largest <= std::abs(value(y, r, balance(moved, r))) * (1.0 + 1e-14)) break;
-      r = exchange_point(moved, y, r, farthest);
+      const bool is_in_reference = std::find(r.begin(), r.end(), farthest) != r.end();
+      // The fit is optimal if the largest residual equals the bound to rounding, or if its point is
+      // already in the reference.
+      if (is_in_reference ||
+          max_residual <= std::abs(value(y, r, balance(perturbed, r))) * (1.0 + 1e-14))
+        break;
+      r = exchange_point(perturbed, y, r, farthest);
     }
     fit.x = centred(terms, y, fit.x);
   }
-  const VectorXd left = residual(terms, y, fit.x);
-  fit.half_width = left.cwiseAbs().maxCoeff();
-  add_contact_points(left, fit);
+  const VectorXd residuals = residual(terms, y, fit.x);
+  fit.half_width = residuals.cwiseAbs().maxCoeff();
+  add_contact_points(residuals, fit);
   return fit;
 }
 
+/// Returns the rate at which a difference of extremes grows away from its minimum: the smallest
+/// value, over all unit directions d, of the maximum of -d.u over upper points minus the minimum of
+/// -d.u over lower points. It is 0 or less if the contact points do not enclose the minimum.
+/// @param upper, lower  (n x 2), (k x 2), n and k >= 1
 double sharpness(const Eigen::MatrixX2d& upper, const Eigen::MatrixX2d& lower) {
-  // The support function of the polygon of all differences takes its minimum over directions at a
+  // The support function of the polygon of all differences has its minimum over directions at a
   // normal of one of its edges, which are edges of the two hulls.
-  const std::vector<Vector2d> above = hull(upper), below = hull(lower);
+  const std::vector<Vector2d> upper_hull = hull(upper), lower_hull = hull(lower);
   const auto support = [&](const Vector2d& d) {
-    double most = -std::numeric_limits<double>::infinity();
-    double least = -most;
-    for (const Vector2d& u : above) most = std::max(most, -u.dot(d));
-    for (const Vector2d& u : below) least = std::min(least, -u.dot(d));
-    return most - least;
+    double highest = -std::numeric_limits<double>::infinity();
+    double lowest = -highest;
+    for (const Vector2d& u : upper_hull) highest = std::max(highest, -u.dot(d));
+    for (const Vector2d& u : lower_hull) lowest = std::min(lowest, -u.dot(d));
+    return highest - lowest;
   };
-  double least = std::numeric_limits<double>::infinity();
-  for (const std::vector<Vector2d>* polygon : {&above, &below})
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const std::vector<Vector2d>* polygon : {&upper_hull, &lower_hull})
     for (std::size_t i = 0; i < polygon->size() && polygon->size() > 1; ++i) {
       const Vector2d edge = (*polygon)[(i + 1) % polygon->size()] - (*polygon)[i];
       const Vector2d normal = Vector2d(-edge.y(), edge.x()).normalized();
-      least = std::min({least, support(normal), support(-normal)});
+      lowest = std::min({lowest, support(normal), support(-normal)});
     }
-  return std::isfinite(least) ? least : 0.0;
+  return std::isfinite(lowest) ? lowest : 0.0;
 }
-
-namespace {
 
 using Eigen::Matrix3d;
 using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
 
-constexpr double flat = 1e-9;  // relative to the size: a cloud thinner than this is a line
+constexpr double min_thickness = 1e-9;  // relative to the size; a thinner cloud is a line
 
 template <typename Points>
 void check(const Points& points, const char* what) {
@@ -260,15 +256,15 @@ void check(const Points& points, const char* what) {
     throw std::invalid_argument(std::string(what) + ": expected finite numbers");
 }
 
-/// Returns the weights scaled to sum 1; equal weights if none are given.
-VectorXd parts_of(const VectorXd& weights, Index points, const char* what) {
+/// Returns the weights scaled to sum 1; equal weights for an empty vector.
+VectorXd normalised_weights(const VectorXd& weights, Index points, const char* what) {
   if (weights.size() == 0) return VectorXd::Constant(points, 1.0 / double(points));
   if (weights.size() != points || !weights.allFinite() || !(weights.minCoeff() > 0.0))
     throw std::invalid_argument(std::string(what) + ": expected a weight above 0 for every point");
   return weights / weights.sum();
 }
 
-/// Distances of the points from a centre, and the unit vectors towards them.
+/// Distances of points from a centre, with the unit vectors towards the points.
 struct Rays {
   VectorXd length;
   MatrixX2d direction;
@@ -285,50 +281,53 @@ Rays rays(const MatrixX2d& points, const Vector2d& centre) {
   return result;
 }
 
-/// Returns the centre of the least-squares circle in x^2 + y^2, as a start for the iteration.
-Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
+/// Returns the centre of the circle with the least squares of x^2 + y^2, as a start of the
+/// iteration.
+Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& weights) {
   MatrixX3d terms(points.rows(), 3);
   terms << 2.0 * points, VectorXd::Ones(points.rows());
-  const VectorXd root = part.cwiseSqrt();
+  const VectorXd root = weights.cwiseSqrt();
   const MatrixX3d weighted = root.asDiagonal() * terms;
   const VectorXd right = root.cwiseProduct(points.rowwise().squaredNorm());
-  const auto fit = least_squares(weighted, right, flat);
+  const auto fit = least_squares(weighted, right, min_thickness);
   if (fit.rank < 3) throw std::invalid_argument("circle: expected points that are not on a line");
   return fit.x.head<2>();
 }
 
 /// Returns the mean squared distance from the best circle about a centre.
-double mean_square_distance(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
+double mean_square_distance(const MatrixX2d& points, const VectorXd& weights,
+                            const Vector2d& centre) {
   const VectorXd d = rays(points, centre).length;
-  return part.dot((d.array() - part.dot(d)).square().matrix());
+  return weights.dot((d.array() - weights.dot(d)).square().matrix());
 }
 
 /// Returns the Gauss-Newton step of the centre; the radius follows as the mean distance.
-Vector2d step(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
+Vector2d step(const MatrixX2d& points, const VectorXd& weights, const Vector2d& centre) {
   const Rays r = rays(points, centre);
   MatrixX3d terms(points.rows(), 3);
   terms << r.direction, VectorXd::Ones(points.rows());
-  const VectorXd root = part.cwiseSqrt();
+  const VectorXd root = weights.cwiseSqrt();
   const MatrixX3d weighted = root.asDiagonal() * terms;
   return least_squares(weighted, VectorXd(root.cwiseProduct(r.length))).x.head<2>();
 }
 
-/// Moves from `place` along `move` or a fraction of it to a smaller `width`; returns false if there
-/// is none. 1e-6 of a step is below the accuracy that the next step would correct.
-template <typename Place, typename Width>
-bool descend(Place& place, const Vector2d& move, const Width& width) {
-  const double before = width(place, Vector2d::Zero());
-  for (double part = 1.0; part > 1e-6; part *= 0.5)
-    if (width(place, part * move) < before) {
-      place = place.moved(part * move);
+/// Moves the position along `move`, or a fraction of it, to a smaller `width`. Returns false if
+/// there is none. Fractions below 1e-6 are not tried: the next step would correct larger errors.
+template <typename Position, typename Width>
+bool descend(Position& position, const Vector2d& move, const Width& width) {
+  const double initial_width = width(position, Vector2d::Zero());
+  for (double fraction = 1.0; fraction > 1e-6; fraction *= 0.5)
+    if (width(position, fraction * move) < initial_width) {
+      position = position.displaced(fraction * move);
       return true;
     }
   return false;
 }
 
+/// Centre of a circle, as a position for `descend`.
 struct Centre {
   Vector2d at;
-  Centre moved(const Vector2d& by) const { return {at + by}; }
+  Centre displaced(const Vector2d& by) const { return {at + by}; }
 };
 
 /// Points relative to their mean, scaled to size 1.
@@ -348,34 +347,35 @@ ScaledPoints scaled(const MatrixX2d& points) {
   return s;
 }
 
-Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& part) {
-  Centre centre{algebraic_centre(points, part)};
+Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& weights) {
+  Centre centre{algebraic_centre(points, weights)};
   const auto sum = [&](const Centre& c, const Vector2d& by) {
-    return mean_square_distance(points, part, c.at + by);
+    return mean_square_distance(points, weights, c.at + by);
   };
   for (int i = 0; i < 200; ++i) {
-    const Vector2d move = step(points, part, centre.at);
-    // Points nearly on a line: the centre runs away, since the line is the better fit.
+    const Vector2d move = step(points, weights, centre.at);
+    // For points nearly on a line the centre diverges, since a line fits better than any circle.
     if (centre.at.norm() > 1e6) throw std::invalid_argument("circle: no circle is best");
     if (!descend(centre, move, sum)) break;
   }
-  // The sum is flat to rounding here, the steps are not: iterate until they stop halving.
-  double last = 1e-6;
-  for (Vector2d move = step(points, part, centre.at); move.norm() < last;
-       move = step(points, part, centre.at)) {
-    last = 0.5 * move.norm();
+  // The sum of squares is flat to rounding here, but the steps are not: iterate until they no
+  // longer halve.
+  double step_limit = 1e-6;
+  for (Vector2d move = step(points, weights, centre.at); move.norm() < step_limit;
+       move = step(points, weights, centre.at)) {
+    step_limit = 0.5 * move.norm();
     centre.at += move;
   }
   return centre.at;
 }
 
-MatrixX2d rows(const MatrixX2d& all, const std::vector<Index>& which) {
-  MatrixX2d result(Index(which.size()), 2);
-  for (Index i = 0; i < result.rows(); ++i) result.row(i) = all.row(which[std::size_t(i)]);
+MatrixX2d rows(const MatrixX2d& points, const std::vector<Index>& indices) {
+  MatrixX2d result(Index(indices.size()), 2);
+  for (Index i = 0; i < result.rows(); ++i) result.row(i) = points.row(indices[std::size_t(i)]);
   return result;
 }
 
-/// Uniform fit of the extremes after a small motion, linearised; x in units of `spread`.
+/// Uniform fit of the heights after a small motion, linearised; x is in units of `spread`.
 struct ZoneFit {
   ChebyshevFit fit;
   double width = 0.0;
@@ -394,8 +394,9 @@ ZoneFit zone_fit(const MatrixX2d& terms, const VectorXd& heights) {
   return zone;
 }
 
+/// Returns the sharpness of the minimum zone by its contact points.
 double zone_sharpness(const MatrixX2d& terms, const VectorXd& heights, double width) {
-  // 1e-8 of the width: ten times the accuracy of the fit, so no contact point is missed.
+  // 1e-8 of the width is ten times the accuracy of the fit, so no contact point is missed.
   const double highest = heights.maxCoeff() - 1e-8 * width;
   const double lowest = heights.minCoeff() + 1e-8 * width;
   std::vector<Index> upper, lower;
@@ -406,71 +407,77 @@ double zone_sharpness(const MatrixX2d& terms, const VectorXd& heights, double wi
   return sharpness(rows(terms, upper), rows(terms, lower));
 }
 
+/// Returns the largest angle between neighbouring directions, rad.
 double largest_gap(const MatrixX2d& directions) {
   std::vector<double> angle;
   for (Index i = 0; i < directions.rows(); ++i)
     angle.push_back(std::atan2(directions(i, 1), directions(i, 0)));
   std::sort(angle.begin(), angle.end());
-  double most = 2.0 * pi - (angle.back() - angle.front());
-  for (std::size_t i = 1; i < angle.size(); ++i) most = std::max(most, angle[i] - angle[i - 1]);
-  return most;
+  double largest = 2.0 * pi - (angle.back() - angle.front());
+  for (std::size_t i = 1; i < angle.size(); ++i)
+    largest = std::max(largest, angle[i] - angle[i - 1]);
+  return largest;
 }
 
-/// Proof of the minimum. A centre at distance t has a width of at least w + g t - t^2 / 2(m - t),
-/// by the contact points, and of at least 2 k t - w - t^2 / 2(m - t), by the points all around: m
-/// the inner radius, k the cosine of half the largest gap. The two bounds must cover 0 < t < m / 2.
-bool is_proven(const Rays& r) {
+/// Returns true if no centre gives a smaller width. A centre at distance t has a width of at least
+/// w
+/// + g t - t^2 / 2(m - t), by the contact points, and of at least 2 k t - w - t^2 / 2(m - t), by
+/// the points all around. w is the width, g the sharpness, m the inner radius, k the cosine of half
+/// the largest gap. The two bounds must exceed w for 0 < t < m / 2.
+bool proves_minimum(const Rays& r) {
   const double w = r.width(), m = r.length.minCoeff();
   if (!(m > 0.0)) return false;
   const double k = std::cos(0.5 * largest_gap(r.direction));
   const double g = zone_sharpness(r.direction, r.length, w);
   if (!(k > 0.0) || !(g > 0.0)) return false;
-  const double near = 2.0 * g * m / (1.0 + 2.0 * g);
+  const double near_bound = 2.0 * g * m / (1.0 + 2.0 * g);
   const double a = 4.0 * k + 1.0, b = 4.0 * (k * m + w), c = 4.0 * w * m;
   const double root = b * b - 4.0 * a * c;
   if (!(root > 0.0)) return false;
-  return (b - std::sqrt(root)) / (2.0 * a) < near && (b + std::sqrt(root)) / (2.0 * a) > 0.5 * m;
+  return (b - std::sqrt(root)) / (2.0 * a) < near_bound &&
+         (b + std::sqrt(root)) / (2.0 * a) > 0.5 * m;
 }
 
-/// An orthonormal frame whose third axis is the normal of a plane.
+/// Orthonormal frame whose third axis is the normal of a plane.
 struct PlaneFrame {
   Matrix3d axes;  ///< columns
   /// Returns the frame of the plane z = by.x x + by.y y, given in this frame.
-  PlaneFrame moved(const Vector2d& by) const {
+  PlaneFrame displaced(const Vector2d& by) const {
     const Vector3d n = (axes * Vector3d(-by.x(), -by.y(), 1.0)).normalized();
     const Vector3d x = (axes.col(0) - n * n.dot(axes.col(0))).normalized();
-    Matrix3d next;
-    next << x, n.cross(x), n;
-    return {next};
+    Matrix3d displaced_axes;
+    displaced_axes << x, n.cross(x), n;
+    return {displaced_axes};
   }
 };
 
-Vector3d upright(const Vector3d& normal) {
+/// Returns the normal with its largest component positive. The sign of a normal is arbitrary; this
+/// choice makes results comparable.
+Vector3d upward_normal(const Vector3d& normal) {
   Index largest = 0;
   normal.cwiseAbs().maxCoeff(&largest);
-  // The sign of a normal is arbitrary; its largest component is made positive, so that results
-  // compare.
+
   return normal[largest] < 0.0 ? Vector3d(-normal) : normal;
 }
 
-/// Points relative to their mean, and the axes of their scatter, the thinnest last.
+/// Points relative to their mean, with the principal axes of their scatter, the smallest last.
 struct PointCloud {
   Vector3d mean;
   MatrixX3d points;
   PlaneFrame frame;
 };
 
-PointCloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
-  const VectorXd part = parts_of(weights, points.rows(), "plane");
+PointCloud centred_cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
+  const VectorXd relative_weights = normalised_weights(weights, points.rows(), "plane");
   PointCloud c;
-  c.mean = points.transpose() * part;
+  c.mean = points.transpose() * relative_weights;
   c.points = points.rowwise() - c.mean.transpose();
   const double size = c.points.cwiseAbs().maxCoeff();
   if (!(size > 0.0)) throw std::invalid_argument("plane: expected points that differ");
-  const VectorXd root = part.cwiseSqrt();
+  const VectorXd root = relative_weights.cwiseSqrt();
   const MatrixX3d unit = root.asDiagonal() * (c.points / size);
   const PrincipalAxes spread = principal_axes(unit);
-  if (spread.size[1] < flat * spread.size[0])
+  if (spread.size[1] < min_thickness * spread.size[0])
     throw std::invalid_argument("plane: expected points that are not on a line");
   c.frame.axes = spread.axes;
   c.frame.axes.col(2) = c.frame.axes.col(0).cross(c.frame.axes.col(1));
@@ -481,12 +488,12 @@ PointCloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
 
 LeastSquaresCircle least_squares_circle(const MatrixX2d& points, const VectorXd& weights) {
   check(points, "circle");
-  const VectorXd part = parts_of(weights, points.rows(), "circle");
+  const VectorXd relative_weights = normalised_weights(weights, points.rows(), "circle");
   const ScaledPoints s = scaled(points);
   LeastSquaresCircle circle;
-  circle.centre = s.mean + s.size * least_squares_centre(s.points, part);
+  circle.centre = s.mean + s.size * least_squares_centre(s.points, relative_weights);
   const VectorXd d = rays(points, circle.centre).length;
-  circle.radius = part.dot(d);
+  circle.radius = relative_weights.dot(d);
   circle.circularity = d.maxCoeff() - d.minCoeff();
   return circle;
 }
@@ -494,7 +501,7 @@ LeastSquaresCircle least_squares_circle(const MatrixX2d& points, const VectorXd&
 MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   check(points, "circle");
   const ScaledPoints s = scaled(points);
-  Centre centre{least_squares_centre(s.points, parts_of({}, points.rows(), "circle"))};
+  Centre centre{least_squares_centre(s.points, normalised_weights({}, points.rows(), "circle"))};
   const auto width = [&](const Centre& c, const Vector2d& by) {
     return rays(s.points, c.at + by).width();
   };
@@ -511,15 +518,16 @@ MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   circles.outer = s.size * r.length.maxCoeff();
   circles.circularity = s.size * r.width();
   circles.gap = s.size * zone.gap();
-  circles.proven = points.rows() > 3 && circles.gap <= 1e-8 * circles.circularity && is_proven(r);
+  circles.proven =
+      points.rows() > 3 && circles.gap <= 1e-8 * circles.circularity && proves_minimum(r);
   return circles;
 }
 
 LeastSquaresPlane least_squares_plane(const MatrixX3d& points, const VectorXd& weights) {
   check(points, "plane");
-  const PointCloud c = cloud(points, weights);
+  const PointCloud c = centred_cloud(points, weights);
   LeastSquaresPlane plane;
-  plane.normal = upright(c.frame.axes.col(2));
+  plane.normal = upward_normal(c.frame.axes.col(2));
   plane.offset = plane.normal.dot(c.mean);
   const VectorXd height = c.points * plane.normal;
   plane.flatness = height.maxCoeff() - height.minCoeff();
@@ -528,11 +536,11 @@ LeastSquaresPlane least_squares_plane(const MatrixX3d& points, const VectorXd& w
 
 MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   check(points, "plane");
-  PointCloud c = cloud(points);
+  PointCloud c = centred_cloud(points);
   const double size = c.points.cwiseAbs().maxCoeff();
   c.points /= size;
   const auto width = [&](const PlaneFrame& frame, const Vector2d& by) {
-    const VectorXd height = c.points * frame.moved(by).axes.col(2);
+    const VectorXd height = c.points * frame.displaced(by).axes.col(2);
     return height.maxCoeff() - height.minCoeff();
   };
   ZoneFit zone;
@@ -545,14 +553,14 @@ MinimumZonePlanes minimum_zone_planes(const MatrixX3d& points) {
   local = c.points * c.frame.axes;
   const double w = local.col(2).maxCoeff() - local.col(2).minCoeff();
   MinimumZonePlanes planes;
-  planes.normal = upright(c.frame.axes.col(2));
+  planes.normal = upward_normal(c.frame.axes.col(2));
   const VectorXd height = (size * c.points) * planes.normal;
   const double offset = planes.normal.dot(c.mean);
   planes.lower = offset + height.minCoeff();
   planes.upper = offset + height.maxCoeff();
   planes.flatness = size * w;
   planes.gap = size * zone.gap();
-  // Planes tilted by the slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is sufficient.
+  // Planes tilted by a slope t are (w + g t) / sqrt(1 + t^2) apart, so g > w is sufficient.
   planes.proven =
       !(w > 0.0) || (planes.gap <= 1e-8 * planes.flatness &&
                      zone_sharpness(local.leftCols<2>(), local.col(2), w) > 1.000001 * w);

@@ -21,22 +21,22 @@ enum class Kind {
   Diagonals,      ///< four body and six face diagonals with a retroreflector (ISO 230-6)
   StepDiagonal,   ///< four body diagonals in steps of X, Y, Z against a flat mirror (laser vector)
   BallBar,        ///< circles and partial arcs in each plane (ISO 230-4)
-  BallBarRotary,  ///< the bar held radially, tangentially, axially while a rotary axis turns and
-                  ///< the slides follow (ISO 10791-6)
+  BallBarRotary,  ///< bar held radially, tangentially or axially while a rotary axis turns and the
+                  ///< slides follow (ISO 10791-6)
   RTest,          ///< ball at the tool, three sensors on the table, rotary axes turn (ISO 10791-6)
-  Sphere,         ///< touch probing of a sphere on the table in many rotary positions
+  Sphere,         ///< sphere on the table, probed by touch in many rotary positions
   Tracker,        ///< laser tracker: range and two angles to a reflector on a grid of the volume
   Multilateration,  ///< lengths alone, from four stations of a tracking interferometer
-  Level,            ///< tilt against gravity of the carriage, each slide
+  Level,            ///< tilt of the carriage against gravity, each slide
   RollLines,        ///< straightness along two parallel lines a lever apart: roll without a level
   Spindle,          ///< spindle analyser: five sensors around a master artefact (ISO 230-7)
   Drift,            ///< three displacements and two tilts at one position over time (ISO 230-3)
-  Temperature,      ///< log of the machine's own sensors alone
+  Temperature,      ///< log of the machine's temperature sensors alone
 };
-/// Return the name of a kind in scenes and files, e.g. "step_diagonal", and the kind of a name;
-/// empty if there is none.
+/// Return the name of a kind in scenes and files, e.g. "step_diagonal", and the kind of that name,
+/// or nothing if there is none.
 std::string to_string(Kind kind);
-std::optional<Kind> kind_of(std::string_view word);
+std::optional<Kind> kind_of(std::string_view name);
 /// Returns all kinds, in the order above.
 std::span<const Kind> all_kinds();
 
@@ -45,22 +45,21 @@ struct Instrument {
   std::string name;
   Kind kind = Kind::Laser;
   double noise = 0.0;           ///< mm, standard deviation of lengths and displacements
-  double noise_rad = 0.0;       ///< rad, standard deviation of angles (of a tracker: of its
-                                ///< encoders)
+  double noise_rad = 0.0;       ///< rad, standard deviation of angles (of a tracker: those of
+                                ///< its encoders)
   double resolution = 0.0;      ///< mm
   double resolution_rad = 0.0;  ///< rad
   double rotation_sigma = 0.0;  ///< rad, alignment of a beam, an artefact or a nest of sensors
   double position_sigma = 0.0;  ///< mm, positions of reflectors, balls and stations
   double scale_sigma = 0.0;     ///< relative: wavelength and material temperature, bar length
   double drift_sigma = 0.0;     ///< mm/s
-  std::vector<char> axes;       ///< axes to be measured; empty: all suitable (for planes and
-                                ///< diagonals: those between them)
+  std::vector<char> axes;       ///< axes to be measured; empty: all suitable ones (planes and
+                                ///< diagonals: those between these axes)
   int runs = 1;
-  int targets = 11;       ///< along an axis, around a circle, per diagonal, per grid line; steps of
-                          ///< a step diagonal, readings per turn of a spindle
-  double scatter = 0.0;   ///< relative to the spacing: deviation of targets between the first and
-                          ///< the last from equal spacing, so that no pitch hides between them (ISO
-                          ///< 230-2)
+  int targets = 11;       ///< number along an axis, around a circle, per diagonal or per grid line;
+                          ///< steps of a step diagonal, readings per turn of a spindle
+  double scatter = 0.0;   ///< relative to the spacing: deviation of inner targets from equal
+                          ///< spacing, so that they reveal periodic errors of any pitch (ISO 230-2)
   bool both_ways = true;  ///< bidirectional; circles also clockwise
   double margin = 0.02;   ///< fraction of the travel left free at both ends
   std::optional<Eigen::Vector3d> at_w;  ///< mm: position of balls at the tool, nests, circle
@@ -73,27 +72,26 @@ struct Instrument {
   double from_rad = 0.0, to_rad = 6.283185307179586;  ///< arc of circles and rotary axes; for the
                                                       ///< latter clipped to the travel, a whole
                                                       ///< turn to the full travel
-  double start_s = 0.0;          ///< time of the first reading (negative: within the thermal
-                                 ///< history)
-  double interval_s = 60.0;      ///< drift and temperature: between readings
-  double duration_s = 3600.0;    ///< drift and temperature
+  double start_s = 0.0;          ///< time of the first reading; negative: within the thermal
+                                 ///< history
+  double interval_s = 60.0;      ///< between readings of drift and temperature
+  double duration_s = 3600.0;    ///< of drift and temperature
   double speed = 1000.0 / 60.0;  ///< mm/s between targets
-  double dwell_s = 4.0;          ///< at each target
-  double set_up_s = 1200.0;      ///< an operator's time for each set-up
+  double dwell_s = 4.0;          ///< wait at each target
+  double set_up_s = 1200.0;      ///< time that an operator needs for each set-up
   double spindle_speed = 0.0;    ///< rad/s, of a spindle test, and during a drift test
-  Eigen::Vector3d up_b = Eigen::Vector3d::UnitZ();  ///< unit, against gravity: plumb line of a
-                                                    ///< level
+  Eigen::Vector3d up_b = Eigen::Vector3d::UnitZ();  ///< unit, upwards; a level refers to it
 };
 
-/// Returns an instrument of a kind as usually bought and used; the source or reason of every number
-/// is beside it in the .cpp. `name` is the name of the kind.
+/// Returns an instrument of a kind as usually bought and used. The .cpp gives the source or the
+/// reason of every number. `name` is the name of the kind.
 Instrument typical(Kind kind);
 
 /// Returns the measuring plan of an instrument on a machine: targets within the travel, approached
-/// as the standards require, in the order of an operator, with times. Slides wait in the middle of
-/// their travel, rotary axes at 0 (or in the middle), spindles at 0. Readings of a step diagonal
-/// count legs: 0 at the start of a run, 3 k + 1 after leg X of step k, 3 k + 2 after Y, 3 k + 3
-/// after Z; each of the four diagonals is a set-up and rises in Z.
+/// as the standards require, in the order in which an operator takes them, with times. Slides that
+/// do not move are in the middle of their travel, rotary axes at 0 (or in the middle), spindles at
+/// 0. Readings of a step diagonal count legs: 0 at the start of a run, 3 k + 1 after leg X of step
+/// k, 3 k + 2 after Y, 3 k + 3 after Z; each of the four diagonals is a set-up and rises in Z.
 /// @throws std::invalid_argument for an axis that the machine lacks or that the kind cannot
 ///         measure, targets beyond the travel, a radius that does not fit, a number out of range,
 ///         or fewer slides than needed

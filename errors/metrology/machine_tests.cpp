@@ -21,10 +21,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// Targets by their position along a path, in ascending order.
+/// Targets in ascending order of their position along a path.
 struct Targets {
   VectorXd position;         ///< (m)
-  std::map<int, Index> row;  ///< row by number of the target
+  std::map<int, Index> row;  ///< row of each target number
 };
 
 Targets path_targets(const Series& series, const VectorXd& along) {
@@ -49,14 +49,14 @@ std::string Series::name() const {
   return optics().channels.size() > 1 ? optics().name + ", " + sensor().name : optics().name;
 }
 
-Bodies nominal_at(const Series& series, std::size_t i) {
+Bodies nominal_bodies_at(const Series& series, std::size_t i) {
   return nominal_bodies(series.readings.nominal, series.measurement(i).state.q);
 }
 
 VectorXd deviations(const Series& series) {
   VectorXd result(Index(series.measurements.size()));
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
-    const Bodies nominal = nominal_at(series, i);
+    const Bodies nominal = nominal_bodies_at(series, i);
     result[Index(i)] = series.readings.value[Index(series.measurements[i])] -
                        reading(series.optics(), series.channel, {}, nominal, nominal,
                                spindle_angle(series.readings.nominal, series.measurement(i).state));
@@ -64,7 +64,7 @@ VectorXd deviations(const Series& series) {
   return result;
 }
 
-Eigen::Vector3d place_w(const Series& series, const kinematics::AxisVector& q) {
+Eigen::Vector3d measured_point_w(const Series& series, const kinematics::AxisVector& q) {
   const Bodies nominal = nominal_bodies(series.readings.nominal, q);
   return nominal.T_bw.inverse() * (nominal.T_bt * series.sensor().point_of);
 }
@@ -81,26 +81,26 @@ std::vector<int> moving_joints(const Series& series) {
   return moving;
 }
 
-std::optional<PositionRuns> runs_of(const Series& series, const VectorXd& along,
-                                    const std::vector<bool>& from_below) {
+std::optional<PositionRuns> position_runs(const Series& series, const VectorXd& along,
+                                          const std::vector<bool>& from_below) {
   const Targets targets = path_targets(series, along);
   const Index m = targets.position.size();
   if (m < 2) return std::nullopt;
   const VectorXd value = deviations(series);
   std::map<std::pair<bool, int>, VectorXd> columns;
-  std::map<std::pair<bool, int>, std::set<Index>> filled;
+  std::map<std::pair<bool, int>, std::set<Index>> targets_read;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const std::pair key{bool(from_below[i]), series.measurement(i).run};
     VectorXd& column = columns.try_emplace(key, VectorXd::Zero(m)).first->second;
     const Index row = targets.row.at(series.measurement(i).target);
-    // A target that is read twice in one run and direction is no ISO 230-2 run.
-    if (!filled[key].insert(row).second) return std::nullopt;
+    // ISO 230-2 does not know runs that read a target twice in one direction.
+    if (!targets_read[key].insert(row).second) return std::nullopt;
     column[row] = value[Index(i)];
   }
   PositionRuns runs;
   runs.target = targets.position;
   for (const auto& [key, column] : columns) {
-    if (Index(filled[key].size()) != m) return std::nullopt;
+    if (Index(targets_read[key].size()) != m) return std::nullopt;
     Eigen::MatrixXd& side = key.first ? runs.up : runs.down;
     side.conservativeResize(m, side.cols() + 1);
     side.rightCols(1) = column;
@@ -112,30 +112,31 @@ std::optional<PositionRuns> runs_of(const Series& series, const VectorXd& along,
 
 namespace {
 
-/// Returns the direction of a channel in the bed, at its first measurement.
+/// Returns the direction of a channel in the bed at its first measurement.
 Eigen::Vector3d sensor_direction_b(const Series& series) {
-  const Bodies nominal = nominal_at(series, 0);
+  const Bodies nominal = nominal_bodies_at(series, 0);
   const Channel& sensor = series.sensor();
   if (sensor.in == Body::Bed) return sensor.direction_in;
   return (sensor.in == Body::Workpiece ? nominal.T_bw : nominal.T_bt).linear() *
          sensor.direction_in;
 }
 
-/// Returns true if a length is read along the travel, not across it, judged by the change of the
-/// reading on the nominal machine.
+/// Returns true if a channel measures along the travel, false if across it. The change of the
+/// reading on the nominal machine decides.
 bool is_measured_along(const Series& series, int joint) {
-  std::size_t far = 0;
-  const auto moved = [&](std::size_t i) {
+  std::size_t farthest = 0;
+  const auto displacement = [&](std::size_t i) {
     return std::abs(series.measurement(i).state.q[joint] - series.measurement(0).state.q[joint]);
   };
   for (std::size_t i = 1; i < series.measurements.size(); ++i)
-    if (moved(i) > moved(far)) far = i;
-  const auto first = nominal_at(series, 0), last = nominal_at(series, far);
-  const double seen = reading(series.optics(), series.channel, {}, last, last) -
-                      reading(series.optics(), series.channel, {}, first, first);
-  // One half separates the two cases widely: along the travel the ratio is about 1, across it about
-  // 0.
-  return std::abs(seen) > 0.5 * moved(far);
+    if (displacement(i) > displacement(farthest)) farthest = i;
+  const auto first = nominal_bodies_at(series, 0),
+             farthest_bodies = nominal_bodies_at(series, farthest);
+  const double reading_change =
+      reading(series.optics(), series.channel, {}, farthest_bodies, farthest_bodies) -
+      reading(series.optics(), series.channel, {}, first, first);
+  // The ratio is about 1 along the travel and about 0 across it.
+  return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
 
 AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& test) {
@@ -145,8 +146,8 @@ AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& te
   return is_measured_along(series, joint) ? TestKind::Positioning : TestKind::Straightness;
 }
 
-// Readings count from an arbitrary zero: here from the mean at the target nearest to the zero of
-// the axis.
+/// Subtracts the mean at the target nearest to the zero of the axis, since the zero of readings is
+/// arbitrary.
 void subtract_zero_reading(PositionRuns& runs) {
   Index nearest = 0;
   runs.target.cwiseAbs().minCoeff(&nearest);
@@ -168,7 +169,7 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
     along[Index(i)] = series.measurement(i).state.q[joint];
     from_below.push_back(series.measurement(i).state.direction[std::size_t(joint)] >= 0);
   }
-  auto runs = runs_of(series, along, from_below);
+  auto runs = position_runs(series, along, from_below);
   if (!runs) return std::nullopt;
   subtract_zero_reading(*runs);
   AxisTest test;
@@ -189,44 +190,44 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
 
 bool is_hidden_by_centring(const AxisTest& test) {
   if (test.what != AxisTest::TestKind::ErrorMotion || test.axial) return false;
-  Eigen::MatrixX2d place(test.runs.target.size(), 2);
-  place << test.runs.target.array().cos(), test.runs.target.array().sin();
-  // 3.5: three distinct positions leave nothing after offset and once-per-turn motion (rounded sum
-  // of weights).
-  return place_weights(place, 1e-9).sum() < 3.5;
+  Eigen::MatrixX2d coordinates(test.runs.target.size(), 2);
+  coordinates << test.runs.target.array().cos(), test.runs.target.array().sin();
+  // The sum of the weights is the number of distinct positions. Three positions are fitted exactly
+  // by offset and once-per-turn motion; 3.5 allows for rounding.
+  return position_weights(coordinates, 1e-9).sum() < 3.5;
 }
 
 PositionRuns form_of(const AxisTest& test) {
   PositionRuns runs = test.runs;
   const VectorXd& t = runs.target;
   Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
-  VectorXd root = VectorXd::Ones(t.size());
-  // A straightness has the line of its optics to be removed, a radial error motion the eccentricity
-  // of the artefact, an axial one its zero.
+  VectorXd root_of_weight = VectorXd::Ones(t.size());
+  // The set-up contributes the line of the optics to a straightness, the eccentricity of the
+  // artefact to a radial error motion, and the zero to an axial one.
   if (test.what == AxisTest::TestKind::Straightness) {
     set_up.conservativeResize(Eigen::NoChange, 2);
     set_up.col(1) = t.array() - t.mean();
   } else if (test.what != AxisTest::TestKind::ErrorMotion) {
     return runs;
   } else {
-    root = arc_weights(t).cwiseSqrt();
+    root_of_weight = arc_weights(t).cwiseSqrt();
     if (!test.axial && !is_hidden_by_centring(test)) {
       set_up.conservativeResize(Eigen::NoChange, 3);
       set_up.col(1) = t.array().cos();
       set_up.col(2) = t.array().sin();
     }
   }
-  const Eigen::MatrixXd weighted = root.asDiagonal() * set_up;
-  const VectorXd added =
-      set_up * least_squares(weighted, VectorXd(root.cwiseProduct(mean_of(runs)))).x;
-  runs.up.colwise() -= added;
-  runs.down.colwise() -= added;
+  const Eigen::MatrixXd weighted = root_of_weight.asDiagonal() * set_up;
+  const VectorXd set_up_contribution =
+      set_up * least_squares(weighted, VectorXd(root_of_weight.cwiseProduct(mean_of(runs)))).x;
+  runs.up.colwise() -= set_up_contribution;
+  runs.down.colwise() -= set_up_contribution;
   return runs;
 }
 
 namespace {
 
-/// Returns the two slides of a circle in alphabetical order; empty if other axes move.
+/// Returns the two slides of a circle in alphabetical order, or nothing if other axes move.
 std::optional<std::array<int, 2>> circle_slides(const Series& series,
                                                 const std::vector<int>& moving) {
   const auto& joints = series.readings.nominal.joints();
@@ -239,48 +240,50 @@ std::optional<std::array<int, 2>> circle_slides(const Series& series,
   return slides;
 }
 
-/// Measurements of one run in one sense, with the angle about the centre unwrapped.
+/// Measurements of one run in one sense of motion, with unwrapped angles about the centre.
 struct CirclePass {
   int run = 0;
   std::vector<std::size_t> measurements;
   std::vector<double> angle;
 };
 
-// A sense ends with the run, or where a target is read again before the motion back.
+/// Divides a series into passes. A pass ends with its run, or at a target that is read again before
+/// the motion back.
 std::vector<CirclePass> circle_passes(const Series& series,
                                       const Eigen::Matrix<double, 3, 2>& plane) {
   std::vector<CirclePass> passes;
   int step = 0;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
     const Measurement& measurement = series.measurement(i);
-    const Eigen::Vector2d arm =
-        plane.transpose() * (place_w(series, measurement.state.q) - series.sensor().point_in);
+    const Eigen::Vector2d arm = plane.transpose() * (measured_point_w(series, measurement.state.q) -
+                                                     series.sensor().point_in);
     double angle = std::atan2(arm.y(), arm.x());
-    const int way = i > 0 ? measurement.target - series.measurement(i - 1).target : 0;
-    const bool goes_on = !passes.empty() && passes.back().run == measurement.run && way != 0 &&
-                         (passes.back().measurements.size() < 2 || way * step > 0);
-    if (!goes_on) passes.push_back({measurement.run, {}, {}});
+    const int target_step = i > 0 ? measurement.target - series.measurement(i - 1).target : 0;
+    const bool continues_pass = !passes.empty() && passes.back().run == measurement.run &&
+                                target_step != 0 &&
+                                (passes.back().measurements.size() < 2 || target_step * step > 0);
+    if (!continues_pass) passes.push_back({measurement.run, {}, {}});
     CirclePass& pass = passes.back();
     if (!pass.angle.empty())
-      // Unwrapped: the step from reading to reading is below half a turn.
+      // Unwrapping assumes steps below half a turn from reading to reading.
       angle = pass.angle.back() + std::remainder(angle - pass.angle.back(), 2 * pi);
-    step = way;
+    step = target_step;
     pass.measurements.push_back(i);
     pass.angle.push_back(angle);
   }
   return passes;
 }
 
-/// Returns the unit vectors along the first slide and, square to it, towards the second, in the
-/// workpiece.
+/// Returns unit vectors in the workpiece: along the first slide and, perpendicular to it, towards
+/// the second.
 Eigen::Matrix<double, 3, 2> plane_w(const Series& series, const std::array<int, 2>& slides) {
   const auto& q0 = series.measurement(0).state.q;
   Eigen::Matrix<double, 3, 2> plane;
   for (int k = 0; k < 2; ++k) {
-    // A displacement of 1 mm gives the direction; slides move along straight lines.
+    // Slides move along straight lines, so a displacement of 1 mm gives the direction.
     kinematics::AxisVector q = q0;
     q[slides[std::size_t(k)]] += 1.0;
-    plane.col(k) = place_w(series, q) - place_w(series, q0);
+    plane.col(k) = measured_point_w(series, q) - measured_point_w(series, q0);
   }
   plane.col(0).normalize();
   plane.col(1) -= plane.col(1).dot(plane.col(0)) * plane.col(0);
@@ -294,19 +297,20 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
   const auto slides = circle_slides(series, moving);
   if (!slides) return {};
   const auto& q0 = series.measurement(0).state.q;
-  const double radius = (place_w(series, q0) - series.sensor().point_in).norm();
+  const double radius = (measured_point_w(series, q0) - series.sensor().point_in).norm();
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
-    const Vector3d arm = place_w(series, series.measurement(i).state.q) - series.sensor().point_in;
-    // 1e-6 of the radius: rounding of positions that were read from a file.
+    const Vector3d arm =
+        measured_point_w(series, series.measurement(i).state.q) - series.sensor().point_in;
+    // 1e-6 of the radius allows for the rounding of positions in a file.
     if (std::abs(arm.norm() - radius) > 1e-6 * radius) return {};
   }
   std::map<int, CircleTest> circles;
   for (const CirclePass& pass : circle_passes(series, plane_w(series, *slides))) {
     if (pass.measurements.size() < 3) return {};
     CircleTest& test = circles[pass.run];
-    const bool rises = pass.angle.back() > pass.angle.front();
-    CircularTrace& trace = rises ? test.runs.anticlockwise : test.runs.clockwise;
-    if (trace.angle.size() > 0) return {};  // the same sense twice in a run
+    const bool is_anticlockwise = pass.angle.back() > pass.angle.front();
+    CircularTrace& trace = is_anticlockwise ? test.runs.anticlockwise : test.runs.clockwise;
+    if (trace.angle.size() > 0) return {};  // one sense twice in a run
     trace.angle = VectorXd::Map(pass.angle.data(), Index(pass.angle.size()));
     trace.radius.resize(trace.angle.size());
     for (std::size_t i = 0; i < pass.measurements.size(); ++i)
@@ -328,7 +332,8 @@ std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int
 
 namespace {
 
-/// Returns the signs of the slides along a diagonal, in the order X Y Z; empty if other axes move.
+/// Returns the signs of the slides along a diagonal in the order X Y Z, or nothing if other axes
+/// move.
 std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
                                                  const std::vector<int>& moving) {
   std::array<int, 3> signs{0, 0, 0};
@@ -350,13 +355,15 @@ std::optional<std::array<int, 3>> diagonal_signs(const Series& series,
   return signs;
 }
 
+/// Returns true if the measured point moves along the beam.
 bool is_along_beam(const Series& series) {
   const Vector3d& beam = series.sensor().direction_in;
-  const Vector3d start = place_w(series, series.measurement(0).state.q);
+  const Vector3d start = measured_point_w(series, series.measurement(0).state.q);
   for (std::size_t i = 1; i < series.measurements.size(); ++i) {
-    const Vector3d way = place_w(series, series.measurement(i).state.q) - start;
-    // 1e-6 relative: rounding of positions that were read from a file.
-    if ((way - way.dot(beam) * beam).norm() > 1e-6 * (1 + way.norm())) return false;
+    const Vector3d displacement = measured_point_w(series, series.measurement(i).state.q) - start;
+    // 1e-6 relative allows for the rounding of positions in a file.
+    if ((displacement - displacement.dot(beam) * beam).norm() > 1e-6 * (1 + displacement.norm()))
+      return false;
   }
   return true;
 }
@@ -373,11 +380,11 @@ std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vecto
   Eigen::VectorXd along(Index(series.measurements.size()));
   std::vector<bool> from_below;
   for (std::size_t i = 0; i < series.measurements.size(); ++i) {
-    const Bodies nominal = nominal_at(series, i);
+    const Bodies nominal = nominal_bodies_at(series, i);
     along[Index(i)] = reading(series.optics(), series.channel, {}, nominal, nominal);
     from_below.push_back(sign * series.measurement(i).state.direction[std::size_t(leading)] >= 0);
   }
-  auto runs = runs_of(series, along, from_below);
+  auto runs = position_runs(series, along, from_below);
   if (!runs) return std::nullopt;
   const double zero = runs->up.cols() > 0 ? runs->up.row(0).mean() : runs->down.row(0).mean();
   runs->up.array() -= zero;
@@ -387,7 +394,7 @@ std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vecto
 
 namespace {
 
-/// Returns the channels of a set-up over time, the axes at rest.
+/// Returns the channels of a set-up over time, or nothing if they were not read together.
 std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
   const Series& first = channels.front();
   DriftTest test;
@@ -411,72 +418,73 @@ std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
 }
 
 /// Returns the positions of the axes at each measurement, with whole turns removed.
-Eigen::MatrixXd places_of(const Series& series) {
+Eigen::MatrixXd wrapped_positions(const Series& series) {
   const auto& joints = series.readings.nominal.joints();
-  Eigen::MatrixXd places(Index(series.measurements.size()), 2 * Index(joints.size()));
-  for (Index i = 0; i < places.rows(); ++i) {
+  Eigen::MatrixXd positions(Index(series.measurements.size()), 2 * Index(joints.size()));
+  for (Index i = 0; i < positions.rows(); ++i) {
     const kinematics::AxisVector& q = series.measurement(std::size_t(i)).state.q;
     for (Index j = 0; j < q.size(); ++j) {
-      const bool slides = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
-      places(i, 2 * j) = slides ? q[j] : std::cos(q[j]);
-      places(i, 2 * j + 1) = slides ? 0.0 : std::sin(q[j]);
+      const bool is_slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
+      positions(i, 2 * j) = is_slide ? q[j] : std::cos(q[j]);
+      positions(i, 2 * j + 1) = is_slide ? 0.0 : std::sin(q[j]);
     }
   }
-  return places;
+  return positions;
 }
 
 OtherTest other_test(const Series& series) {
-  constexpr double one_place = 1e-9;  // mm or rad
+  constexpr double tolerance = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
-                 place_weights(places_of(series), one_place)};
-  test.share /= test.share.sum();
-  if (test.deviation.size() > 1) test.deviation.array() -= test.share.dot(test.deviation);
+                 position_weights(wrapped_positions(series), tolerance)};
+  test.weights /= test.weights.sum();
+  if (test.deviation.size() > 1) test.deviation.array() -= test.weights.dot(test.deviation);
   return test;
 }
 
-/// Joins channels that were read once, such as those of a tracker at every position, into one test
-/// of each kind.
+/// Joins channels with a single reading, such as those of a tracker at every position, into one
+/// test of lengths and one of angles.
 void join_single_readings(std::vector<OtherTest>& tests) {
-  std::vector<OtherTest> joined;
+  std::vector<OtherTest> remaining;
   std::array<std::vector<double>, 2> single;
   for (OtherTest& test : tests) {
     if (test.deviation.size() == 1)
       single[test.angle ? 1 : 0].push_back(test.deviation[0]);
     else
-      joined.push_back(std::move(test));
+      remaining.push_back(std::move(test));
   }
   for (const bool angle : {false, true}) {
-    const std::vector<double>& all = single[angle ? 1 : 0];
-    if (all.empty()) continue;
-    VectorXd value = VectorXd::Map(all.data(), Index(all.size()));
+    const std::vector<double>& deviations_of_kind = single[angle ? 1 : 0];
+    if (deviations_of_kind.empty()) continue;
+    VectorXd value = VectorXd::Map(deviations_of_kind.data(), Index(deviations_of_kind.size()));
     value.array() -= value.mean();
-    VectorXd share = VectorXd::Constant(value.size(), 1.0 / double(value.size()));
-    joined.push_back({angle ? "angles read once each" : "lengths read once each", angle,
-                      std::move(value), std::move(share)});
+    VectorXd weights = VectorXd::Constant(value.size(), 1.0 / double(value.size()));
+    remaining.push_back({angle ? "angles read once each" : "lengths read once each", angle,
+                         std::move(value), std::move(weights)});
   }
-  tests = std::move(joined);
+  tests = std::move(remaining);
 }
 
+/// Adds the tests of one set-up.
 void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
-  std::vector<AxisTest> lines;
+  std::vector<AxisTest> axis_tests;
   std::set<char> axes;
-  // Without any motion the readings are a drift test, whatever the instrument.
-  bool rest = true;
-  for (const Series& series : channels) rest = rest && moving_joints(series).empty();
-  if (rest) {
+  // Readings without any motion are a drift test for every instrument.
+  bool is_at_rest = true;
+  for (const Series& series : channels) is_at_rest = is_at_rest && moving_joints(series).empty();
+  if (is_at_rest) {
     if (auto drift = drift_test(channels)) {
       tests.drifts.push_back(std::move(*drift));
       return;
     }
   }
-  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle;
-  // anything else is reported by its range.
+  // The order of the attempts matters: one moving axis, then a straight diagonal, then a circle.
+  // All other readings are reported by their range.
   for (const Series& series : channels) {
     const std::vector<int> moving = moving_joints(series);
     if (moving.size() == 1) {
       if (auto test = axis_test(series, moving.front())) {
         axes.insert(test->axis);
-        lines.push_back(std::move(*test));
+        axis_tests.push_back(std::move(*test));
         continue;
       }
     } else if (moving.size() > 1) {
@@ -492,11 +500,12 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
     }
     tests.others.push_back(other_test(series));
   }
-  const bool square = lines.size() == 2 && axes.size() == 2 &&
-                      lines[0].what == AxisTest::TestKind::Straightness &&
-                      lines[1].what == AxisTest::TestKind::Straightness;
-  if (square) tests.squares.push_back({channels.front().optics().name, lines[0], lines[1]});
-  for (AxisTest& line : lines) tests.axes.push_back(std::move(line));
+  const bool is_square_test = axis_tests.size() == 2 && axes.size() == 2 &&
+                              axis_tests[0].what == AxisTest::TestKind::Straightness &&
+                              axis_tests[1].what == AxisTest::TestKind::Straightness;
+  if (is_square_test)
+    tests.squares.push_back({channels.front().optics().name, axis_tests[0], axis_tests[1]});
+  for (AxisTest& line : axis_tests) tests.axes.push_back(std::move(line));
 }
 
 }  // namespace
@@ -511,10 +520,10 @@ Tests classify_readings(const Readings& readings) {
   for (std::size_t i = 0; i < plan.measurements.size(); ++i)
     set_ups[std::size_t(plan.measurements[i].set_up)][std::size_t(plan.measurements[i].channel)]
         .measurements.push_back(i);
-  for (const std::vector<Series>& all : set_ups) {
+  for (const std::vector<Series>& set_up_series : set_ups) {
     std::vector<Series> channels;
-    for (const Series& one : all)
-      if (!one.measurements.empty()) channels.push_back(one);
+    for (const Series& series : set_up_series)
+      if (!series.measurements.empty()) channels.push_back(series);
     if (!channels.empty()) sort_set_up(channels, tests);
   }
   join_single_readings(tests.others);

@@ -25,39 +25,38 @@ struct Series {
   const Measurement& measurement(std::size_t i) const {
     return readings.plan.measurements[measurements[i]];
   }
-  /// Returns the name of the set-up, and of the channel if there are several.
+  /// Returns the name of the set-up, followed by that of the channel if there are several.
   std::string name() const;
 };
 
 /// Returns the nominal poses of the bodies at a measurement.
-Bodies nominal_at(const Series& series, std::size_t i);
+Bodies nominal_bodies_at(const Series& series, std::size_t i);
 
-/// Returns readings minus those of a perfect set-up on the nominal machine (measurements).
+/// Returns the readings minus those of a perfect set-up on the nominal machine (measurements).
 Eigen::VectorXd deviations(const Series& series);
 
 /// Returns the nominal position of the measured point in the workpiece.
-Eigen::Vector3d place_w(const Series& series, const kinematics::AxisVector& q);
+Eigen::Vector3d measured_point_w(const Series& series, const kinematics::AxisVector& q);
 
-/// Returns the axes that move.
+/// Returns the indices of the axes that move.
 std::vector<int> moving_joints(const Series& series);
 
-/// Returns the deviations of a series as runs over positions along a path, targets in their order
-/// on it.
+/// Returns the deviations of a series as runs over positions along a path, in ascending order of
+/// the targets, or nothing unless every run has every target once and all targets are distinct.
 /// @param along       (measurements) position on the path
 /// @param from_below  (measurements) true if the measurement was approached from lower positions
-/// @return empty unless every run has every target once and all targets are distinct
-std::optional<PositionRuns> runs_of(const Series& series, const Eigen::VectorXd& along,
-                                    const std::vector<bool>& from_below);
+std::optional<PositionRuns> position_runs(const Series& series, const Eigen::VectorXd& along,
+                                          const std::vector<bool>& from_below);
 
 /// Readings of one channel while one axis moves.
 struct AxisTest {
   std::string name;  ///< of set-up and channel
   char axis = 'X';
-  int set_up = 0;        ///< in the plan
-  bool angle = false;    ///< readings are rad, not mm
-  bool rotary = false;   ///< targets are rad, not mm
+  int set_up = 0;        ///< index in the plan
+  bool angle = false;    ///< true: readings are rad; false: mm
+  bool rotary = false;   ///< true: targets are rad; false: mm
   bool spindle = false;  ///< the axis is a spindle
-  bool axial = false;    ///< for a rotary axis: the sensor measures along it
+  bool axial = false;    ///< for a rotary axis: the sensor measures along the axis
   enum class TestKind {
     Positioning,
     Straightness,
@@ -67,29 +66,28 @@ struct AxisTest {
   PositionRuns runs;  ///< reading minus nominal value
 };
 
-/// Returns the test of the one moving axis; empty if runs lack a target.
+/// Returns the test of the only moving axis, or nothing if runs lack a target.
 std::optional<AxisTest> axis_test(const Series& series, int joint);
 
-/// Returns the runs without the contribution of the set-up: of a straightness the least-squares
-/// line of the mean, of a radial error motion the component once per turn (centring of the
-/// artefact), of an axial one the mean. Those of any other test are unchanged. Angles are weighted
-/// by their arc, so that 0 and 360 degrees together count as one position.
+/// Returns the runs without the contribution of the set-up: the least-squares line of the mean of a
+/// straightness, the component once per turn of a radial error motion (centring of the artefact),
+/// the mean of an axial error motion. Runs of other tests are unchanged. Angles have the weight of
+/// their arc, so that 0 and 360 degrees together count as one position.
 PositionRuns form_of(const AxisTest& test);
 
-/// Returns true if a radial error motion was read at too few positions (3) to separate it from the
-/// centring.
+/// Returns true if a radial error motion was read at too few positions, three or less, to separate
+/// it from the centring of the artefact.
 bool is_hidden_by_centring(const AxisTest& test);
 
 /// Lengths read while two slides move around a point.
 struct CircleTest {
   std::string name;        ///< of set-up and channel, and of the run if there are several
   std::string plane;       ///< "XY": letters of the first and the second direction
-  bool zero_known = true;  ///< false if the bar only measures changes of its length
+  bool zero_known = true;  ///< false: the bar measures changes of its length only
   CircularRuns runs;
 };
 
-/// Returns one test per run; empty if anything but two slides moves, or not on a circle about the
-/// socket.
+/// Returns one test per run, or none unless exactly two slides move on a circle about the socket.
 /// @param moving  the axes that move
 std::vector<CircleTest> circle_tests(const Series& series, const std::vector<int>& moving);
 
@@ -99,12 +97,10 @@ struct DiagonalTest {
   DiagonalRuns runs;
 };
 
-/// Returns the test; empty if anything but slides moves, the path is not straight along the beam,
-/// or runs lack a target.
+/// Returns the test, or nothing if other axes than slides move, the path is not straight along the
+/// beam, or runs lack a target.
 /// @param moving  the axes that move, two or more
 std::optional<DiagonalTest> diagonal_test(const Series& series, const std::vector<int>& moving);
-
-// Readings of a machine, sorted into the tests that the standards evaluate.
 
 /// Two straightness lines against one square.
 struct SquareTest {
@@ -112,21 +108,22 @@ struct SquareTest {
   AxisTest first, second;
 };
 
-/// Channels of a set-up over time, the axes at rest.
+/// Channels of a set-up over time with all axes at rest.
 struct DriftTest {
   std::string name;
   DriftLog log;             ///< reading minus the first reading
-  std::vector<bool> angle;  ///< (columns)
+  std::vector<bool> angle;  ///< (columns) true: rad; false: mm
 };
 
-/// Any other readings: deviations from the nominal machine.
+/// Deviations of all other readings from the nominal machine.
 struct OtherTest {
   std::string name;
   bool angle = false;
   Eigen::VectorXd deviation;  ///< (n) with zero mean
-  Eigen::VectorXd share;      ///< (n) weights such that each position of the axes counts once
+  Eigen::VectorXd weights;    ///< (n) weights by which each position of the axes counts once
 };
 
+/// Readings of a machine, sorted into the tests that the standards evaluate.
 struct Tests {
   std::vector<AxisTest> axes;
   std::vector<SquareTest> squares;
@@ -137,7 +134,7 @@ struct Tests {
 };
 
 /// Sorts readings into tests by their geometry and the axes that moved, not by the name of the
-/// instrument; the order is that of the set-ups. Runs that lack a target become other tests.
+/// instrument, in the order of the set-ups. Runs that lack a target become other tests.
 Tests classify_readings(const Readings& readings);
 
 }  // namespace abbe::errors::metrology

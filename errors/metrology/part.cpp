@@ -25,44 +25,44 @@ using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Chain;
 
-// A picometre: far below any reading, above the rounding of positions of 1 m.
-constexpr double contact = 1e-12;  // mm
+// mm; a picometre is far below any reading and above the rounding of positions of 1 m
+constexpr double contact_tolerance = 1e-12;
 
-[[noreturn]] void refuse(const std::string& sentence) {
+[[noreturn]] void throw_input_error(const std::string& sentence) {
   throw std::invalid_argument("reading of a part: " + sentence);
 }
 
 void expect(bool holds, const char* what, double seen) {
-  if (!holds) refuse(fmt::format("expected {}, seen {}", what, seen));
+  if (!holds) throw_input_error(fmt::format("expected {}, seen {}", what, seen));
 }
 
 void check(const PartSurface& part) {
   const Index n = part.points_w.rows();
   if (part.normals_w.rows() != n || part.deviation.size() != n)
-    refuse(fmt::format("expected as many normals and deviations as points, seen {}, {} and {}",
-                       part.normals_w.rows(), part.deviation.size(), n));
+    throw_input_error(
+        fmt::format("expected as many normals and deviations as points, seen {}, {} and {}",
+                    part.normals_w.rows(), part.deviation.size(), n));
   for (Index i = 0; i < n; ++i) {
     if (!part.points_w.row(i).allFinite() || std::isinf(part.deviation[i]))
-      refuse(fmt::format("expected finite numbers at point {}", i + 1));
+      throw_input_error(fmt::format("expected finite numbers at point {}", i + 1));
     if (!(std::abs(part.normals_w.row(i).norm() - 1.0) <= 1e-9))
-      refuse(fmt::format("expected a unit normal at point {}, seen one of length {}", i + 1,
-                         part.normals_w.row(i).norm()));
+      throw_input_error(fmt::format("expected a unit normal at point {}, seen one of length {}",
+                                    i + 1, part.normals_w.row(i).norm()));
   }
 }
 
-PartReadings blank(const PartSurface& part, const std::vector<Index>& chosen, double noise,
-                   double resolution) {
-  const Index n = Index(chosen.size());
+/// Returns readings of selected points whose deviations and times are still to be filled in.
+PartReadings empty_readings(const PartSurface& part, const std::vector<Index>& point_indices,
+                            double noise, double resolution) {
+  const Index n = Index(point_indices.size());
   PartReadings r{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3), Eigen::VectorXd(n),
                  std::sqrt(noise * noise + resolution * resolution / 12.0), Eigen::VectorXd(n)};
   for (Index i = 0; i < n; ++i) {
-    r.points_w.row(i) = part.points_w.row(chosen[std::size_t(i)]);
-    r.normals_w.row(i) = part.normals_w.row(chosen[std::size_t(i)]);
+    r.points_w.row(i) = part.points_w.row(point_indices[std::size_t(i)]);
+    r.normals_w.row(i) = part.normals_w.row(point_indices[std::size_t(i)]);
   }
   return r;
 }
-
-// Touch probe on the machine
 
 void check(const TouchProbe& options, const Chain& nominal) {
   expect(options.radius > 0.0 && std::isfinite(options.radius), "a ball above 0 mm",
@@ -82,30 +82,33 @@ void check(const TouchProbe& options, const Chain& nominal) {
   expect(options.q.allFinite(), "finite positions of the axes", options.q.norm());
 }
 
-/// A machine with its probe; carries its state from touch to touch.
+/// Machine with a touch probe. Its state continues from touch to touch.
 struct ProbingMachine {
   const Chain& nominal;
   const MachineUnderTest& machine;
   const TouchProbe& options;
   AxisState state;
 
-  Instrument ball() const {
+  /// Returns an instrument with the stylus ball as its reflector.
+  Instrument ball_instrument() const {
     Instrument i;
     i.name = "touch probe";
     i.reflector_t = options.centre_t;
     return i;
   }
-  AxisVector at(const Vector3d& centre_w) const {
-    const auto q = slides_for_reflector(ball(), nominal, options.q, centre_w);
-    if (!q || !within_travel(nominal, *q))
-      refuse(fmt::format("expected points within the travel, seen [{:.6g}, {:.6g}, {:.6g}]",
-                         centre_w.x(), centre_w.y(), centre_w.z()));
+  /// Returns the axis positions at which a perfect machine has the ball at a point.
+  AxisVector axis_positions(const Vector3d& centre_w) const {
+    const auto q = slides_for_reflector(ball_instrument(), nominal, options.q, centre_w);
+    if (!q || !is_within_travel(nominal, *q))
+      throw_input_error(
+          fmt::format("expected points within the travel, seen [{:.6g}, {:.6g}, {:.6g}]",
+                      centre_w.x(), centre_w.y(), centre_w.z()));
     return *q;
   }
-  void go(const AxisVector& q) {
-    AxisState next = moved(state, q);
-    next.time_s += (q - state.q).norm() / options.speed;
-    state = next;
+  void move_to(const AxisVector& q) {
+    AxisState next_state = state_after_move(state, q);
+    next_state.time_s += (q - state.q).norm() / options.speed;
+    state = next_state;
   }
   double touch(const Vector3d& point_w, const Vector3d& normal_w, double deviation);
 };
@@ -115,30 +118,30 @@ double ProbingMachine::touch(const Vector3d& point_w, const Vector3d& normal_w, 
   const auto centre_w = [&](double height) -> Vector3d {
     return point_w + (options.radius + height) * normal_w;
   };
-  go(at(centre_w(options.clearance)));
-  const AxisState before = state;
+  move_to(axis_positions(centre_w(options.clearance)));
+  const AxisState at_clearance = state;
   const double approach_s = options.clearance / options.speed + options.dwell_s;
   double height = 0.0;
-  // Each pass corrects the height by the whole gap; errors change by 1e-3 of a motion at most, so a
-  // few passes converge, and 60 mark a machine on which they do not.
+  // Each iteration corrects the height by the whole gap. The errors of a machine change by 1e-3 of
+  // a motion at most, so a few iterations converge; 60 without convergence mean that there is no
+  // contact.
   for (int k = 0; k < 60; ++k) {
-    AxisState there = moved(before, at(centre_w(height)));
-    there.time_s = before.time_s + approach_s;
-    const Bodies actual = machine(there);
+    AxisState at_contact = state_after_move(at_clearance, axis_positions(centre_w(height)));
+    at_contact.time_s = at_clearance.time_s + approach_s;
+    const Bodies actual = machine(at_contact);
     const Vector3d ball_w = actual.T_bw.inverse() * (actual.T_bt * options.centre_t);
     const double gap = normal_w.dot(ball_w - point_w) - options.radius - deviation;
     height -= gap;
     if (!(std::abs(height) < options.clearance)) break;
-    if (std::abs(gap) <= contact) {
-      state = there;
+    if (std::abs(gap) <= contact_tolerance) {
+      state = at_contact;
       return height;
     }
   }
-  refuse(fmt::format("expected contact within {:.6g} mm of [{:.6g}, {:.6g}, {:.6g}], seen none",
-                     options.clearance, point_w.x(), point_w.y(), point_w.z()));
+  throw_input_error(
+      fmt::format("expected contact within {:.6g} mm of [{:.6g}, {:.6g}, {:.6g}], seen none",
+                  options.clearance, point_w.x(), point_w.y(), point_w.z()));
 }
-
-// Coordinate measuring machine
 
 void check(const CoordinateMachine& options) {
   expect(options.spacing > 0.0 && std::isfinite(options.spacing), "a spacing above 0 mm",
@@ -152,9 +155,9 @@ void check(const CoordinateMachine& options) {
     expect(options.alignment->allFinite(), "a finite alignment", options.alignment->norm());
 }
 
-/// Returns the side of the part to which a normal belongs: index of its largest component, plus 3
-/// if negative.
-int side_of(const Vector3d& normal) {
+/// Returns the side of the part to which a normal belongs: the index of its largest component, plus
+/// 3 if that is negative.
+int part_side(const Vector3d& normal) {
   int k = 0;
   normal.cwiseAbs().maxCoeff(&k);
   return normal[k] < 0.0 ? k + 3 : k;
@@ -166,27 +169,28 @@ std::vector<Index> grid_points(const PartSurface& part, double spacing) {
   Vector3d low = Vector3d::Constant(INFINITY);
   for (Index i = 0; i < part.points_w.rows(); ++i)
     low = low.cwiseMin(part.points_w.row(i).transpose());
-  struct Nearest {
+  struct NearestPoint {
     double distance;
     Index point;
   };
-  std::map<std::array<double, 4>, Nearest> cells;
+  std::map<std::array<double, 4>, NearestPoint> cells;
   for (Index i = 0; i < part.points_w.rows(); ++i) {
     if (std::isnan(part.deviation[i])) continue;
     const Vector3d cell =
         ((part.points_w.row(i).transpose() - low) / spacing).array().floor().matrix();
-    const Vector3d middle = low + spacing * (cell + Vector3d::Constant(0.5));
-    const double distance = (part.points_w.row(i).transpose() - middle).norm();
-    const auto [place, is_new] =
-        cells.try_emplace({double(side_of(part.normals_w.row(i))), cell.z(), cell.y(), cell.x()},
-                          Nearest{distance, i});
-    if (!is_new && distance < place->second.distance) place->second = {distance, i};
+    const Vector3d cell_centre = low + spacing * (cell + Vector3d::Constant(0.5));
+    const double distance = (part.points_w.row(i).transpose() - cell_centre).norm();
+    const auto [entry, is_new] =
+        cells.try_emplace({double(part_side(part.normals_w.row(i))), cell.z(), cell.y(), cell.x()},
+                          NearestPoint{distance, i});
+    if (!is_new && distance < entry->second.distance) entry->second = {distance, i};
   }
-  std::vector<Index> chosen;
-  for (const auto& [cell, nearest] : cells) chosen.push_back(nearest.point);
-  return chosen;
+  std::vector<Index> point_indices;
+  for (const auto& [cell, nearest] : cells) point_indices.push_back(nearest.point);
+  return point_indices;
 }
 
+/// Returns the stated displacement of the part, or a random one.
 kinematics::Deviation random_alignment(const CoordinateMachine& options) {
   if (options.alignment) return *options.alignment;
   kinematics::Deviation D;
@@ -196,33 +200,34 @@ kinematics::Deviation random_alignment(const CoordinateMachine& options) {
   return D;
 }
 
-/// Returns the deviations after the rigid motion that minimises their squares. Motions that do not
-/// change the deviations (three of six for a plane) are left alone by the minimum-norm step.
+/// Returns the deviations after the rigid motion that minimises their sum of squares. The
+/// minimum-norm step contains no motion that does not change the deviations (three of six for a
+/// plane).
 Eigen::VectorXd best_fit_deviation(const PartReadings& r, const Vector3d& middle_w) {
   const Index n = r.deviation.size();
   Eigen::MatrixX3d read_w = r.points_w;
   for (Index i = 0; i < n; ++i) read_w.row(i) += r.deviation[i] * r.normals_w.row(i);
   const double size =
       std::max(1.0, (r.points_w.rowwise() - middle_w.transpose()).rowwise().norm().maxCoeff());
-  Eigen::VectorXd left = r.deviation;
-  for (int pass = 0; pass < 5; ++pass) {  // Gauss-Newton: the error of each pass is the square of
-                                          // the previous one
+  Eigen::VectorXd residuals = r.deviation;
+  // Gauss-Newton: the error after each iteration is the square of the previous one.
+  for (int iteration = 0; iteration < 5; ++iteration) {
     Eigen::MatrixXd A(n, 6);
     for (Index i = 0; i < n; ++i) {
       const Vector3d normal = r.normals_w.row(i), arm = read_w.row(i).transpose() - middle_w;
-      // Angles are scaled by the size of the part, so that the threshold 1e-9 means the same for
-      // all six.
+      // Angles are scaled by the size of the part, so that the threshold 1e-9 applies equally to
+      // all six motions.
       A.row(i) << normal.transpose(), arm.cross(normal).transpose() / size;
     }
-    kinematics::Deviation D = -shortest_least_squares(A, left, 1e-9);
+    kinematics::Deviation D = -shortest_least_squares(A, residuals, 1e-9);
     D.tail<3>() /= size;
-    const kinematics::Pose back = kinematics::motion(D, middle_w);
+    const kinematics::Pose correction = kinematics::motion(D, middle_w);
     for (Index i = 0; i < n; ++i) {
-      read_w.row(i) = (back * Vector3d(read_w.row(i).transpose())).transpose();
-      left[i] = r.normals_w.row(i).dot(read_w.row(i) - r.points_w.row(i));
+      read_w.row(i) = (correction * Vector3d(read_w.row(i).transpose())).transpose();
+      residuals[i] = r.normals_w.row(i).dot(read_w.row(i) - r.points_w.row(i));
     }
   }
-  return left;
+  return residuals;
 }
 
 }  // namespace
@@ -231,23 +236,26 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
                    const TouchProbe& options) {
   check(part);
   check(options, nominal);
-  std::vector<Index> chosen;
+  std::vector<Index> point_indices;
   for (Index i = 0; i < part.deviation.size(); ++i)
-    if (!std::isnan(part.deviation[i])) chosen.push_back(i);
-  PartReadings r = blank(part, chosen, options.noise, options.resolution);
-  ProbingMachine probing{nominal, machine, options, {}};
+    if (!std::isnan(part.deviation[i])) point_indices.push_back(i);
+  PartReadings r = empty_readings(part, point_indices, options.noise, options.resolution);
+  ProbingMachine prober{nominal, machine, options, {}};
   for (Index i = 0; i < r.deviation.size(); ++i) {
     const Vector3d point_w = r.points_w.row(i), normal_w = r.normals_w.row(i);
     if (i == 0) {
-      probing.state.q = probing.at(point_w + (options.radius + options.clearance) * normal_w);
-      // The first touch is to happen at start_s, so the approach begins earlier.
-      probing.state.time_s = options.start_s - options.clearance / options.speed - options.dwell_s;
+      prober.state.q =
+          prober.axis_positions(point_w + (options.radius + options.clearance) * normal_w);
+      // The first touch is at start_s, so its approach begins earlier.
+      prober.state.time_s = options.start_s - options.clearance / options.speed - options.dwell_s;
     }
-    const double height = probing.touch(point_w, normal_w, part.deviation[chosen[std::size_t(i)]]) +
-                          options.noise * normal_deviate(options.seed, std::uint64_t(i));
+    const double height =
+        prober.touch(point_w, normal_w, part.deviation[point_indices[std::size_t(i)]]) +
+        options.noise * normal_deviate(options.seed, std::uint64_t(i));
     r.deviation[i] = rounded(height, options.resolution);
-    r.time_s[i] = probing.state.time_s;
-    probing.go(probing.at(point_w + (options.radius + options.clearance) * normal_w));
+    r.time_s[i] = prober.state.time_s;
+    prober.move_to(
+        prober.axis_positions(point_w + (options.radius + options.clearance) * normal_w));
   }
   return r;
 }
@@ -255,18 +263,20 @@ PartReadings probe(const PartSurface& part, const Chain& nominal, const MachineU
 PartReadings measure_coordinates(const PartSurface& part, const CoordinateMachine& options) {
   check(part);
   check(options);
-  const std::vector<Index> chosen = grid_points(part, options.spacing);
-  PartReadings r = blank(part, chosen, options.noise, options.resolution);
+  const std::vector<Index> point_indices = grid_points(part, options.spacing);
+  PartReadings r = empty_readings(part, point_indices, options.noise, options.resolution);
   const Index n = r.deviation.size();
   if (n == 0) return r;
   const Vector3d middle_w = r.points_w.colwise().mean();
-  const kinematics::Pose lie = kinematics::motion(random_alignment(options), middle_w);
+  // The displacement of the part is drawn once for all points: it is an error of alignment, not
+  // noise.
+  const kinematics::Pose displacement = kinematics::motion(random_alignment(options), middle_w);
   for (Index i = 0; i < n; ++i) {
-    // The lie of the part is drawn once: it is an error of the alignment, not noise.
     const Vector3d point = r.points_w.row(i), normal = r.normals_w.row(i);
-    const Vector3d machined = lie * (point + part.deviation[chosen[std::size_t(i)]] * normal);
-    const Vector3d stands = lie.linear() * normal;
-    const double height = stands.dot(machined - point) / stands.dot(normal) +
+    const Vector3d actual_point =
+        displacement * (point + part.deviation[point_indices[std::size_t(i)]] * normal);
+    const Vector3d actual_normal = displacement.linear() * normal;
+    const double height = actual_normal.dot(actual_point - point) / actual_normal.dot(normal) +
                           options.noise * normal_deviate(options.seed, std::uint64_t(i));
     r.deviation[i] = rounded(height, options.resolution);
     r.time_s[i] = options.start_s + double(i) * options.interval_s;

@@ -13,33 +13,34 @@
 /// records moves and readings.
 namespace abbe::errors::metrology {
 
-/// Positions of one axis, or of one parameter of a path, used by a plan; mm or rad.
+/// Range of an axis, or of the parameter of a path, that a plan uses; mm or rad.
 struct Range {
   double from = 0.0;
   double to = 0.0;
-  double overshoot = 0.0;  ///< extra travel at both ends, so that both directions of approach are
-                           ///< unambiguous
+  double overshoot = 0.0;  ///< additional travel at both ends, for an unambiguous direction of
+                           ///< approach
 };
 
+/// Axis with its direction in the workpiece.
 struct AxisDirection {
   int joint = 0;  ///< index in the chain
   char name = 'X';
-  Eigen::Vector3d direction_w;  ///< unit; a positive command moves or turns the tool in this
-                                ///< direction
+  Eigen::Vector3d direction_w;  ///< unit; a positive command moves the tool along it, or turns the
+                                ///< tool about it
 };
 
-/// The waiting position of a machine: slides in the middle of their travel, rotary axes at 0 or in
-/// the middle of a travel without 0, spindles at 0.
+/// Parked machine: slides in the middle of their travel, rotary axes at 0 or in the middle of a
+/// travel without 0, spindles at 0. It holds the axes that do not move while another is measured.
 struct ParkedMachine {
   kinematics::AxisVector q;
   std::vector<AxisDirection> slides;  ///< selected by the instrument, by letter
   std::vector<AxisDirection> rotary;  ///< selected by the instrument, by letter, without spindles
 };
 
-/// Returns the waiting position and the axes to be measured.
+/// Returns the parked machine with the axes to be measured.
 /// @throws std::invalid_argument for an axis in the instrument's list that the machine lacks, or a
 ///         slide without limits of travel
-ParkedMachine stand(const Instrument& instrument, const kinematics::Chain& nominal);
+ParkedMachine park(const Instrument& instrument, const kinematics::Chain& nominal);
 
 /// Returns the travel of a slide minus the margins.
 Range travel(const Instrument& instrument, const kinematics::Joint& slide);
@@ -47,72 +48,77 @@ Range travel(const Instrument& instrument, const kinematics::Joint& slide);
 /// does not fit becomes the full travel.
 Range arc(const Instrument& instrument, const kinematics::Joint& rotary);
 
-/// Returns equally spaced targets from the first to the last (count).
+/// Returns equally spaced targets (count) from one end of the range to the other.
 Eigen::VectorXd targets(const Range& range, int count);
 
 /// Two unit vectors across a direction, nearest to the bed axes with these letters.
-struct Across {
+struct CrossDirections {
   Eigen::Vector3d direction_w[2];
   char letter[2] = {'X', 'Y'};
 };
-Across across(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
-              const Eigen::Vector3d& direction_w);
+/// Returns the directions across a direction, for the machine at q.
+CrossDirections cross_directions(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
+                                 const Eigen::Vector3d& direction_w);
 
 /// Returns the position of the reflector, or ball, at the tool in the workpiece.
 Eigen::Vector3d reflector_w(const Instrument& instrument, const kinematics::Chain& nominal,
                             const kinematics::AxisVector& q);
 
 /// Returns the point of a rotary axis that is nearest to a position, in the workpiece at q.
-Eigen::Vector3d on_axis(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
-                        int joint, const Eigen::Vector3d& place_w);
+Eigen::Vector3d nearest_axis_point(const kinematics::Chain& nominal,
+                                   const kinematics::AxisVector& q, int joint,
+                                   const Eigen::Vector3d& position_w);
 
-/// Returns the axis positions with the slides set such that the reflector is at a position; limits
-/// are not checked. Empty if the slides cannot reach it. Accurate to 1e-9 mm.
-/// @param slides  joints that may move; empty: every slide
+/// Returns the axis positions with which the slides hold the reflector at a position, accurate to
+/// 1e-9 mm, or nothing if the slides cannot reach it. Limits of travel are not checked.
+/// @param slides  joints that may move; empty: all slides
 std::optional<kinematics::AxisVector> slides_for_reflector(const Instrument& instrument,
                                                            const kinematics::Chain& nominal,
                                                            const kinematics::AxisVector& q,
-                                                           const Eigen::Vector3d& place_w,
+                                                           const Eigen::Vector3d& position_w,
                                                            std::vector<int> slides = {});
 
-/// One axis of a grid and its positions.
+/// Axis of a grid with its positions.
 struct GridLine {
   int joint = 0;
-  Eigen::VectorXd at;
+  Eigen::VectorXd values;
 };
-/// Returns all combinations, each one step on one axis from the previous.
-/// @throws std::invalid_argument for more than 100000 of them
+/// Returns all combinations of the positions, in an order in which each step moves one axis by one
+/// spacing.
+/// @throws std::invalid_argument for more than 100000 combinations
 std::vector<kinematics::AxisVector> grid(const Instrument& instrument,
                                          const kinematics::AxisVector& q,
                                          const std::vector<GridLine>& lines);
 
-bool within_travel(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
+/// Returns true if no axis exceeds its travel.
+bool is_within_travel(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
 
-/// Returns true if two slides travel across each other, i.e. by more than 6 degrees, so that they
-/// span a plane.
-bool cross(const AxisDirection& one, const AxisDirection& other);
-/// Returns all such pairs of slides, in their order.
-/// @throws std::invalid_argument naming the instrument if there are none
+/// Returns true if the directions of two slides differ by more than 6 degrees, so that they span a
+/// plane.
+bool are_crossing(const AxisDirection& a, const AxisDirection& b);
+/// Returns all crossing pairs of slides, in their order.
+/// @throws std::invalid_argument naming the instrument if there is none
 std::vector<std::array<AxisDirection, 2>> crossing_slides(const Instrument& instrument,
-                                                          const ParkedMachine& stand);
+                                                          const ParkedMachine& parked);
 
-/// Throw unless the machine has the slides, or a rotary axis, that the kind needs.
-void expect_slides(const Instrument& instrument, const ParkedMachine& stand, int count);
-void expect_rotary(const Instrument& instrument, const ParkedMachine& stand);
+/// Throw std::invalid_argument unless the machine has as many slides, or a rotary axis.
+void expect_slides(const Instrument& instrument, const ParkedMachine& parked, int count);
+void expect_rotary(const Instrument& instrument, const ParkedMachine& parked);
 
 /// Throws std::invalid_argument with the name of the instrument and a sentence.
-[[noreturn]] void refuse(const Instrument& instrument, const std::string& sentence);
+[[noreturn]] void throw_input_error(const Instrument& instrument, const std::string& sentence);
 
-/// Axis positions along a path by one parameter: an axis position, an angle, a fraction of a
-/// diagonal.
+/// Path: axis positions as a function of one parameter, such as an axis position, an angle or a
+/// fraction of a diagonal.
 using Path = std::function<kinematics::AxisVector(double)>;
 
-/// Returns the state after a motion to q, with directions and reversals of the axes that moved. The
-/// time is unchanged.
-kinematics::AxisState moved(kinematics::AxisState state, const kinematics::AxisVector& q);
+/// Returns the state after a motion to q, with the directions and reversals of the axes that moved.
+/// Its time is unchanged.
+kinematics::AxisState state_after_move(kinematics::AxisState state,
+                                       const kinematics::AxisVector& q);
 
-/// Recorder of a measuring plan: an operator with an instrument who moves, waits and reads. Keeps
-/// time, directions of approach and reversals of every axis.
+/// Builder of a measuring plan. It records moves, waits and readings with their time, and with the
+/// directions of approach and reversals of every axis.
 class PlanBuilder {
  public:
   PlanBuilder(const Instrument& instrument, const kinematics::Chain& nominal,
@@ -125,33 +131,35 @@ class PlanBuilder {
   /// Moves all axes together to a position.
   /// @throws std::invalid_argument naming the axis whose travel is exceeded
   void move(const kinematics::AxisVector& q);
-  /// Waits.
   void wait(double seconds) { time_s_ += seconds; }
-  /// Turns a spindle on to an angle (rad) at the instrument's speed.
-  void spin(int joint, double angle);
+  /// Turns a spindle forwards to an angle (rad) at the instrument's speed.
+  void turn_spindle(int joint, double angle);
   void stop_spindle(int joint);
-  /// Lets the spindle turn at the instrument's speed from now on; it is read at one angle.
+  /// Lets the spindle run at the instrument's speed from now on. Readings see it at a constant
+  /// angle.
   void run_spindle();
-  /// Reads channels of the set-up simultaneously; empty list: all.
+  /// Reads channels of the set-up simultaneously; an empty list means all channels.
   void read(int run, int target, const std::vector<int>& channels = {});
 
-  /// Reads `targets` positions of a path upwards and, if bidirectional, downwards, once per run,
-  /// every position approached in the direction of motion.
-  /// @param range     of the parameter
-  /// @param smoothly  moves between targets, so that axes reverse where they do on a curved path
-  void read_both_directions(const Path& path, const Range& range, int smoothly = 1,
+  /// Reads the instrument's targets on a path upwards and, if bidirectional, downwards, once per
+  /// run. Every target is approached in the direction of motion.
+  /// @param range             of the path's parameter
+  /// @param moves_per_target  number of moves from target to target; on a curved path several, so
+  /// that
+  ///                          axes reverse where the path does
+  void read_both_directions(const Path& path, const Range& range, int moves_per_target = 1,
                             const std::vector<int>& channels = {});
 
   /// Reads at positions in their order, then back if bidirectional, once per run.
-  /// @param channels  channels by number of the position; empty: all
-  void visit(const std::vector<kinematics::AxisVector>& places,
+  /// @param channels  returns the channels for the index of a position; empty: all channels
+  void visit(const std::vector<kinematics::AxisVector>& positions,
              const std::function<std::vector<int>(int)>& channels = {});
 
   /// Returns the plan, with its first reading at the instrument's start time.
   Plan finish() &&;
 
  private:
-  void move_along(const Path& path, double from, double to, int smoothly);
+  void move_along(const Path& path, double from, double to, int moves_per_target);
 
   const Instrument& instrument_;
   const kinematics::Chain& nominal_;

@@ -18,17 +18,17 @@ namespace {
 using kinematics::Chain;
 using kinematics::Motion;
 
-/// An instrument kind: its name, the function that plans it, and the types of axis that it can
+/// Kind of instrument: its name, the function that plans it, and the types of axis that it can
 /// measure.
-struct Entry {
+struct KindEntry {
   Kind kind;
-  const char* word;
+  const char* name;
   Plan (*plan)(const Instrument&, const Chain&);
   bool slides;
   bool rotary;
   bool spindles;
 };
-constexpr std::array<Entry, 17> entries = {{
+constexpr std::array<KindEntry, 17> entries = {{
     {Kind::Laser, "laser", laser, true, false, false},
     {Kind::Straightness, "straightness", straightness, true, false, false},
     {Kind::AngleOptics, "angle_optics", angle_optics, true, true, false},
@@ -48,12 +48,12 @@ constexpr std::array<Entry, 17> entries = {{
     {Kind::Temperature, "temperature", temperature, true, true, true},
 }};
 
-const Entry& entry_of(Kind kind) { return entries[std::size_t(kind)]; }
+const KindEntry& kind_entry(Kind kind) { return entries[std::size_t(kind)]; }
 
-// The conditions are written so that NaN fails them.
+// The conditions are such that NaN fails them.
 void check_numbers(const Instrument& i) {
   const auto expect = [&](bool holds, const char* what, double seen) {
-    if (!holds) refuse(i, fmt::format("expected {}, seen {}", what, seen));
+    if (!holds) throw_input_error(i, fmt::format("expected {}, seen {}", what, seen));
   };
   const std::pair<const char*, double> not_negative[] = {
       {"a noise of 0 or more", i.noise},
@@ -68,7 +68,7 @@ void check_numbers(const Instrument& i) {
       {"a dwell of 0 s or more", i.dwell_s},
       {"a time of set-up of 0 s or more", i.set_up_s},
       {"a spindle speed of 0 or more", i.spindle_speed}};
-  // 1e12 excludes infinity and numbers whose squares would overflow.
+  // 1e12 excludes infinity and values whose squares would overflow.
   for (const auto& [what, seen] : not_negative) expect(seen >= 0.0 && seen < 1e12, what, seen);
   const std::pair<const char*, double> positive[] = {{"a radius above 0 mm", i.radius},
                                                      {"a lever above 0 mm", i.lever},
@@ -94,26 +94,29 @@ void check_numbers(const Instrument& i) {
 }
 
 void check_axes(const Instrument& instrument, const Chain& nominal) {
-  const Entry& entry = entry_of(instrument.kind);
+  const KindEntry& entry = kind_entry(instrument.kind);
   for (const char axis : instrument.axes) {
     const auto joint = nominal.find(axis);
-    if (!joint) refuse(instrument, fmt::format("expected an axis of the machine, seen {}", axis));
+    if (!joint)
+      throw_input_error(instrument, fmt::format("expected an axis of the machine, seen {}", axis));
     const Motion motion = nominal.joints()[std::size_t(*joint)].motion;
     const bool turns_work = axis == 'S' && motion == Motion::Rotary;
-    const bool may = motion == Motion::Spindle || turns_work ? entry.spindles
-                     : motion == Motion::Rotary              ? entry.rotary
-                                                             : entry.slides;
-    if (!may) refuse(instrument, fmt::format("expected axes that it can measure, seen {}", axis));
+    const bool is_measurable = motion == Motion::Spindle || turns_work ? entry.spindles
+                               : motion == Motion::Rotary              ? entry.rotary
+                                                                       : entry.slides;
+    if (!is_measurable)
+      throw_input_error(instrument,
+                        fmt::format("expected axes that it can measure, seen {}", axis));
   }
 }
 
 }  // namespace
 
-std::string to_string(Kind kind) { return entry_of(kind).word; }
+std::string to_string(Kind kind) { return kind_entry(kind).name; }
 
-std::optional<Kind> kind_of(std::string_view word) {
-  for (const Entry& entry : entries)
-    if (word == entry.word) return entry.kind;
+std::optional<Kind> kind_of(std::string_view name) {
+  for (const KindEntry& entry : entries)
+    if (name == entry.name) return entry.kind;
   return std::nullopt;
 }
 
@@ -129,7 +132,7 @@ std::span<const Kind> all_kinds() {
 Plan plan(const Instrument& instrument, const Chain& nominal) {
   check_numbers(instrument);
   check_axes(instrument, nominal);
-  return entry_of(instrument.kind).plan(instrument, nominal);
+  return kind_entry(instrument.kind).plan(instrument, nominal);
 }
 
 Channel channel(const Instrument& instrument, const std::string& name, Quantity quantity,
@@ -159,9 +162,9 @@ SetUp set_up(const Instrument& instrument, const std::string& name, std::vector<
 
 Path along(const kinematics::AxisVector& q, int joint) {
   return [q, joint](double position) {
-    kinematics::AxisVector there = q;
-    there[joint] = position;
-    return there;
+    kinematics::AxisVector moved_q = q;
+    moved_q[joint] = position;
+    return moved_q;
   };
 }
 
@@ -175,124 +178,126 @@ const Joint& joint_of(const AxisDirection& axis, const Chain& nominal) {
   return nominal.joints()[std::size_t(axis.joint)];
 }
 
-AxisVector middle(const ParkedMachine& stand, const AxisDirection& slide, const Range& range) {
-  AxisVector q = stand.q;
+/// Returns the parked machine with one slide at the middle of a range.
+AxisVector mid_position(const ParkedMachine& parked, const AxisDirection& slide,
+                        const Range& range) {
+  AxisVector q = parked.q;
   q[slide.joint] = 0.5 * (range.from + range.to);
   return q;
 }
 
 /// Returns the channel for the straightness of one slide in the direction of another.
 Channel straightness_across(const Instrument& instrument, const Chain& nominal,
-                            const ParkedMachine& stand, const AxisDirection& line,
+                            const ParkedMachine& parked, const AxisDirection& line,
                             const AxisDirection& other) {
-  const double lean = line.direction_w.dot(other.direction_w);
+  const double cosine = line.direction_w.dot(other.direction_w);
   Channel c =
       channel(instrument, fmt::format("{} along {}", other.name, line.name), Quantity::Displacement,
-              (other.direction_w - lean * line.direction_w).normalized());
+              (other.direction_w - cosine * line.direction_w).normalized());
   const Range range = travel(instrument, joint_of(line, nominal));
-  c.point_in = reflector_w(instrument, nominal, middle(stand, line, range));
+  c.point_in = reflector_w(instrument, nominal, mid_position(parked, line, range));
   return c;
 }
 
 }  // namespace
 
-// The counter shows the axis position, so p_in is the position of the reflector at its zero.
+// The counter shows the axis position, so p_in is the position of the reflector at position zero.
 Plan laser(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 1);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& slide : stand.slides) {
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 1);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& slide : parked.slides) {
     Channel c = channel(instrument, fmt::format("along {}", slide.name), Quantity::Displacement,
                         slide.direction_w);
     c.point_in =
-        reflector_w(instrument, nominal, stand.q) - stand.q[slide.joint] * slide.direction_w;
-    walk.set_up(set_up(instrument, fmt::format("{} positioning", slide.name), {c}));
-    walk.read_both_directions(along(stand.q, slide.joint),
-                              travel(instrument, joint_of(slide, nominal)));
-    walk.move(stand.q);
+        reflector_w(instrument, nominal, parked.q) - parked.q[slide.joint] * slide.direction_w;
+    builder.set_up(set_up(instrument, fmt::format("{} positioning", slide.name), {c}));
+    builder.read_both_directions(along(parked.q, slide.joint),
+                                 travel(instrument, joint_of(slide, nominal)));
+    builder.move(parked.q);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// The optics are turned for the second direction, which is a separate set-up.
+// For the second direction the optics are rotated, so it is a separate set-up.
 Plan straightness(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 1);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& slide : stand.slides) {
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 1);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& slide : parked.slides) {
     const Range range = travel(instrument, joint_of(slide, nominal));
-    const Across across = metrology::across(nominal, stand.q, slide.direction_w);
+    const CrossDirections across = cross_directions(nominal, parked.q, slide.direction_w);
     for (int k = 0; k < 2; ++k) {
       Channel c = channel(instrument, fmt::format("{} along {}", across.letter[k], slide.name),
                           Quantity::Displacement, across.direction_w[k]);
-      c.point_in = reflector_w(instrument, nominal, middle(stand, slide, range));
-      walk.set_up(set_up(instrument,
-                         fmt::format("{} straightness in {}", slide.name, across.letter[k]), {c}));
-      walk.read_both_directions(along(stand.q, slide.joint), range);
-      walk.move(stand.q);
+      c.point_in = reflector_w(instrument, nominal, mid_position(parked, slide, range));
+      builder.set_up(set_up(
+          instrument, fmt::format("{} straightness in {}", slide.name, across.letter[k]), {c}));
+      builder.read_both_directions(along(parked.q, slide.joint), range);
+      builder.move(parked.q);
     }
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 Plan angle_optics(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  if (stand.rotary.empty()) expect_slides(instrument, stand, 1);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& slide : stand.slides) {
-    const Across across = metrology::across(nominal, stand.q, slide.direction_w);
+  const ParkedMachine parked = park(instrument, nominal);
+  if (parked.rotary.empty()) expect_slides(instrument, parked, 1);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& slide : parked.slides) {
+    const CrossDirections across = cross_directions(nominal, parked.q, slide.direction_w);
     std::vector<Channel> channels;
     for (int k = 0; k < 2; ++k)
       channels.push_back(
           channel(instrument,
                   fmt::format("about {} along {}", char(across.letter[k] - 'X' + 'A'), slide.name),
                   Quantity::Angle, across.direction_w[k]));
-    walk.set_up(set_up(instrument, fmt::format("{} pitch and yaw", slide.name), channels));
-    walk.read_both_directions(along(stand.q, slide.joint),
-                              travel(instrument, joint_of(slide, nominal)));
-    walk.move(stand.q);
+    builder.set_up(set_up(instrument, fmt::format("{} pitch and yaw", slide.name), channels));
+    builder.read_both_directions(along(parked.q, slide.joint),
+                                 travel(instrument, joint_of(slide, nominal)));
+    builder.move(parked.q);
   }
-  for (const AxisDirection& rotary : stand.rotary) {
+  for (const AxisDirection& rotary : parked.rotary) {
     const Channel c = channel(instrument, fmt::format("about {}", rotary.name), Quantity::Angle,
                               rotary.direction_w);
-    walk.set_up(set_up(instrument, fmt::format("{} positions", rotary.name), {c}));
-    walk.read_both_directions(along(stand.q, rotary.joint),
-                              arc(instrument, joint_of(rotary, nominal)));
-    walk.move(stand.q);
+    builder.set_up(set_up(instrument, fmt::format("{} positions", rotary.name), {c}));
+    builder.read_both_directions(along(parked.q, rotary.joint),
+                                 arc(instrument, joint_of(rotary, nominal)));
+    builder.move(parked.q);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 // One artefact serves both lines, so its position and rotation are common to the two channels, and
-// only the angle between the lines remains as the machine's.
+// only the angle between the lines is that of the machine.
 Plan square(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 2);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const std::array<AxisDirection, 2>& pair : crossing_slides(instrument, stand)) {
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 2);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const std::array<AxisDirection, 2>& pair : crossing_slides(instrument, parked)) {
     std::vector<Channel> channels;
     for (std::size_t k = 0; k < 2; ++k)
-      channels.push_back(straightness_across(instrument, nominal, stand, pair[k], pair[1 - k]));
-    walk.set_up(
+      channels.push_back(straightness_across(instrument, nominal, parked, pair[k], pair[1 - k]));
+    builder.set_up(
         set_up(instrument, fmt::format("{}{} square", pair[0].name, pair[1].name), channels));
     for (std::size_t k = 0; k < 2; ++k) {
-      walk.read_both_directions(along(stand.q, pair[k].joint),
-                                travel(instrument, joint_of(pair[k], nominal)), 1, {int(k)});
-      walk.move(stand.q);
+      builder.read_both_directions(along(parked.q, pair[k].joint),
+                                   travel(instrument, joint_of(pair[k], nominal)), 1, {int(k)});
+      builder.move(parked.q);
     }
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// A level stands on the carriage and refers to the bed by gravity; it cannot measure a rotation
-// about the plumb line.
+// A level on the carriage measures its tilt against gravity. It cannot measure a rotation about the
+// plumb line.
 Plan level(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 1);
-  PlanBuilder walk(instrument, nominal, stand.q);
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 1);
+  PlanBuilder builder(instrument, nominal, parked.q);
   int plumb = 0;
   instrument.up_b.cwiseAbs().maxCoeff(&plumb);
-  for (const AxisDirection& slide : stand.slides) {
+  for (const AxisDirection& slide : parked.slides) {
     const bool primed = joint_of(slide, nominal).side == kinematics::Side::Workpiece;
     std::vector<Channel> channels;
     for (int k = 0; k < 3; ++k) {
@@ -305,24 +310,24 @@ Plan level(const Instrument& instrument, const Chain& nominal) {
       channels.back().of = primed ? Body::Workpiece : Body::Tool;
       channels.back().in = Body::Bed;
     }
-    walk.set_up(set_up(instrument, fmt::format("{} level", slide.name), channels));
-    walk.read_both_directions(along(stand.q, slide.joint),
-                              travel(instrument, joint_of(slide, nominal)));
-    walk.move(stand.q);
+    builder.set_up(set_up(instrument, fmt::format("{} level", slide.name), channels));
+    builder.read_both_directions(along(parked.q, slide.joint),
+                                 travel(instrument, joint_of(slide, nominal)));
+    builder.move(parked.q);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// Both lines are read against one flat straightedge: its rotation is common to both, so that their
+// Both lines are read against one flat straightedge. Its rotation is common to both, so their
 // difference is the roll.
 Plan roll_lines(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 1);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& slide : stand.slides) {
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 1);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& slide : parked.slides) {
     const Range range = travel(instrument, joint_of(slide, nominal));
-    const AxisVector q = middle(stand, slide, range);
-    const Across across = metrology::across(nominal, stand.q, slide.direction_w);
+    const AxisVector q = mid_position(parked, slide, range);
+    const CrossDirections across = cross_directions(nominal, parked.q, slide.direction_w);
     const Vector3d arm_w = 0.5 * instrument.lever * across.direction_w[0];
     const kinematics::Pose T_wt = nominal.tool_in_workpiece(q);
     std::vector<Channel> channels;
@@ -335,11 +340,11 @@ Plan roll_lines(const Instrument& instrument, const Chain& nominal) {
       c.point_in = T_wt * c.point_of;
       channels.push_back(c);
     }
-    walk.set_up(set_up(instrument, fmt::format("{} roll lines", slide.name), channels));
-    walk.read_both_directions(along(stand.q, slide.joint), range);
-    walk.move(stand.q);
+    builder.set_up(set_up(instrument, fmt::format("{} roll lines", slide.name), channels));
+    builder.read_both_directions(along(parked.q, slide.joint), range);
+    builder.move(parked.q);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 namespace {
@@ -347,10 +352,10 @@ namespace {
 /// A diagonal from one corner of the travel to the opposite one; its last axis moves upwards.
 struct Diagonal {
   std::string name;        ///< "+X -Y +Z"
-  std::vector<int> joint;  ///< of its axes, by letter
-  AxisVector from;
-  AxisVector to;
-  AxisVector overshoot;  ///< on every axis, in the direction of the diagonal
+  std::vector<int> joint;  ///< indices of its axes, by letter
+  AxisVector from;         ///< axis positions at the start
+  AxisVector to;           ///< axis positions at the end
+  AxisVector overshoot;    ///< on every axis, in the direction of the diagonal
 };
 
 /// Returns all diagonals of the box of some axes: half as many as it has corners.
@@ -376,7 +381,7 @@ std::vector<Diagonal> volume_diagonals(const Instrument& instrument, const Chain
   return result;
 }
 
-/// Returns the channel along a diagonal; it counts from the reflector's position at the start.
+/// Returns the channel along a diagonal. It counts from the reflector's position at the start.
 Channel along_diagonal(const Instrument& instrument, const Chain& nominal, const Diagonal& d,
                        Quantity quantity) {
   const Vector3d start_w = reflector_w(instrument, nominal, d.from);
@@ -386,93 +391,96 @@ Channel along_diagonal(const Instrument& instrument, const Chain& nominal, const
   return c;
 }
 
-void check_slides(const Instrument& instrument, const ParkedMachine& stand, std::size_t count) {
-  expect_slides(instrument, stand, int(count));
-  if (stand.slides.size() > 3)
-    refuse(instrument, fmt::format("expected at most 3 slides, seen {}", stand.slides.size()));
-  for (std::size_t a = 0; a < stand.slides.size(); ++a)
-    for (std::size_t b = a + 1; b < stand.slides.size(); ++b)
-      if (!cross(stand.slides[a], stand.slides[b]))
-        refuse(instrument, fmt::format("expected slides across each other, seen {} along {}",
-                                       stand.slides[a].name, stand.slides[b].name));
+void check_slides(const Instrument& instrument, const ParkedMachine& parked, std::size_t count) {
+  expect_slides(instrument, parked, int(count));
+  if (parked.slides.size() > 3)
+    throw_input_error(instrument,
+                      fmt::format("expected at most 3 slides, seen {}", parked.slides.size()));
+  for (std::size_t a = 0; a < parked.slides.size(); ++a)
+    for (std::size_t b = a + 1; b < parked.slides.size(); ++b)
+      if (!are_crossing(parked.slides[a], parked.slides[b]))
+        throw_input_error(instrument,
+                          fmt::format("expected slides across each other, seen {} along {}",
+                                      parked.slides[a].name, parked.slides[b].name));
 }
 
 }  // namespace
 
 Plan diagonals(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  check_slides(instrument, stand, 2);
-  std::vector<Diagonal> list;
+  const ParkedMachine parked = park(instrument, nominal);
+  check_slides(instrument, parked, 2);
+  std::vector<Diagonal> diagonal_list;
   const auto add = [&](const std::string& kind, const std::vector<AxisDirection>& axes) {
-    for (Diagonal& d : volume_diagonals(instrument, nominal, stand.q, axes)) {
+    for (Diagonal& d : volume_diagonals(instrument, nominal, parked.q, axes)) {
       d.name = kind + " diagonal " + d.name;
-      list.push_back(d);
+      diagonal_list.push_back(d);
     }
   };
-  const std::vector<AxisDirection>& s = stand.slides;
+  const std::vector<AxisDirection>& s = parked.slides;
   if (s.size() == 3) add("body", s);
   for (std::size_t a = 0; a < s.size(); ++a)
     for (std::size_t b = a + 1; b < s.size(); ++b) add("face", {s[a], s[b]});
 
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const Diagonal& d : list) {
-    walk.set_up(set_up(instrument, d.name,
-                       {along_diagonal(instrument, nominal, d, Quantity::Displacement)}));
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const Diagonal& d : diagonal_list) {
+    builder.set_up(set_up(instrument, d.name,
+                          {along_diagonal(instrument, nominal, d, Quantity::Displacement)}));
     const double overshoot = d.overshoot.cwiseAbs().sum() / (d.to - d.from).cwiseAbs().sum();
-    walk.read_both_directions(
-        [&](double part) { return AxisVector(d.from + part * (d.to - d.from)); },
+    builder.read_both_directions(
+        [&](double fraction) { return AxisVector(d.from + fraction * (d.to - d.from)); },
         {0.0, 1.0, overshoot});
   }
-  walk.move(stand.q);
-  return std::move(walk).finish();
+  builder.move(parked.q);
+  return std::move(builder).finish();
 }
 
-// Reading 0 of a run is at the start; reading 3 k + leg is after leg X (1), Y (2) or Z (3) of step
-// k. Every leg follows the diagonal's direction of its axis, so that no axis reverses within a run.
+// Reading 0 of a run is at the start, reading 3 k + leg after leg X (1), Y (2) or Z (3) of step k.
+// Every leg follows the diagonal's direction of its axis, so that no axis reverses within a run.
 Plan step_diagonal(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  check_slides(instrument, stand, 3);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const Diagonal& d : volume_diagonals(instrument, nominal, stand.q, stand.slides)) {
+  const ParkedMachine parked = park(instrument, nominal);
+  check_slides(instrument, parked, 3);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const Diagonal& d : volume_diagonals(instrument, nominal, parked.q, parked.slides)) {
     Channel c = along_diagonal(instrument, nominal, d, Quantity::Mirror);
     c.normal_of = nominal.tool_in_workpiece(d.from).linear().transpose() * c.direction_in;
     SetUp optics = set_up(instrument, "step diagonal " + d.name, {c});
     optics.normal_sigma = instrument.rotation_sigma;
-    walk.set_up(optics);
+    builder.set_up(optics);
     const auto read = [&](int run, int target) {
-      walk.wait(instrument.dwell_s);
-      walk.read(run, target);
+      builder.wait(instrument.dwell_s);
+      builder.read(run, target);
     };
     for (int run = 0; run < instrument.runs; ++run) {
-      walk.move(d.from - d.overshoot);
-      walk.move(d.from);
+      builder.move(d.from - d.overshoot);
+      builder.move(d.from);
       read(run, 0);
       for (int step = 1; step <= instrument.targets; ++step) {
         for (int leg = 0; leg < 3; ++leg) {
           const int joint = d.joint[std::size_t(leg)];
-          AxisVector q = walk.q();
+          AxisVector q = builder.q();
           q[joint] = d.from[joint] + (d.to[joint] - d.from[joint]) * step / instrument.targets;
-          walk.move(q);
+          builder.move(q);
           read(run, 3 * (step - 1) + leg + 1);
         }
       }
     }
   }
-  walk.move(stand.q);
-  return std::move(walk).finish();
+  builder.move(parked.q);
+  return std::move(builder).finish();
 }
 
 namespace {
 
 /// A spindle with its axis in the workpiece and the side that carries the artefact.
-struct Turning {
+struct SpindleAxis {
   AxisDirection axis;
   bool carries_tool = true;
 };
 
-std::vector<Turning> spindles(const Instrument& instrument, const Chain& nominal,
-                              const AxisVector& q) {
-  std::vector<Turning> result;
+/// Returns the spindles that the instrument is to measure.
+std::vector<SpindleAxis> spindles(const Instrument& instrument, const Chain& nominal,
+                                  const AxisVector& q) {
+  std::vector<SpindleAxis> result;
   for (int j = 0; j < nominal.size(); ++j) {
     const kinematics::Joint& joint = nominal.joints()[std::size_t(j)];
     const bool carries_tool = joint.motion == Motion::Spindle;
@@ -488,8 +496,8 @@ std::vector<Turning> spindles(const Instrument& instrument, const Chain& nominal
 }
 
 /// Returns a channel of the artefact's ball, with its sensors on the side that does not turn.
-Channel sensor(const Instrument& instrument, const Turning& spindle, const kinematics::Pose& T_wt,
-               const Vector3d& ball_w) {
+Channel sensor(const Instrument& instrument, const SpindleAxis& spindle,
+               const kinematics::Pose& T_wt, const Vector3d& ball_w) {
   Channel c = channel(instrument, "", Quantity::Displacement, Vector3d::UnitX());
   const Vector3d ball_t = T_wt.inverse() * ball_w;
   c.of = spindle.carries_tool ? Body::Tool : Body::Workpiece;
@@ -499,21 +507,23 @@ Channel sensor(const Instrument& instrument, const Turning& spindle, const kinem
   return c;
 }
 
-/// Returns the set-up of two balls on the spindle axis: X1 and Y1 at the first, X2 and Y2 a lever
-/// further on, Z at the first.
+/// Returns the set-up of two balls on the spindle axis: X1, Y1 and the axial sensor at the first
+/// ball, X2 and Y2 at the second, a lever away.
 SetUp artefact(const Instrument& instrument, const Chain& nominal, const AxisVector& q,
-               const Turning& spindle) {
+               const SpindleAxis& spindle) {
   const kinematics::Pose T_wt = nominal.tool_in_workpiece(q);
   const Vector3d& axis_w = spindle.axis.direction_w;
   const Vector3d tip_w = reflector_w(instrument, nominal, q);
   const Vector3d first_w =
-      spindle.carries_tool ? tip_w : on_axis(nominal, q, spindle.axis.joint, tip_w);
-  const Across across = metrology::across(nominal, q, axis_w);
+      spindle.carries_tool ? tip_w : nearest_axis_point(nominal, q, spindle.axis.joint, tip_w);
+  const CrossDirections across = cross_directions(nominal, q, axis_w);
   std::vector<Channel> channels;
-  const auto add = [&](const std::string& name, const Vector3d& ball_w, const Vector3d& sees_w) {
+  const auto add = [&](const std::string& name, const Vector3d& ball_w,
+                       const Vector3d& sensing_direction_w) {
     Channel c = sensor(instrument, spindle, T_wt, ball_w);
     c.name = name;
-    c.direction_in = spindle.carries_tool ? sees_w : T_wt.linear().transpose() * sees_w;
+    c.direction_in = spindle.carries_tool ? sensing_direction_w
+                                          : T_wt.linear().transpose() * sensing_direction_w;
     channels.push_back(c);
   };
   for (int ball = 0; ball < 2; ++ball)
@@ -524,14 +534,14 @@ SetUp artefact(const Instrument& instrument, const Chain& nominal, const AxisVec
 
   SetUp result =
       set_up(instrument, fmt::format("spindle {}", spindle.axis.name), std::move(channels));
-  // On a turning workpiece the position of the ball itself rotates.
+  // With a turning workpiece the position of the ball in the workpiece is unknown.
   (spindle.carries_tool ? result.eccentricity_sigma : result.point_of_sigma) =
       instrument.position_sigma;
   return result;
 }
 
 int readings_over_time(const Instrument& instrument) {
-  // 1e-9: a duration that is a whole number of intervals includes its end in spite of rounding.
+  // 1e-9: a duration of a whole number of intervals includes its end in spite of rounding.
   return int(std::floor(instrument.duration_s / instrument.interval_s + 1e-9)) + 1;
 }
 
@@ -539,71 +549,72 @@ int readings_over_time(const Instrument& instrument) {
 
 Plan spindle(const Instrument& instrument, const Chain& nominal) {
   if (!(instrument.spindle_speed > 0.0))
-    refuse(instrument, fmt::format("expected a spindle speed above 0, seen {} rpm",
-                                   instrument.spindle_speed / units::rpm));
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  const std::vector<Turning> list = spindles(instrument, nominal, stand.q);
-  if (list.empty()) refuse(instrument, "expected a spindle to measure, seen none");
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const Turning& turning : list) {
-    walk.set_up(artefact(instrument, nominal, stand.q, turning));
+    throw_input_error(instrument, fmt::format("expected a spindle speed above 0, seen {} rpm",
+                                              instrument.spindle_speed / units::rpm));
+  const ParkedMachine parked = park(instrument, nominal);
+  const std::vector<SpindleAxis> axes = spindles(instrument, nominal, parked.q);
+  if (axes.empty()) throw_input_error(instrument, "expected a spindle to measure, seen none");
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const SpindleAxis& spindle_to_test : axes) {
+    builder.set_up(artefact(instrument, nominal, parked.q, spindle_to_test));
     for (int run = 0; run < instrument.runs; ++run) {
       for (int i = 0; i < instrument.targets; ++i) {
-        walk.spin(turning.axis.joint, 2.0 * pi * (run + double(i) / instrument.targets));
-        walk.read(run, i);
+        builder.turn_spindle(spindle_to_test.axis.joint,
+                             2.0 * pi * (run + double(i) / instrument.targets));
+        builder.read(run, i);
       }
     }
-    walk.spin(turning.axis.joint, 2.0 * pi * instrument.runs);
-    walk.stop_spindle(turning.axis.joint);
+    builder.turn_spindle(spindle_to_test.axis.joint, 2.0 * pi * instrument.runs);
+    builder.stop_spindle(spindle_to_test.axis.joint);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// The machine is at rest, its spindle turning if commanded; the sensors are read at always the same
-// angle.
+// The machine is at rest. If the spindle runs, the sensors are always read at the same angle.
 Plan drift(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  AxisVector q = stand.q;
+  const ParkedMachine parked = park(instrument, nominal);
+  AxisVector q = parked.q;
   if (instrument.at_w) {
-    const auto there = slides_for_reflector(instrument, nominal, q, *instrument.at_w);
-    if (!there) refuse(instrument, "expected a place that the slides reach");
-    q = *there;
+    const auto q_at_position = slides_for_reflector(instrument, nominal, q, *instrument.at_w);
+    if (!q_at_position) throw_input_error(instrument, "expected a place that the slides reach");
+    q = *q_at_position;
   }
-  const Vector3d place_w = reflector_w(instrument, nominal, q);
+  const Vector3d position_w = reflector_w(instrument, nominal, q);
   const Eigen::Matrix3d R_wb = nominal.workpiece_in_bed(q).linear().transpose();
   std::vector<Channel> channels;
   for (int k = 0; k < 3; ++k) {
     channels.push_back(
         channel(instrument, std::string(1, char('X' + k)), Quantity::Displacement, R_wb.col(k)));
-    channels.back().point_in = place_w;
+    channels.back().point_in = position_w;
   }
-  const Across across = metrology::across(nominal, q, nominal.tool_in_workpiece(q).linear().col(2));
+  const CrossDirections across =
+      cross_directions(nominal, q, nominal.tool_in_workpiece(q).linear().col(2));
   for (int k = 0; k < 2; ++k)
     channels.push_back(channel(instrument, std::string(1, char(across.letter[k] - 'X' + 'A')),
                                Quantity::Angle, across.direction_w[k]));
-  PlanBuilder walk(instrument, nominal, stand.q);
-  walk.set_up(set_up(instrument, "drift", channels));
-  walk.move(q);
-  if (instrument.spindle_speed > 0.0) walk.run_spindle();
+  PlanBuilder builder(instrument, nominal, parked.q);
+  builder.set_up(set_up(instrument, "drift", channels));
+  builder.move(q);
+  if (instrument.spindle_speed > 0.0) builder.run_spindle();
   for (int i = 0; i < readings_over_time(instrument); ++i) {
-    if (i > 0) walk.wait(instrument.interval_s);
-    walk.read(0, i);
+    if (i > 0) builder.wait(instrument.interval_s);
+    builder.read(0, i);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 Plan temperature(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  PlanBuilder walk(instrument, nominal, stand.q);
+  const ParkedMachine parked = park(instrument, nominal);
+  PlanBuilder builder(instrument, nominal, parked.q);
   SetUp log;
   log.name = "temperatures";
   log.zero_unknown = false;
-  walk.set_up(log);
+  builder.set_up(log);
   for (int i = 0; i < readings_over_time(instrument); ++i) {
-    if (i > 0) walk.wait(instrument.interval_s);
-    walk.read(0, i);
+    if (i > 0) builder.wait(instrument.interval_s);
+    builder.read(0, i);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 }  // namespace abbe::errors::metrology

@@ -2,15 +2,16 @@
 
 #include "errors/metrology/plan_builder.h"
 
-/// Plans of each kind of instrument, one function per kind. The numbers of the instrument are
-/// already checked.
+/// Measuring plans, one function for each kind of instrument. `plan` has checked the members of the
+/// instrument before.
 namespace abbe::errors::metrology {
 
-/// Returns a channel of the instrument with its noise and resolution, of the tool in the workpiece.
+/// Returns a channel that measures the tool in the workpiece, with the instrument's noise and
+/// resolution.
 Channel channel(const Instrument& instrument, const std::string& name, Quantity quantity,
                 const Eigen::Vector3d& direction_w);
-/// Returns a set-up with the instrument's alignment, scale and drift, with exact positions of
-/// points.
+/// Returns a set-up with the instrument's alignment, scale and drift. The positions of its points
+/// are exact.
 SetUp set_up(const Instrument& instrument, const std::string& name, std::vector<Channel> channels);
 
 /// Returns a path that moves one axis and leaves the others at rest.

@@ -4,6 +4,7 @@
 #include <array>
 #include <iterator>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -19,53 +20,69 @@ namespace {
 
 using Eigen::Index;
 
-std::string place_of(const PositionReading& r) {
+constexpr int max_runs = 10000;
+
+/// Reading as a deviation, with its line in the file.
+struct PositionReading {
+  bool up = true;
+  int run = 1;
+  double target = 0.0;
+  double deviation = 0.0;
+  int line = 0;
+
+  auto order() const { return std::tuple(up, run, target); }
+};
+
+std::string reading_text(const PositionReading& r) {
   return fmt::format("run {} {} at target {}", r.run, r.up ? "up" : "down", r.target);
 }
 
-/// Returns the sorted readings of one direction as (targets x runs); every run must have every
+/// Returns the readings of one direction as (targets x runs). Throws unless every run has every
 /// target.
-Eigen::MatrixXd table(const std::vector<PositionReading>& all, bool up,
+/// @param readings  sorted by `order`
+Eigen::MatrixXd table(const std::vector<PositionReading>& readings, bool up,
                       const Eigen::VectorXd& target, const std::string& file) {
-  std::vector<PositionReading> mine;
-  std::copy_if(all.begin(), all.end(), std::back_inserter(mine),
+  std::vector<PositionReading> selected;
+  std::copy_if(readings.begin(), readings.end(), std::back_inserter(selected),
                [&](const PositionReading& r) { return r.up == up; });
-  const Index m = target.size();
-  for (std::size_t i = 0; i < mine.size(); ++i) {
-    PositionReading wanted = mine[i - i % std::size_t(m)];
-    wanted.target = target[Index(i) % m];
-    if (mine[i].order() != wanted.order())
-      throw BadInput(file, mine[i].line, 1, place_of(wanted), place_of(mine[i]));
+  const Index target_count = target.size();
+  for (std::size_t i = 0; i < selected.size(); ++i) {
+    PositionReading expected = selected[i - i % std::size_t(target_count)];
+    expected.target = target[Index(i) % target_count];
+    if (selected[i].order() != expected.order())
+      throw BadInput(file, selected[i].line, 1, reading_text(expected), reading_text(selected[i]));
   }
-  if (mine.size() % std::size_t(m) != 0)
-    throw BadInput(file, mine.back().line, 1,
-                   fmt::format("{} targets in run {}", m, mine.back().run),
-                   fmt::format("{}", mine.size() % std::size_t(m)));
-  Eigen::MatrixXd x(m, Index(mine.size()) / m);
-  for (std::size_t i = 0; i < mine.size(); ++i) x(Index(i) % m, Index(i) / m) = mine[i].deviation;
-  return x;
+  if (selected.size() % std::size_t(target_count) != 0)
+    throw BadInput(file, selected.back().line, 1,
+                   fmt::format("{} targets in run {}", target_count, selected.back().run),
+                   fmt::format("{}", selected.size() % std::size_t(target_count)));
+  Eigen::MatrixXd result(target_count, Index(selected.size()) / target_count);
+  for (std::size_t i = 0; i < selected.size(); ++i)
+    result(Index(i) % target_count, Index(i) / target_count) = selected[i].deviation;
+  return result;
 }
 
-}  // namespace
-
-PositionRuns assemble_runs(std::vector<PositionReading> all, const std::string& file) {
-  // Sorted by direction, run and target, whatever the order of the file.
-  std::stable_sort(all.begin(), all.end(), [](const PositionReading& a, const PositionReading& b) {
-    return a.order() < b.order();
-  });
+/// Returns the readings as runs.
+/// @throws BadInput unless every run of a direction has every target once
+PositionRuns assemble_runs(std::vector<PositionReading> readings, const std::string& file) {
+  // The file may have any order.
+  std::stable_sort(
+      readings.begin(), readings.end(),
+      [](const PositionReading& a, const PositionReading& b) { return a.order() < b.order(); });
   std::vector<double> targets;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (i > 0 && all[i].order() == all[i - 1].order())
-      throw BadInput(file, all[i].line, 1, "every reading once", place_of(all[i]) + " again");
-    targets.push_back(all[i].target);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    if (i > 0 && readings[i].order() == readings[i - 1].order())
+      throw BadInput(file, readings[i].line, 1, "every reading once",
+                     reading_text(readings[i]) + " again");
+    targets.push_back(readings[i].target);
   }
   std::sort(targets.begin(), targets.end());
   targets.erase(std::unique(targets.begin(), targets.end()), targets.end());
-  if (targets.size() < 2) throw BadInput(file, all.back().line, 0, "at least 2 targets", "1");
+  if (targets.size() < 2) throw BadInput(file, readings.back().line, 0, "at least 2 targets", "1");
   PositionRuns runs;
   runs.target = Eigen::Map<const Eigen::VectorXd>(targets.data(), Index(targets.size()));
-  runs.up = table(all, true, runs.target, file);
-  runs.down = table(all, false, runs.target, file);
+  runs.up = table(readings, true, runs.target, file);
+  runs.down = table(readings, false, runs.target, file);
   return runs;
 }
 
@@ -76,14 +93,12 @@ void check_size(std::string_view text, const std::string& file,
                    fmt::format("{}", text.size()));
 }
 
-namespace {
-
 constexpr std::size_t max_cells = max_runs + 8;
 constexpr double arcsec = units::deg / 3600.0;
 
 struct Unit {
   std::string_view name;
-  double size;  ///< mm or rad
+  double size;  ///< of one unit, mm or rad
   bool rotary;
 };
 constexpr std::array known_units{Unit{"nm", units::nm, false}, Unit{"um", units::um, false},
@@ -91,18 +106,19 @@ constexpr std::array known_units{Unit{"nm", units::nm, false}, Unit{"um", units:
                                  Unit{"arcsec", arcsec, true}, Unit{"deg", units::deg, true},
                                  Unit{"rad", 1.0, true}};
 
-const Unit* unit_named(std::string_view name) {
-  const auto found = std::find_if(known_units.begin(), known_units.end(),
-                                  [&](const Unit& u) { return u.name == name; });
-  return found == known_units.end() ? nullptr : &*found;
+const Unit* find_unit(std::string_view name) {
+  const auto unit = std::find_if(known_units.begin(), known_units.end(),
+                                 [&](const Unit& u) { return u.name == name; });
+  return unit == known_units.end() ? nullptr : &*unit;
 }
 
+/// Meaning of a column.
 enum class Role { Set, Ordinal, Target, Direction, Run, Deviation, Position };
 
 struct Column {
   Role role;
   const Unit* unit = nullptr;
-  int run = 0;  ///< of j1, j2, ...; 0: given by the row
+  int run = 0;  ///< for j1, j2, ... their number; 0: the row states the run
 };
 
 /// Parser of the header of a table.
@@ -122,14 +138,14 @@ class HeaderReader {
     if (cells.size() == max_cells)
       lines_.refuse(cells.back(), fmt::format("at most {} runs", max_runs));
     for (const Cell& cell : cells) add(cell);
-    need(Role::Target, "a column target_mm or target_deg");
-    need(Role::Direction, "a column direction");
-    if (wide_ == 0) {
-      need(Role::Run, "a column run");
+    require_column(Role::Target, "a column target_mm or target_deg");
+    require_column(Role::Direction, "a column direction");
+    if (run_column_count_ == 0) {
+      require_column(Role::Run, "a column run");
       if (count(Role::Deviation) + count(Role::Position) != 1)
         lines_.refuse(int(line_.text.size()) + 1, "one column deviation_um or position_mm", "none");
     }
-    settle_units(cells);
+    resolve_units(cells);
     return std::move(head_);
   }
 
@@ -138,22 +154,22 @@ class HeaderReader {
     return int(std::count_if(head_.columns.begin(), head_.columns.end(),
                              [&](const Column& c) { return c.role == role; }));
   }
-  void need(Role role, const std::string& what) const {
+  void require_column(Role role, const std::string& what) const {
     if (count(role) == 0) lines_.refuse(int(line_.text.size()) + 1, what, "none");
   }
 
   void add(const Cell& cell) {
-    const std::size_t at = cell.text.find('_');
-    const std::string_view name = cell.text.substr(0, at);
+    const std::size_t underscore = cell.text.find('_');
+    const std::string_view name = cell.text.substr(0, underscore);
     const Unit* unit = nullptr;
-    if (at != std::string_view::npos) {
-      unit = unit_named(cell.text.substr(at + 1));
+    if (underscore != std::string_view::npos) {
+      unit = find_unit(cell.text.substr(underscore + 1));
       if (unit == nullptr) lines_.refuse(cell, "a unit such as mm, um, deg or arcsec");
     }
     Column column{role_of(cell, name, unit), unit};
-    // Columns j1, j2, ... repeat on purpose, one for each run; all others are unique.
+    // There is one column j1, j2, ... for each run; all other columns are unique.
     if (name.front() == 'j') {
-      column.run = ++wide_;
+      column.run = ++run_column_count_;
     } else if (count(column.role) > 0 ||
                (is_reading(column.role) && count(Role::Deviation) + count(Role::Position) > 0)) {
       lines_.refuse(cell, "every column once");
@@ -164,37 +180,39 @@ class HeaderReader {
   static bool is_reading(Role role) { return role == Role::Deviation || role == Role::Position; }
 
   Role role_of(const Cell& cell, std::string_view name, const Unit* unit) const {
-    const auto plain = [&](Role role) {
+    const auto without_unit = [&](Role role) {
       if (unit != nullptr) lines_.refuse(cell, "a column without a unit");
       return role;
     };
-    const auto measured = [&](Role role) {
+    const auto with_unit = [&](Role role) {
       if (unit == nullptr) lines_.refuse(cell, "a unit, as in target_mm and deviation_um");
       return role;
     };
-    if (name == "set") return plain(Role::Set);
-    if (name == "pos") return plain(Role::Ordinal);
-    if (name == "direction" || name == "dir") return plain(Role::Direction);
-    if (name == "run") return plain(Role::Run);
-    if (name == "target") return measured(Role::Target);
-    if (name == "deviation") return measured(Role::Deviation);
-    if (name == "position") return measured(Role::Position);
-    if (name == fmt::format("j{}", wide_ + 1) && wide_ < max_runs)
+    if (name == "set") return without_unit(Role::Set);
+    if (name == "pos") return without_unit(Role::Ordinal);
+    if (name == "direction" || name == "dir") return without_unit(Role::Direction);
+    if (name == "run") return without_unit(Role::Run);
+    if (name == "target") return with_unit(Role::Target);
+    if (name == "deviation") return with_unit(Role::Deviation);
+    if (name == "position") return with_unit(Role::Position);
+    if (name == fmt::format("j{}", run_column_count_ + 1) && run_column_count_ < max_runs)
       return unit == nullptr ? Role::Position : Role::Deviation;
     lines_.refuse(cell, "a column of a head such as target_mm,direction,run,deviation_um");
   }
 
-  /// Gives positions without a unit that of the target; all must be lengths or all angles.
-  void settle_units(const std::vector<Cell>& cells) {
+  /// Sets the unit of positions without one to that of the target, and checks that all columns are
+  /// lengths or all are angles.
+  void resolve_units(const std::vector<Cell>& cells) {
     const auto target = std::find_if(head_.columns.begin(), head_.columns.end(),
                                      [](const Column& c) { return c.role == Role::Target; });
-    const Unit* of_target = target->unit;
-    head_.rotary = of_target->rotary;
+    const Unit* target_unit = target->unit;
+    head_.rotary = target_unit->rotary;
     for (std::size_t i = 0; i < head_.columns.size(); ++i) {
       Column& column = head_.columns[i];
-      if (wide_ > 0 && (column.role == Role::Run || (is_reading(column.role) && column.run == 0)))
+      if (run_column_count_ > 0 &&
+          (column.role == Role::Run || (is_reading(column.role) && column.run == 0)))
         lines_.refuse(cells[i], "no such column beside j1, j2, ...");
-      if (column.role == Role::Position && column.unit == nullptr) column.unit = of_target;
+      if (column.role == Role::Position && column.unit == nullptr) column.unit = target_unit;
       if (column.unit != nullptr && column.unit->rotary != head_.rotary)
         lines_.refuse(cells[i], head_.rotary ? "an angle, as the target is one"
                                              : "a length, as the target is one");
@@ -204,7 +222,7 @@ class HeaderReader {
   const TableLines& lines_;
   const Line& line_;
   Head head_;
-  int wide_ = 0;
+  int run_column_count_ = 0;
 };
 
 using Head = HeaderReader::Head;
@@ -215,18 +233,18 @@ bool is_up(const TableLines& lines, const Cell& cell) {
   return false;
 }
 
-/// A row of a table: its set and one or several readings.
+/// Row of a table.
 struct Row {
-  std::string set;
+  std::string set;  ///< name of its set
   std::vector<PositionReading> readings;
 };
 
 Row read_row(const TableLines& lines, const Line& line, const Head& head) {
   const std::vector<Cell> cells = cells_of(line.text, head.separator, head.columns.size());
-  const std::string wanted = fmt::format("{} cells, as the head has", head.columns.size());
+  const std::string expected = fmt::format("{} cells, as the head has", head.columns.size());
   if (cells.size() < head.columns.size())
-    lines.refuse(int(line.text.size()) + 1, wanted, fmt::format("{}", cells.size()));
-  if (cells.size() > head.columns.size()) lines.refuse(cells.back().column, wanted, "more");
+    lines.refuse(int(line.text.size()) + 1, expected, fmt::format("{}", cells.size()));
+  if (cells.size() > head.columns.size()) lines.refuse(cells.back().column, expected, "more");
   Row row;
   PositionReading common;
   common.line = line.number;
@@ -237,7 +255,7 @@ Row read_row(const TableLines& lines, const Line& line, const Head& head) {
     if (column.role == Role::Run) common.run = lines.whole_number_in(cells[i], 1, max_runs);
     if (column.role == Role::Target) common.target = lines.number_in(cells[i]);
   }
-  // The column of the target may follow the readings, so its unit is found first.
+  // The column of the target may be right of the readings, so its unit is determined first.
   double unit = 1.0;
   for (const Column& column : head.columns)
     if (column.role == Role::Target) unit = column.unit->size;
@@ -247,16 +265,17 @@ Row read_row(const TableLines& lines, const Line& line, const Head& head) {
     PositionReading reading = common;
     if (column.run > 0) reading.run = column.run;
     const double x = lines.number_in(cells[i]);
-    // Computed in the unit of the file, in which most decimal fractions cancel exactly enough.
+
     reading.deviation = column.role == Role::Deviation
                             ? x * column.unit->size
                             : x * column.unit->size - common.target * unit;
-    // With equal units the subtraction comes before the conversion.
+    // With equal units the difference is taken in the unit of the file, before the conversion:
+    // decimal fractions then cancel best.
     if (column.role == Role::Position && column.unit->size == unit)
       reading.deviation = (x - common.target) * unit;
     row.readings.push_back(reading);
   }
-  // Targets are converted last, because the deviations above need them in the unit of the file.
+  // Targets are converted last, since the deviations above need them in the unit of the file.
   for (PositionReading& reading : row.readings) reading.target *= unit;
   return row;
 }
@@ -282,25 +301,25 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
     count += row.readings.size();
     if (count > options.max_readings)
       lines.refuse(0, fmt::format("at most {} readings", options.max_readings), "more");
-    auto found = std::find_if(sets.begin(), sets.end(),
-                              [&](const NamedReadings& s) { return s.name == row.set; });
-    if (found == sets.end()) {
+    auto set = std::find_if(sets.begin(), sets.end(),
+                            [&](const NamedReadings& s) { return s.name == row.set; });
+    if (set == sets.end()) {
       constexpr std::size_t max_sets = 1000;  // keeps the linear search short
       if (sets.size() == max_sets) lines.refuse(0, "at most 1000 sets", "more");
-      found = sets.insert(sets.end(), {row.set, {}});
+      set = sets.insert(sets.end(), {row.set, {}});
     }
-    found->readings.insert(found->readings.end(), row.readings.begin(), row.readings.end());
+    set->readings.insert(set->readings.end(), row.readings.begin(), row.readings.end());
   }
   if (sets.empty()) lines.refuse(0, "at least one reading", "none");
   std::vector<PositionSet> result;
-  for (NamedReadings& one : sets)
-    result.push_back({one.name, head.rotary, assemble_runs(std::move(one.readings), file)});
+  for (NamedReadings& set : sets)
+    result.push_back({set.name, head.rotary, assemble_runs(std::move(set.readings), file)});
   return result;
 }
 
 namespace {
 
-/// Parser of an .rtl file, section by section.
+/// Parser of an .rtl file. It reads one section after the other.
 class RtlReader {
  public:
   RtlReader(std::string_view text, const std::string& file, const PositionFileOptions& options)
@@ -308,7 +327,7 @@ class RtlReader {
 
   PositionSet read() {
     line_ = lines_.next();
-    if (!line_ || content() != "HEADER::") refuse_line("HEADER:: first");
+    if (!line_ || content() != "HEADER::") throw_line_error("HEADER:: first");
     while (line_ && content() != "EOF::") {
       const std::string_view section = content();
       line_ = lines_.next();
@@ -317,12 +336,11 @@ class RtlReader {
       if (section == "USER-TEXT::") read_user_text();
       if (section == "RUNS::") read_runs();
       if (section == "DEVIATIONS::") read_deviations();
-      pass_section();
+      skip_section();
     }
-    if (all_.empty()) lines_.refuse(0, "a section DEVIATIONS::", "none");
-    drop_fill();
-    PositionSet set{title_.empty() ? axis_ : title_, false, assemble_runs(std::move(all_), file_)};
-    return set;
+    if (readings_.empty()) lines_.refuse(0, "a section DEVIATIONS::", "none");
+    remove_filler_runs();
+    return {title_.empty() ? axis_ : title_, false, assemble_runs(std::move(readings_), file_)};
   }
 
  private:
@@ -337,26 +355,26 @@ class RtlReader {
     const std::size_t last = line_->text.find_last_not_of(" \t");
     return {line_->text.substr(first, last - first + 1), int(first) + 1};
   }
-  [[noreturn]] void refuse_line(const std::string& expected) const {
+  [[noreturn]] void throw_line_error(const std::string& expected) const {
     if (!line_) lines_.refuse(0, expected, "the end of the file");
     lines_.refuse(cell(), expected);
   }
   bool in_section() const { return line_ && !content().ends_with("::"); }
-  void pass_section() {
+  void skip_section() {
     while (in_section()) line_ = lines_.next();
   }
 
-  /// Returns "key : value" of the line; empty if there is no colon.
+  /// Returns the key and the value of a line "key : value", or nothing if there is no colon.
   std::optional<Entry> entry() const {
-    const Cell whole = cell();
-    const std::size_t at = whole.text.find(':');
-    if (at == std::string_view::npos) return std::nullopt;
-    std::string_view key = whole.text.substr(0, at);
+    const Cell content_cell = cell();
+    const std::size_t colon = content_cell.text.find(':');
+    if (colon == std::string_view::npos) return std::nullopt;
+    std::string_view key = content_cell.text.substr(0, colon);
     while (key.ends_with(' ') || key.ends_with('\t')) key.remove_suffix(1);
-    std::string_view value = whole.text.substr(at + 1);
+    std::string_view value = content_cell.text.substr(colon + 1);
     const std::size_t blank = std::min(value.find_first_not_of(" \t"), value.size());
     value.remove_prefix(blank);
-    return Entry{key, {value, whole.column + int(at + 1 + blank)}};
+    return Entry{key, {value, content_cell.column + int(colon + 1 + blank)}};
   }
 
   void read_header() {
@@ -368,31 +386,31 @@ class RtlReader {
       if (e->key != "Owner") continue;
       if (e->value.text != "Linear")
         lines_.refuse(e->value, "Linear as the owner, whose readings are um");
-      linear_ = true;
+      is_linear_ = true;
     }
-    if (!linear_) refuse_line("a line Owner : Linear in the header");
+    if (!is_linear_) throw_line_error("a line Owner : Linear in the header");
   }
 
   void read_targets() {
-    if (!targets_.empty()) refuse_line("TARGET DATA:: once");
+    if (!targets_.empty()) throw_line_error("TARGET DATA:: once");
     int count = 0;
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
-      if (!e) refuse_line(count == 0 ? "a line key: value" : fmt::format("{} targets", count));
+      if (!e) throw_line_error(count == 0 ? "a line key: value" : fmt::format("{} targets", count));
       if (e->key == "Target-count") count = lines_.whole_number_in(e->value, 2, 100000);
       if (e->key == "Flags") read_flags(e->value);
       if (e->key != "Targets") continue;
-      if (count == 0) refuse_line("Target-count before Targets");
+      if (count == 0) throw_line_error("Target-count before Targets");
       read_target_numbers(count);
     }
-    if (targets_.empty()) refuse_line("Targets in the section TARGET DATA::");
+    if (targets_.empty()) throw_line_error("Targets in the section TARGET DATA::");
   }
 
-  /// Leaves the parser on the last line of numbers.
+  /// Reads the targets. The current line is then the last one with targets.
   void read_target_numbers(int count) {
     while (int(targets_.size()) < count) {
       line_ = lines_.next();
-      if (!in_section()) refuse_line(fmt::format("{} targets", count));
+      if (!in_section()) throw_line_error(fmt::format("{} targets", count));
       for (const Cell& number : cells_of(line_->text, ' ', std::size_t(count))) {
         if (int(targets_.size()) == count) lines_.refuse(number, fmt::format("{} targets", count));
         targets_.push_back(lines_.number_in(number));
@@ -402,13 +420,13 @@ class RtlReader {
 
   void read_flags(const Cell& cell) {
     const std::vector<Cell> flags = cells_of(cell.text, ' ', 1);
-    one_way_ = flags.size() == 2 && flags[1].text == "1";
+    is_one_directional_ = flags.size() == 2 && flags[1].text == "1";
   }
 
   void read_user_text() {
     for (; in_section(); line_ = lines_.next()) {
       const auto e = entry();
-      // 100 characters: enough for a title; a longer text is not one.
+      // 100 characters suffice for a title.
       if (e && e->key == "Axis") axis_ = std::string(e->value.text.substr(0, 100));
       if (e && e->key == "TITLE") title_ = std::string(e->value.text.substr(0, 100));
     }
@@ -419,71 +437,74 @@ class RtlReader {
       const auto e = entry();
       if (e && e->key == "Run-count") runs_ = lines_.whole_number_in(e->value, 1, max_runs);
     }
-    if (runs_ == 0) refuse_line("Run-count in the section RUNS::");
+    if (runs_ == 0) throw_line_error("Run-count in the section RUNS::");
     if (std::size_t(runs_) * targets_.size() > options_.max_readings)
-      refuse_line(fmt::format("at most {} readings", options_.max_readings));
+      throw_line_error(fmt::format("at most {} readings", options_.max_readings));
   }
 
   void read_deviations() {
-    if (targets_.empty() || runs_ == 0) refuse_line("TARGET DATA:: and RUNS:: before DEVIATIONS::");
-    if (!all_.empty()) refuse_line("DEVIATIONS:: once");
-    if (!in_section() || content() != "Run Target Data:") refuse_line("Run Target Data:");
-    const std::size_t wanted = std::size_t(runs_) * targets_.size();
-    std::vector<int> before(std::size_t(runs_), -1);
-    std::vector<int> way(std::size_t(runs_), 0);
-    while (all_.size() < wanted) {
+    if (targets_.empty() || runs_ == 0)
+      throw_line_error("TARGET DATA:: and RUNS:: before DEVIATIONS::");
+    if (!readings_.empty()) throw_line_error("DEVIATIONS:: once");
+    if (!in_section() || content() != "Run Target Data:") throw_line_error("Run Target Data:");
+    const std::size_t reading_count = std::size_t(runs_) * targets_.size();
+    std::vector<int> last_target(std::size_t(runs_), -1);
+    std::vector<int> direction(std::size_t(runs_), 0);
+    while (readings_.size() < reading_count) {
       line_ = lines_.next();
-      if (!in_section()) refuse_line(fmt::format("{} readings, seen {}", wanted, all_.size()));
-      add_reading(before, way);
+      if (!in_section())
+        throw_line_error(fmt::format("{} readings, seen {}", reading_count, readings_.size()));
+      add_reading(last_target, direction);
     }
-    for (PositionReading& r : all_) r.up = way[std::size_t(r.run - 1)] > 0;
+    for (PositionReading& r : readings_) r.up = direction[std::size_t(r.run - 1)] > 0;
     line_ = lines_.next();
-    if (in_section()) refuse_line("a new section after the last reading");
+    if (in_section()) throw_line_error("a new section after the last reading");
   }
 
-  /// Reads one row; `before` holds the last target of each run, `way` its direction.
-  void add_reading(std::vector<int>& before, std::vector<int>& way) {
+  /// Reads one row. `last_target` has the last target of each run, `direction` its direction.
+  void add_reading(std::vector<int>& last_target, std::vector<int>& direction) {
     const std::vector<Cell> cells = cells_of(line_->text, ' ', 3);
-    if (cells.size() != 3) refuse_line("a row: run, target, deviation");
+    if (cells.size() != 3) throw_line_error("a row: run, target, deviation");
     const int run = lines_.whole_number_in(cells[0], 1, runs_);
     const int target = lines_.whole_number_in(cells[1], 1, int(targets_.size()));
     const std::size_t i = std::size_t(run - 1);
-    const double here = targets_[std::size_t(target - 1)];
-    if (before[i] >= 0) {
-      const double step = here - targets_[std::size_t(before[i])];
-      const int turn = step > 0.0 ? 1 : (step < 0.0 ? -1 : 0);
-      if (turn == 0 || (way[i] != 0 && turn != way[i]))
+    const double position = targets_[std::size_t(target - 1)];
+    if (last_target[i] >= 0) {
+      const double step = position - targets_[std::size_t(last_target[i])];
+      const int step_direction = step > 0.0 ? 1 : (step < 0.0 ? -1 : 0);
+      if (step_direction == 0 || (direction[i] != 0 && step_direction != direction[i]))
         lines_.refuse(cells[1], "a run that goes on one way from target to target");
-      way[i] = turn;
+      direction[i] = step_direction;
     }
-    before[i] = target - 1;
-    all_.push_back({true, run, here, lines_.number_in(cells[2]) * units::um, line_->number});
+    last_target[i] = target - 1;
+    readings_.push_back(
+        {true, run, position, lines_.number_in(cells[2]) * units::um, line_->number});
   }
 
-  /// Removes backward runs that contain only zeros, if the file states a single direction.
-  void drop_fill() {
-    if (!one_way_) return;
-    const bool filled = std::all_of(all_.begin(), all_.end(), [](const PositionReading& r) {
-      return r.up || r.deviation == 0.0;
-    });
-    const bool any_up =
-        std::any_of(all_.begin(), all_.end(), [](const PositionReading& r) { return r.up; });
-    if (filled && any_up)
-      all_.erase(
-          std::remove_if(all_.begin(), all_.end(), [](const PositionReading& r) { return !r.up; }),
-          all_.end());
+  /// Removes backward runs with nothing but zeros if the file states a single direction.
+  void remove_filler_runs() {
+    if (!is_one_directional_) return;
+    const bool has_zero_filler =
+        std::all_of(readings_.begin(), readings_.end(),
+                    [](const PositionReading& r) { return r.up || r.deviation == 0.0; });
+    const bool has_forward_run = std::any_of(readings_.begin(), readings_.end(),
+                                             [](const PositionReading& r) { return r.up; });
+    if (has_zero_filler && has_forward_run)
+      readings_.erase(std::remove_if(readings_.begin(), readings_.end(),
+                                     [](const PositionReading& r) { return !r.up; }),
+                      readings_.end());
   }
 
   TableLines lines_;
   const std::string& file_;
   const PositionFileOptions& options_;
   std::optional<Line> line_;
-  bool linear_ = false;
-  bool one_way_ = false;
+  bool is_linear_ = false;
+  bool is_one_directional_ = false;
   std::vector<double> targets_;
   std::string axis_, title_;
   int runs_ = 0;
-  std::vector<PositionReading> all_;
+  std::vector<PositionReading> readings_;
 };
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
-#include <tuple>
 #include <vector>
 
 #include "errors/metrology/positioning.h"
@@ -14,53 +13,32 @@ namespace abbe::errors::metrology {
 /// Position readings of one axis, as stored in a file.
 struct PositionSet {
   std::string name;     ///< of the set, of the test or of the axis; may be empty
-  bool rotary = false;  ///< targets and deviations are rad, not mm
+  bool rotary = false;  ///< true: targets and deviations are rad; false: mm
   PositionRuns runs;
 };
 
+/// Limits of a position file.
 struct PositionFileOptions {
-  std::size_t max_bytes = std::size_t(16) << 20;  ///< longer texts are rejected without being read
+  std::size_t max_bytes = std::size_t(16) << 20;  ///< longer texts are rejected
   std::size_t max_readings = 1000000;             ///< per file
 };
 
-inline constexpr int max_runs = 10000;
-
-/// A single reading as a deviation, and its location in the file.
-struct PositionReading {
-  bool up = true;
-  int run = 1;
-  double target = 0.0;
-  double deviation = 0.0;
-  int line = 0;
-
-  auto order() const { return std::tuple(up, run, target); }
-};
-
-/// Returns the readings as runs; every run of a direction must have every target once.
-/// @throws BadInput if one is missing or comes twice
-PositionRuns assemble_runs(std::vector<PositionReading> all, const std::string& file);
-
-/// Checks the length of a text.
-/// @throws BadInput if it is too long
-void check_size(std::string_view text, const std::string& file, const PositionFileOptions& options);
-
 /// Reads a table with a header and cells separated by commas or semicolons, in one of two formats.
-/// One reading per row: `target_mm,direction,run,deviation_um`, columns in any order; the target in
-/// mm, deg or rad; the reading as deviation_nm, _um, _mm, _urad, _arcsec, _deg, _rad (actual minus
-/// target) or position_mm, _deg, _rad; the direction `up`, `down`, `+` or `-`; runs numbered from
-/// 1.
-/// One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in the
-/// unit of the target, or `j1_um` .. deviations in any unit above.
-/// Both may have a column `set` (each set is a result, in the order of the file) and a column `pos`
-/// (the number of the target, ignored). A number has a decimal point. Every run of a set has every
-/// target once. Lines that begin with # and empty lines are skipped.
+/// One reading per row: `target_mm,direction,run,deviation_um`, columns in any order. The target is
+/// in mm, deg or rad; the reading is deviation_nm, _um, _mm, _urad, _arcsec, _deg, _rad (actual
+/// minus target) or position_mm, _deg, _rad; the direction is `up`, `down`, `+` or `-`; runs count
+/// from 1. One row per target and direction: `target_mm,dir,j1,j2,j3`, where j1 .. are positions in
+/// the unit of the target, or `j1_um` .. deviations in any unit above. Both formats may have a
+/// column `set` (each set is a result, in the order of the file) and a column `pos` (the number of
+/// the target, ignored). Decimals have a point. Every run of a set has every target once. Lines
+/// that begin with # and empty lines are skipped.
 /// @param file  name in input errors
 /// @throws BadInput with line and column for anything else
 std::vector<PositionSet> read_position_csv(std::string_view text, const std::string& file,
                                            const PositionFileOptions& options = {});
 
 /// Reads a position file of Renishaw's laser software (.rtl), linear measurement. The vendor
-/// publishes no layout; this is the common denominator of programs that read or write such files:
+/// publishes no layout; the following is common to programs that read or write such files:
 ///   HEADER::       File type, Owner, Version no; the owner is `Linear`
 ///   TARGET DATA::  Filetype, Target-count, then `Targets :` and as many numbers, mm, five a line;
 ///                  Flags
@@ -71,20 +49,21 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
 ///   EOF::
 /// Rows are in the order of measurement, so a run with ascending targets is an approach in the
 /// positive direction. Other sections (ENVIRONMENT, EQUIPMENT) are skipped. Owners other than
-/// Linear are rejected, since their unit is not documented. The meaning of Filetype and Flags is
-/// not documented and they are ignored, with one exception: one program writes a second flag of 1
-/// for runs in one direction and fills the backward runs with zeros; in such a file backward runs
-/// of nothing but zeros are dropped.
+/// Linear are rejected, since their unit is not documented. Filetype and Flags are not
+/// documented and are ignored, with one exception: one program writes a second flag of 1 for runs
+/// in one direction and fills the backward runs with zeros. In such a file backward runs of nothing
+/// but zeros are removed.
 /// @throws BadInput with line and column for anything else
 PositionSet read_position_rtl(std::string_view text, const std::string& file,
                               const PositionFileOptions& options = {});
 
-/// Reads either format: a text that begins with HEADER:: is an .rtl. @throws BadInput as these
+/// Reads either format. A text that begins with HEADER:: is an .rtl file.
+/// @throws BadInput as `read_position_csv` and `read_position_rtl`
 std::vector<PositionSet> read_positions(std::string_view text, const std::string& file,
                                         const PositionFileOptions& options = {});
 
 /// Reads either format from a file.
-/// @throws BadInput also if it is not a readable regular file
+/// @throws BadInput as `read_positions`, or if the file is not a readable regular file
 std::vector<PositionSet> read_position_file(const std::filesystem::path& file,
                                             const PositionFileOptions& options = {});
 

@@ -21,12 +21,13 @@ void check(const PositionRuns& runs) {
       throw std::invalid_argument("positioning: expected targets that increase");
   if (runs.up.cols() == 0 && runs.down.cols() == 0)
     throw std::invalid_argument("positioning: expected at least one run");
-  for (const MatrixXd* way : {&runs.up, &runs.down})
-    if (way->cols() > 0 && way->rows() != m)
+  for (const MatrixXd* deviations : {&runs.up, &runs.down})
+    if (deviations->cols() > 0 && deviations->rows() != m)
       throw std::invalid_argument("positioning: expected a row of deviations for every target");
 }
 
-std::optional<OneWayPositioning> one_way(const MatrixXd& x) {
+/// Returns the results for one direction of approach, or nothing if it was not measured.
+std::optional<OneWayPositioning> evaluate_direction(const MatrixXd& x) {
   if (x.cols() == 0) return std::nullopt;
   OneWayPositioning result;
   result.mean = x.rowwise().mean();
@@ -42,6 +43,7 @@ std::optional<OneWayPositioning> one_way(const MatrixXd& x) {
   return result;
 }
 
+/// Adds the bidirectional repeatability and accuracy.
 void add_repeatability(const OneWayPositioning& up, const OneWayPositioning& down,
                        Positioning& both) {
   // ISO 230-2: the bidirectional repeatability is never smaller than that of either direction.
@@ -62,8 +64,8 @@ Positioning positioning(const PositionRuns& runs) {
   check(runs);
   Positioning result;
   result.target = runs.target;
-  result.up = one_way(runs.up);
-  result.down = one_way(runs.down);
+  result.up = evaluate_direction(runs.up);
+  result.down = evaluate_direction(runs.down);
   if (!result.up || !result.down) return result;
   const VectorXd& up = result.up->mean;
   const VectorXd& down = result.down->mean;
@@ -86,8 +88,8 @@ VectorXd mean_of(const PositionRuns& runs) {
 
 namespace {
 
-/// Returns the same signs for a diagonal and its reverse.
-std::array<int, 3> forward(std::array<int, 3> signs) {
+/// Returns the signs such that the first one not 0 is 1: the same for a diagonal and its reverse.
+std::array<int, 3> canonical_signs(std::array<int, 3> signs) {
   const auto first = std::find_if(signs.begin(), signs.end(), [](int s) { return s != 0; });
   if (first != signs.end() && *first < 0)
     for (int& s : signs) s = -s;
@@ -99,21 +101,23 @@ void check(const std::vector<DiagonalRuns>& set) {
   for (std::size_t i = 0; i < set.size(); ++i) {
     const auto& signs = set[i].signs;
     const auto zeros = std::count(signs.begin(), signs.end(), 0);
-    const bool known = std::all_of(signs.begin(), signs.end(), [](int s) { return s * s <= 1; });
-    if (!known || zeros > 1)
+    const bool has_valid_signs =
+        std::all_of(signs.begin(), signs.end(), [](int s) { return s * s <= 1; });
+    if (!has_valid_signs || zeros > 1)
       throw std::invalid_argument("diagonals: expected signs -1, 0, 1 and at most one 0");
     for (std::size_t k = 0; k < i; ++k)
-      if (forward(set[k].signs) == forward(signs))
+      if (canonical_signs(set[k].signs) == canonical_signs(signs))
         throw std::invalid_argument("diagonals: expected every diagonal once");
   }
 }
 
-double systematic_deviation(const Positioning& one) {
-  if (one.E) return *one.E;
-  return one.up ? one.up->E : one.down->E;
+/// Returns E of both directions, or of the only measured direction.
+double systematic_deviation(const Positioning& result) {
+  if (result.E) return *result.E;
+  return result.up ? result.up->E : result.down->E;
 }
 
-bool is_side(double length) { return length > 0.0 && std::isfinite(length); }
+bool is_valid_length(double length) { return length > 0.0 && std::isfinite(length); }
 
 }  // namespace
 
@@ -121,12 +125,12 @@ Diagonals diagonals(const std::vector<DiagonalRuns>& set) {
   check(set);
   Diagonals result;
   result.B_d = 0.0;
-  for (const DiagonalRuns& one : set) {
-    result.each.push_back(positioning(one.runs));
-    const Positioning& last = result.each.back();
-    result.E_d = std::max(result.E_d, systematic_deviation(last));
-    if (last.B && result.B_d)
-      result.B_d = std::max(*result.B_d, *last.B);
+  for (const DiagonalRuns& diagonal : set) {
+    result.each.push_back(positioning(diagonal.runs));
+    const Positioning& latest = result.each.back();
+    result.E_d = std::max(result.E_d, systematic_deviation(latest));
+    if (latest.B && result.B_d)
+      result.B_d = std::max(*result.B_d, *latest.B);
     else
       result.B_d.reset();
   }
@@ -137,7 +141,8 @@ Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
                                           const std::array<double, 4>& lengthening) {
   const auto [x, y, z] = sides;
   const auto [ppp, npp, pnp, ppn] = lengthening;
-  if (!is_side(x) || !is_side(y) || !is_side(z) || !std::isfinite(ppp + npp + pnp + ppn))
+  if (!is_valid_length(x) || !is_valid_length(y) || !is_valid_length(z) ||
+      !std::isfinite(ppp + npp + pnp + ppn))
     throw std::invalid_argument("body diagonals: expected positive sides and finite deviations");
   // An angle error E between two axes changes each body diagonal by E times the product of their
   // sides over D, with the sign of the diagonal in that plane. The sum of all four with these signs
@@ -150,7 +155,8 @@ Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
 
 double squareness_from_face_diagonals(double first, double second, double lengthening_pp,
                                       double lengthening_np) {
-  if (!is_side(first) || !is_side(second) || !std::isfinite(lengthening_pp + lengthening_np))
+  if (!is_valid_length(first) || !is_valid_length(second) ||
+      !std::isfinite(lengthening_pp + lengthening_np))
     throw std::invalid_argument("face diagonals: expected positive sides and finite deviations");
   return -std::hypot(first, second) * (lengthening_pp - lengthening_np) / (2.0 * first * second);
 }

@@ -10,7 +10,7 @@
 namespace abbe::errors::metrology {
 
 /// Deviations of one axis at its targets, actual minus target, mm for a slide, rad for a rotary
-/// axis; one column per run. `up` are the approaches in the positive direction of the axis.
+/// axis. A column is a run. `up` contains the approaches in the positive direction of the axis.
 struct PositionRuns {
   Eigen::VectorXd target;  ///< (m) strictly increasing, m >= 2
   Eigen::MatrixXd up;      ///< (m x n); without columns: not measured in this direction
@@ -27,16 +27,16 @@ struct OneWayPositioning {
   std::optional<double> A;        ///< range of mean +- 2 s; requires two runs
 };
 
-/// Results of ISO 230-2, in the unit of the readings. Quantities that the runs do not determine are
-/// omitted: those of a direction that was not measured, R and A of a single run, and all
-/// bidirectional ones if one direction is missing.
+/// Results by ISO 230-2, in the unit of the readings. Quantities that the runs do not determine are
+/// empty: those of a direction that was not measured, R and A of a single run, and all
+/// bidirectional quantities if one direction is missing.
 struct Positioning {
   Eigen::VectorXd target;                 ///< (m)
   std::optional<OneWayPositioning> up;    ///< positive direction of approach
-  std::optional<OneWayPositioning> down;  ///< negative direction
-  Eigen::VectorXd reversal;               ///< (m) B_i = mean up - mean down; (0) if not both
-  Eigen::VectorXd mean;                   ///< (m) of both directions; (0) if not both
-  Eigen::VectorXd repeatability;          ///< (m) R_i of both directions; (0) if not given
+  std::optional<OneWayPositioning> down;  ///< negative direction of approach
+  Eigen::VectorXd reversal;               ///< (m) B_i = mean up - mean down; (0) for one direction
+  Eigen::VectorXd mean;                   ///< (m) of both directions; (0) for one direction
+  Eigen::VectorXd repeatability;          ///< (m) R_i of both directions; (0) if not determined
   std::optional<double> B;                ///< largest |B_i|
   std::optional<double> B_mean;           ///< mean of B_i, with its sign
   std::optional<double> M;                ///< range of the bidirectional mean
@@ -46,9 +46,9 @@ struct Positioning {
 };
 
 /// Returns accuracy and repeatability of positioning: R_i = max(2 s_i up + 2 s_i down + |B_i|, 4
-/// s_i up, 4 s_i down), s_i with n - 1, coverage factor 2 throughout. The order of the runs does
-/// not matter; the numbers of runs may differ.
-/// Source: ISO 230-2:2014, clause 3.
+/// s_i up, 4 s_i down), with n - 1 degrees of freedom in s_i and the coverage factor 2. The order
+/// of the runs has no effect. The two directions may have different numbers of runs. Source: ISO
+/// 230-2:2014, clause 3.
 /// @throws std::invalid_argument if there is no run, if sizes differ, if targets do not increase,
 ///         or for numbers that are not finite
 Positioning positioning(const PositionRuns& runs);
@@ -59,24 +59,24 @@ double range(const Eigen::VectorXd& values);
 /// Returns the mean of all runs of both directions (m).
 Eigen::VectorXd mean_of(const PositionRuns& runs);
 
-/// Runs along one diagonal of the work zone, targets counted along it from its start. The signs
-/// give its direction: {1, 1, 1} rises in X, Y and Z, {-1, 1, 1} falls in X; a face diagonal has
-/// one zero. A diagonal and its reverse are the same.
+/// Runs along one diagonal of the work zone, with targets counted from its start. The signs give
+/// its direction: {1, 1, 1} rises in X, Y and Z, {-1, 1, 1} falls in X; a face diagonal has one
+/// zero. A diagonal and its reverse count as the same.
 struct DiagonalRuns {
   std::array<int, 3> signs{1, 1, 1};
   PositionRuns runs;
 };
 
-/// Results of ISO 230-6, mm.
+/// Results by ISO 230-6, mm.
 struct Diagonals {
-  std::vector<Positioning> each;  ///< in the given order
+  std::vector<Positioning> each;  ///< results of every diagonal
   double E_d = 0.0;  ///< diagonal systematic deviation: largest E of the set (of a diagonal
                      ///< measured in one direction only, of that direction)
   std::optional<double> B_d;  ///< largest |B_i| of the set, if every diagonal was measured in both
                               ///< directions
 };
 
-/// Returns the ISO 230-2 results of every diagonal, and of the set.
+/// Returns the results of every diagonal by ISO 230-2, and those of the set.
 /// Source: ISO 230-6:2002.
 /// @throws std::invalid_argument as `positioning`, or for no diagonal, signs other than -1, 0, 1,
 ///         fewer than two of them not zero, or the same diagonal twice
@@ -91,18 +91,18 @@ struct Squareness {
 };
 
 /// Returns the squareness of a box of `sides` (mm) from the deviations of its four body diagonals
-/// from nominal (mm, in the order ppp, npp, pnp, ppn: the sign is negative in no axis, X, Y, Z).
+/// from nominal (mm, in the order ppp, npp, pnp, ppn: p for a rise, n for a fall in X, Y, Z).
 /// Scale errors of the axes cancel; angular errors of the axes do not. First order in the
 /// deviations d: neglects at most 4 d^2 / (shortest side)^2.
 /// @throws std::invalid_argument unless sides are positive and all numbers are finite
 Squareness squareness_from_body_diagonals(const std::array<double, 3>& sides,
                                           const std::array<double, 4>& lengthening);
 
-/// Returns the squareness in one face with sides `first` and `second` (mm): the angle by which the
-/// second axis is turned about the normal first x second, i.e. EC0Y for (X, Y), -EB0Z for (X, Z),
-/// EA0Z for (Y, Z).
-/// @param lengthening_pp  of the diagonal that rises in both axes, mm
-/// @param lengthening_np  of the diagonal that falls in the first, mm
+/// Returns the squareness in one face with sides `first` and `second` (mm): the rotation of the
+/// second axis about the normal first x second, i.e. EC0Y for (X, Y), -EB0Z for (X, Z), EA0Z for
+/// (Y, Z).
+/// @param lengthening_pp  deviation of the diagonal that rises in both axes, mm
+/// @param lengthening_np  deviation of the diagonal that falls in the first axis, mm
 double squareness_from_face_diagonals(double first, double second, double lengthening_pp,
                                       double lengthening_np);
 

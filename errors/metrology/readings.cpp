@@ -24,34 +24,36 @@ Pose body_pose(Body body, const Bodies& bodies) {
   return body == Body::Workpiece ? bodies.T_bw : bodies.T_bt;
 }
 
-/// Returns the position of the eccentric ball of a spindle, rotated about z of the tool.
-Vector3d turned(const Eigen::Vector2d& eccentricity, double angle) {
+/// Returns the displacement of an eccentric ball, rotated about z of the tool by the spindle angle.
+Vector3d rotated_eccentricity(const Eigen::Vector2d& eccentricity, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   return {c * eccentricity.x() - s * eccentricity.y(), s * eccentricity.x() + c * eccentricity.y(),
           0.0};
 }
 
+/// Returns the two directions about which a rotation of the mirror has an effect.
 Eigen::Matrix<double, 3, 2> mirror_rotations(const SetUp& set_up) {
   for (const Channel& channel : set_up.channels)
-    if (channel.quantity == Quantity::Mirror) return across(channel.normal_of);
-  return across(Vector3d::UnitX());
+    if (channel.quantity == Quantity::Mirror) return perpendicular_basis(channel.normal_of);
+  return perpendicular_basis(Vector3d::UnitX());
 }
 
-/// The geometry of a reading, perfectly set up unless stated otherwise.
+/// Geometry of a reading.
 struct SightLine {
-  Vector3d apart;         ///< p - p_in, in the frame of `in`
+  Vector3d offset;        ///< p - p_in, in the frame of `in`
   Vector3d direction_in;  ///< u
   Vector3d normal_in;     ///< of the mirror in its current position
 };
 
-double seen(const Channel& channel, const SightLine& sight) {
+/// Returns the value of a channel other than an angle, without errors of scale, zero and drift.
+double ideal_value(const Channel& channel, const SightLine& sight) {
   switch (channel.quantity) {
     case Quantity::Length:
-      return sight.apart.norm();
+      return sight.offset.norm();
     case Quantity::Displacement:
-      return sight.direction_in.dot(sight.apart);
+      return sight.direction_in.dot(sight.offset);
     case Quantity::Mirror:
-      return sight.normal_in.dot(sight.apart) / sight.normal_in.dot(sight.direction_in);
+      return sight.normal_in.dot(sight.offset) / sight.normal_in.dot(sight.direction_in);
     case Quantity::Angle:
       break;
   }
@@ -59,32 +61,32 @@ double seen(const Channel& channel, const SightLine& sight) {
   return 0.0;
 }
 
-/// Derivatives of the value with respect to p, u and n, in the frame of `in`.
-struct Slopes {
+/// Derivatives of a value with respect to p, u and n, in the frame of `in`.
+struct ValueGradient {
   Vector3d point = Vector3d::Zero();
   Vector3d direction = Vector3d::Zero();
   Vector3d normal = Vector3d::Zero();
 };
 
-Slopes slopes(const Channel& channel, const SightLine& sight) {
-  Slopes s;
+ValueGradient value_gradient(const Channel& channel, const SightLine& sight) {
+  ValueGradient s;
   switch (channel.quantity) {
     case Quantity::Length: {
-      const double length = sight.apart.norm();
-      if (length > 0.0) s.point = sight.apart / length;
+      const double length = sight.offset.norm();
+      if (length > 0.0) s.point = sight.offset / length;
       // At length 0 the derivative is undefined and stays 0.
       break;
     }
     case Quantity::Displacement:
       s.point = sight.direction_in;
-      s.direction = sight.apart;
+      s.direction = sight.offset;
       break;
     case Quantity::Mirror: {
-      const double facing = sight.normal_in.dot(sight.direction_in);
-      const double value = sight.normal_in.dot(sight.apart) / facing;
-      s.point = sight.normal_in / facing;
-      s.direction = -value * sight.normal_in / facing;
-      s.normal = (sight.apart - value * sight.direction_in) / facing;
+      const double cosine = sight.normal_in.dot(sight.direction_in);
+      const double value = sight.normal_in.dot(sight.offset) / cosine;
+      s.point = sight.normal_in / cosine;
+      s.direction = -value * sight.normal_in / cosine;
+      s.normal = (sight.offset - value * sight.direction_in) / cosine;
       break;
     }
     case Quantity::Angle:
@@ -102,34 +104,35 @@ Pose relative_pose(const Channel& channel, const Bodies& bodies) {
   return body_pose(channel.in, bodies).inverse() * body_pose(channel.of, bodies);
 }
 
-// Offsets of the unknowns of a set-up in their vector; -1: not present.
-struct Layout {
+/// Offsets of the unknowns of a set-up in their vector; -1: not present.
+struct UnknownOffsets {
   int zero = -1, rotation = -1, point_of = -1, point_in = -1, normal = -1, eccentricity = -1,
       scale = -1, drift = -1;
   int size = 0;
 };
 
-Layout layout(const SetUp& set_up) {
-  Layout at;
-  const auto place = [&](bool wanted, int count) {
-    const int first = at.size;
-    if (!wanted) return -1;
-    at.size += count;
+UnknownOffsets unknown_offsets(const SetUp& set_up) {
+  UnknownOffsets offsets;
+  const auto allocate = [&](bool is_present, int count) {
+    const int first = offsets.size;
+    if (!is_present) return -1;
+    offsets.size += count;
     return first;
   };
-  at.zero = place(set_up.zero_unknown, int(set_up.channels.size()));
-  at.rotation = place(set_up.rotation_sigma > 0.0, 3);
-  at.point_of = place(set_up.point_of_sigma > 0.0, 3);
-  at.point_in = place(set_up.point_in_sigma > 0.0, 3);
-  at.normal = place(set_up.normal_sigma > 0.0, 2);
-  at.eccentricity = place(set_up.eccentricity_sigma > 0.0, 2);
-  at.scale = place(set_up.scale_sigma > 0.0, 1);
-  at.drift = place(set_up.drift_sigma > 0.0, 1);
-  return at;
+  offsets.zero = allocate(set_up.zero_unknown, int(set_up.channels.size()));
+  offsets.rotation = allocate(set_up.rotation_sigma > 0.0, 3);
+  offsets.point_of = allocate(set_up.point_of_sigma > 0.0, 3);
+  offsets.point_in = allocate(set_up.point_in_sigma > 0.0, 3);
+  offsets.normal = allocate(set_up.normal_sigma > 0.0, 2);
+  offsets.eccentricity = allocate(set_up.eccentricity_sigma > 0.0, 2);
+  offsets.scale = allocate(set_up.scale_sigma > 0.0, 1);
+  offsets.drift = allocate(set_up.drift_sigma > 0.0, 1);
+  return offsets;
 }
 
-// An angle is measured about a direction that a misaligned instrument turns. In a perfect set-up
-// the body has no rotation from nominal, so that the misalignment has no first-order effect.
+/// Returns the rotation vector of the body from its nominal pose. An angle is its component along
+/// the instrument's direction. At nominal poses it is zero, so a misaligned direction has no
+/// first-order effect.
 Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
                                const Bodies& nominal) {
   const Matrix3d R_actual = relative_pose(channel, actual).linear();
@@ -139,7 +142,7 @@ Vector3d rotation_from_nominal(const Channel& channel, const Bodies& actual,
 
 }  // namespace
 
-Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
+Eigen::Matrix<double, 3, 2> perpendicular_basis(const Vector3d& normal) {
   Eigen::Matrix<double, 3, 2> basis;
   basis.col(0) = normal.unitOrthogonal();
   basis.col(1) = normal.cross(basis.col(0));
@@ -156,10 +159,11 @@ double reading(const SetUp& set_up, int channel, const Misalignment& misalignmen
     value = direction_in.dot(rotation_from_nominal(c, actual, nominal));
   } else {
     const Pose T_of_in = relative_pose(c, actual);
-    const Vector3d point_of =
-        c.point_of + misalignment.point_of + turned(misalignment.eccentricity, spindle_angle);
-    value = seen(c, {T_of_in * point_of - (c.point_in + misalignment.point_in), direction_in,
-                     T_of_in.linear() * (kinematics::rotation(misalignment.normal) * c.normal_of)});
+    const Vector3d point_of = c.point_of + misalignment.point_of +
+                              rotated_eccentricity(misalignment.eccentricity, spindle_angle);
+    value = ideal_value(
+        c, {T_of_in * point_of - (c.point_in + misalignment.point_in), direction_in,
+            T_of_in.linear() * (kinematics::rotation(misalignment.normal) * c.normal_of)});
   }
   const double zero = misalignment.zero.size() > 0 ? misalignment.zero[channel] : 0.0;
   return value + misalignment.scale * value + zero + misalignment.drift * since_s;
@@ -169,21 +173,22 @@ ReadingGradient gradient(const Channel& channel, const Bodies& nominal) {
   const Pose T_b_of = body_pose(channel.of, nominal);
   const Pose T_b_in = body_pose(channel.in, nominal);
   const Matrix3d R_b_in = T_b_in.linear();
-  Deviation of = Deviation::Zero();  // moving `in` together with it changes nothing
+  Deviation of_gradient = Deviation::Zero();  // equal motions of both bodies change nothing
   if (channel.is_angle()) {
-    of.tail<3>() = R_b_in * channel.direction_in;
+    of_gradient.tail<3>() = R_b_in * channel.direction_in;
   } else {
     const SightLine sight = nominal_sight(channel, T_b_in.inverse() * T_b_of);
-    const Slopes s = slopes(channel, sight);
+    const ValueGradient s = value_gradient(channel, sight);
     const Vector3d point_b = T_b_of * channel.point_of;
-    of.head<3>() = R_b_in * s.point;
+    of_gradient.head<3>() = R_b_in * s.point;
     // The mirror is carried by `of`, so a rotation of the body also turns its normal.
-    of.tail<3>() = point_b.cross(of.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
+    of_gradient.tail<3>() =
+        point_b.cross(of_gradient.head<3>()) + R_b_in * sight.normal_in.cross(s.normal);
   }
   ReadingGradient result;
   const auto add = [&](Body body, double sign) {
-    if (body == Body::Workpiece) result.workpiece += sign * of;
-    if (body == Body::Tool) result.tool += sign * of;
+    if (body == Body::Workpiece) result.workpiece += sign * of_gradient;
+    if (body == Body::Tool) result.tool += sign * of_gradient;
   };
   add(channel.of, 1.0);
   add(channel.in, -1.0);
@@ -210,61 +215,67 @@ std::vector<SetUpUnknown> unknowns(const SetUp& set_up) {
 }
 
 Misalignment misalignment(const SetUp& set_up, const Eigen::VectorXd& values) {
-  const Layout at = layout(set_up);
-  assert(values.size() == at.size);
-  Misalignment m;
-  if (at.zero >= 0) m.zero = values.segment(at.zero, Eigen::Index(set_up.channels.size()));
-  if (at.rotation >= 0) m.rotation = values.segment<3>(at.rotation);
-  if (at.point_of >= 0) m.point_of = values.segment<3>(at.point_of);
-  if (at.point_in >= 0) m.point_in = values.segment<3>(at.point_in);
-  if (at.normal >= 0) m.normal = mirror_rotations(set_up) * values.segment<2>(at.normal);
-  if (at.eccentricity >= 0) m.eccentricity = values.segment<2>(at.eccentricity);
-  if (at.scale >= 0) m.scale = values[at.scale];
-  if (at.drift >= 0) m.drift = values[at.drift];
-  return m;
+  const UnknownOffsets offsets = unknown_offsets(set_up);
+  assert(values.size() == offsets.size);
+  Misalignment result;
+  if (offsets.zero >= 0)
+    result.zero = values.segment(offsets.zero, Eigen::Index(set_up.channels.size()));
+  if (offsets.rotation >= 0) result.rotation = values.segment<3>(offsets.rotation);
+  if (offsets.point_of >= 0) result.point_of = values.segment<3>(offsets.point_of);
+  if (offsets.point_in >= 0) result.point_in = values.segment<3>(offsets.point_in);
+  if (offsets.normal >= 0)
+    result.normal = mirror_rotations(set_up) * values.segment<2>(offsets.normal);
+  if (offsets.eccentricity >= 0) result.eccentricity = values.segment<2>(offsets.eccentricity);
+  if (offsets.scale >= 0) result.scale = values[offsets.scale];
+  if (offsets.drift >= 0) result.drift = values[offsets.drift];
+  return result;
 }
 
 Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment) {
-  const Layout at = layout(set_up);
-  Eigen::VectorXd v = Eigen::VectorXd::Zero(at.size);
-  if (at.zero >= 0 && misalignment.zero.size() > 0)
-    v.segment(at.zero, Eigen::Index(set_up.channels.size())) = misalignment.zero;
-  if (at.rotation >= 0) v.segment<3>(at.rotation) = misalignment.rotation;
-  if (at.point_of >= 0) v.segment<3>(at.point_of) = misalignment.point_of;
-  if (at.point_in >= 0) v.segment<3>(at.point_in) = misalignment.point_in;
-  if (at.normal >= 0)
-    v.segment<2>(at.normal) = mirror_rotations(set_up).transpose() * misalignment.normal;
-  if (at.eccentricity >= 0) v.segment<2>(at.eccentricity) = misalignment.eccentricity;
-  if (at.scale >= 0) v[at.scale] = misalignment.scale;
-  if (at.drift >= 0) v[at.drift] = misalignment.drift;
-  return v;
+  const UnknownOffsets offsets = unknown_offsets(set_up);
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(offsets.size);
+  if (offsets.zero >= 0 && misalignment.zero.size() > 0)
+    result.segment(offsets.zero, Eigen::Index(set_up.channels.size())) = misalignment.zero;
+  if (offsets.rotation >= 0) result.segment<3>(offsets.rotation) = misalignment.rotation;
+  if (offsets.point_of >= 0) result.segment<3>(offsets.point_of) = misalignment.point_of;
+  if (offsets.point_in >= 0) result.segment<3>(offsets.point_in) = misalignment.point_in;
+  if (offsets.normal >= 0)
+    result.segment<2>(offsets.normal) = mirror_rotations(set_up).transpose() * misalignment.normal;
+  if (offsets.eccentricity >= 0)
+    result.segment<2>(offsets.eccentricity) = misalignment.eccentricity;
+  if (offsets.scale >= 0) result[offsets.scale] = misalignment.scale;
+  if (offsets.drift >= 0) result[offsets.drift] = misalignment.drift;
+  return result;
 }
 
 Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
                                   double spindle_angle, double since_s) {
   const Channel& c = set_up.channels[std::size_t(channel)];
-  const Layout at = layout(set_up);
-  Eigen::VectorXd g = Eigen::VectorXd::Zero(at.size);
-  if (at.zero >= 0) g[at.zero + channel] = 1.0;
-  if (at.drift >= 0) g[at.drift] = since_s;
+  const UnknownOffsets offsets = unknown_offsets(set_up);
+  Eigen::VectorXd g = Eigen::VectorXd::Zero(offsets.size);
+  if (offsets.zero >= 0) g[offsets.zero + channel] = 1.0;
+  if (offsets.drift >= 0) g[offsets.drift] = since_s;
   if (c.is_angle()) return g;
 
   const Pose T_of_in = relative_pose(c, nominal);
   const SightLine sight = nominal_sight(c, T_of_in);
-  const Slopes s = slopes(c, sight);
-  const Vector3d of = T_of_in.linear().transpose() * s.point;  // per motion of the carried point
-  if (at.rotation >= 0) g.segment<3>(at.rotation) = c.direction_in.cross(s.direction);
-  if (at.point_of >= 0) g.segment<3>(at.point_of) = of;
-  if (at.point_in >= 0) g.segment<3>(at.point_in) = -s.point;
-  if (at.normal >= 0) {
-    const Vector3d turn = c.normal_of.cross(T_of_in.linear().transpose() * s.normal);
-    g.segment<2>(at.normal) = mirror_rotations(set_up).transpose() * turn;
+  const ValueGradient s = value_gradient(c, sight);
+  const Vector3d point_gradient =
+      T_of_in.linear().transpose() * s.point;  // per motion of the carried point
+  if (offsets.rotation >= 0) g.segment<3>(offsets.rotation) = c.direction_in.cross(s.direction);
+  if (offsets.point_of >= 0) g.segment<3>(offsets.point_of) = point_gradient;
+  if (offsets.point_in >= 0) g.segment<3>(offsets.point_in) = -s.point;
+  if (offsets.normal >= 0) {
+    const Vector3d normal_gradient = c.normal_of.cross(T_of_in.linear().transpose() * s.normal);
+    g.segment<2>(offsets.normal) = mirror_rotations(set_up).transpose() * normal_gradient;
   }
-  if (at.eccentricity >= 0) {
-    g[at.eccentricity] = of.dot(turned(Eigen::Vector2d::UnitX(), spindle_angle));
-    g[at.eccentricity + 1] = of.dot(turned(Eigen::Vector2d::UnitY(), spindle_angle));
+  if (offsets.eccentricity >= 0) {
+    g[offsets.eccentricity] =
+        point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitX(), spindle_angle));
+    g[offsets.eccentricity + 1] =
+        point_gradient.dot(rotated_eccentricity(Eigen::Vector2d::UnitY(), spindle_angle));
   }
-  if (at.scale >= 0) g[at.scale] = seen(c, sight);
+  if (offsets.scale >= 0) g[offsets.scale] = ideal_value(c, sight);
   return g;
 }
 
@@ -272,11 +283,11 @@ namespace {
 
 using kinematics::AxisState;
 
-// Noise and set-ups use separate random streams, so that a longer plan leaves the first readings
+// Noise and set-ups have separate random streams, so that the first readings of a longer plan are
 // unchanged.
 constexpr std::uint64_t set_up_random_stream = 0x5e7095e7095e7095ull;
 
-bool same(const AxisState& a, const AxisState& b) {
+bool is_same_state(const AxisState& a, const AxisState& b) {
   return a.time_s == b.time_s && a.q == b.q && a.direction == b.direction && a.stroke == b.stroke &&
          a.spindle_speed == b.spindle_speed;
 }
@@ -290,31 +301,32 @@ bool is_temperature_log(const Plan& plan) {
 void check(const Plan& plan, const kinematics::Chain& nominal) {
   for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
     const Measurement& measurement = plan.measurements[i];
-    const auto refuse = [&](const std::string& what, int seen) {
+    const auto throw_input_error = [&](const std::string& what, int seen) {
       throw std::invalid_argument(fmt::format("reading {} of {}: expected {}, seen {}", i + 1,
                                               plan.instrument, what, seen));
     };
     const int set_ups = int(plan.set_ups.size());
     if (measurement.set_up < 0 || measurement.set_up >= set_ups)
-      refuse(fmt::format("one of {} set-ups", set_ups), measurement.set_up);
+      throw_input_error(fmt::format("one of {} set-ups", set_ups), measurement.set_up);
     const int channels = int(plan.set_ups[std::size_t(measurement.set_up)].channels.size());
     if (channels > 0 && (measurement.channel < 0 || measurement.channel >= channels))
-      refuse(fmt::format("one of {} channels", channels), measurement.channel);
+      throw_input_error(fmt::format("one of {} channels", channels), measurement.channel);
     if (measurement.state.q.size() != nominal.size())
-      refuse(fmt::format("{} axis positions", nominal.size()), int(measurement.state.q.size()));
+      throw_input_error(fmt::format("{} axis positions", nominal.size()),
+                        int(measurement.state.q.size()));
     if (!measurement.state.q.allFinite() || !std::isfinite(measurement.state.time_s))
       throw std::invalid_argument(
           fmt::format("reading {} of {}: expected finite positions", i + 1, plan.instrument));
   }
 }
 
-/// A set-up in use: counters are zeroed at their first reading.
+/// State of a set-up while it is used. Counters are set at their first reading.
 struct SetUpState {
   Misalignment misalignment;
-  std::vector<char> is_set;  ///< (channels)
+  std::vector<char> is_zero_set;  ///< (channels) true: the counter has been set
 };
 
-/// Draws all misalignments when the set-ups are made.
+/// Draws the misalignments of all set-ups.
 std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
   std::vector<SetUpState> result;
   std::uint64_t counter = 0;
@@ -331,25 +343,30 @@ std::vector<SetUpState> draw_set_ups(const Plan& plan, std::uint64_t seed) {
   return result;
 }
 
-/// The conditions of one measurement.
-struct Instant {
+/// Conditions of one measurement.
+struct Conditions {
   const Bodies& actual;
-  const Bodies& ideal;
+  const Bodies& nominal_poses;
   double spindle_angle;
   double since_s;
 };
 
-double shown(SetUpState& standing, const SetUp& set_up, int channel, const Instant& at) {
-  const auto now = [&](const Misalignment& m) {
-    return reading(set_up, channel, m, at.actual, at.ideal, at.spindle_angle, at.since_s);
+/// Returns the value on the instrument's display, without noise, and sets a counter at its first
+/// reading.
+double displayed_value(SetUpState& state, const SetUp& set_up, int channel,
+                       const Conditions& conditions) {
+  const auto reading_with = [&](const Misalignment& m) {
+    return reading(set_up, channel, m, conditions.actual, conditions.nominal_poses,
+                   conditions.spindle_angle, conditions.since_s);
   };
-  char& is_set = standing.is_set[std::size_t(channel)];
-  if (set_up.zero_unknown && !is_set) {  // the counter is set to its nominal value
-    standing.misalignment.zero[channel] =
-        reading(set_up, channel, {}, at.ideal, at.ideal) - now(standing.misalignment);
-    is_set = 1;
+  char& is_zero_set = state.is_zero_set[std::size_t(channel)];
+  if (set_up.zero_unknown && !is_zero_set) {  // the counter is set to its nominal value
+    state.misalignment.zero[channel] =
+        reading(set_up, channel, {}, conditions.nominal_poses, conditions.nominal_poses) -
+        reading_with(state.misalignment);
+    is_zero_set = 1;
   }
-  return now(standing.misalignment);
+  return reading_with(state.misalignment);
 }
 
 }  // namespace
@@ -364,24 +381,24 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
   Readings readings{plan, nominal, {}, {}, {}};
   if (is_temperature_log(plan)) return readings;
 
-  std::vector<SetUpState> standing = draw_set_ups(plan, seed);
+  std::vector<SetUpState> set_up_states = draw_set_ups(plan, seed);
   const Eigen::VectorXd since_s = time_since_set_up(plan);
   readings.value.setZero(Eigen::Index(plan.measurements.size()));
-  Bodies actual, ideal;
+  Bodies actual, nominal_poses;
   for (std::size_t i = 0; i < plan.measurements.size(); ++i) {
     const Measurement& measurement = plan.measurements[i];
-    // Channels that are read together share one evaluation of the machine.
-    if (i == 0 || !same(measurement.state, plan.measurements[i - 1].state)) {
+    // The machine is evaluated once for channels that are read together.
+    if (i == 0 || !is_same_state(measurement.state, plan.measurements[i - 1].state)) {
       actual = machine(measurement.state);
-      ideal = nominal_bodies(nominal, measurement.state.q);
+      nominal_poses = nominal_bodies(nominal, measurement.state.q);
     }
     const SetUp& set_up = plan.set_ups[std::size_t(measurement.set_up)];
     if (set_up.channels.empty()) continue;
     const Channel& channel = set_up.channels[std::size_t(measurement.channel)];
     const double value =
-        shown(
-            standing[std::size_t(measurement.set_up)], set_up, measurement.channel,
-            {actual, ideal, spindle_angle(nominal, measurement.state), since_s[Eigen::Index(i)]}) +
+        displayed_value(set_up_states[std::size_t(measurement.set_up)], set_up, measurement.channel,
+                        {actual, nominal_poses, spindle_angle(nominal, measurement.state),
+                         since_s[Eigen::Index(i)]}) +
         channel.noise * normal_deviate(seed, i);
     if (!std::isfinite(value))
       throw std::invalid_argument(fmt::format("reading {} of {} ({}): expected a finite number",

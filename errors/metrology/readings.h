@@ -10,29 +10,30 @@
 #include "kinematics/axes.h"
 #include "kinematics/chain.h"
 
-/// Measurement model. An instrument never measures an element: it measures the pose of one body of
-/// the machine in another, along a beam, over a bar, or as an angle.
+/// Measurement model. An instrument does not measure an error element. It measures the pose of one
+/// body of the machine in another: along a beam, over a bar, or as an angle.
 namespace abbe::errors::metrology {
 
 /// Bodies to which parts of an instrument can be fixed.
 enum class Body { Bed, Workpiece, Tool };
 
-/// Poses of the bodies in the bed at an instant.
+/// Poses of workpiece and tool in the bed.
 struct Bodies {
   kinematics::Pose T_bw = kinematics::Pose::Identity();
   kinematics::Pose T_bt = kinematics::Pose::Identity();
 };
 
-/// Quantity that a channel reads of a point p_of of one body, at p = T p_of in another.
+/// Quantity that a channel reads. A point p_of of one body has the position p = T p_of in another.
 enum class Quantity {
   Length,        ///< |p - p_in|: ball bar, tracking interferometer
-  Displacement,  ///< u (p - p_in): interferometer with retroreflector, straightness, dial, probe
+  Displacement,  ///< u (p - p_in): interferometer with retroreflector, straightness optics, dial,
+                 ///< probe
   Mirror,        ///< n (p - p_in) / (n u), n the current normal of a flat mirror: laser vector
-  Angle,  ///< u times the rotation vector of the body from its nominal pose: angle optics, level
-          ///< (in the bed), autocollimator with polygon
+  Angle,         ///< u times the rotation vector of the body from its nominal pose: angle optics,
+                 ///< level (in the bed), autocollimator with polygon
 };
 
-/// A channel of an instrument.
+/// Channel of an instrument.
 struct Channel {
   std::string name;  ///< "along X", "about A"
   Quantity quantity = Quantity::Displacement;
@@ -49,8 +50,8 @@ struct Channel {
   bool is_angle() const { return quantity == Quantity::Angle; }
 };
 
-/// Unknowns of a set-up. Their true values are drawn when it is set up, and every identification
-/// that uses it estimates them. All zero is the intended set-up.
+/// Unknowns of a set-up. Their true values are drawn at the set-up; identifications estimate them.
+/// All are zero in a perfect set-up.
 struct Misalignment {
   Eigen::VectorXd zero;  ///< (channels) mm or rad, added to the readings; empty: zeros
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< rad, common rotation of every
@@ -58,14 +59,14 @@ struct Misalignment {
   Eigen::Vector3d point_of = Eigen::Vector3d::Zero();  ///< mm, common to all channels
   Eigen::Vector3d point_in = Eigen::Vector3d::Zero();  ///< mm, common to all channels
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();    ///< rad, rotation of the mirror in its body
-  /// mm, of the ball from the spindle axis; the vector, turned by the spindle angle about z of the
-  /// tool, is added to point_of
+  /// mm, from the spindle axis to the ball; rotated by the spindle angle about z of the tool, it is
+  /// added to point_of
   Eigen::Vector2d eccentricity = Eigen::Vector2d::Zero();
   double scale = 0.0;  ///< relative: wavelength, bar length
   double drift = 0.0;  ///< mm/s or rad/s since the set-up's first reading
 };
 
-/// One set-up: channels that stay in place until the next.
+/// Set-up: channels that stay in place together.
 struct SetUp {
   std::string name;  ///< "X positioning"
   std::vector<Channel> channels;
@@ -74,7 +75,7 @@ struct SetUp {
   double rotation_sigma = 0.0;      ///< rad, each of three
   double point_of_sigma = 0.0;      ///< mm, each of three
   double point_in_sigma = 0.0;      ///< mm, each of three
-  double normal_sigma = 0.0;        ///< rad, each of the two that have an effect
+  double normal_sigma = 0.0;        ///< rad, each of two
   double eccentricity_sigma = 0.0;  ///< mm, each of two
   double scale_sigma = 0.0;         ///< relative
   double drift_sigma = 0.0;         ///< mm/s or rad/s
@@ -82,44 +83,45 @@ struct SetUp {
 };
 
 /// Returns the value of a channel, without noise.
-/// @param nominal        nominal poses of the bodies; used for angles only
-/// @param spindle_angle  rad, of the nose; used for an eccentric ball only
+/// @param nominal        nominal poses of the bodies, used for angles only
+/// @param spindle_angle  rad, of the nose, used for an eccentric ball only
 /// @param since_s        s since the set-up's first reading
 /// Bound: 2 ulp of the sum of the distances of both bodies from the bed's origin and of both points
-/// from theirs (1e-12 mm where these are 500 mm each), for a mirror divided by n u; 1e-15 rad for
-/// an angle below 3 mrad.
+/// from the origins of their bodies (1e-12 mm if each is 500 mm), for a mirror divided by n u;
+/// 1e-15 rad for an angle below 3 mrad.
 double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
                const Bodies& actual, const Bodies& nominal, double spindle_angle = 0.0,
                double since_s = 0.0);
 
-/// First-order change of a reading in a perfect set-up, per unit of a small motion of each body
-/// about the bed's origin: [translation | rotation vector] in the bed frame.
+/// Gradient of a reading in a perfect set-up: its first-order change per unit of a small motion
+/// [translation | rotation vector] of each body about the bed's origin, in the bed frame.
 struct ReadingGradient {
   kinematics::Deviation workpiece = kinematics::Deviation::Zero();
   kinematics::Deviation tool = kinematics::Deviation::Zero();
 };
 ReadingGradient gradient(const Channel& channel, const Bodies& nominal);
 
-/// An unknown of a set-up with a sigma above 0; in the order zero (channels), rotation, point_of,
-/// point_in, normal, eccentricity, scale, drift.
+/// Unknown of a set-up.
 struct SetUpUnknown {
   std::string name;    ///< "zero of along X", "rotation about B"
   double sigma = 0.0;  ///< prior standard deviation; infinite for a zero
 };
+/// Returns the unknowns with a sigma above 0, in the order zero (channels), rotation, point_of,
+/// point_in, normal, eccentricity, scale, drift.
 std::vector<SetUpUnknown> unknowns(const SetUp& set_up);
-/// Return the misalignment with given values of its unknowns, and the values of a misalignment.
+/// Return the misalignment at given values of the unknowns, and the values of a misalignment.
 Misalignment misalignment(const SetUp& set_up, const Eigen::VectorXd& values);
 Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment);
 
-/// Returns two unit vectors square to a normal and to each other.
-Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& normal);
+/// Returns two unit vectors perpendicular to a normal and to each other.
+Eigen::Matrix<double, 3, 2> perpendicular_basis(const Eigen::Vector3d& normal);
 
-/// Returns the change of a reading per unit of each unknown of its set-up, at a perfect one
-/// (unknowns).
+/// Returns the change of a reading per unit of each unknown of its set-up (unknowns), for a perfect
+/// set-up.
 Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
                                   double spindle_angle = 0.0, double since_s = 0.0);
 
-/// A reading to be taken: its channel, and the commanded state with direction of approach.
+/// Reading of a plan: its channel, and the commanded state with direction of approach.
 struct Measurement {
   int set_up = 0;
   int channel = 0;  ///< -1 in a set-up without channels: temperatures are logged
@@ -128,16 +130,16 @@ struct Measurement {
   kinematics::AxisState state;
 };
 
-/// A measuring plan: set-ups and their readings, in the order of time.
+/// Measuring plan: set-ups and their readings, in the order of time.
 struct Plan {
-  std::string instrument;  ///< its name, for reports
-  std::string kind;        ///< its kind, "laser"
+  std::string instrument;  ///< name of the instrument, for reports
+  std::string kind;        ///< kind of the instrument, "laser"
   std::vector<SetUp> set_ups;
   std::vector<Measurement> measurements;
-  double duration_s = 0.0;  ///< s on a real machine, set-up times included
+  double duration_s = 0.0;  ///< s on a real machine, with set-up times
 };
 
-/// The readings of a plan. Contains the nominal machine and no truth.
+/// Readings of a plan, with the nominal machine. They contain no truth.
 struct Readings {
   Plan plan;
   kinematics::Chain nominal;
@@ -146,13 +148,12 @@ struct Readings {
   Eigen::MatrixXd T_C;               ///< (measurements x k)
 };
 
-/// The machine under test: actual poses of the bodies at a state.
+/// Machine under test: returns the actual poses of the bodies at a state.
 using MachineUnderTest = std::function<Bodies(const kinematics::AxisState&)>;
 
-/// Simulates set-ups and readings: misalignments, noise and rounding are drawn from the seed, the
-/// same numbers on every computer. A counter with an unknown zero is set at its first reading to
-/// the value of the nominal machine; its zero is then minus the error there. Sensors are left
-/// empty.
+/// Simulates set-ups and readings. Misalignments and noise are drawn from the seed, the same on
+/// every computer. A counter with an unknown zero is set at its first reading to the value of the
+/// nominal machine, so its zero is minus the error there. Temperature sensors are left empty.
 /// @throws std::invalid_argument if the plan does not fit the chain (a set-up or channel out of
 ///         range, a state of another size)
 Readings measure(const Plan& plan, const kinematics::Chain& nominal,
@@ -161,16 +162,17 @@ Readings measure(const Plan& plan, const kinematics::Chain& nominal,
 /// Returns the nominal poses of the bodies.
 Bodies nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
 
-/// Returns the standard deviation of one reading, noise and rounding; mm or rad.
+/// Returns the standard deviation of one reading by noise and rounding, mm or rad.
 double standard_deviation(const Channel& channel);
 
 /// Returns a reading rounded to a resolution; 0: unchanged.
 double rounded(double value, double resolution);
 
-/// Returns the rotation of an eccentric ball at a state: that of the nose `s`, else 0.
+/// Returns the rotation of an eccentric ball at a state: the angle of the nose `s`, 0 without a
+/// nose.
 double spindle_angle(const kinematics::Chain& nominal, const kinematics::AxisState& state);
 
-/// Returns the time since the first reading of its set-up, s, for every measurement (measurements).
+/// Returns for every measurement the time since the first reading of its set-up, s (measurements).
 Eigen::VectorXd time_since_set_up(const Plan& plan);
 
 }  // namespace abbe::errors::metrology

@@ -17,18 +17,18 @@ using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Joint;
 
-constexpr double path_arc = 5.0 * units::deg;  // between the points of a curved path that the plan
-                                               // moves through
-constexpr double search_arc = 1.0 * units::deg;
+constexpr double path_arc = 5.0 * units::deg;    // between the points of a curved path
+constexpr double search_arc = 1.0 * units::deg;  // of the search for the ends of a range
 
-int pieces(const Instrument& instrument, const Range& range) {
+/// Returns the number of moves from one target of a curved path to the next.
+int moves_to_target(const Instrument& instrument, const Range& range) {
   const double step = std::abs(range.to - range.from) / std::max(1, instrument.targets - 1);
   return std::max(1, int(std::ceil(step / path_arc)));
 }
 
-/// Returns the range without its end if that coincides with its start after whole turns. On one
-/// turn the targets are then distinct positions; n targets on k turns are n / gcd(n, k) positions,
-/// each read gcd(n, k) times.
+/// Returns the range without its end if the end coincides with the start after whole turns. The
+/// targets on one turn are then distinct positions; n targets on k turns are n / gcd(n, k)
+/// positions, each read gcd(n, k) times.
 Range whole_turn_range(const Instrument& instrument, Range range) {
   const double turns = (range.to - range.from) / (2.0 * pi);
   if (turns > 0.5 && std::abs(turns - std::round(turns)) < 1e-9)
@@ -36,140 +36,155 @@ Range whole_turn_range(const Instrument& instrument, Range range) {
   return range;
 }
 
-/// A position of the ball at the tool that the slides maintain while one rotary axis turns.
-struct BallPlace {
-  Vector3d place_w;
+/// Position of the ball at the tool that the slides maintain while one rotary axis turns.
+struct BallPosition {
+  Vector3d position_w;
   Vector3d radial_w;  ///< unit, from the axis to the ball; any direction across the axis if the
                       ///< ball is on it
-  Range range;
+  Range range;        ///< of the rotary axis
 };
 
+/// Returns the axis positions with which the slides hold the ball at a position. Throws if they
+/// cannot reach it.
 /// @param slides  joints that move; empty: all
-AxisVector followed(const Instrument& instrument, const Chain& nominal, const AxisVector& q,
-                    const Vector3d& place_w, const std::vector<int>& slides = {}) {
-  const auto there = slides_for_reflector(instrument, nominal, q, place_w, slides);
-  if (!there) refuse(instrument, "expected slides that reach the ball's place, seen too few");
-  return *there;
+AxisVector reach_with_slides(const Instrument& instrument, const Chain& nominal,
+                             const AxisVector& q, const Vector3d& position_w,
+                             const std::vector<int>& slides = {}) {
+  const auto reached = slides_for_reflector(instrument, nominal, q, position_w, slides);
+  if (!reached)
+    throw_input_error(instrument, "expected slides that reach the ball's place, seen too few");
+  return *reached;
 }
 
-Path following(const Instrument& instrument, const Chain& nominal, const ParkedMachine& stand,
-               const AxisDirection& rotary, const Vector3d& place_w) {
-  return [&instrument, &nominal, &stand, joint = rotary.joint, place_w](double angle) {
-    AxisVector q = stand.q;
+/// Returns the path on which one rotary axis turns and the slides hold the ball at a position.
+Path following_path(const Instrument& instrument, const Chain& nominal, const ParkedMachine& parked,
+                    const AxisDirection& rotary, const Vector3d& position_w) {
+  return [&instrument, &nominal, &parked, joint = rotary.joint, position_w](double angle) {
+    AxisVector q = parked.q;
     q[joint] = angle;
-    return followed(instrument, nominal, q, place_w);
+    return reach_with_slides(instrument, nominal, q, position_w);
   };
 }
 
-/// Returns the part of a range over which the slides can follow, the longest if there are several.
+/// Returns the longest part of a range over which the slides can follow within their travel.
 Range clip_to_slides(const Instrument& instrument, const Chain& nominal,
                      const AxisDirection& rotary, const Range& range, const Path& path) {
   const double first = range.from - range.overshoot, last = range.to + range.overshoot;
-  // The ends are found to one search_arc; the margin is then taken off the part found.
+  // The ends are found to one search_arc. The margin is then subtracted at both ends.
   const int count = std::max(2, int(std::ceil((last - first) / search_arc))) + 1;
   const auto angle = [&](int i) { return first + (last - first) * i / (count - 1); };
-  int best_from = 0, best_length = 0, from = 0;
+  int longest_from = 0, longest = 0, from = 0;
   for (int i = 0; i <= count; ++i) {
-    if (i < count && within_travel(nominal, path(angle(i)))) continue;
-    if (i - from > best_length) {
-      best_length = i - from;
-      best_from = from;
+    if (i < count && is_within_travel(nominal, path(angle(i)))) continue;
+    if (i - from > longest) {
+      longest = i - from;
+      longest_from = from;
     }
     from = i + 1;
   }
-  if (best_length == count) return range;
-  if (best_length < 2)
-    refuse(instrument, fmt::format("expected slides that follow while {} turns, seen a place that "
-                                   "they leave at once",
-                                   rotary.name));
-  const double low = angle(best_from), high = angle(best_from + best_length - 1);
-  const double room = instrument.margin * (high - low);
-  return {low + room, high - room, 0.5 * room};
+  if (longest == count) return range;
+  if (longest < 2)
+    throw_input_error(instrument,
+                      fmt::format("expected slides that follow while {} turns, seen a place that "
+                                  "they leave at once",
+                                  rotary.name));
+  const double low = angle(longest_from), high = angle(longest_from + longest - 1);
+  const double clearance = instrument.margin * (high - low);
+  return {low + clearance, high - clearance, 0.5 * clearance};
 }
 
 /// Returns the default position of a ball on a table: the instrument's radius above the workpiece's
-/// zero and as far from the axis; level with the waiting tool where the slides do not reach that.
-Vector3d place_on_table(const Instrument& instrument, const Chain& nominal,
-                        const ParkedMachine& stand, const AxisDirection& rotary,
-                        const Vector3d& radial_w) {
-  const Vector3d above_w = instrument.radius * nominal.tool_in_workpiece(stand.q).linear().col(2);
-  const Vector3d foot_w = on_axis(nominal, stand.q, rotary.joint, above_w);
-  const Vector3d place_w = foot_w + instrument.radius * radial_w;
-  const auto there = slides_for_reflector(instrument, nominal, stand.q, place_w);
-  if (there && within_travel(nominal, *there)) return place_w;
-  return on_axis(nominal, stand.q, rotary.joint, reflector_w(instrument, nominal, stand.q)) +
+/// zero and the same distance from the axis. If the slides do not reach it, the ball is at the
+/// height of the parked tool.
+Vector3d position_on_table(const Instrument& instrument, const Chain& nominal,
+                           const ParkedMachine& parked, const AxisDirection& rotary,
+                           const Vector3d& radial_w) {
+  const Vector3d height_w = instrument.radius * nominal.tool_in_workpiece(parked.q).linear().col(2);
+  const Vector3d axis_point_w = nearest_axis_point(nominal, parked.q, rotary.joint, height_w);
+  const Vector3d position_w = axis_point_w + instrument.radius * radial_w;
+  const auto reached = slides_for_reflector(instrument, nominal, parked.q, position_w);
+  if (reached && is_within_travel(nominal, *reached)) return position_w;
+  return nearest_axis_point(nominal, parked.q, rotary.joint,
+                            reflector_w(instrument, nominal, parked.q)) +
          instrument.radius * radial_w;
 }
 
-Vector3d radial(const Chain& nominal, const ParkedMachine& stand, const AxisDirection& rotary) {
+/// Returns the direction across a rotary axis nearest to the axis of the parked tool.
+Vector3d radial_direction(const Chain& nominal, const ParkedMachine& parked,
+                          const AxisDirection& rotary) {
   const Vector3d& axis_w = rotary.direction_w;
-  const Vector3d standing_w = nominal.tool_in_workpiece(stand.q).linear().col(2);
-  const Vector3d upright_w = standing_w - standing_w.dot(axis_w) * axis_w;
-  // 0.5: sine of 30 degrees; a tool closer to the axis has no usable direction across it.
-  return upright_w.norm() > 0.5 ? upright_w.normalized()
-                                : across(nominal, stand.q, axis_w).direction_w[0];
+  const Vector3d tool_axis_w = nominal.tool_in_workpiece(parked.q).linear().col(2);
+  const Vector3d across_axis_w = tool_axis_w - tool_axis_w.dot(axis_w) * axis_w;
+  // 0.5: sine of 30 degrees; a tool within this angle of the axis has no usable direction across
+  // it.
+  return across_axis_w.norm() > 0.5 ? across_axis_w.normalized()
+                                    : cross_directions(nominal, parked.q, axis_w).direction_w[0];
 }
 
-bool has_rotary_table(const Chain& nominal, const AxisDirection& rotary) {
+bool is_table(const Chain& nominal, const AxisDirection& rotary) {
   return nominal.joints()[std::size_t(rotary.joint)].side == kinematics::Side::Workpiece;
 }
 
-// A head is turned about the position at which the waiting tool holds its ball.
-BallPlace ball_place(const Instrument& instrument, const Chain& nominal, const ParkedMachine& stand,
-                     const AxisDirection& rotary) {
-  BallPlace kept;
-  kept.radial_w = radial(nominal, stand, rotary);
+/// Returns the position of the ball for the test of a rotary axis. For a rotary head it is the
+/// position at which the parked tool holds the ball.
+BallPosition ball_position(const Instrument& instrument, const Chain& nominal,
+                           const ParkedMachine& parked, const AxisDirection& rotary) {
+  BallPosition ball;
+  ball.radial_w = radial_direction(nominal, parked, rotary);
   if (instrument.at_w) {
-    kept.place_w = *instrument.at_w;
-    const Vector3d arm_w = kept.place_w - on_axis(nominal, stand.q, rotary.joint, kept.place_w);
-    if (has_rotary_table(nominal, rotary) && arm_w.norm() > 1e-3)
-      kept.radial_w = arm_w.normalized();
+    ball.position_w = *instrument.at_w;
+    const Vector3d arm_w =
+        ball.position_w - nearest_axis_point(nominal, parked.q, rotary.joint, ball.position_w);
+    if (is_table(nominal, rotary) && arm_w.norm() > 1e-3) ball.radial_w = arm_w.normalized();
   } else {
-    kept.place_w = has_rotary_table(nominal, rotary)
-                       ? place_on_table(instrument, nominal, stand, rotary, kept.radial_w)
-                       : reflector_w(instrument, nominal, stand.q);
+    ball.position_w = is_table(nominal, rotary)
+                          ? position_on_table(instrument, nominal, parked, rotary, ball.radial_w)
+                          : reflector_w(instrument, nominal, parked.q);
   }
   const Joint& joint = nominal.joints()[std::size_t(rotary.joint)];
-  kept.range = whole_turn_range(
-      instrument, clip_to_slides(instrument, nominal, rotary, arc(instrument, joint),
-                                 following(instrument, nominal, stand, rotary, kept.place_w)));
-  return kept;
+  ball.range = whole_turn_range(
+      instrument,
+      clip_to_slides(instrument, nominal, rotary, arc(instrument, joint),
+                     following_path(instrument, nominal, parked, rotary, ball.position_w)));
+  return ball;
 }
 
-/// Returns the positions of all rotary axes together at which the slides can hold the ball in
-/// place.
+/// Returns the axis positions of a grid over all rotary axes at which the slides can hold the ball
+/// at its position.
 std::vector<AxisVector> rotary_grid(const Instrument& instrument, const Chain& nominal,
-                                    const ParkedMachine& stand, const Vector3d& place_w) {
+                                    const ParkedMachine& parked, const Vector3d& position_w) {
   std::vector<GridLine> lines;
-  for (const AxisDirection& rotary : stand.rotary) {
+  for (const AxisDirection& rotary : parked.rotary) {
     const Range range =
         whole_turn_range(instrument, arc(instrument, nominal.joints()[std::size_t(rotary.joint)]));
     lines.push_back({rotary.joint, targets(range, instrument.targets)});
   }
-  std::vector<AxisVector> places;
-  for (const AxisVector& turned : grid(instrument, stand.q, lines)) {
-    const AxisVector q = followed(instrument, nominal, turned, place_w);
-    if (within_travel(nominal, q)) places.push_back(q);
+  std::vector<AxisVector> positions;
+  for (const AxisVector& rotary_q : grid(instrument, parked.q, lines)) {
+    const AxisVector q = reach_with_slides(instrument, nominal, rotary_q, position_w);
+    if (is_within_travel(nominal, q)) positions.push_back(q);
   }
-  if (places.size() < 3)
-    refuse(instrument, fmt::format("expected at least 3 rotary positions within the travel of the "
-                                   "slides, seen {}",
-                                   places.size()));
-  return places;
+  if (positions.size() < 3)
+    throw_input_error(instrument,
+                      fmt::format("expected at least 3 rotary positions within the travel of the "
+                                  "slides, seen {}",
+                                  positions.size()));
+  return positions;
 }
 
-std::vector<Channel> nest(const Instrument& instrument, const Vector3d& place_w) {
+/// Returns the channels of three sensors along X, Y and Z around the ball.
+std::vector<Channel> sensor_nest(const Instrument& instrument, const Vector3d& position_w) {
   std::vector<Channel> channels;
   for (int k = 0; k < 3; ++k) {
     channels.push_back(channel(instrument, fmt::format("{} of the ball", char('X' + k)),
                                Quantity::Displacement, Vector3d::Unit(k)));
-    channels.back().point_in = place_w;
+    channels.back().point_in = position_w;
   }
   return channels;
 }
 
-/// Returns a circle about a point by two slides; the others stay where they put the ball at its
-/// centre.
+/// Returns a circular path of two slides about a point. The other slides stay where they hold the
+/// ball at the centre.
 Path circle(const Instrument& instrument, const Chain& nominal, const AxisVector& at_centre,
             const Vector3d& centre_w, const std::array<AxisDirection, 2>& pair) {
   const Vector3d& first = pair[0].direction_w;
@@ -177,7 +192,7 @@ Path circle(const Instrument& instrument, const Chain& nominal, const AxisVector
   const Vector3d second = (other - other.dot(first) * first).normalized();
   return [&instrument, &nominal, at_centre, centre_w, first, second,
           slides = std::vector{pair[0].joint, pair[1].joint}](double angle) {
-    return followed(
+    return reach_with_slides(
         instrument, nominal, at_centre,
         centre_w + instrument.radius * (std::cos(angle) * first + std::sin(angle) * second),
         slides);
@@ -187,150 +202,156 @@ Path circle(const Instrument& instrument, const Chain& nominal, const AxisVector
 }  // namespace
 
 Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_slides(instrument, stand, 2);
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_slides(instrument, parked, 2);
   const Vector3d centre_w =
-      instrument.at_w ? *instrument.at_w : reflector_w(instrument, nominal, stand.q);
-  const AxisVector at_centre = followed(instrument, nominal, stand.q, centre_w);
+      instrument.at_w ? *instrument.at_w : reflector_w(instrument, nominal, parked.q);
+  const AxisVector at_centre = reach_with_slides(instrument, nominal, parked.q, centre_w);
   const Range range = whole_turn_range(
       instrument, {instrument.from_rad, instrument.to_rad,
                    0.5 * instrument.margin * (instrument.to_rad - instrument.from_rad)});
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const std::array<AxisDirection, 2>& pair : crossing_slides(instrument, stand)) {
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const std::array<AxisDirection, 2>& pair : crossing_slides(instrument, parked)) {
     Channel c = channel(instrument, "length of the bar", Quantity::Length, pair[0].direction_w);
     c.point_in = centre_w;
     SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].name, pair[1].name), {c});
     bar.point_in_sigma = instrument.position_sigma;
-    bar.zero_unknown = false;  // its length is calibrated, to the sigma of the scale
-    walk.set_up(bar);
-    walk.read_both_directions(circle(instrument, nominal, at_centre, centre_w, pair), range,
-                              pieces(instrument, range));
+    bar.zero_unknown = false;  // its length is calibrated to the sigma of the scale
+    builder.set_up(bar);
+    builder.read_both_directions(circle(instrument, nominal, at_centre, centre_w, pair), range,
+                                 moves_to_target(instrument, range));
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 Plan ball_bar_rotary(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_rotary(instrument, stand);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& rotary : stand.rotary) {
-    const BallPlace kept = ball_place(instrument, nominal, stand, rotary);
-    const std::pair<const char*, Vector3d> ways[] = {
-        {"radial", kept.radial_w},
-        {"tangential", rotary.direction_w.cross(kept.radial_w)},
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_rotary(instrument, parked);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& rotary : parked.rotary) {
+    const BallPosition ball = ball_position(instrument, nominal, parked, rotary);
+    const std::pair<const char*, Vector3d> bar_directions[] = {
+        {"radial", ball.radial_w},
+        {"tangential", rotary.direction_w.cross(ball.radial_w)},
         {"axial", rotary.direction_w}};
-    for (const auto& [word, bar_w] : ways) {
-      Channel c =
-          channel(instrument, fmt::format("{} to {}", word, rotary.name), Quantity::Length, bar_w);
-      c.point_in = kept.place_w - instrument.radius * bar_w;
-      SetUp bar = set_up(instrument, fmt::format("{} {}", rotary.name, word), {c});
+    for (const auto& [direction_name, bar_w] : bar_directions) {
+      Channel c = channel(instrument, fmt::format("{} to {}", direction_name, rotary.name),
+                          Quantity::Length, bar_w);
+      c.point_in = ball.position_w - instrument.radius * bar_w;
+      SetUp bar = set_up(instrument, fmt::format("{} {}", rotary.name, direction_name), {c});
       bar.point_of_sigma = bar.point_in_sigma = instrument.position_sigma;
-      walk.set_up(bar);
-      walk.read_both_directions(following(instrument, nominal, stand, rotary, kept.place_w),
-                                kept.range, pieces(instrument, kept.range));
+      builder.set_up(bar);
+      builder.read_both_directions(
+          following_path(instrument, nominal, parked, rotary, ball.position_w), ball.range,
+          moves_to_target(instrument, ball.range));
     }
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 Plan r_test(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_rotary(instrument, stand);
-  PlanBuilder walk(instrument, nominal, stand.q);
-  for (const AxisDirection& rotary : stand.rotary) {
-    const BallPlace kept = ball_place(instrument, nominal, stand, rotary);
-    SetUp sensors =
-        set_up(instrument, fmt::format("{} R-test", rotary.name), nest(instrument, kept.place_w));
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_rotary(instrument, parked);
+  PlanBuilder builder(instrument, nominal, parked.q);
+  for (const AxisDirection& rotary : parked.rotary) {
+    const BallPosition ball = ball_position(instrument, nominal, parked, rotary);
+    SetUp sensors = set_up(instrument, fmt::format("{} R-test", rotary.name),
+                           sensor_nest(instrument, ball.position_w));
     sensors.point_of_sigma = instrument.position_sigma;
-    walk.set_up(sensors);
-    walk.read_both_directions(following(instrument, nominal, stand, rotary, kept.place_w),
-                              kept.range, pieces(instrument, kept.range));
+    builder.set_up(sensors);
+    builder.read_both_directions(
+        following_path(instrument, nominal, parked, rotary, ball.position_w), ball.range,
+        moves_to_target(instrument, ball.range));
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// The control reports its axis positions at contact with the sphere; reversed, that is the
-// deviation of the probe from the sphere's centre at the commanded position. The two differ by the
-// change of the errors over the deviation itself, below 1e-3 of it.
+// The control reports its axis positions at contact with the sphere. With the opposite sign that is
+// the deviation of the probe from the sphere's centre at the commanded position. The two differ by
+// the change of the errors over the deviation, less than 1e-3 of it.
 Plan sphere(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  expect_rotary(instrument, stand);
-  // The sphere stands beside the axis nearest to it, otherwise it would not move with that axis.
+  const ParkedMachine parked = park(instrument, nominal);
+  expect_rotary(instrument, parked);
+  // The sphere is off the axis that is nearest to it in the chain; on that axis it would not move.
   const AxisDirection& nearest = *std::min_element(
-      stand.rotary.begin(), stand.rotary.end(),
+      parked.rotary.begin(), parked.rotary.end(),
       [](const AxisDirection& a, const AxisDirection& b) { return a.joint < b.joint; });
-  const Vector3d place_w = ball_place(instrument, nominal, stand, nearest).place_w;
-  PlanBuilder walk(instrument, nominal, stand.q);
-  SetUp probing = set_up(instrument, "sphere", nest(instrument, place_w));
-  probing.point_of_sigma = instrument.position_sigma;
-  walk.set_up(probing);
-  walk.visit(rotary_grid(instrument, nominal, stand, place_w));
-  return std::move(walk).finish();
+  const Vector3d position_w = ball_position(instrument, nominal, parked, nearest).position_w;
+  PlanBuilder builder(instrument, nominal, parked.q);
+  SetUp sphere_set_up = set_up(instrument, "sphere", sensor_nest(instrument, position_w));
+  sphere_set_up.point_of_sigma = instrument.position_sigma;
+  builder.set_up(sphere_set_up);
+  builder.visit(rotary_grid(instrument, nominal, parked, position_w));
+  return std::move(builder).finish();
 }
 
 namespace {
 
+/// Returns the grid of the instrument's targets over the travel of all slides.
 std::vector<AxisVector> travel_grid(const Instrument& instrument, const Chain& nominal,
-                                    const ParkedMachine& stand) {
+                                    const ParkedMachine& parked) {
   std::vector<GridLine> lines;
-  for (const AxisDirection& slide : stand.slides) {
+  for (const AxisDirection& slide : parked.slides) {
     const Range range = travel(instrument, nominal.joints()[std::size_t(slide.joint)]);
     lines.push_back({slide.joint, targets(range, instrument.targets)});
   }
-  return grid(instrument, stand.q, lines);
+  return grid(instrument, parked.q, lines);
 }
 
-/// The box that the reflector covers: its centre and half its edges; with two slides the third is
-/// across both.
+/// Box that the reflector covers. With two slides its third edge is across both.
 struct Box {
   Vector3d centre_w;
-  std::array<Vector3d, 3> half_w;
+  std::array<Vector3d, 3> half_edge_w;  ///< vectors of half an edge
 };
 
-Box box(const Instrument& instrument, const Chain& nominal, const ParkedMachine& stand) {
-  Box b{reflector_w(instrument, nominal, stand.q), {}};
+Box box(const Instrument& instrument, const Chain& nominal, const ParkedMachine& parked) {
+  Box b{reflector_w(instrument, nominal, parked.q), {}};
   for (std::size_t k = 0; k < 3; ++k) {
-    if (k < stand.slides.size()) {
-      const AxisDirection& slide = stand.slides[k];
+    if (k < parked.slides.size()) {
+      const AxisDirection& slide = parked.slides[k];
       const Range range = travel(instrument, nominal.joints()[std::size_t(slide.joint)]);
-      b.half_w[k] = 0.5 * (range.to - range.from) * slide.direction_w;
+      b.half_edge_w[k] = 0.5 * (range.to - range.from) * slide.direction_w;
     } else {
-      b.half_w[k] = b.half_w[0].norm() * b.half_w[0].cross(b.half_w[1]).normalized();
+      b.half_edge_w[k] =
+          b.half_edge_w[0].norm() * b.half_edge_w[0].cross(b.half_edge_w[1]).normalized();
     }
   }
   return b;
 }
 
-Vector3d place(const Box& box, double a, double b, double c) {
-  return box.centre_w + a * box.half_w[0] + b * box.half_w[1] + c * box.half_w[2];
+/// Returns a point by its coordinates relative to the half edges of the box.
+Vector3d box_point(const Box& box, double a, double b, double c) {
+  return box.centre_w + a * box.half_edge_w[0] + b * box.half_edge_w[1] + c * box.half_edge_w[2];
 }
 
-void check(const Instrument& instrument, const ParkedMachine& stand) {
-  expect_slides(instrument, stand, 2);
-  if (stand.slides.size() > 3)
-    refuse(instrument, fmt::format("expected at most 3 slides, seen {}", stand.slides.size()));
+void check(const Instrument& instrument, const ParkedMachine& parked) {
+  expect_slides(instrument, parked, 2);
+  if (parked.slides.size() > 3)
+    throw_input_error(instrument,
+                      fmt::format("expected at most 3 slides, seen {}", parked.slides.size()));
 }
 
 }  // namespace
 
-// The two angles of a tracker are modelled as displacements across its beam, so that every position
-// has two channels of its own, with the noise of the angle times the range; the range has one
-// channel.
+// The two angles of a tracker are modelled as displacements across its beam. Every position has two
+// channels of its own, with the noise of the angle times the range; the range has one channel for
+// all positions.
 Plan tracker(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  check(instrument, stand);
-  const std::vector<AxisVector> places = travel_grid(instrument, nominal, stand);
-  const Vector3d station_w =
-      instrument.at_w ? *instrument.at_w : place(box(instrument, nominal, stand), -2.5, -2.0, 0.4);
+  const ParkedMachine parked = park(instrument, nominal);
+  check(instrument, parked);
+  const std::vector<AxisVector> positions = travel_grid(instrument, nominal, parked);
+  const Vector3d station_w = instrument.at_w
+                                 ? *instrument.at_w
+                                 : box_point(box(instrument, nominal, parked), -2.5, -2.0, 0.4);
   std::vector<Channel> channels = {
       channel(instrument, "range", Quantity::Length, Vector3d::UnitX())};
   channels[0].point_in = station_w;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const Vector3d beam_w = reflector_w(instrument, nominal, places[i]) - station_w;
-    // The reflector must be away from the station: its beam needs a direction.
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const Vector3d beam_w = reflector_w(instrument, nominal, positions[i]) - station_w;
+    // A beam has a direction only if the reflector is away from the station.
     if (!(beam_w.norm() > 1.0))
-      refuse(instrument, "expected a station off the places that it looks at");
-    const Across across = metrology::across(nominal, stand.q, beam_w.normalized());
+      throw_input_error(instrument, "expected a station off the places that it looks at");
+    const CrossDirections across = cross_directions(nominal, parked.q, beam_w.normalized());
     for (int k = 0; k < 2; ++k) {
       Channel c = channel(instrument, fmt::format("{} of place {}", across.letter[k], i),
                           Quantity::Displacement, across.direction_w[k]);
@@ -343,34 +364,35 @@ Plan tracker(const Instrument& instrument, const Chain& nominal) {
   SetUp station = set_up(instrument, "station", std::move(channels));
   station.zero_unknown = false;  // the range counts from the centre of the station
   station.point_in_sigma = instrument.position_sigma;
-  PlanBuilder walk(instrument, nominal, stand.q);
-  walk.set_up(station);
-  walk.visit(places, [](int target) {
+  PlanBuilder builder(instrument, nominal, parked.q);
+  builder.set_up(station);
+  builder.visit(positions, [](int target) {
     return std::vector<int>{0, 2 * target + 1, 2 * target + 2};
   });
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
-// One instrument is moved from station to station and the whole grid is measured from each; three
+// One instrument is moved from station to station, and the whole grid is measured from each. Three
 // stations are low and the fourth is high, so that no plane contains all four.
 Plan multilateration(const Instrument& instrument, const Chain& nominal) {
-  const ParkedMachine stand = metrology::stand(instrument, nominal);
-  check(instrument, stand);
-  const std::vector<AxisVector> places = travel_grid(instrument, nominal, stand);
-  const Box b = box(instrument, nominal, stand);
-  const std::array<Vector3d, 4> stations_w = {place(b, -1.3, -1.3, -1.3), place(b, 1.3, -1.3, -1.3),
-                                              place(b, -1.3, 1.3, -1.3), place(b, 1.3, 1.3, 1.3)};
-  PlanBuilder walk(instrument, nominal, stand.q);
+  const ParkedMachine parked = park(instrument, nominal);
+  check(instrument, parked);
+  const std::vector<AxisVector> positions = travel_grid(instrument, nominal, parked);
+  const Box b = box(instrument, nominal, parked);
+  const std::array<Vector3d, 4> stations_w = {
+      box_point(b, -1.3, -1.3, -1.3), box_point(b, 1.3, -1.3, -1.3), box_point(b, -1.3, 1.3, -1.3),
+      box_point(b, 1.3, 1.3, 1.3)};
+  PlanBuilder builder(instrument, nominal, parked.q);
   for (std::size_t k = 0; k < stations_w.size(); ++k) {
     Channel c = channel(instrument, "length", Quantity::Length, Vector3d::UnitX());
     c.point_in = stations_w[k];
     SetUp station = set_up(instrument, fmt::format("station {}", k + 1), {c});
     station.rotation_sigma = 0.0;  // a length has no direction
     station.point_in_sigma = instrument.position_sigma;
-    walk.set_up(station);
-    walk.visit(places);
+    builder.set_up(station);
+    builder.visit(positions);
   }
-  return std::move(walk).finish();
+  return std::move(builder).finish();
 }
 
 }  // namespace abbe::errors::metrology

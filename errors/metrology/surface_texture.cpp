@@ -17,37 +17,40 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 /// Returns the weights of the filter at 0, 1, 2 ... steps from the point.
-/// @param most  maximum number of weights
-VectorXd profile_weights(double step, double nesting_index, Index most) {
+/// @param max_count  maximum number of weights
+VectorXd profile_weights(double step, double nesting_index, Index max_count) {
   const double variance = nesting_index * nesting_index * std::numbers::ln2 /
                           (2.0 * std::numbers::pi * std::numbers::pi);
-  // Weights beyond one nesting index are below 1e-7 and dropped.
-  const double reach = std::min(nesting_index / step * (1.0 + 1e-12), double(most - 1));
-  VectorXd weight(Index(reach) + 1);
+  // Weights beyond one nesting index are below 1e-7 and are omitted.
+  const double half_width = std::min(nesting_index / step * (1.0 + 1e-12), double(max_count - 1));
+  VectorXd weight(Index(half_width) + 1);
   for (Index k = 0; k < weight.size(); ++k)
     weight[k] = std::exp(-0.5 * double(k) * double(k) * step * step / variance);
   return weight;
 }
 
-/// Lines fitted to the heights with the weights of the filter, used where part of its window is
-/// beyond the profile. Moments are prefix sums, so a window costs no more than its heights.
+/// Fit of lines to the heights with the weights of the filter, for points whose window extends
+/// beyond the profile. Moments are differences of cumulative sums, so the cost of a window is that
+/// of its heights.
 class WindowFit {
  public:
-  WindowFit(const VectorXd& z, const VectorXd& weight) : z_(z), reach_(weight.size() - 1) {
-    weight_.resize(2 * reach_ + 1);
-    weight_ << weight.tail(reach_).reverse(), weight;
-    const VectorXd d = VectorXd::LinSpaced(2 * reach_ + 1, -double(reach_), double(reach_));
+  WindowFit(const VectorXd& z, const VectorXd& weight) : z_(z), half_width_(weight.size() - 1) {
+    weight_.resize(2 * half_width_ + 1);
+    weight_ << weight.tail(half_width_).reverse(), weight;
+    const VectorXd d =
+        VectorXd::LinSpaced(2 * half_width_ + 1, -double(half_width_), double(half_width_));
     first_ = weight_.cwiseProduct(d);
     const VectorXd second = first_.cwiseProduct(d);
-    sums_.setZero(2 * reach_ + 2, 3);
+    sums_.setZero(2 * half_width_ + 2, 3);
     for (Index j = 0; j < weight_.size(); ++j)
       sums_.row(j + 1) = sums_.row(j) + Eigen::RowVector3d(weight_[j], first_[j], second[j]);
   }
 
-  /// Returns the value of the line about point i, at i.
-  double at(Index i) const {
-    const Index from = std::max(Index(0), i - reach_), to = std::min(z_.size(), i + reach_ + 1);
-    const Index window = from - i + reach_, count = to - from;
+  /// Returns the value at point i of the line fitted about it.
+  double value_at(Index i) const {
+    const Index from = std::max(Index(0), i - half_width_),
+                to = std::min(z_.size(), i + half_width_ + 1);
+    const Index window = from - i + half_width_, count = to - from;
     const Eigen::RowVector3d m = sums_.row(window + count) - sums_.row(window);
     const double z0 = weight_.segment(window, count).dot(z_.segment(from, count));
     const double z1 = first_.segment(window, count).dot(z_.segment(from, count));
@@ -58,55 +61,60 @@ class WindowFit {
 
  private:
   const VectorXd& z_;
-  Index reach_;
-  VectorXd weight_, first_;  // at -reach .. reach: weight times 1 and times the distance in steps
+  Index half_width_;
+  VectorXd weight_, first_;  // over the window: weights, and weights times the distance in steps
   Eigen::MatrixX3d sums_;    // cumulative sums of weights times 1, distance, its square
 };
 
-struct Places {
+/// Range of points of a profile.
+struct PointRange {
   Index first, last;  // last is exclusive
 };
 
-/// Returns section k of an evaluation; all of it for k = -1.
-Places places_of(const Profile& profile, const EvaluationLength& e, int k) {
+/// Returns the points of section k of an evaluation length, or of the whole length for k = -1.
+PointRange section_points(const Profile& profile, const EvaluationLength& e, int k) {
   const double from = e.from + std::max(k, 0) * e.section;
   const double to = k < 0 ? e.from + e.sections * e.section : from + e.section;
   // A point exactly on a boundary belongs to the section that begins there.
-  const auto number = [&](double at) { return Index(std::ceil(at / profile.step - 1e-6)); };
-  const Places places{std::max(Index(0), number(from)), std::min(profile.z.size(), number(to))};
-  require(places.last > places.first, "profile: expected at least a place in every section");
-  return places;
+  const auto point_index = [&](double distance) {
+    return Index(std::ceil(distance / profile.step - 1e-6));
+  };
+  const PointRange points{std::max(Index(0), point_index(from)),
+                          std::min(profile.z.size(), point_index(to))};
+  require(points.last > points.first, "profile: expected at least a place in every section");
+  return points;
 }
 
-/// Crossings of the mean line between two significant parts of a profile.
+/// Crossings of the mean line between neighbouring hills and dales, in steps. There may be several
+/// between the two.
 struct Crossings {
-  std::vector<double> first, last;  // the first and the last of several between two parts, in steps
+  std::vector<double> first, last;  // of several
 };
 
-Crossings crossings_of(const VectorXd& z, double above, double below) {
-  Crossings found;
-  Index at = -1;  // last point of the previous significant part
+Crossings significant_crossings(const VectorXd& z, double above, double below) {
+  Crossings result;
+  Index previous = -1;  // last significant point so far
   for (Index i = 0; i < z.size(); ++i) {
     if (!(z[i] > above) && !(z[i] < -below)) continue;
-    if (at >= 0 && (z[i] > 0.0) != (z[at] > 0.0)) {
+    if (previous >= 0 && (z[i] > 0.0) != (z[previous] > 0.0)) {
       const auto crossing = [&](Index k) { return double(k) + z[k] / (z[k] - z[k + 1]); };
       const auto crosses = [&](Index k) { return (z[k] > 0.0) != (z[k + 1] > 0.0); };
-      Index first = at, last = i - 1;
+      Index first = previous, last = i - 1;
       while (!crosses(first)) ++first;
       while (!crosses(last)) --last;
-      found.first.push_back(crossing(first));
-      found.last.push_back(crossing(last));
+      result.first.push_back(crossing(first));
+      result.last.push_back(crossing(last));
     }
-    at = i;
+    previous = i;
   }
-  return found;
+  return result;
 }
 
 /// Returns the mean length of the profile elements, in steps.
 std::optional<double> element_spacing(const VectorXd& z, double above, double below) {
-  const Crossings crossings = crossings_of(z, above, below);
+  const Crossings crossings = significant_crossings(z, above, below);
   const std::size_t n = crossings.first.size();
-  // Two elements share a crossing: an element needs three.
+  // An element extends over three crossings; neighbouring elements share one.
   if (n < 3) return std::nullopt;
   const std::size_t elements = (n - 1) / 2;
   const double from_left = crossings.first[2 * elements] - crossings.first[0];
@@ -114,11 +122,12 @@ std::optional<double> element_spacing(const VectorXd& z, double above, double be
   return 0.5 * (from_left + from_right) / double(elements);
 }
 
-double gradient(const Profile& profile, const Places& places) {
+/// Returns the root mean square gradient.
+double gradient(const Profile& profile, const PointRange& points) {
   const VectorXd& z = profile.z;
   // The sixth-order difference needs three points on either side.
-  const Index first = std::max(places.first, Index(3));
-  const Index last = std::min(places.last, z.size() - 3);
+  const Index first = std::max(points.first, Index(3));
+  const Index last = std::min(points.last, z.size() - 3);
   double squares = 0.0;
   for (Index i = first; i < last; ++i) {
     const double slope =
@@ -137,15 +146,15 @@ constexpr std::array classes = {SettingClass{"Sc1", 0.08, 0.08, 0.4, 2.5 * um, 0
                                 SettingClass{"Sc4", 2.5, 2.5, 12.5, 8.0 * um, 1.5 * um},
                                 SettingClass{"Sc5", 8.0, 8.0, 40.0, 25.0 * um, 5.0 * um}};
 
-/// Returns heights every `step`, linear between those given.
-VectorXd resampled(const VectorXd& s, const VectorXd& z, double step, Index n) {
+/// Returns n heights in steps, interpolated linearly.
+VectorXd resample(const VectorXd& s, const VectorXd& z, double step, Index n) {
   VectorXd heights(n);
   Index k = 0;
   for (Index i = 0; i < n; ++i) {
-    const double at = std::min(s[0] + double(i) * step, s[s.size() - 1]);
-    while (k + 2 < s.size() && s[k + 1] < at) ++k;
+    const double position = std::min(s[0] + double(i) * step, s[s.size() - 1]);
+    while (k + 2 < s.size() && s[k + 1] < position) ++k;
     const double width = s[k + 1] - s[k];
-    const double u = width > 0.0 ? std::clamp((at - s[k]) / width, 0.0, 1.0) : 1.0;
+    const double u = width > 0.0 ? std::clamp((position - s[k]) / width, 0.0, 1.0) : 1.0;
     heights[i] = std::lerp(z[k], z[k + 1], u);
   }
   return heights;
@@ -164,10 +173,11 @@ void check_line(const VectorXd& s, const VectorXd& z, const TextureOptions& opti
           "profile_texture: expected sections, and at least 16 places");
 }
 
-EvaluationLength central_sections(double length, double section, int wanted) {
-  const int fit = int(std::min(1e6, std::floor(length / section * (1.0 + 1e-9))));
-  if (fit < 1) return {0.0, length, 1};
-  const int sections = std::min(wanted, fit);
+/// Returns sections centred in the length, or the length as one section if none fits.
+EvaluationLength central_sections(double length, double section, int requested_count) {
+  const int max_sections = int(std::min(1e6, std::floor(length / section * (1.0 + 1e-9))));
+  if (max_sections < 1) return {0.0, length, 1};
+  const int sections = std::min(requested_count, max_sections);
   return {0.5 * (length - sections * section), section, sections};
 }
 
@@ -181,21 +191,21 @@ VectorXd mean_line(const Profile& profile, double nesting_index) {
   require(z.allFinite(), "mean_line: expected finite heights");
   require(z.size() > 0, "mean_line: expected heights");
   const VectorXd weight = profile_weights(profile.step, nesting_index, z.size());
-  const Index k = weight.size() - 1, inner = z.size() - 2 * k;
+  const Index k = weight.size() - 1, inner_count = z.size() - 2 * k;
   VectorXd line(z.size());
-  if (inner > 0) {
-    VectorXd sum = weight[0] * z.segment(k, inner);
+  if (inner_count > 0) {
+    VectorXd sum = weight[0] * z.segment(k, inner_count);
     for (Index j = 1; j <= k; ++j)
-      sum += weight[j] * (z.segment(k - j, inner) + z.segment(k + j, inner));
-    double all = weight[0];
-    for (Index j = 1; j <= k; ++j) all += 2.0 * weight[j];
-    line.segment(k, inner) = sum / all;
+      sum += weight[j] * (z.segment(k - j, inner_count) + z.segment(k + j, inner_count));
+    double weight_sum = weight[0];
+    for (Index j = 1; j <= k; ++j) weight_sum += 2.0 * weight[j];
+    line.segment(k, inner_count) = sum / weight_sum;
   }
-  const Index end = inner > 0 ? k : z.size();
+  const Index end = inner_count > 0 ? k : z.size();
   const WindowFit fit(z, weight);
   for (Index i = 0; i < end; ++i) {
-    line[i] = fit.at(i);
-    if (inner > 0) line[z.size() - 1 - i] = fit.at(z.size() - 1 - i);
+    line[i] = fit.value_at(i);
+    if (inner_count > 0) line[z.size() - 1 - i] = fit.value_at(z.size() - 1 - i);
   }
   return line;
 }
@@ -203,23 +213,25 @@ VectorXd mean_line(const Profile& profile, double nesting_index) {
 VectorXd straight_line(const Profile& profile) {
   const Index n = profile.z.size();
   if (n < 2) return profile.z;
-  const double middle = 0.5 * double(n - 1);
+  const double centre = 0.5 * double(n - 1);
   double mean = 0.0, moment = 0.0, squares = 0.0;
   for (Index i = 0; i < n; ++i) mean += profile.z[i] / double(n);
   for (Index i = 0; i < n; ++i) {
-    const double d = double(i) - middle;
+    const double d = double(i) - centre;
     moment += d * (profile.z[i] - mean);
     squares += d * d;
   }
   VectorXd line(n);
-  for (Index i = 0; i < n; ++i) line[i] = mean + moment / squares * (double(i) - middle);
+  for (Index i = 0; i < n; ++i) line[i] = mean + moment / squares * (double(i) - centre);
   return line;
 }
 
 std::span<const SettingClass> setting_classes() { return classes; }
 
 const SettingClass& setting_class(double Nic) {
-  const auto ratio = [&](const SettingClass& one) { return std::abs(std::log(one.Nic / Nic)); };
+  const auto ratio = [&](const SettingClass& candidate) {
+    return std::abs(std::log(candidate.Nic / Nic));
+  };
   return *std::min_element(
       classes.begin(), classes.end(),
       [&](const SettingClass& a, const SettingClass& b) { return ratio(a) < ratio(b); });
@@ -228,8 +240,8 @@ const SettingClass& setting_class(double Nic) {
 ProfileParameters parameters(const Profile& profile, const EvaluationLength& evaluation) {
   require(evaluation.sections >= 1 && evaluation.section > 0.0 && evaluation.from >= 0.0,
           "profile: expected a section or more within the profile");
-  const Places all = places_of(profile, evaluation, -1);
-  const VectorXd z = profile.z.segment(all.first, all.last - all.first);
+  const PointRange evaluated = section_points(profile, evaluation, -1);
+  const VectorXd z = profile.z.segment(evaluated.first, evaluated.last - evaluated.first);
   const auto n = double(z.size());
   ProfileParameters result;
   double squares = 0.0, cubes = 0.0, fourths = 0.0;
@@ -240,48 +252,49 @@ ProfileParameters parameters(const Profile& profile, const EvaluationLength& eva
   result.q = std::sqrt(squares);
   if (result.q > 0.0) {
     for (const double height : z) {
-      const double unit = height / result.q;
-      cubes += unit * unit * unit / n;
-      fourths += unit * unit * unit * unit / n;
+      const double normalised = height / result.q;
+      cubes += normalised * normalised * normalised / n;
+      fourths += normalised * normalised * normalised * normalised / n;
     }
     result.sk = cubes;
     result.ku = fourths;
   }
   result.t = z.maxCoeff() - z.minCoeff();
   for (int k = 0; k < evaluation.sections; ++k) {
-    const Places places = places_of(profile, evaluation, k);
-    const auto section = profile.z.segment(places.first, places.last - places.first);
+    const PointRange points = section_points(profile, evaluation, k);
+    const auto section = profile.z.segment(points.first, points.last - points.first);
     const double highest = section.maxCoeff(), lowest = section.minCoeff();
     result.p += highest / evaluation.sections;
     result.v -= lowest / evaluation.sections;
     result.zx = std::max(result.zx, highest - lowest);
   }
   result.z = result.p + result.v;
-  constexpr double significant = 0.1;  // fraction of mean peak height and pit depth, the default
-                                       // discrimination of ISO 21920-2
-  if (const auto spacing = element_spacing(z, significant * std::max(result.p, 0.0),
-                                           significant * std::max(result.v, 0.0)))
+  // Of mean peak height and mean pit depth: the default discrimination of ISO 21920-2.
+  constexpr double min_fraction = 0.1;
+  if (const auto spacing = element_spacing(z, min_fraction * std::max(result.p, 0.0),
+                                           min_fraction * std::max(result.v, 0.0)))
     result.sm = *spacing * profile.step;
-  result.dq = gradient(profile, all);
+  result.dq = gradient(profile, evaluated);
   return result;
 }
 
 ProfileTexture profile_texture(const VectorXd& s, const VectorXd& z,
                                const TextureOptions& options) {
   check_line(s, z, options);
-  constexpr double places_an_index = 5.0;
+  constexpr double points_per_index = 5.0;
   ProfileTexture result;
   result.length = s[s.size() - 1] - s[0];
   result.requested_Nis = options.Nis.value_or(setting_class(options.Nic).Nis);
-  const double steps = std::min(std::ceil(result.length * places_an_index / result.requested_Nis),
+  const double steps = std::min(std::ceil(result.length * points_per_index / result.requested_Nis),
                                 double(options.places - 1));
-  // At least 16 points: the gradient needs seven, and sections must not be empty.
+  // 16 points or more: the gradient needs seven, and sections must not be empty.
   const Index n = Index(std::max(steps, 15.0)) + 1;
   result.primary.step = result.length / double(n - 1);
-  // 1e-9: rounding must not raise the index.
-  result.Nis = std::max(result.requested_Nis, places_an_index * result.primary.step * (1.0 - 1e-9));
-  const Profile traced{result.primary.step, resampled(s, z, result.primary.step, n)};
-  result.primary.z = mean_line(traced, result.Nis);
+  // 1e-9: rounding must not raise the nesting index.
+  result.Nis =
+      std::max(result.requested_Nis, points_per_index * result.primary.step * (1.0 - 1e-9));
+  const Profile traced_profile{result.primary.step, resample(s, z, result.primary.step, n)};
+  result.primary.z = mean_line(traced_profile, result.Nis);
   result.line = straight_line(result.primary);
   result.primary.z -= result.line;
   result.waviness = mean_line(result.primary, options.Nic);
@@ -306,16 +319,17 @@ void check(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weight
     throw std::invalid_argument("areal: expected weights of at least 0, not all of them 0");
 }
 
-VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& share) {
-  const Eigen::RowVector2d centre = share.transpose() * xy;
+VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z,
+                             const VectorXd& weights) {
+  const Eigen::RowVector2d centre = weights.transpose() * xy;
   const Eigen::MatrixX2d shifted = xy.rowwise() - centre;
   const double size = shifted.cwiseAbs().maxCoeff();
   if (!(size > 0.0)) throw std::invalid_argument("areal: the points do not fix a plane");
   Eigen::MatrixX3d terms(z.size(), 3);
   terms << VectorXd::Ones(z.size()), shifted / size;
-  const VectorXd root = share.cwiseSqrt();
+  const VectorXd root = weights.cwiseSqrt();
   const Eigen::MatrixX3d weighted = root.asDiagonal() * terms;
-  // A strip a thousand million times longer than wide counts as a line.
+  // 1e-9: a strip a thousand million times longer than wide counts as a line.
   const auto fit = least_squares(weighted, VectorXd(root.array() * z.array()), 1e-9);
   if (fit.rank < 3) throw std::invalid_argument("areal: the points do not fix a plane");
   return z - terms * fit.x;
@@ -326,20 +340,20 @@ VectorXd heights_above_plane(const Eigen::MatrixX2d& xy, const VectorXd& z, cons
 Areal areal(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorXd& weights,
             const ArealOptions& options) {
   check(xy, z, weights);
-  const VectorXd share = weights / weights.sum();
+  const VectorXd relative_weights = weights / weights.sum();
   VectorXd h = z;
-  if (options.reference == ArealReference::Plane) h = heights_above_plane(xy, z, share);
-  if (options.reference == ArealReference::Mean) h.array() -= share.dot(z);
+  if (options.reference == ArealReference::Plane) h = heights_above_plane(xy, z, relative_weights);
+  if (options.reference == ArealReference::Mean) h.array() -= relative_weights.dot(z);
   Areal result;
-  result.Sa = share.dot(h.cwiseAbs());
-  result.Sq = std::sqrt(share.dot(h.cwiseAbs2()));
+  result.Sa = relative_weights.dot(h.cwiseAbs());
+  result.Sq = std::sqrt(relative_weights.dot(h.cwiseAbs2()));
   result.Sp = h.maxCoeff();
   result.Sv = -h.minCoeff();
   result.Sz = result.Sp + result.Sv;
   if (result.Sq > 0.0) {
-    const Eigen::ArrayXd unit = h.array() / result.Sq;
-    result.Ssk = (share.array() * unit.cube()).sum();
-    result.Sku = (share.array() * unit.square().square()).sum();
+    const Eigen::ArrayXd normalised = h.array() / result.Sq;
+    result.Ssk = (relative_weights.array() * normalised.cube()).sum();
+    result.Sku = (relative_weights.array() * normalised.square().square()).sum();
   }
   return result;
 }

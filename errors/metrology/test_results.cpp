@@ -20,12 +20,6 @@
 
 namespace abbe::errors::metrology {
 
-/// Returns the results of ISO 230-4 and the causes found from the shape of the circle. A bar that
-/// measures only changes of its length gives no radius and no F; with too few positions all causes
-/// are undetermined.
-/// @throws std::invalid_argument as `circular`
-TestResult circle_result(const CircleTest& test);
-
 Figure figure(std::string name, const std::optional<double>& value, bool angle) {
   Figure result{std::move(name), angle ? "urad" : "um", {}};
   if (value) result.value = *value / (angle ? units::urad : units::um);
@@ -36,74 +30,76 @@ namespace {
 
 using Eigen::Index;
 
-Figure estimated(std::string name, const char* unit, const std::optional<EstimatedValue>& one,
-                 double size) {
+Figure estimated_figure(std::string name, const char* unit,
+                        const std::optional<EstimatedValue>& estimate, double unit_size) {
   Figure figure{std::move(name), unit, {}};
-  if (one) figure.value = EstimatedValue{one->value / size, one->u / size};
+  if (estimate) figure.value = EstimatedValue{estimate->value / unit_size, estimate->u / unit_size};
   return figure;
 }
 
-/// Returns a cause of `cause_names` with the letters of a plane instead of u and v.
+/// Returns the name of a cause with the letters of a plane instead of u and v.
 std::string axis_cause_name(const std::string& cause, const std::string& plane) {
   if (cause == "scale") return fmt::format("scale_{}_minus_{}", plane[0], plane[1]);
   if (!cause.ends_with("_u") && !cause.ends_with("_v")) return cause;
   return cause.substr(0, cause.size() - 1) + plane[cause.back() == 'u' ? 0 : 1];
 }
 
-/// Returns the causes of a circle; all are undetermined if it has too few positions.
-CircularCauses test_causes(const CircleTest& test, bool enough) {
-  if (enough) return circular_causes(test.runs);
+/// Returns the causes of a circle. All are undetermined if it has too few positions.
+CircularCauses test_causes(const CircleTest& test, bool is_determined) {
+  if (is_determined) return circular_causes(test.runs);
   CircularCauses causes;
   causes.undetermined.assign(cause_names.begin(), cause_names.end());
   return causes;
 }
 
-/// Returns the undetermined causes and the reason.
-std::string undetermined_reason(const std::vector<std::string>& open, int places,
+/// Returns a sentence with the undetermined causes and the reason.
+std::string undetermined_reason(const std::vector<std::string>& names_of_causes, int position_total,
                                 bool both_senses) {
-  const std::string names = fmt::format("{}", fmt::join(open, ", "));
-  constexpr int least = circular_cause_count + 1;
-  if (places < least)
+  const std::string names = fmt::format("{}", fmt::join(names_of_causes, ", "));
+  constexpr int min_positions = circular_cause_count + 1;
+  if (position_total < min_positions)
     return fmt::format(
         "{} cannot be determined: {} causes take readings at {} different places or more, each "
         "sense counted apart, seen {}",
-        names, circular_cause_count, least, places);
+        names, circular_cause_count, min_positions, position_total);
   return fmt::format("{} cannot be determined: they read alike at the {} places that were read{}",
-                     names, places, both_senses ? "" : ", in one sense alone");
+                     names, position_total, both_senses ? "" : ", in one sense alone");
 }
 
 FigureGroup cause_figures(const CircleTest& test) {
-  const int places = place_count(test.runs);
-  const bool enough = places > circular_cause_count;
-  const CircularCauses causes = test_causes(test, enough);
-  const auto name = [&](const char* cause) { return axis_cause_name(cause, test.plane); };
-  std::vector<std::string> open;
+  const int position_total = position_count(test.runs);
+  const bool is_determined = position_total > circular_cause_count;
+  const CircularCauses causes = test_causes(test, is_determined);
+  const auto cause_name = [&](const char* cause) { return axis_cause_name(cause, test.plane); };
+  std::vector<std::string> undetermined_names;
   for (const std::string& cause : causes.undetermined)
-    open.push_back(axis_cause_name(cause, test.plane));
+    undetermined_names.push_back(axis_cause_name(cause, test.plane));
   FigureGroup group{"causes"};
-  group.figures = {estimated("squareness", "urad", causes.squareness, units::urad),
-                   {"squareness_sign", "",
-                    fmt::format("{1} turned about {0} x {1}", test.plane[0], test.plane[1])},
-                   estimated(name("scale"), "um_per_m", causes.scale, 1e-6),
-                   estimated(name("reversal_u"), "um", causes.reversal_u, units::um),
-                   estimated(name("reversal_v"), "um", causes.reversal_v, units::um),
-                   estimated(name("centre_u"), "um", causes.centre_u, units::um),
-                   estimated(name("centre_v"), "um", causes.centre_v, units::um),
-                   figure("unexplained", enough ? std::optional(causes.residual) : std::nullopt),
-                   {"undetermined", "", open}};
+  group.figures = {
+      estimated_figure("squareness", "urad", causes.squareness, units::urad),
+      {"squareness_sign", "",
+       fmt::format("{1} turned about {0} x {1}", test.plane[0], test.plane[1])},
+      estimated_figure(cause_name("scale"), "um_per_m", causes.scale, 1e-6),
+      estimated_figure(cause_name("reversal_u"), "um", causes.reversal_u, units::um),
+      estimated_figure(cause_name("reversal_v"), "um", causes.reversal_v, units::um),
+      estimated_figure(cause_name("centre_u"), "um", causes.centre_u, units::um),
+      estimated_figure(cause_name("centre_v"), "um", causes.centre_v, units::um),
+      figure("unexplained", is_determined ? std::optional(causes.residual) : std::nullopt),
+      {"undetermined", "", undetermined_names}};
   const bool both_senses =
       test.runs.anticlockwise.angle.size() > 0 && test.runs.clockwise.angle.size() > 0;
-  if (!open.empty())
-    group.figures.push_back(
-        {"undetermined_because", "", undetermined_reason(open, places, both_senses)});
+  if (!undetermined_names.empty())
+    group.figures.push_back({"undetermined_because", "",
+                             undetermined_reason(undetermined_names, position_total, both_senses)});
   return group;
 }
 
-}  // namespace
-
+/// Returns the results of ISO 230-4, with the causes estimated from the shape of the circle. A bar
+/// that measures only changes of its length gives neither radius nor F.
+/// @throws std::invalid_argument as `circular`
 TestResult circle_result(const CircleTest& test) {
   const Circular c = circular(test.runs);
-  const auto if_known = [&](double value) {
+  const auto absolute_only = [&](double value) {
     return test.zero_known ? std::optional(value) : std::nullopt;
   };
   Figure radius{"radius", "mm", {}};
@@ -112,31 +108,30 @@ TestResult circle_result(const CircleTest& test) {
   std::vector<Figure>& f = result.figures;
   f = {{"plane", "", test.plane},
        {"readings", "", test.runs.anticlockwise.radius.size() + test.runs.clockwise.radius.size()},
-       {"places", "", Index(place_count(test.runs))},
+       {"places", "", Index(position_count(test.runs))},
        {"nominal_radius", "mm", test.runs.nominal_radius},
        radius,
        figure(std::string("centre_") + test.plane[0], c.circle.centre.x()),
        figure(std::string("centre_") + test.plane[1], c.circle.centre.y())};
-  const auto put = [&](const std::string& way, const std::optional<CircularFigures>& one) {
-    if (!one) return;
-    f.push_back(figure("G_" + way + "_lsq", one->G_lsq));
-    f.push_back(figure("G_" + way + "_minimum_zone", one->G_minimum_zone));
-    f.push_back(figure("F_max_" + way, if_known(one->F_max)));
-    f.push_back(figure("F_min_" + way, if_known(one->F_min)));
+  const auto add_figures = [&](const std::string& label,
+                               const std::optional<CircularFigures>& figures) {
+    if (!figures) return;
+    f.push_back(figure("G_" + label + "_lsq", figures->G_lsq));
+    f.push_back(figure("G_" + label + "_minimum_zone", figures->G_minimum_zone));
+    f.push_back(figure("F_max_" + label, absolute_only(figures->F_max)));
+    f.push_back(figure("F_min_" + label, absolute_only(figures->F_min)));
   };
-  put("anticlockwise", c.anticlockwise);
-  put("clockwise", c.clockwise);
-  put("both", c.both);
+  add_figures("anticlockwise", c.anticlockwise);
+  add_figures("clockwise", c.clockwise);
+  add_figures("both", c.both);
   f.push_back({"F_from", "",
                c.centre_kind == CircleCentre::LeastSquares
                    ? "least-squares centre"
                    : "centre as set up, since this is no full circle"});
-  f.push_back(figure("D", if_known(c.D)));
+  f.push_back(figure("D", absolute_only(c.D)));
   f.push_back(figure("H", c.H));
   return result;
 }
-
-namespace {
 
 using Eigen::VectorXd;
 
@@ -148,14 +143,15 @@ TestResult positioning_result(const std::string& name, const PositionRuns& runs,
        {"runs_up", "", runs.up.cols()},
        {"runs_down", "", runs.down.cols()},
        figure("A", p.A, angle)};
-  const auto one_way = [&](const std::string& way, const std::optional<OneWayPositioning>& one) {
-    if (!one) return;
-    f.push_back(figure("A_" + way, one->A, angle));
-    f.push_back(figure("E_" + way, one->E, angle));
-    f.push_back(figure("R_" + way, one->R, angle));
+  const auto add_direction = [&](const std::string& label,
+                                 const std::optional<OneWayPositioning>& direction) {
+    if (!direction) return;
+    f.push_back(figure("A_" + label, direction->A, angle));
+    f.push_back(figure("E_" + label, direction->E, angle));
+    f.push_back(figure("R_" + label, direction->R, angle));
   };
-  one_way("up", p.up);
-  one_way("down", p.down);
+  add_direction("up", p.up);
+  add_direction("down", p.down);
   f.push_back(figure("E", p.E, angle));
   f.push_back(figure("M", p.M, angle));
   f.push_back(figure("R", p.R, angle));
@@ -199,13 +195,13 @@ TestResult axis_result(const AxisTest& test) {
   if (test.what == AxisTest::TestKind::Positioning)
     return positioning_result(test.name, test.runs, test.angle);
   const Positioning p = positioning(test.runs);
-  const bool straight = test.what == AxisTest::TestKind::Straightness;
+  const bool is_straightness = test.what == AxisTest::TestKind::Straightness;
   TestResult result{
       test.name,
-      straight ? "ISO 230-1:2012 straightness" : "ISO 230-1:2012 angular error motion",
+      is_straightness ? "ISO 230-1:2012 straightness" : "ISO 230-1:2012 angular error motion",
       {{"targets", "", test.runs.target.size()}}};
   std::vector<Figure>& f = result.figures;
-  if (straight) {
+  if (is_straightness) {
     f.push_back(figure("straightness_lsq", range(mean_of(form_of(test))), test.angle));
     f.push_back(figure("straightness_ends", end_line_range(test.runs), test.angle));
     f.push_back({"slope", "urad", mean_slope(test.runs) / units::urad});
@@ -217,7 +213,7 @@ TestResult axis_result(const AxisTest& test) {
   return result;
 }
 
-// A positive slope turns each axis towards the other, so both reduce the angle between them.
+// A positive slope turns each axis towards the other, so the slopes reduce the angle between them.
 TestResult square_result(const SquareTest& test) {
   const std::vector<std::string> axes{std::string(1, test.first.axis),
                                       std::string(1, test.second.axis)};
@@ -234,18 +230,18 @@ bool is_face(const DiagonalTest& test) {
   return std::count(signs.begin(), signs.end(), 0) > 0;
 }
 
-/// Returns body and face diagonals in separate sets; a diagonal that occurs again, as from another
-/// start, begins a new set.
+/// Returns body and face diagonals in separate sets. A repeated diagonal, e.g. of another start,
+/// begins a new set.
 std::vector<std::vector<DiagonalTest>> diagonal_sets(const std::vector<DiagonalTest>& tests) {
   std::vector<std::vector<DiagonalTest>> sets;
   for (const DiagonalTest& test : tests) {
-    const auto fits = [&](const std::vector<DiagonalTest>& set) {
+    const auto can_contain = [&](const std::vector<DiagonalTest>& set) {
       return is_face(set.front()) == is_face(test) &&
              std::none_of(set.begin(), set.end(), [&](const DiagonalTest& other) {
                return other.runs.signs == test.runs.signs;
              });
     };
-    const auto set = std::find_if(sets.begin(), sets.end(), fits);
+    const auto set = std::find_if(sets.begin(), sets.end(), can_contain);
     if (set == sets.end())
       sets.push_back({test});
     else
@@ -272,13 +268,13 @@ TestResult drift_result(const DriftTest& test) {
   std::vector<DriftInterval> intervals{{"whole", t[0], t[t.size() - 1]}};
   if (t[t.size() - 1] - t[0] > 3600.0)
     intervals.insert(intervals.begin(), {"first_hour", t[0], t[0] + 3600.0});
-  for (const DriftRange& one : drift(test.log, intervals)) {
-    const double hours = (one.interval.to_s - one.interval.from_s) / 3600.0;
-    FigureGroup interval{one.interval.name, {{"hours", "", hours}}};
+  for (const DriftRange& drift_range : drift(test.log, intervals)) {
+    const double hours = (drift_range.interval.to_s - drift_range.interval.from_s) / 3600.0;
+    FigureGroup interval{drift_range.interval.name, {{"hours", "", hours}}};
     for (std::size_t c = 0; c < test.log.names.size(); ++c)
       interval.groups.push_back({test.log.names[c],
-                                 {figure("range", one.range[Index(c)], test.angle[c]),
-                                  figure("change", one.change[Index(c)], test.angle[c])}});
+                                 {figure("range", drift_range.range[Index(c)], test.angle[c]),
+                                  figure("change", drift_range.change[Index(c)], test.angle[c])}});
     result.groups.push_back(std::move(interval));
   }
   return result;
@@ -289,7 +285,7 @@ TestResult other_result(const OtherTest& test) {
           "range of the readings minus the nominal machine",
           {{"readings", "", test.deviation.size()},
            figure("range", range(test.deviation), test.angle),
-           figure("rms", std::sqrt(test.share.dot(test.deviation.cwiseAbs2())), test.angle)}};
+           figure("rms", std::sqrt(test.weights.dot(test.deviation.cwiseAbs2())), test.angle)}};
 }
 
 }  // namespace
@@ -311,29 +307,30 @@ using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 
-constexpr double one_point = 1e-6;  // mm: points of a design closer than this coincide
+constexpr double point_tolerance = 1e-6;  // mm; closer points of a design coincide
 
-MatrixX3d machined(const PartReadings& r) {
+/// Returns the points of the actual surface.
+MatrixX3d machined_points(const PartReadings& r) {
   return r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
 }
 
-TestResult flatness_result(const PartReadings& r, const VectorXd& share) {
-  const MatrixX3d points = machined(r);
+TestResult flatness_result(const PartReadings& r, const VectorXd& weights) {
+  const MatrixX3d points = machined_points(r);
   const MinimumZonePlanes zone = minimum_zone_planes(points);
   return {"flatness",
           "ISO 12781-1:2011",
           {{"points", "", points.rows()},
-           figure("flatness_lsq", least_squares_plane(points, share).flatness),
+           figure("flatness_lsq", least_squares_plane(points, weights).flatness),
            figure("flatness_minimum_zone", zone.flatness),
            {"minimum_zone_proven", "", zone.proven}}};
 }
 
-/// Returns the direction perpendicular to all normals if they span the plane across it: the axis of
-/// a cylinder or a ring.
-std::optional<Vector3d> axis_of(const PartReadings& r) {
+/// Returns the axis of a cylinder or a ring: the direction perpendicular to all normals, or nothing
+/// if the normals do not span a plane.
+std::optional<Vector3d> common_axis(const PartReadings& r) {
   const PrincipalAxes normals = principal_axes(r.normals_w);
   const Vector3d size = normals.size / normals.size[0];
-  // 1e-9: normals of a design are exact; 0.1 excludes normals that point almost in one direction.
+  // 1e-9: the normals of a design are exact. 0.1 excludes normals of almost the same direction.
   if (size[2] > 1e-9 || size[1] < 0.1) return std::nullopt;
   Vector3d axis = normals.axes.col(2);
   Index largest = 0;
@@ -341,8 +338,8 @@ std::optional<Vector3d> axis_of(const PartReadings& r) {
   return axis[largest] < 0.0 ? Vector3d(-axis) : axis;
 }
 
-/// Returns the rows of the points at each height along an axis, lowest first.
-std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector3d& axis) {
+/// Returns the indices of the points at each height along an axis, in ascending order.
+std::vector<std::vector<Index>> rings_by_height(const MatrixX3d& points, const Vector3d& axis) {
   const VectorXd height = points * axis;
   std::vector<Index> order(static_cast<std::size_t>(height.size()));
   std::iota(order.begin(), order.end(), 0);
@@ -350,13 +347,14 @@ std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector
                    [&](Index a, Index b) { return height[a] < height[b]; });
   std::vector<std::vector<Index>> rings;
   for (const Index i : order) {
-    if (rings.empty() || height[i] - height[rings.back().front()] > one_point) rings.emplace_back();
+    if (rings.empty() || height[i] - height[rings.back().front()] > point_tolerance)
+      rings.emplace_back();
     rings.back().push_back(i);
   }
   return rings;
 }
 
-/// Returns the angles of points about a centre.
+/// Returns the angles of points about a centre, rad.
 VectorXd angles_around(const MatrixX2d& points, const Eigen::Vector2d& centre) {
   VectorXd angle(points.rows());
   for (Index i = 0; i < angle.size(); ++i)
@@ -364,19 +362,19 @@ VectorXd angles_around(const MatrixX2d& points, const Eigen::Vector2d& centre) {
   return angle;
 }
 
-/// Returns the circularity of the points at one height; empty if the design is not a circle there
-/// or the points do not cover the full turn.
+/// Returns the circularity of the points at one height, or nothing if the design is not a circle
+/// there or the points do not cover a full turn.
 std::optional<TestResult> circularity_result(const PartReadings& r, const std::vector<Index>& rows,
                                              const Vector3d& axis) {
-  const Eigen::Matrix<double, 3, 2> plane = across(axis);
+  const Eigen::Matrix<double, 3, 2> plane = perpendicular_basis(axis);
   const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
-  const Eigen::Vector2d middle = design.colwise().mean();
-  // also excludes points on a line
-  if (!is_full_turn(angles_around(design, middle))) return std::nullopt;
+  const Eigen::Vector2d design_mean = design.colwise().mean();
+  // This also excludes points on a line.
+  if (!is_full_turn(angles_around(design, design_mean))) return std::nullopt;
   const LeastSquaresCircle nominal = least_squares_circle(design);
   const VectorXd angle = angles_around(design, nominal.centre);
-  if (nominal.circularity > one_point || !is_full_turn(angle)) return std::nullopt;
-  const MatrixX2d points = machined(r)(rows, Eigen::all) * plane;
+  if (nominal.circularity > point_tolerance || !is_full_turn(angle)) return std::nullopt;
+  const MatrixX2d points = machined_points(r)(rows, Eigen::all) * plane;
   const auto circle = least_squares_circle(points, arc_weights(angle));
   const auto zone = minimum_zone_circles(points);
   const double height = r.points_w.row(rows.front()).dot(axis);
@@ -397,15 +395,16 @@ Figure shape(const char* name, const std::optional<double>& value) {
   return figure;
 }
 
-// Heights of a part that is not a plane count from their mean, along the design's normals.
-TestResult heights_result(const PartReadings& r, const VectorXd& share, bool flat) {
+/// Returns the height parameters. Heights of a part that is not a plane count from their mean,
+/// along the design's normals.
+TestResult heights_result(const PartReadings& r, const VectorXd& weights, bool is_plane) {
   ArealOptions options;
-  options.reference = flat ? ArealReference::Plane : ArealReference::Mean;
-  const Areal heights =
-      areal(r.points_w * across(Vector3d(r.normals_w.row(0))), r.deviation, share, options);
+  options.reference = is_plane ? ArealReference::Plane : ArealReference::Mean;
+  const Areal heights = areal(r.points_w * perpendicular_basis(Vector3d(r.normals_w.row(0))),
+                              r.deviation, weights, options);
   return {"heights",
           "ISO 25178-2:2021 height parameters, unfiltered",
-          {{"reference", "", flat ? "least-squares plane" : "mean, along the design's normals"},
+          {{"reference", "", is_plane ? "least-squares plane" : "mean, along the design's normals"},
            {"points", "", r.deviation.size()},
            figure("Sa", heights.Sa),
            figure("Sq", heights.Sq),
@@ -414,22 +413,22 @@ TestResult heights_result(const PartReadings& r, const VectorXd& share, bool fla
            figure("Sv", heights.Sv),
            shape("Ssk", heights.Ssk),
            shape("Sku", heights.Sku),
-           figure("mean", share.dot(r.deviation) / share.sum()),
+           figure("mean", weights.dot(r.deviation) / weights.sum()),
            figure("pv", r.deviation.maxCoeff() - r.deviation.minCoeff())}};
 }
 
 }  // namespace
 
 std::vector<TestResult> standard_results(const PartReadings& r) {
-  const VectorXd share = place_weights(r.points_w, one_point);
-  // 1e-12: cosine of 1.4 urad between the normals of a plane.
-  const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
+  const VectorXd weights = position_weights(r.points_w, point_tolerance);
+  // 1e-12: normals of a plane agree within 1.4 urad.
+  const bool is_plane = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
   std::vector<TestResult> results;
-  if (flat) results.push_back(flatness_result(r, share));
-  if (const auto axis = axis_of(r))
-    for (const std::vector<Index>& rows : heights_of(r.points_w, *axis))
+  if (is_plane) results.push_back(flatness_result(r, weights));
+  if (const auto axis = common_axis(r))
+    for (const std::vector<Index>& rows : rings_by_height(r.points_w, *axis))
       if (auto ring = circularity_result(r, rows, *axis)) results.push_back(std::move(*ring));
-  results.push_back(heights_result(r, share, flat));
+  results.push_back(heights_result(r, weights, is_plane));
   return results;
 }
 

@@ -11,20 +11,21 @@
 #include "errors/metrology/readings.h"
 #include "sim/scene/instruments.h"
 
-/// Choice of temperature sensors for a thermal model, and its grades on unseen days.
+/// Choice of temperature sensors for a thermal model, and its grades on days not used for the
+/// choice.
 namespace abbe::sim {
 
 /// Readings of the drift instrument and the sensors of a machine over one day.
 struct DayReadings {
   std::string name;
-  std::filesystem::path file;          ///< of the scene, for messages
+  std::filesystem::path file;          ///< scene, for messages
   std::vector<double> cycle_starts_s;  ///< times at which spindle or axes start after a rest
   errors::metrology::Readings readings;
-  Eigen::VectorXd sensor_noise_K = {};  ///< (sensors) standard deviation of one temperature, from
-                                        ///< noise and rounding; empty: none
+  Eigen::VectorXd sensor_noise_K = {};  ///< (sensors) standard deviation of one temperature by
+                                        ///< noise and rounding; empty: zeros
 };
 
-/// The drift of one channel over one day, for pictures.
+/// Drift of one channel over one day, for pictures.
 struct DriftSeries {
   std::string day;
   std::string channel;
@@ -34,16 +35,16 @@ struct DriftSeries {
   Eigen::VectorXd predicted;  ///< (n) by the model of the chosen sensors, fitted on the first day
 };
 
-/// The residual of a model for a channel on a day not used for choice or fit.
+/// Grade of a model of a channel on a day not used for choice or fit.
 struct DayGrade {
   std::string day;
   errors::identification::Spread left;  ///< residual, mm or rad
   double drift_range = 0.0;             ///< mm or rad, highest minus lowest
   int rows = 0;
-  int outside = 0;  ///< rows beyond the trained range; they are graded too
+  int outside = 0;  ///< number of rows outside the trained range; the grade includes them
 };
 
-/// A channel of the drift, with a model of the chosen sensors fitted on the first day.
+/// Channel of the drift, with a model of the chosen sensors that is fitted on the first day.
 struct ChannelGrade {
   std::string name;
   bool angle = false;
@@ -53,51 +54,52 @@ struct ChannelGrade {
   std::vector<DayGrade> other_days;
 };
 
-/// Start of a displacement's degree of relation, for degrees that divide by a first value.
+/// Start of the degree of a displacement, for degrees that divide by an initial value.
 struct DegreeStart {
   std::string channel;
+  /// First row of the degree.
   struct Row {
     int row = 0;
     double since_start_s = 0.0;
     double drift = 0.0;  ///< mm
   };
-  std::optional<Row> at;  ///< none: the displacement drifts within its noise and is left out
+  std::optional<Row> at;  ///< empty: the displacement drifts within its noise and is not used
 };
 
-/// A selection method, the sensors it chose on the first day, and their grade.
+/// Grade of a selection method and of the sensors that it chooses on the first day.
 struct SensorChoiceGrade {
   SensorChoiceDescription::Way way;
-  bool since_start = false;                        ///< temperatures count from the start of the day
-  errors::identification::SensorChoice choice;     ///< indices of the logged sensors
-  std::vector<std::string> chosen;                 ///< names, in the order of choice
-  std::optional<std::vector<DegreeStart>> begins;  ///< for a degree that divides by a first value
+  bool since_start = false;                     ///< temperatures refer to the start of the day
+  errors::identification::SensorChoice choice;  ///< indices of the logged sensors
+  std::vector<std::string> chosen;              ///< names, in the order of choice
+  std::optional<std::vector<DegreeStart>>
+      begins;  ///< for a degree that divides by an initial value
   std::vector<ChannelGrade> channels;
-  std::optional<double> rms_over_range;  ///< over all displacements on all other days, if there are
-                                         ///< any
-  /// Selections of as many sensors, graded in the same way.
+  std::optional<double> rms_over_range;  ///< of all displacements on all other days; empty for a
+                                         ///< single day
+  /// Grades of random selections of as many sensors.
   std::optional<errors::identification::RandomChoices> random;
-  std::optional<errors::identification::ChoiceSpread> spread;  ///< none if the sensors are fixed
+  std::optional<errors::identification::ChoiceSpread> spread;  ///< empty for fixed sensors
 };
 
-/// The chosen sensors and the grades of their models.
+/// Chosen sensors and the grades of their models.
 struct ThermalChoice {
   std::string training_day;
   Eigen::Index rows = 0;  ///< number of rows of the training day
   std::vector<std::string> sensors;
-  std::vector<SensorChoiceGrade> ways;  ///< the scene's own first, then those beside it
-  std::vector<std::string> warnings;    ///< about the first
-  std::vector<DriftSeries> series;      ///< of the first
+  std::vector<SensorChoiceGrade> ways;  ///< the scene's method first, then the compared ones
+  std::vector<std::string> warnings;    ///< about all methods, about sensors of the first
+  std::vector<DriftSeries> series;      ///< of the first method
 };
 
 /// Chooses sensors and fits a model on the readings of the first day, and grades both on the other
-/// days, which take no part in choice and fit. One set of sensors is chosen for the three
-/// displacements together; tilts are predicted from the same sensors. Every other selection that
-/// the scene lists is graded with the same models on the same days. Every choice is repeated from
-/// other start rows with new draws of the noise of sensors and drift, and compared with random
-/// selections of as many sensors. A degree that divides by a first value starts, for each
-/// displacement, at the first drift beyond four standard deviations of its noise, with temperatures
-/// in deg C as read.
-/// @param days  (n >= 1) of one machine; with a single day there is no grade on unseen days
+/// days. One set of sensors is chosen for the three displacements together; the same sensors
+/// predict the tilts. The other methods of the scene are graded with the same models on the same
+/// days. Every choice is repeated from other start rows with new noise of sensors and drift, and is
+/// compared with random selections of as many sensors. A degree that divides by an initial value
+/// starts, for each displacement, at the first drift beyond four standard deviations of its noise,
+/// with temperatures in deg C as read.
+/// @param days  (n >= 1) of one machine; a single day gives no grade on other days
 /// @throws BadInput naming the scene if the instrument or the sensors do not suffice
 ThermalChoice thermal_choice(const std::vector<DayReadings>& days,
                              const SensorChoiceDescription& description);

@@ -30,17 +30,17 @@ using identification::CompositeStatus;
 using identification::Regression;
 using Sensors = std::vector<std::string>;
 
-constexpr double per_m = 1e-6;  // um/m
+constexpr double um_per_m = 1e-6;
 
-/// The runs of one axis, one for each start.
+/// Runs of one axis, one for each start.
 struct AxisRuns {
   std::vector<CompositeRun> runs;
-  std::vector<VectorXd> T_C;   ///< temperatures of the sensors during each run
+  std::vector<VectorXd> T_C;   ///< mean temperatures of the sensors during each run
   std::vector<double> time_s;  ///< time at which each run began
 };
 
-/// Returns the mean temperatures of some sensors during a set-up.
-VectorXd mean_C(const Readings& readings, int set_up, const Sensors& sensors) {
+/// Returns the mean temperatures of sensors during a set-up.
+VectorXd mean_temperatures_C(const Readings& readings, int set_up, const Sensors& sensors) {
   const std::vector<Index> columns = identification::sensor_columns(sensors, readings.sensors);
   VectorXd sum = VectorXd::Zero(Index(sensors.size()));
   int count = 0;
@@ -52,14 +52,16 @@ VectorXd mean_C(const Readings& readings, int set_up, const Sensors& sensors) {
   return sum / count;
 }
 
-double start_s(const Readings& readings, int set_up) {
+/// Returns the time of the first reading of a set-up.
+double set_up_start_s(const Readings& readings, int set_up) {
   double first = INFINITY;
   for (const auto& measurement : readings.plan.measurements)
     if (measurement.set_up == set_up) first = std::min(first, measurement.state.time_s);
   return first;
 }
 
-std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensors) {
+/// Returns the positioning runs of every slide.
+std::map<char, AxisRuns> axis_runs(const Readings& readings, const Sensors& sensors) {
   std::map<char, AxisRuns> axes;
   using errors::metrology::AxisTest;
   for (const Readings& start : identification::split_by_start(readings)) {
@@ -68,18 +70,18 @@ std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensor
       if (test.what != AxisTest::TestKind::Positioning || test.rotary) continue;
       AxisRuns& axis = axes[test.axis];
       const bool cold = axis.runs.empty();
-      axis.T_C.push_back(mean_C(start, test.set_up, sensors));
-      axis.time_s.push_back(start_s(start, test.set_up));
-      axis.runs.push_back(
-          // the first run of an axis is the cold one, from which temperatures count
-          {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
+      axis.T_C.push_back(mean_temperatures_C(start, test.set_up, sensors));
+      axis.time_s.push_back(set_up_start_s(start, test.set_up));
+      // The first run of an axis is the cold one, to which temperature changes refer.
+      axis.runs.push_back({test.runs.target, mean_of(test.runs),
+                           axis.T_C.constant_and_slopes() - axis.T_C.front(), cold});
     }
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
   return axes;
 }
 
-const char* sentence(CompositeStatus status) {
+const char* status_text(CompositeStatus status) {
   switch (status) {
     case CompositeStatus::NoLaterRun:
       return "expected readings from several starts (start_h), seen one";
@@ -92,20 +94,18 @@ const char* sentence(CompositeStatus status) {
   }
 }
 
-// Beliefs
-
-/// The positioning of a slide, and the conversion of readings, which follow the command, into
+/// Positioning element of a slide. Readings follow the command; the factors convert them into
 /// displacements of the carriage along the bed.
 struct Positioning {
   errors::ElementName element;
-  double of_reading = 1.0;  ///< displacement of the carriage for a reading of 1
-  double of_travel = 1.0;   ///< travel of the carriage for a command of 1
+  double displacement_per_reading = 1.0;  ///< displacement of the carriage for a reading of 1
+  double travel_per_command = 1.0;        ///< travel of the carriage for a command of 1
 };
 
-Positioning positioning_of(char axis, const kinematics::Chain& nominal) {
+Positioning slide_positioning(char axis, const kinematics::Chain& nominal) {
   const kinematics::Joint& joint = nominal.joints()[std::size_t(*nominal.find(axis))];
   Index k = 0;
-  // 1e-6: an element has the letter of a bed axis, so the slide must lie along one within 1.4 mrad
+  // 1e-6: an element has the letter of a bed axis, so the slide must agree with one to 1.4 mrad.
   if (!(joint.direction_b.cwiseAbs().maxCoeff(&k) > 1.0 - 1e-6))
     throw std::invalid_argument(fmt::format(
         "{}: expected a slide along an axis of the bed, seen direction {:.6g} {:.6g} {:.6g}", axis,
@@ -114,24 +114,25 @@ Positioning positioning_of(char axis, const kinematics::Chain& nominal) {
   return {{char('X' + k), axis, false}, joint.direction_b[k] > 0.0 ? travel : -travel, travel};
 }
 
-// Adds the cold curve of a slide as a polynomial, with its covariance.
-void add_cold(errors::GeometricErrors& cold, const Positioning& slide, const CompositeFit& fit) {
-  VectorXd c = slide.of_reading * fit.geometric;
-  // c[k] belongs to p^k in the fit and to (p / curve_scale)^k in the polynomial
+/// Adds the cold curve of a slide as a polynomial with its covariance.
+void add_cold_curve(errors::GeometricErrors& cold, const Positioning& slide,
+                    const CompositeFit& fit) {
+  VectorXd c = slide.displacement_per_reading * fit.geometric;
+  // c[k] is the factor of p^k in the fit, and of (p / curve_scale)^k in the polynomial.
   for (Index k = 0; k < c.size(); ++k) c[k] *= std::pow(fit.curve_scale, double(k));
-  const Index before = cold.covariance.matrix.rows(), n = c.size();
+  const Index previous_size = cold.covariance.matrix.rows(), n = c.size();
   for (Index k = 0; k < n; ++k)
     cold.covariance.of.push_back({int(cold.elements.size()), 0, int(k)});
-  // Curves of different axes come from different readings: their covariance is zero.
-  cold.covariance.matrix.conservativeResize(before + n, before + n);
-  cold.covariance.matrix.topRightCorner(before, n).setZero();
-  cold.covariance.matrix.bottomLeftCorner(n, before).setZero();
+  // Curves of different axes are fitted to different readings, so their covariance is zero.
+  cold.covariance.matrix.conservativeResize(previous_size + n, previous_size + n);
+  cold.covariance.matrix.topRightCorner(previous_size, n).setZero();
+  cold.covariance.matrix.bottomLeftCorner(n, previous_size).setZero();
   cold.covariance.matrix.bottomRightCorner(n, n) = fit.curve.covariance;
   cold.elements.push_back({slide.element, {{errors::Polynomial{c, 0.0, fit.curve_scale}, "cold"}}});
 }
 
-/// Returns the slope as a law of absolute temperatures, beta . (T - T_cold), so that a machine that
-/// is already warm in the morning is treated as warm.
+/// Returns the slope as a law of absolute temperatures, beta . (T - T_cold): a machine that is
+/// already warm in the morning counts as warm.
 identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFit& fit,
                                          const CompositeIdentification& options, double sense) {
   const Index m = fit.thermal.size();
@@ -146,10 +147,10 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
   const VectorXd& cold_C = axis.T_C.front();
   identification::LinearLaw law{-sense * cold_C.dot(fit.thermal), sense * fit.thermal, {}};
   // The constant is -beta . T_cold, so its variance follows from that of beta.
-  MatrixXd back(m + 1, m);
-  back << -cold_C.transpose(), MatrixXd::Identity(m, m);
+  MatrixXd constant_and_slopes(m + 1, m);
+  constant_and_slopes << -cold_C.transpose(), MatrixXd::Identity(m, m);
   const double variance = fit.slope_fit.residual_sd * fit.slope_fit.residual_sd;
-  law.covariance = back * fit.slope_fit.covariance * back.transpose();
+  law.covariance = constant_and_slopes * fit.slope_fit.covariance * constant_and_slopes.transpose();
   if (variance > 0.0) law.covariance /= variance;
   model.law = std::move(law);
   model.sigma_from_runs = fit.slope_fit.degrees_of_freedom > 0;
@@ -157,10 +158,8 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
   return model;
 }
 
-// Checks of the law
-
-/// Returns the regression of the slopes with an additional constant, which is what the temperatures
-/// do not explain at dT = 0; none if there are too few starts.
+/// Returns the regression of the slopes with an additional constant: the slope at dT = 0 that the
+/// temperatures do not explain. Returns nothing if there are too few starts.
 std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit& fit) {
   const auto n = Index(fit.later.size()), m = fit.thermal.size();
   if (n < m + 2) return std::nullopt;
@@ -175,19 +174,19 @@ void add_warnings(std::vector<std::string>& warnings, const CompositeAxis& axis,
                   const Sensors& sensors) {
   const VectorXd& vif = axis.fit.slope_fit.vif;
   for (Index k = 0; k < vif.size(); ++k)
-    // A variance inflation factor above 10 is the usual limit of collinearity.
+    // 10 is the usual limit of the variance inflation of collinear inputs.
     if (vif[k] > 10.0)
       warnings.push_back(fmt::format("{}: {} says nearly what the other sensors say (VIF {:.0f})",
                                      axis.axis, sensors[std::size_t(k)], vif[k]));
   if (!axis.with_constant || axis.with_constant->degrees_of_freedom < 1) return;
   const double constant = axis.with_constant->constant,
                error = axis.with_constant->standard_error[0];
-  // Four standard errors and 0.1 um/m: a smaller constant may be chance, or does not matter.
-  if (std::abs(constant) > 4.0 * error && std::abs(constant) > 0.1 * per_m)
+  // A constant below four standard errors may be chance; below 0.1 um/m it does not matter.
+  if (std::abs(constant) > 4.0 * error && std::abs(constant) > 0.1 * um_per_m)
     warnings.push_back(fmt::format(
         "{}: by the later starts the slope is {:.3f} ({:.2g}) um/m where these temperatures are "
         "those of start 1, not 0: other temperatures matter, or the machine was not at rest there",
-        axis.axis, constant / per_m, error / per_m));
+        axis.axis, constant / um_per_m, error / um_per_m));
 }
 
 }  // namespace
@@ -197,19 +196,21 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
     throw std::invalid_argument("expected sensors to regress the slopes on");
   Composite result;
   result.thermal.since_start = false;
-  for (const auto& [name, axis] : runs_of(readings, options.sensors)) {
-    identification::CompositeOptions how;
-    how.degree = options.degree;
-    const CompositeFit fit = identification::fit_composite(axis.runs, how);
+  for (const auto& [name, axis] : axis_runs(readings, options.sensors)) {
+    identification::CompositeOptions composite_options;
+    composite_options.degree = options.degree;
+    const CompositeFit fit = identification::fit_composite(axis.runs, composite_options);
     if (fit.status != CompositeStatus::Ok)
-      throw std::invalid_argument(fmt::format("{}: {}", name, sentence(fit.status)));
-    const Positioning slide = positioning_of(name, readings.nominal);
-    add_cold(result.cold, slide, fit);
+      throw std::invalid_argument(fmt::format("{}: {}", name, status_text(fit.status)));
+    const Positioning slide = slide_positioning(name, readings.nominal);
+    add_cold_curve(result.cold, slide, fit);
     result.thermal.terms.push_back(
-        {slide.element, true, slope_model(axis, fit, options, slide.of_reading * slide.of_travel)});
+        {slide.element, true,
+         slope_model(axis, fit, options,
+                     slide.displacement_per_reading * slide.travel_per_command)});
     result.axes.push_back(
         {name, axis.time_s.front(), axis.T_C.front(), fit, with_constant(axis, fit)});
-    add_warnings(result.warnings, result.axes.back(), options.sensors);
+    add_warnings(result.warnings, result.axes.constant_and_slopes(), options.sensors);
   }
   return result;
 }
@@ -222,105 +223,109 @@ using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr double per_metre = 1000.0;  // mm: slopes are in mm or rad over a metre or a radian
+constexpr double mm_per_m = 1000.0;  // slopes are in mm or rad over a metre or a radian
 
-// Elements
-
-// Returns an element with a constant, or for the positioning of a slide that moved an offset and a
-// slope.
-errors::Element element_of(const errors::ElementName& name, const Chain& nominal,
-                           const std::vector<DayLog>& logs) {
-  const int at = errors::joint_of(name.axis, nominal, to_string(name));
-  const Joint& joint = nominal.joints()[std::size_t(at)];
-  errors::check_meaning(name, nominal, at);
+/// Returns an element with a constant; the positioning of a slide that was read at several
+/// positions has an offset and a slope.
+errors::Element thermal_element(const errors::ElementName& name, const Chain& nominal,
+                                const std::vector<DayLog>& logs) {
+  const int joint_index = errors::joint_of(name.axis, nominal, to_string(name));
+  const Joint& joint = nominal.joints()[std::size_t(joint_index)];
+  errors::check_meaning(name, nominal, joint_index);
   Index along = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&along);
-  const bool positions =
+  const bool is_positioning =
       joint.motion == Motion::Linear && !name.location && name.component() == int(along);
-  if (!positions || !identification::is_moved(logs, at)) return {name, {{errors::Constant{}}}};
-  errors::Curve curve{errors::Polynomial{VectorXd::Zero(2), 0.0, per_metre}};
+  if (!is_positioning || !identification::is_axis_varied(logs, joint_index))
+    return {name, {{errors::Constant{}}}};
+  errors::Curve curve{errors::Polynomial{VectorXd::Zero(2), 0.0, mm_per_m}};
   curve.argument = errors::Argument::Carriage;
   return {name, {curve}};
 }
 
-char letter(int component) {
+char axis_letter(int component) {
   return component < 3 ? char('X' + component) : char('A' + component - 3);
 }
 
-/// Returns the elements that heat may move, in the order in which they are kept if readings cannot
-/// separate them.
-std::vector<errors::ElementName> candidates(const Chain& nominal) {
-  std::vector<errors::ElementName> positioning, angles, places, nose;
+/// Returns the elements that heat may change, most important first: if readings cannot separate
+/// elements, the first are identified.
+std::vector<errors::ElementName> default_elements(const Chain& nominal) {
+  std::vector<errors::ElementName> positioning, angles, location_elements, nose;
   for (const Joint& joint : nominal.joints()) {
     Index along = 0;
     joint.direction_b.cwiseAbs().maxCoeff(&along);
     for (int c = 0; c < 6; ++c) {
       const bool is_along = c % 3 == int(along);
       if (joint.motion == Motion::Linear && c == int(along))
-        positioning.push_back({letter(c), joint.name, false});
+        positioning.push_back({axis_letter(c), joint.name, false});
       else if (joint.motion == Motion::Linear && c >= 3)
-        angles.push_back({letter(c), joint.name, false});
+        angles.push_back({axis_letter(c), joint.name, false});
       else if (joint.motion == Motion::Rotary && c < 3 && !is_along)
-        places.push_back({letter(c), joint.name, true});
+        location_elements.push_back({axis_letter(c), joint.name, true});
       else if (joint.motion == Motion::Spindle && !(c >= 3 && is_along))
-        nose.push_back({letter(c), 'S', false});
+        nose.push_back({axis_letter(c), 'S', false});
     }
   }
-  std::vector<errors::ElementName> all = positioning;
-  for (const auto* more : {&nose, &places, &angles})
-    all.insert(all.end(), more->begin(), more->end());
-  return all;
+  std::vector<errors::ElementName> result = positioning;
+  for (const auto* group : {&nose, &location_elements, &angles})
+    result.insert(result.end(), group->begin(), group->end());
+  return result;
 }
 
-errors::GeometricErrors model_of(const Chain& nominal, const std::vector<DayLog>& logs,
-                                 const std::vector<std::string>& names) {
+/// Returns a model of the named elements, or of the default elements, with zero values.
+errors::GeometricErrors thermal_model(const Chain& nominal, const std::vector<DayLog>& logs,
+                                      const std::vector<std::string>& names) {
   std::vector<errors::ElementName> elements;
   for (const std::string& name : names) elements.push_back(errors::parse_element_name(name));
-  if (names.empty()) elements = candidates(nominal);
+  if (names.empty()) elements = default_elements(nominal);
   errors::GeometricErrors model;
   for (const errors::ElementName& name : elements) {
     for (const errors::Element& other : model.elements)
       if (other.name == name)
         throw std::invalid_argument("expected each element once, seen " + to_string(name) +
                                     " twice");
-    model.elements.push_back(element_of(name, nominal, logs));
+    model.elements.push_back(thermal_element(name, nominal, logs));
   }
   return model;
 }
 
-// Numbers over the day
-
-/// The coefficients of a model over the epochs.
-struct Series {
+/// Coefficients of a model over the epochs.
+struct CoefficientSeries {
   MatrixXd value;  ///< (epochs x p) mm or rad; slopes over a metre
   MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
   std::vector<identification::Confounded> confounded;  ///< at the last epoch
 
-  bool is_found(Index number) const { return (sigma.col(number).array() > 0.0).all(); }
+  bool is_determined(Index coefficient) const {
+    return (sigma.col(coefficient).array() > 0.0).all();
+  }
   /// RMS over the epochs after the first, in standard uncertainties.
-  double signal(Index number) const {
-    const Index later = value.rows() - 1;
-    const VectorXd z = value.col(number).tail(later).cwiseQuotient(sigma.col(number).tail(later));
-    return std::sqrt(z.squaredNorm() / double(later));
+  double signal(Index coefficient) const {
+    const Index later_epochs = value.rows() - 1;
+    const VectorXd z = value.col(coefficient)
+                           .tail(later_epochs)
+                           .cwiseQuotient(sigma.col(coefficient).tail(later_epochs));
+    return std::sqrt(z.squaredNorm() / double(later_epochs));
   }
 };
 
-// Returns the standard uncertainties of the coefficients, 0 for those that were not determined.
-VectorXd sigma_of(const Estimate& estimate, const std::vector<errors::Coefficient>& numbers) {
-  VectorXd sigma = VectorXd::Zero(Index(numbers.size()));
+/// Returns the standard uncertainties of the coefficients; 0 for those not determined.
+VectorXd standard_uncertainties(const Estimate& estimate,
+                                const std::vector<errors::Coefficient>& coefficients) {
+  VectorXd sigma = VectorXd::Zero(Index(coefficients.size()));
   const errors::Covariance& covariance = estimate.belief.covariance;
   for (std::size_t i = 0; i < covariance.of.size(); ++i) {
-    const auto at = std::ranges::find(numbers, covariance.of[i]) - numbers.begin();
-    sigma[at] = std::sqrt(std::max(0.0, covariance.matrix(Index(i), Index(i))));
+    const auto column = std::ranges::find(coefficients, covariance.of[i]) - coefficients.begin();
+    sigma[column] = std::sqrt(std::max(0.0, covariance.matrix(Index(i), Index(i))));
   }
   return sigma;
 }
 
-Series series_of(const errors::GeometricErrors& model,
-                 const std::vector<std::vector<Readings>>& changes) {
-  const auto numbers = errors::coefficients(model.elements);
-  const auto n = Index(changes.size()), p = Index(numbers.size());
-  Series series{MatrixXd(n, p), MatrixXd(n, p), {}};
+/// Estimates the coefficients at every epoch.
+CoefficientSeries coefficient_series(const errors::GeometricErrors& model,
+                                     const std::vector<std::vector<Readings>>& changes) {
+  const auto list = errors::coefficients(model.elements);
+  const auto n = Index(changes.size()), p = Index(list.size());
+  CoefficientSeries series{MatrixXd(n, p), MatrixXd(n, p), {}};
   std::vector<Estimate> estimates(changes.size());
   tbb::parallel_for(std::size_t(0), changes.size(), [&](std::size_t k) {
     estimates[k] = identification::estimate(model, changes[k]);
@@ -328,92 +333,98 @@ Series series_of(const errors::GeometricErrors& model,
   for (Index k = 0; k < n; ++k) {
     const Estimate& estimate = estimates[std::size_t(k)];
     series.value.row(k) = estimate.value;
-    series.sigma.row(k) = sigma_of(estimate, numbers);
+    series.sigma.row(k) = standard_uncertainties(estimate, list);
   }
-  series.confounded = estimates.back().confounded;
+  series.confounded = estimates.constant_and_slopes().confounded;
   return series;
 }
 
-errors::GeometricErrors with_held_numbers(errors::GeometricErrors model,
-                                          const std::set<Index>& held) {
-  const auto numbers = errors::coefficients(model.elements);
-  for (const Index j : held) model.covariance.of.push_back(numbers[std::size_t(j)]);
-  const auto m = Index(held.size());
+/// Returns the model with coefficients held at their values, by a prior variance of zero.
+errors::GeometricErrors with_held_coefficients(errors::GeometricErrors model,
+                                               const std::set<Index>& held_columns) {
+  const auto list = errors::coefficients(model.elements);
+  for (const Index j : held_columns) model.covariance.of.push_back(list[std::size_t(j)]);
+  const auto m = Index(held_columns.size());
   model.covariance.matrix = MatrixXd::Zero(m, m);
   return model;
 }
 
-/// Fits with fewer and fewer coefficients, leaving out the weakest, until all that remain stand out
-/// of the noise.
-Series signals_of(const errors::GeometricErrors& model,
-                  const std::vector<std::vector<Readings>>& changes, double min_signal) {
-  std::set<Index> held;
+/// Estimates the coefficients that exceed the noise. The weakest coefficient is held and the others
+/// are estimated again, until all remaining ones reach `min_signal`.
+CoefficientSeries significant_series(const errors::GeometricErrors& model,
+                                     const std::vector<std::vector<Readings>>& changes,
+                                     double min_signal) {
+  std::set<Index> held_columns;
   while (true) {
-    Series series = series_of(with_held_numbers(model, held), changes);
+    CoefficientSeries series =
+        coefficient_series(with_held_coefficients(model, held_columns), changes);
     std::optional<Index> weakest;
     for (Index j = 0; j < series.value.cols(); ++j)
-      if (series.is_found(j) && (!weakest || series.signal(j) < series.signal(*weakest)))
+      if (series.is_determined(j) && (!weakest || series.signal(j) < series.signal(*weakest)))
         weakest = j;
     if (!weakest)
       throw std::invalid_argument(
           "expected a machine that heat moves beyond the noise of its "
           "instruments, seen one that stands");
-    // One at a time: without the weakest the others are determined better and may stand out.
+    // Only one is held at a time, since the others are then determined better and may exceed the
+    // noise.
     if (series.signal(*weakest) >= min_signal) return series;
-    held.insert(*weakest);
+    held_columns.insert(*weakest);
   }
 }
 
-// Terms
-
-// A determined coefficient, with its weight in the choice of sensors.
-struct Number {
+/// Determined coefficient, with its weight in the choice of sensors.
+struct TermCoefficient {
   errors::ElementName name;
   bool slope = false;
-  Index column = 0;         ///< column of the series
-  double per_unit = 1.0;    ///< term for one unit of the coefficient: slopes are per mm or rad
+  Index column = 0;  ///< column of the series
+  double per_unit =
+      1.0;  ///< value of the term per unit of the coefficient; slopes are per mm or rad
   double tip_effect = 1.0;  ///< mm, approximate effect on the tip of one unit of the coefficient
 };
 
-Number number_of(const errors::Coefficient& coefficient, Index column,
-                 const errors::GeometricErrors& model, const Chain& nominal) {
-  Number number;
-  number.name = model.elements[std::size_t(coefficient.element)].name;
-  number.slope = coefficient.number == 1;
-  number.column = column;
-  const Joint& joint = nominal.joints()[std::size_t(
-      errors::joint_of(number.name.axis, nominal, to_string(number.name)))];
-  if (number.slope) {
-    number.per_unit = 1.0 / per_metre;
-    // half of the travel, the largest distance from its middle
-    number.tip_effect = 0.5 * (joint.max - joint.min) / per_metre;
-  } else if (number.name.is_angle()) {
+TermCoefficient term_coefficient(const errors::Coefficient& coefficient, Index column,
+                                 const errors::GeometricErrors& model, const Chain& nominal) {
+  TermCoefficient term;
+  term.name = model.elements[std::size_t(coefficient.element)].name;
+  term.slope = coefficient.number == 1;
+  term.column = column;
+  const Joint& joint =
+      nominal
+          .joints()[std::size_t(errors::joint_of(term.name.axis, nominal, to_string(term.name)))];
+  if (term.slope) {
+    term.per_unit = 1.0 / mm_per_m;
+    // Half of the travel is the largest distance from its middle.
+    term.tip_effect = 0.5 * (joint.max - joint.min) / mm_per_m;
+  } else if (term.name.is_angle()) {
     const double arm = (nominal.T_bt_home().translation() - joint.point_b).norm();
-    // the arm from the axis to the tip, or 1 mm where the axis passes through the tip
-    number.tip_effect = std::max(arm, 1.0);
+    // The lever arm from the axis to the tip, at least 1 mm if the axis passes through the tip.
+    term.tip_effect = std::max(arm, 1.0);
   }
-  return number;
+  return term;
 }
 
-std::vector<Number> determined_numbers(const Series& series, const errors::GeometricErrors& model,
-                                       const Chain& nominal) {
-  const auto all = errors::coefficients(model.elements);
-  std::vector<Number> numbers;
-  for (std::size_t j = 0; j < all.size(); ++j)
-    if (series.is_found(Index(j))) numbers.push_back(number_of(all[j], Index(j), model, nominal));
-  if (numbers.empty())
+std::vector<TermCoefficient> determined_coefficients(const CoefficientSeries& series,
+                                                     const errors::GeometricErrors& model,
+                                                     const Chain& nominal) {
+  const auto list = errors::coefficients(model.elements);
+  std::vector<TermCoefficient> terms;
+  for (std::size_t j = 0; j < list.size(); ++j)
+    if (series.is_determined(Index(j)))
+      terms.push_back(term_coefficient(list[j], Index(j), model, nominal));
+  if (terms.empty())
     throw std::invalid_argument("expected readings that determine one of the elements, seen none");
-  return numbers;
+  return terms;
 }
 
-identification::SensorChoice choice_of(const Series& series, const std::vector<Number>& numbers,
-                                       const std::vector<std::string>& sensors,
-                                       const MatrixXd& dT_K,
-                                       const identification::SensorChoiceOptions& options) {
+identification::SensorChoice choose_term_sensors(
+    const CoefficientSeries& series, const std::vector<TermCoefficient>& terms,
+    const std::vector<std::string>& sensors, const MatrixXd& dT_K,
+    const identification::SensorChoiceOptions& options) {
   std::vector<identification::ThermalData> errors;
-  for (const Number& number : numbers) {
-    // All coefficients in mm at the tip, so that one set of sensors serves them by their effect.
-    const VectorXd y = number.tip_effect * series.value.col(number.column);
+  for (const TermCoefficient& term : terms) {
+    // All coefficients are converted to mm at the tip, so that their effects determine the sensors.
+    const VectorXd y = term.tip_effect * series.value.col(term.column);
     if (y.maxCoeff() > y.minCoeff())
       errors.push_back({sensors, dT_K, y, std::vector<int>(std::size_t(y.size()), 0)});
   }
@@ -426,13 +437,13 @@ identification::SensorChoice choice_of(const Series& series, const std::vector<N
   return choice;
 }
 
-identification::ThermalFit fit_of(const Number& number, const Series& series,
-                                  const identification::ThermalData& warmed, double margin) {
+identification::ThermalFit fit_term(const TermCoefficient& term, const CoefficientSeries& series,
+                                    const identification::ThermalData& inputs, double margin) {
   identification::ThermalModelOptions options;
   options.margin = margin;
-  identification::ThermalData data = warmed;
-  data.y = number.per_unit * series.value.col(number.column);
-  // one more epoch than coefficients leaves a degree of freedom for the residual
+  identification::ThermalData data = inputs;
+  data.y = term.per_unit * series.value.col(term.column);
+  // One epoch more than coefficients leaves a degree of freedom for the residual.
   if (std::size_t(data.y.size()) <= data.names.size() + 1)
     throw std::invalid_argument(
         fmt::format("expected more epochs than {} sensors and a constant, seen {}",
@@ -444,16 +455,16 @@ identification::ThermalFit fit_of(const Number& number, const Series& series,
   return fitted;
 }
 
-std::vector<std::string> warnings_of(const ThermalDay& day) {
+std::vector<std::string> day_warnings(const ThermalDay& day) {
   std::vector<std::string> warnings;
   const VectorXd& vif = day.terms.front().regression.vif;
   for (Index k = 0; k < vif.size(); ++k)
-    // A variance inflation factor above 10 is the usual limit of collinearity.
+    // 10 is the usual limit of the variance inflation of collinear inputs.
     if (vif[k] > 10.0)
       warnings.push_back(
           fmt::format("{} says nearly what the other sensors say on this day (VIF {:.0f})",
                       day.sensors[std::size_t(k)], vif[k]));
-  constexpr double large_mm = 1.0, large_rad = 0.01;  // no day moves a machine that far
+  constexpr double large_mm = 1.0, large_rad = 0.01;  // no machine moves so much in a day
   for (const RegressedTerm& term : day.terms) {
     const double range = term.at_epochs.maxCoeff() - term.at_epochs.minCoeff();
     if (range >= (term.name.is_angle() ? large_rad : large_mm))
@@ -464,7 +475,7 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
           term.name.is_angle() ? "mrad" : "mm"));
   }
   for (const RegressedTerm& term : day.terms)
-    // below 0.9 more than a tenth of the variance is not explained
+    // Below 0.9 more than a tenth of the variance is not explained.
     if (const double r_squared = term.regression.r_squared; r_squared < 0.9)
       warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",
                                      name_of(term), 100.0 * std::max(0.0, r_squared)));
@@ -473,13 +484,14 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
 
 void check(std::span<const Readings> readings) {
   if (readings.empty()) throw std::invalid_argument("expected readings");
-  for (const Readings& one : readings) {
-    if (one.plan.measurements.empty())
-      throw std::invalid_argument("expected readings of " + one.plan.instrument + ", seen none");
-    if (kinematics::letters(one.nominal.joints()) !=
+  for (const Readings& file_readings : readings) {
+    if (file_readings.plan.measurements.empty())
+      throw std::invalid_argument("expected readings of " + file_readings.plan.instrument +
+                                  ", seen none");
+    if (kinematics::letters(file_readings.nominal.joints()) !=
         kinematics::letters(readings.front().nominal.joints()))
       throw std::invalid_argument("expected readings of one machine, seen those of another by " +
-                                  one.plan.instrument);
+                                  file_readings.plan.instrument);
   }
 }
 
@@ -493,36 +505,39 @@ ThermalIdentificationResult identify_thermal(std::span<const Readings> readings,
                                              const ThermalIdentification& options) {
   check(readings);
   std::vector<DayLog> logs;
-  for (const Readings& one : readings) logs.push_back(identification::day_log(one));
+  for (const Readings& file_readings : readings)
+    logs.push_back(identification::day_log(file_readings));
   const Chain& nominal = readings.front().nominal;
   ThermalIdentificationResult result;
   ThermalDay& day = result.day;
   day.epochs = identification::split_into_epochs(logs);
   const auto changes = identification::changes_of(logs, day.epochs);
-  const errors::GeometricErrors model = model_of(nominal, logs, options.elements);
-  const Series series = options.elements.empty() ? signals_of(model, changes, options.min_signal)
-                                                 : series_of(model, changes);
-  const std::vector<Number> numbers = determined_numbers(series, model, nominal);
+  const errors::GeometricErrors model = thermal_model(nominal, logs, options.elements);
+  const CoefficientSeries series = options.elements.empty()
+                                       ? significant_series(model, changes, options.min_signal)
+                                       : coefficient_series(model, changes);
+  const std::vector<TermCoefficient> determined = determined_coefficients(series, model, nominal);
 
   const std::vector<std::string> logged = identification::common_sensors(logs);
   const MatrixXd logged_dT_K = identification::temperature_rise_K(logs, day.epochs, logged);
   day.sensors = options.sensors;
   if (day.sensors.empty()) {
-    day.chosen = {logged, choice_of(series, numbers, logged, logged_dT_K, options.choice)};
+    day.chosen = {logged,
+                  choose_term_sensors(series, determined, logged, logged_dT_K, options.choice)};
     for (const int i : day.chosen->choice.chosen) day.sensors.push_back(logged[std::size_t(i)]);
   }
   day.dT_K = logged_dT_K(Eigen::all, identification::sensor_columns(day.sensors, logged));
   day.margin = options.margin;
-  const identification::ThermalData warmed{
+  const identification::ThermalData inputs{
       day.sensors, day.dT_K, {}, std::vector<int>(day.epochs.size(), 0)};
-  for (const Number& number : numbers) {
-    const identification::ThermalFit fitted = fit_of(number, series, warmed, options.margin);
-    result.belief.terms.push_back({number.name, number.slope, *fitted.model});
-    day.terms.push_back({number.name, number.slope, series.value.col(number.column),
-                         series.sigma.col(number.column), *fitted.regression});
+  for (const TermCoefficient& term : determined) {
+    const identification::ThermalFit fit = fit_term(term, series, inputs, options.margin);
+    result.belief.terms.push_back({term.name, term.slope, *fit.model});
+    day.terms.push_back({term.name, term.slope, series.value.col(term.column),
+                         series.sigma.col(term.column), *fit.regression});
   }
   result.confounded = series.confounded;
-  result.warnings = warnings_of(day);
+  result.warnings = day_warnings(day);
   return result;
 }
 

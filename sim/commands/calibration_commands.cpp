@@ -29,70 +29,61 @@ namespace {
 
 using errors::metrology::Readings;
 
-/// Returns the compensator of a case; empty for a case without one.
-std::optional<CaseDescription> part_compensator(const std::string& name) {
-  if (name.empty() || name == "error_free" || name == "uncompensated") return std::nullopt;
-  return parse_case(name);
-}
-
-/// Cuts the named case: error-free, uncompensated or with a compensator.
-Cut cut_case(const Job& job, const std::string& name, const Progress& progress) {
-  if (name == "error_free") return cut_error_free(job, progress);
-  return cut(job, part_compensator(name), progress);
-}
-
-/// Instruments to use: those named, or all of the scene.
+/// Instruments of a scene by what they measure.
 struct InstrumentSelection {
-  std::vector<InstrumentDescription> of_machine;
-  std::vector<PartInstrumentDescription> of_part;
+  std::vector<InstrumentDescription> machine_instruments;
+  std::vector<PartInstrumentDescription> part_instruments;
 };
 
-/// Returns the instruments of these names; an unknown name is an input error.
-InstrumentSelection chosen(const Scene& scene, const std::vector<std::string>& names) {
+/// Returns the instruments of these names, or all instruments if there are none. An unknown name is
+/// an input error.
+InstrumentSelection select_instruments(const Scene& scene, const std::vector<std::string>& names) {
   if (names.empty()) return {scene.instruments, scene.part_instruments};
   InstrumentSelection result;
   for (const std::string& name : names) {
-    if (auto of_part = find_part_instrument(scene, name))
-      result.of_part.push_back(std::move(*of_part));
+    if (auto part_instrument = find_part_instrument(scene, name))
+      result.part_instruments.push_back(std::move(*part_instrument));
     else
-      result.of_machine.push_back(find_instrument(scene, name));
+      result.machine_instruments.push_back(find_instrument(scene, name));
   }
   return result;
 }
 
+/// Readings of a part, and the warnings of the cut before.
 struct PartMeasurement {
   PartReadingsFile file;
-  std::vector<std::string> warnings;  ///< of the cut
+  std::vector<std::string> warnings;
 };
 
 /// Cuts the part in the case that the instrument names, and measures it.
 PartMeasurement cut_and_measure(const Scene& scene, const PartInstrumentDescription& instrument,
                                 const Progress& progress = {}) {
   const Job job = placed(prepare(scene, progress));
-  const Cut made = cut_case(job, instrument.case_name, progress);
+  const Cut made = cut_named_case(job, instrument.case_name, progress);
   check_cuts_part(job, made);
   return {measured_part(job, made, instrument), warnings_of(job, made)};
 }
 
-/// Returns the stages of measuring: a moment for the machine, the time of a cut for a part.
-std::vector<Stage> stages_of(const Scene& scene, const InstrumentSelection& chosen) {
+/// Returns the stages of measuring. The machine takes a moment, a part the time of a cut.
+std::vector<Stage> measuring_stages(const Scene& scene, const InstrumentSelection& selection) {
   std::vector<Stage> stages;
-  if (!chosen.of_machine.empty())
-    stages = {{"machine", "measure", 0.1 * double(chosen.of_machine.size())}};
+  if (!selection.machine_instruments.empty())
+    stages = {{"machine", "measure", 0.1 * double(selection.machine_instruments.size())}};
   const WorkSize size = expected_size(scene);
-  for (const PartInstrumentDescription& one : chosen.of_part)
-    stages = std::move(stages) + scene_preparation_stages(one.name, size) +
-             (one.case_name == "error_free"
-                  ? error_free_stages(one.name, size)
-                  : cut_stages(one.name, size, scene, part_compensator(one.case_name)));
+  for (const PartInstrumentDescription& instrument : selection.part_instruments)
+    stages =
+        std::move(stages) + scene_preparation_stages(instrument.name, size) +
+        (instrument.case_name == "error_free"
+             ? error_free_stages(instrument.name, size)
+             : cut_stages(instrument.name, size, scene, parse_compensator(instrument.case_name)));
   return stages;
 }
 
-/// Returns the file of an instrument; an input error if it has no reading.
-Measured whole(Measured one, const Scene& scene, const std::string& instrument) {
-  if (one.readings == 0)
+/// Returns `file` unchanged. Throws BadInput if it has no readings.
+Measured require_readings(Measured file, const Scene& scene, const std::string& instrument) {
+  if (file.readings == 0)
     throw BadInput(scene.file.string(), 0, 0, "readings of " + instrument, "none");
-  return one;
+  return file;
 }
 
 }  // namespace
@@ -103,72 +94,75 @@ PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescripti
 
 std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
   const Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
-  const InstrumentSelection instruments = chosen(scene, options.instruments);
-  if (instruments.of_machine.empty() && instruments.of_part.empty())
+  const InstrumentSelection instruments = select_instruments(scene, options.instruments);
+  if (instruments.machine_instruments.empty() && instruments.part_instruments.empty())
     throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
   const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
-  // A file that may not be written is reported before anything is measured.
-  for (const InstrumentDescription& one : instruments.of_machine)
-    check_file(folder / (one.instrument.name + ".csv"));
-  for (const PartInstrumentDescription& one : instruments.of_part)
-    check_file(folder / (one.name + ".csv"));
-  std::vector<Measured> written;
-  ProgressLine progress(stages_of(scene, instruments));
-  if (!instruments.of_machine.empty()) progress.begin("machine");
-  const std::vector<Readings> all = measured(scene, instruments.of_machine);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const Readings& readings = all[i];
-    const InstrumentDescription& one = instruments.of_machine[i];
-    const ResultFile csv = folder / (one.instrument.name + ".csv");
-    written.push_back(whole({csv.path(), readings.plan.measurements.size(),
-                             readings.plan.set_ups.size(), readings.plan.duration_s},
-                            scene, one.instrument.name));
+  // Files that must not be written are reported before anything is measured.
+  for (const InstrumentDescription& description : instruments.machine_instruments)
+    check_file(folder / (description.instrument.name + ".csv"));
+  for (const PartInstrumentDescription& description : instruments.part_instruments)
+    check_file(folder / (description.name + ".csv"));
+  std::vector<Measured> measurements;
+  ProgressLine progress(measuring_stages(scene, instruments));
+  if (!instruments.machine_instruments.empty()) progress.begin("machine");
+  const std::vector<Readings> readings_of_machine =
+      measured(scene, instruments.machine_instruments);
+  for (std::size_t i = 0; i < readings_of_machine.size(); ++i) {
+    const Readings& readings = readings_of_machine[i];
+    const InstrumentDescription& description = instruments.machine_instruments[i];
+    const ResultFile csv = folder / (description.instrument.name + ".csv");
+    measurements.push_back(
+        require_readings({csv.path(), readings.plan.measurements.size(),
+                          readings.plan.set_ups.size(), readings.plan.duration_s},
+                         scene, description.instrument.name));
     // Warnings of the scene are reported once, not for every instrument.
-    if (i == 0) written.back().warnings = value_warnings(scene);
+    if (i == 0) measurements.back().warnings = value_warnings(scene);
     write_table(csv, to_text(readings));
   }
-  for (const PartInstrumentDescription& one : instruments.of_part) {
-    progress.begin(one.name);
-    const PartMeasurement part = cut_and_measure(scene, one, to(progress));
-    const ResultFile csv = folder / (one.name + ".csv");
+  for (const PartInstrumentDescription& description : instruments.part_instruments) {
+    progress.begin(description.name);
+    const PartMeasurement part = cut_and_measure(scene, description, to(progress));
+    const ResultFile csv = folder / (description.name + ".csv");
     const Eigen::VectorXd& t = part.file.readings.time_s;
-    written.push_back(whole({csv.path(), std::size_t(t.size()), 1,
-                             t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0, part.warnings},
-                            scene, one.name));
+    measurements.push_back(
+        require_readings({csv.path(), std::size_t(t.size()), 1,
+                          t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0, part.warnings},
+                         scene, description.name));
     write_table(csv, to_text(part.file));
   }
-  return written;
+  return measurements;
 }
 
 namespace {
 
-/// Measures and prints the files written. Warnings go to stderr, so that JSON stays valid.
+/// Measures and prints a list of the files. Warnings go to stderr, so that JSON stays valid.
 Exit print_measurements(const CommonOptions& common, const std::vector<std::string>& instruments) {
   MeasureOptions options;
   options.overrides = overrides(common);
   options.instruments = instruments;
   options.folder = result_folder(common) / (common.out.empty() ? "readings" : "");
   options.permissions = common.permissions;
-  const std::vector<Measured> all = measure(common.scene, options);
+  const std::vector<Measured> files = measure(common.scene, options);
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   double hours = 0.0;
-  for (const Measured& one : all) {
-    json.push_back({{"file", one.file.string()},
-                    {"readings", one.readings},
-                    {"set_ups", one.set_ups},
-                    {"hours", one.duration_s / 3600.0},
-                    {"warnings", one.warnings}});
-    print_warnings(one.warnings);
-    hours += one.duration_s / 3600.0;
+  for (const Measured& measured_file : files) {
+    json.push_back({{"file", measured_file.file.string()},
+                    {"readings", measured_file.readings},
+                    {"set_ups", measured_file.set_ups},
+                    {"hours", measured_file.duration_s / 3600.0},
+                    {"warnings", measured_file.warnings}});
+    print_warnings(measured_file.warnings);
+    hours += measured_file.duration_s / 3600.0;
   }
   if (common.json) {
     print("{}", Lines(json_text(json)));
     return Exit::Ok;
   }
   print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
-  for (const Measured& one : all)
-    print("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups, one.duration_s / 3600.0,
-          one.file.string());
+  for (const Measured& measured_file : files)
+    print("{:>10} {:>9} {:>9.2f}   {}\n", measured_file.readings, measured_file.set_ups,
+          measured_file.duration_s / 3600.0, measured_file.file.string());
   print("\n{:.1f} hours on a real machine, setting up included\n", hours);
   return Exit::Ok;
 }
@@ -195,28 +189,28 @@ Command measure_command(CommonOptions& common) {
 namespace {
 
 /// Returns all files that an identification writes.
-std::vector<std::filesystem::path> all_of(const BeliefFiles& files) {
-  std::vector<std::filesystem::path> all{files.belief, files.report, files.picture};
-  if (files.thermal) all.push_back(*files.thermal);
-  return all;
+std::vector<std::filesystem::path> output_files(const BeliefFiles& files) {
+  std::vector<std::filesystem::path> paths{files.belief, files.report, files.picture};
+  if (files.thermal) paths.push_back(*files.thermal);
+  return paths;
 }
 
-/// Returns the stages of an identification, by the size of the readings; a row has about 60 bytes.
-std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
-                             const IdentifyOptions& options) {
-  // Seconds for a row on an average computer; the progress line corrects them by its own
-  // measurements.
-  constexpr double s_of_row_read = 1e-5, s_of_row_fitted = 4e-4, s_of_order_tried = 2e-4;
+/// Returns the stages of an identification. They are predicted from the size of the files, with
+/// about 60 bytes a row.
+std::vector<Stage> identification_stages(const std::vector<std::filesystem::path>& files,
+                                         const IdentifyOptions& options) {
+  // Times on an average computer; the progress line corrects them by measurement.
+  constexpr double read_s_per_row = 1e-5, fit_s_per_row = 4e-4, order_s_per_row = 2e-4;
   double rows = 0.0;
   for (const std::filesystem::path& file : files) {
     std::error_code failure;
     const auto bytes = std::filesystem::file_size(file, failure);
     if (!failure) rows += double(bytes) / 60.0;
   }
-  std::vector<Stage> stages{{"identify", "read", s_of_row_read * rows}};
+  std::vector<Stage> stages{{"identify", "read", read_s_per_row * rows}};
   if (options.choose_orders)
-    stages.push_back({"identify", "orders", s_of_order_tried * options.orders.most * rows});
-  stages.push_back({"identify", "fit", s_of_row_fitted * rows});
+    stages.push_back({"identify", "orders", order_s_per_row * options.orders.most * rows});
+  stages.push_back({"identify", "fit", fit_s_per_row * rows});
   stages.push_back({"write", "draw", 2.0});
   return stages;
 }
@@ -224,29 +218,30 @@ std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
 }  // namespace
 
 Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
-                    const Progress& instead) {
+                    const Progress& observer) {
   const Writer writer{options.permissions, files};  // readings are never overwritten
-  const BeliefFiles out = belief_files(options);
+  const BeliefFiles outputs = belief_files(options);
   // All outputs are checked before a long fit begins.
-  for (const std::filesystem::path& file : all_of(out)) check_file(file, writer);
-  ProgressLine progress(stages_of(files, options), instead);
+  for (const std::filesystem::path& file : output_files(outputs)) check_file(file, writer);
+  ProgressLine progress(identification_stages(files, options), observer);
   progress.begin("identify");
-  Identified found = identified(files, options, to(progress));
+  Identified result = identified(files, options, to(progress));
   progress.begin("write");
   progress.report("draw", 0.0);
-  write_table(result_file(out.belief, writer), belief_text(found));
-  write_json(result_file(out.report, writer), to_json(found));
-  if (out.thermal) write_table(result_file(*out.thermal, writer), thermal_half_text(found));
+  write_table(result_file(outputs.belief, writer), belief_text(result));
+  write_json(result_file(outputs.report, writer), to_json(result));
+  if (outputs.thermal)
+    write_table(result_file(*outputs.thermal, writer), thermal_half_text(result));
   // Only the chain method fits curves.
-  const auto* fit = std::get_if<ChainFit>(&found.fit);
-  if (!fit || fit->curves.empty()) return found;
-  write_curves_picture(result_file(out.picture, writer), fit->curves, found.nominal, files);
-  return found;
+  const auto* fit = std::get_if<ChainFit>(&result.fit);
+  if (!fit || fit->curves.empty()) return result;
+  write_curves_picture(result_file(outputs.picture, writer), fit->curves, result.nominal, files);
+  return result;
 }
 
 namespace {
 
-/// Arguments of the command line.
+/// Arguments of `abbe identify`.
 struct IdentifyArguments {
   std::vector<std::filesystem::path> readings;
   std::string basis = "legendre";
@@ -257,104 +252,109 @@ struct IdentifyArguments {
   std::string language = "en";
 };
 
-/// Parses "X=16", the pitch of an axis's screw.
+/// Parses the pitch of the screw of an axis, such as "X=16".
 std::pair<char, double> parse_pitch(const std::string& text) {
-  const auto period = text.size() > 2 && text[1] == '=' ? number_of(text.substr(2)) : std::nullopt;
-  if (!period || *period <= 0.0)
+  const auto pitch_mm =
+      text.size() > 2 && text[1] == '=' ? number_of(text.substr(2)) : std::nullopt;
+  if (!pitch_mm || *pitch_mm <= 0.0)
     throw BadUsage("--pitch", "expected AXIS=MM such as X=16, seen " + text);
-  return {text[0], *period};
+  return {text[0], *pitch_mm};
 }
 
-/// Throws if an option is given that the method does not use and would ignore.
-void check_options(const IdentifyArguments& words) {
+/// Throws BadUsage for an option that the method would ignore.
+void check_options(const IdentifyArguments& arguments) {
   const IdentifyOptions defaults;
-  const IdentifyOptions& options = words.options;
-  const auto needs = [&](bool is_given, const char* option, std::string_view methods) {
-    if (is_given && methods.find(words.method) == std::string_view::npos)
-      throw BadUsage(option, fmt::format("expected --method {}, seen {}", methods, words.method));
+  const IdentifyOptions& options = arguments.options;
+  const auto require_method = [&](bool is_given, const char* option, std::string_view methods) {
+    if (is_given && methods.find(arguments.method) == std::string_view::npos)
+      throw BadUsage(option,
+                     fmt::format("expected --method {}, seen {}", methods, arguments.method));
   };
-  needs(!options.sensors.empty(), "--sensors", "step_diagonal, composite or thermal");
-  needs(options.sensor_count != defaults.sensor_count, "--sensor-count", "thermal");
-  needs(options.margin != defaults.margin, "--margin", "thermal or composite");
-  needs(options.model.order != defaults.model.order, "--order", "chain or composite");
-  needs(options.choose_orders, "--choose-orders", "chain");
-  needs(!words.pitch.empty(), "--pitch", "chain");
-  needs(options.estimate.outlier_limit != defaults.estimate.outlier_limit, "--outliers", "chain");
+  require_method(!options.sensors.empty(), "--sensors", "step_diagonal, composite or thermal");
+  require_method(options.sensor_count != defaults.sensor_count, "--sensor-count", "thermal");
+  require_method(options.margin != defaults.margin, "--margin", "thermal or composite");
+  require_method(options.model.order != defaults.model.order, "--order", "chain or composite");
+  require_method(options.choose_orders, "--choose-orders", "chain");
+  require_method(!arguments.pitch.empty(), "--pitch", "chain");
+  require_method(options.estimate.outlier_limit != defaults.estimate.outlier_limit, "--outliers",
+                 "chain");
 }
 
-/// Checks the arguments, identifies and prints the result. All output paths are checked first,
-/// because a long fit must not be lost.
-Exit print_identification(const CommonOptions& common, IdentifyArguments words) {
+/// Checks the arguments, identifies and prints the result. All output paths are checked first, so
+/// that the result of a long fit is not lost.
+Exit print_identification(const CommonOptions& common, IdentifyArguments arguments) {
   using errors::identification::Basis;
-  check_options(words);
-  words.options.model.slides = words.basis == "polynomial" ? Basis::Polynomial
-                               : words.basis == "spline"   ? Basis::Spline
-                                                           : Basis::Legendre;
-  for (const std::string& one : words.pitch) words.options.model.pitch.insert(parse_pitch(one));
-  // --constants frees both the constants of error motions and the placement of the workpiece, each
-  // of which hides in a zero or a position of a set-up.
-  words.options.model.placement = words.options.model.constants;
-  words.options.method = words.method == "step_diagonal" ? IdentifyOptions::Method::StepDiagonal
-                         : words.method == "composite"   ? IdentifyOptions::Method::Composite
-                         : words.method == "thermal"     ? IdentifyOptions::Method::Thermal
-                                                         : IdentifyOptions::Method::Chain;
-  const bool thermal = words.options.method == IdentifyOptions::Method::Thermal;
-  words.options.out = output_file(common.out.empty() ? "out" : common.out,
-                                  thermal ? "belief_thermal.txt" : "belief.toml");
+  check_options(arguments);
+  arguments.options.model.slides = arguments.basis == "polynomial" ? Basis::Polynomial
+                                   : arguments.basis == "spline"   ? Basis::Spline
+                                                                   : Basis::Legendre;
+  for (const std::string& pitch : arguments.pitch)
+    arguments.options.model.pitch.insert(parse_pitch(pitch));
+  // --constants frees the constants of error motions and the placement of the workpiece. Each of
+  // them is indistinguishable from a zero or a position of a set-up.
+  arguments.options.model.placement = arguments.options.model.constants;
+  arguments.options.method = arguments.method == "step_diagonal"
+                                 ? IdentifyOptions::Method::StepDiagonal
+                             : arguments.method == "composite" ? IdentifyOptions::Method::Composite
+                             : arguments.method == "thermal"   ? IdentifyOptions::Method::Thermal
+                                                               : IdentifyOptions::Method::Chain;
+  const bool is_thermal = arguments.options.method == IdentifyOptions::Method::Thermal;
+  arguments.options.out = output_file(common.out.empty() ? "out" : common.out,
+                                      is_thermal ? "belief_thermal.txt" : "belief.toml");
   // The report and the picture have the name of the belief file with these extensions.
-  for (const char* taken : {".json", ".png", ".csv", ".html"})
-    if (words.options.out.extension() == taken)
+  for (const char* extension : {".json", ".png", ".csv", ".html"})
+    if (arguments.options.out.extension() == extension)
       throw BadUsage(
           "--out",
           fmt::format("expected a belief file such as belief.toml (report and picture stand "
                       "beside it), seen {}",
-                      words.options.out.string()));
-  // The same file may have two names, so they are compared by what they refer to.
-  for (const std::filesystem::path& readings : words.readings) {
+                      arguments.options.out.string()));
+  // A file may have two names, so the files are compared, not the paths.
+  for (const std::filesystem::path& readings : arguments.readings) {
     std::error_code ignored;
-    if (std::filesystem::equivalent(readings, words.options.out, ignored))
+    if (std::filesystem::equivalent(readings, arguments.options.out, ignored))
       throw BadUsage("--out", "expected another file than the readings");
   }
-  words.options.permissions = common.permissions;
+  arguments.options.permissions = common.permissions;
   const std::filesystem::path page =
-      std::filesystem::path(words.options.out).replace_extension(".html");
-  const Writer writer{common.permissions, words.readings};
-  if (words.report) check_file(page, writer);
-  const Identified found = identify(words.readings, words.options);
-  if (words.report) {
-    FiguresPage figures = identify_page(found);
-    figures.language = words.language;
+      std::filesystem::path(arguments.options.out).replace_extension(".html");
+  const Writer writer{common.permissions, arguments.readings};
+  if (arguments.report) check_file(page, writer);
+  const Identified identified = identify(arguments.readings, arguments.options);
+  if (arguments.report) {
+    FiguresPage figures = identify_page(identified);
+    figures.language = arguments.language;
     figures.command = common.permissions.command;
     write_file(result_file(page, writer), page_html(figures));
   } else {
     remove_file(result_file(page, writer));  // a page of an earlier identification would describe
                                              // another belief
   }
-  print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
+  print("{}", Lines(common.json ? json_text(to_json(identified)) : identify_text(identified)));
   return Exit::Ok;
 }
 
-/// Returns the options of the command; values go directly into the options of the identification
-/// where they need no parsing.
-std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& words) {
-  IdentifyOptions& options = words.options;
+/// Returns the options of the command. Values that need no parsing are stored directly in the
+/// options of the identification.
+std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& arguments) {
+  IdentifyOptions& options = arguments.options;
   return {
-      {"READINGS", &words.readings, "files that measure wrote"},
-      {"--basis", &words.basis, "curves of the slides (legendre)",
+      {"READINGS", &arguments.readings, "files that measure wrote"},
+      {"--basis", &arguments.basis, "curves of the slides (legendre)",
        OneOf{{"legendre", "polynomial", "spline"}}},
       {"--order", &options.model.order, "of those curves (4)", Between{0, 60}},
       {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", Between{0, 60}},
       {"--choose-orders", &options.choose_orders, "choose every order by cross-validation"},
       {"--most", &options.orders.most, "highest order that is tried (10)", Between{1, 60}},
       {"--elements", &options.model.only, "find these alone: EXX,EYX,EC0Y", CommaSeparated{}},
-      {"--pitch", &words.pitch, "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning",
-       CommaSeparated{}},
+      {"--pitch", &arguments.pitch,
+       "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning", CommaSeparated{}},
       {"--constants", &options.model.constants,
        "constants of error motions too, and what only places the workpiece on a table: "
        "each hides in a zero or a place"},
       {"--outliers", &options.estimate.outlier_limit,
        "leave out readings beyond this many standard deviations (0: none)", Between{0, 1000000}},
-      {"--method", &words.method,
+      {"--method", &arguments.method,
        "chain: any readings, on the exact machine; step_diagonal: the published one; "
        "composite: positioning from several starts, a cold curve and NAME_thermal.txt; "
        "thermal: a day of readings, for [belief.thermal]",
@@ -372,9 +372,9 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& w
       {"--out", &common.out,
        "belief file, or folder for it (out/belief.toml; thermal: out/belief_thermal.txt; composite "
        "writes NAME_thermal.txt beside NAME.toml)"},
-      {"--report", &words.report,
+      {"--report", &arguments.report,
        "besides, NAME.html: curves, residuals and numbers with the values under the cursor"},
-      language_option(words.language),
+      language_option(arguments.language),
       force_option(common),
       threads_option(common, "most threads to use")};
 }
@@ -382,40 +382,39 @@ std::vector<Option> identify_options(CommonOptions& common, IdentifyArguments& w
 }  // namespace
 
 Command identify_command(CommonOptions& common) {
-  const auto words = std::make_shared<IdentifyArguments>();
+  const auto arguments = std::make_shared<IdentifyArguments>();
   return {"identify",
           "Find the errors of a machine from readings; write a belief file",
           {"abbe identify out/calibration/*.csv --choose-orders --pitch X=16,Y=16,Z=12 --out "
            "out/belief.toml",
            "abbe identify out/day/drift.csv --method thermal --sensor-count 4 --out "
            "out/belief_thermal.txt"},
-          identify_options(common, *words),
-          [words, &common] { return print_identification(common, *words); }};
+          identify_options(common, *arguments),
+          [arguments, &common] { return print_identification(common, *arguments); }};
 }
 
 EvaluationOutcome evaluate(const std::filesystem::path& file, const EvaluateOptions& options) {
-  EvaluationOutcome evaluated{evaluate_readings(file), {}};
-  if (options.folder.empty()) return evaluated;
-  const Evaluation& evaluation = evaluated.evaluation;
+  EvaluationOutcome outcome{evaluate_readings(file), {}};
+  if (options.folder.empty()) return outcome;
+  const Evaluation& evaluation = outcome.evaluation;
   const ResultFolder folder(options.folder, {options.permissions, {file}});
   stop_if_interrupted();
   const ResultFile json = folder / "evaluation.json";
-  // The JSON is written first, so that a failing picture does not lose the figures.
+  // The JSON is written first, so that its figures are not lost if a picture fails.
   write_json(json, to_json(evaluation));
-  evaluated.pictures = evaluation.part
-                           ? write_part_picture(folder, *evaluation.part, file.string())
-                           : write_test_pictures(folder, evaluation.tests, file.string());
-  write_json(json, to_json(evaluation, evaluated.pictures));
+  outcome.pictures = evaluation.part ? write_part_picture(folder, *evaluation.part, file.string())
+                                     : write_test_pictures(folder, evaluation.tests, file.string());
+  write_json(json, to_json(evaluation, outcome.pictures));
   if (options.report_language.empty()) {
     remove_file(folder / "report.html");  // a page of an earlier evaluation would show other
                                           // readings
-    return evaluated;
+    return outcome;
   }
   FiguresPage page = evaluate_page(evaluation);
   page.language = options.report_language;
   page.command = options.permissions.command;
   write_file(folder / "report.html", page_html(page));
-  return evaluated;
+  return outcome;
 }
 
 namespace {
@@ -426,36 +425,36 @@ struct EvaluateArguments {
   std::string language = "en";
 };
 
-Exit print_evaluation(const CommonOptions& common, const EvaluateArguments& words) {
-  const std::filesystem::path& readings = words.readings;
+Exit print_evaluation(const CommonOptions& common, const EvaluateArguments& arguments) {
+  const std::filesystem::path& readings = arguments.readings;
   EvaluateOptions options;
-  if (words.report) options.report_language = words.language;
-  // The default folder has the name of the readings.
+  if (arguments.report) options.report_language = arguments.language;
+  // The default folder is named after the readings.
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
   options.permissions = common.permissions;
-  const EvaluationOutcome done = evaluate(readings, options);
-  print("{}", Lines(common.json ? json_text(to_json(done.evaluation, done.pictures))
-                                : to_text(done.evaluation, done.pictures)));
+  const EvaluationOutcome outcome = evaluate(readings, options);
+  print("{}", Lines(common.json ? json_text(to_json(outcome.evaluation, outcome.pictures))
+                                : to_text(outcome.evaluation, outcome.pictures)));
   return Exit::Ok;
 }
 
 }  // namespace
 
 Command evaluate_command(CommonOptions& common) {
-  const auto words = std::make_shared<EvaluateArguments>();
+  const auto arguments = std::make_shared<EvaluateArguments>();
   return {"evaluate",
           "Evaluate readings by the standards (ISO 230, 25178)",
           {"abbe evaluate out/calibration/laser.csv --out out/laser",
            "abbe evaluate out/calibration/ball_bar.csv --json"},
-          {{"READINGS", &words->readings,
+          {{"READINGS", &arguments->readings,
             "a file that measure wrote, position readings as CSV, or a laser's position file"},
            json_option(common),
            {"--out", &common.out, "folder for report and pictures (out/NAME)"},
-           {"--report", &words->report,
+           {"--report", &arguments->report,
             "besides, report.html: tables and charts with the values under the cursor"},
-           language_option(words->language),
+           language_option(arguments->language),
            force_option(common)},
-          [words, &common] { return print_evaluation(common, *words); }};
+          [arguments, &common] { return print_evaluation(common, *arguments); }};
 }
 
 }  // namespace abbe::sim

@@ -12,18 +12,18 @@
 namespace abbe::sim {
 
 /// Cuts the part of a scene in the case that the instrument names, and measures it.
-/// @throws BadInput naming the scene if this is not possible
+/// @throws BadInput naming the scene if it cannot be cut or measured
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument);
 
 /// Options of `abbe measure`.
 struct MeasureOptions {
   std::vector<Override> overrides;
   std::vector<std::string> instruments;  ///< names; empty: all instruments of the scene
-  std::filesystem::path folder;          ///< NAME.csv of each instrument is written there
+  std::filesystem::path folder;          ///< for NAME.csv of each instrument
   Permissions permissions = {};
 };
 
-/// One readings file that was written.
+/// A file of readings that was written.
 struct Measured {
   std::filesystem::path file;
   std::size_t readings = 0;
@@ -44,24 +44,22 @@ Command measure_command(CommonOptions& common);
 /// and a sheet of every curve with its readings and 95 % band. Output files that may not be written
 /// are an error before the work begins.
 /// @param instead  called instead of the progress display on stderr
-/// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they belong to different
+/// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they are of different
 /// machines
 Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
-                    const Progress& instead = {});
+                    const Progress& observer = {});
 
 /// Returns the command `abbe identify`.
 Command identify_command(CommonOptions& common);
 
 /// Options of `abbe evaluate`.
 struct EvaluateOptions {
-  std::filesystem::path folder;  ///< folder of evaluation.json and pictures; empty: none are
-                                 ///< written
+  std::filesystem::path folder;  ///< for evaluation.json and pictures; empty: nothing is written
   Permissions permissions = {};
-  std::string report_language = {};  ///< language of report.html, "en" or "zh"; empty: none is
-                                     ///< written
+  std::string report_language = {};  ///< "en" or "zh"; empty: no report.html is written
 };
 
-/// An evaluation with the pictures written of it.
+/// An evaluation and the pictures that were written.
 struct EvaluationOutcome {
   Evaluation evaluation;
   std::vector<std::filesystem::path> pictures;

@@ -25,20 +25,20 @@ Exit exit_code(const std::function<Exit()>& program) {
   } catch (const Interrupted&) {
     print(stderr, "abbe: interrupted\n");
     return Exit::Interrupted;
-  } catch (const BadUsage& fault) {
-    print(stderr, "abbe: {}\n", fault.what());
+  } catch (const BadUsage& error) {
+    print(stderr, "abbe: {}\n", error.what());
     return Exit::Usage;
   } catch (const BadScene& input_errors) {
-    for (const BadInput& fault : input_errors.input_errors)
-      print(stderr, "abbe: {}\n", fault.what());
+    for (const BadInput& error : input_errors.input_errors)
+      print(stderr, "abbe: {}\n", error.what());
     return Exit::Input;
-    // Before BadInput, from which BadProgram derives: it holds all errors of the program.
+    // BadProgram holds all errors of a program. It derives from BadInput, so it comes first.
   } catch (const dialects::BadProgram& input_errors) {
-    for (const BadInput& fault : input_errors.input_errors)
-      print(stderr, "abbe: {}\n", fault.what());
+    for (const BadInput& error : input_errors.input_errors)
+      print(stderr, "abbe: {}\n", error.what());
     return Exit::Input;
-  } catch (const BadInput& fault) {
-    print(stderr, "abbe: {}\n", fault.what());
+  } catch (const BadInput& error) {
+    print(stderr, "abbe: {}\n", error.what());
     return Exit::Input;
   } catch (const CollisionStop& stop) {
     print(stderr, "abbe: {}\n", stop.what());
@@ -49,7 +49,7 @@ Exit exit_code(const std::function<Exit()>& program) {
   } catch (const OutputFailure& failure) {
     print(stderr, "abbe: {}\n", failure.what());
     return Exit::Output;
-    // Reported as a numerical failure, because the scene is valid but cannot be computed.
+    // The scene is valid but cannot be computed, so this counts as a numerical failure.
   } catch (const std::bad_alloc&) {
     print(stderr, "abbe: not enough memory for this scene\n");
     return Exit::Numerical;
@@ -100,34 +100,36 @@ Option trust_option(CommonOptions& common) {
           "trust for good stand in ~/.config/abbe/trust"};
 }
 
-std::vector<Option> scene_options(CommonOptions& common, const std::vector<Option>& own) {
-  std::vector<Option> all{
+std::vector<Option> scene_options(CommonOptions& common,
+                                  const std::vector<Option>& command_options) {
+  std::vector<Option> options{
       {"SCENE", &common.scene, "scene file (TOML); its format is in scenes/README.md"},
       set_option(common, "change a value of the scene: --set errors.scale=2 (repeatable)"),
       seed_option(common, "seed of everything that is random"),
       threads_option(common, "most threads to use (all); results do not depend on it"),
       json_option(common)};
-  all.insert(all.end(), own.begin(), own.end());
-  return all;
+  options.insert(options.end(), command_options.begin(), command_options.end());
+  return options;
 }
 
 std::vector<Override> overrides(const CommonOptions& common) {
-  std::vector<Override> all;
+  std::vector<Override> result;
   for (const std::string& text : common.set) {
-    // Split at the first '=', since a value may contain others but a key may not.
+    // Split at the first '=', because a value may contain '=' but a key may not.
     const std::size_t equals = text.find('=');
     if (equals == std::string::npos || equals == 0)
       throw BadUsage("--set", "expected key=value, seen " + text);
-    all.emplace_back(text.substr(0, equals), text.substr(equals + 1));
+    result.emplace_back(text.substr(0, equals), text.substr(equals + 1));
   }
-  // Last, so that --seed takes precedence over --set seed=...
-  if (common.seed) all.emplace_back("seed", std::to_string(*common.seed));
-  return all;
+  // Appended last, so that --seed takes precedence over --set seed=...
+  if (common.seed) result.emplace_back("seed", std::to_string(*common.seed));
+  return result;
 }
 
 std::filesystem::path output_file(const std::filesystem::path& out, const std::string& name) {
-  std::error_code none;
-  return out.has_extension() && !std::filesystem::is_directory(out, none) ? out : out / name;
+  std::error_code ignored_error;
+  return out.has_extension() && !std::filesystem::is_directory(out, ignored_error) ? out
+                                                                                   : out / name;
 }
 
 std::filesystem::path result_folder(const CommonOptions& common) {
@@ -137,8 +139,8 @@ std::filesystem::path result_folder(const CommonOptions& common) {
 void check_case(const std::string& name) {
   try {
     parse_case(name);
-  } catch (const std::invalid_argument& fault) {
-    throw BadUsage("--case", fault.what());
+  } catch (const std::invalid_argument& error) {
+    throw BadUsage("--case", error.what());
   }
 }
 
@@ -153,52 +155,52 @@ void print_warnings(const std::vector<std::string>& warnings) {
 
 namespace {
 
-/// Returns the rule of this kind; null if the option has none.
+/// Returns the rule of this type; null if the option has none.
 template <typename Kind>
 const Kind* find_rule(const Option& option) {
-  const Kind* first = std::get_if<Kind>(&option.rule);
-  return first ? first : std::get_if<Kind>(&option.second_rule);
+  const Kind* rule = std::get_if<Kind>(&option.rule);
+  return rule ? rule : std::get_if<Kind>(&option.second_rule);
 }
 
 bool has_dashes(const Option& option) { return option.name.starts_with('-'); }
 
 template <typename... Kinds>
-bool holds(const Target& target) {
+bool holds_one_of(const Target& target) {
   return (std::holds_alternative<Kinds>(target) || ...);
 }
 
 /// Returns true if the value of an option is a path.
 bool is_file(const Option& option) {
-  return holds<std::filesystem::path*, std::optional<std::filesystem::path>*,
-               std::vector<std::filesystem::path>*>(option.target);
+  return holds_one_of<std::filesystem::path*, std::optional<std::filesystem::path>*,
+                      std::vector<std::filesystem::path>*>(option.target);
 }
 
 }  // namespace
 
 std::vector<Option> named_options(const Command& command) {
-  std::vector<Option> all;
+  std::vector<Option> named;
   for (const std::vector<Option>& options : {command.options, command.where})
     for (const Option& option : options)
-      if (has_dashes(option)) all.push_back(option);
-  all.push_back({"--help", static_cast<bool*>(nullptr), "say what the command takes"});
-  return all;
+      if (has_dashes(option)) named.push_back(option);
+  named.push_back({"--help", static_cast<bool*>(nullptr), "say what the command takes"});
+  return named;
 }
 
 std::vector<Option> positional_options(const Command& command) {
-  std::vector<Option> all;
+  std::vector<Option> positional;
   for (const Option& option : command.options)
-    if (!has_dashes(option)) all.push_back(option);
-  return all;
+    if (!has_dashes(option)) positional.push_back(option);
+  return positional;
 }
 
-bool is_flag(const Option& option) { return holds<bool*>(option.target); }
+bool is_flag(const Option& option) { return holds_one_of<bool*>(option.target); }
 
 std::vector<std::string> words_of(const Option& option) {
   const OneOf* rule = find_rule<OneOf>(option);
   return rule ? rule->values : std::vector<std::string>{};
 }
 
-// The order matters: an option that takes a file but enumerates values must offer the values.
+// The order matters: an option for a file that enumerates values must offer the values.
 CompletionKind completion_kind(const Option& option) {
   if (!words_of(option).empty()) return CompletionKind::Words;
   if (option.name == "--case") return CompletionKind::Cases;
@@ -208,8 +210,8 @@ CompletionKind completion_kind(const Option& option) {
 }
 
 bool has_study_keys(const Command& command) {
-  const std::vector<Option> placed = positional_options(command);
-  return !placed.empty() && placed.front().name == "STUDY";
+  const std::vector<Option> positional = positional_options(command);
+  return !positional.empty() && positional.front().name == "STUDY";
 }
 
 }  // namespace abbe::sim

@@ -27,20 +27,20 @@ enum class Exit {
   Interrupted = 130
 };
 
-/// An invalid value of an option. what(): "--set: expected ..."
+/// Thrown for an invalid value of an option, with a message such as "--set: expected ...".
 struct BadUsage : std::invalid_argument {
   BadUsage(const std::string& option, const std::string& reason)
       : std::invalid_argument(option + ": " + reason) {}
 };
 
-/// Runs a program and returns its exit code, or prints its exception and returns the code for it.
-/// Lost standard output counts as an exception.
+/// Runs a program and returns its exit code. If it throws, prints the exception and returns the
+/// code of its type. Lost standard output counts as an exception.
 Exit exit_code(const std::function<Exit()>& program);
 
-// Commands as values: their options, and the function that runs them. They do not depend on the
-// library that parses the command line.
+// Commands are values with options and a function that runs them. They do not depend on the library
+// that parses the command line.
 
-/// Destination of an option's value; it stays unchanged if the option is not on the command line.
+/// Variable that receives the value of an option; it is unchanged if the option is not stated.
 using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem::path*,
                             std::optional<std::int64_t>*, std::optional<std::string>*,
                             std::optional<std::filesystem::path>*, std::vector<std::string>*,
@@ -48,13 +48,13 @@ using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem:
 
 // Rules of an option. Options that a rule names must precede it in the list.
 struct Between {
-  std::int64_t least, most;
+  std::int64_t min_value, max_value;
 };
 struct OneOf {
   std::vector<std::string> values;
 };
-struct CommaSeparated {};  ///< several values may be given at once: a,b,c
-struct Bare {};            ///< without a value the option is present and empty
+struct CommaSeparated {};  ///< several values may be stated at once: a,b,c
+struct Bare {};            ///< the value may be omitted; it is then an empty text
 struct Excludes {
   std::vector<std::string> options;
 };
@@ -68,11 +68,12 @@ struct OptionalArgument {};  ///< a positional argument that may be omitted
 using Rule = std::variant<std::monostate, Between, OneOf, CommaSeparated, Bare, Excludes,
                           RequiresOption, TypeName, OptionalArgument>;
 
-/// An option as `--help` lists it.
+/// An option of a command.
 struct Option {
-  std::string name;  ///< "--seed"; a name without dashes is a positional argument, which is
-                     ///< required unless a rule says otherwise
-  Target target;     ///< bool: a flag; a list: repeatable
+  /// "--seed"; a name without dashes is a positional argument, which is required unless a rule
+  /// states otherwise.
+  std::string name;
+  Target target;  ///< bool: a flag; a list: repeatable
   std::string help;
   Rule rule = {};
   Rule second_rule = {};
@@ -85,10 +86,10 @@ struct Command {
   std::vector<Option> options;
   std::function<Exit()> run;  ///< called after its options are parsed
   std::string footer = {};
-  std::vector<Option> where = {};  ///< exactly one of these options is required in addition
+  std::vector<Option> where = {};  ///< further options, of which exactly one is required
 };
 
-/// Options of several commands.
+/// Values of the options that several commands have.
 struct CommonOptions {
   std::filesystem::path scene;
   std::filesystem::path out;
@@ -101,7 +102,7 @@ struct CommonOptions {
   std::string commit;  ///< commit from which the program was built
 };
 
-// Return options that several commands have.
+// Options that several commands have.
 Option set_option(CommonOptions& common, const std::string& help);
 Option seed_option(CommonOptions& common, const std::string& help);
 Option threads_option(CommonOptions& common, const std::string& help);
@@ -111,24 +112,25 @@ Option result_folder_option(CommonOptions& common);
 Option force_option(CommonOptions& common);
 Option trust_option(CommonOptions& common);
 
-/// Returns the options of every command that reads a scene, followed by its own.
-std::vector<Option> scene_options(CommonOptions& common, const std::vector<Option>& own);
+/// Returns the options that every command with a scene has, followed by those of one command.
+std::vector<Option> scene_options(CommonOptions& common,
+                                  const std::vector<Option>& command_options);
 
 /// Returns the overrides of --set and --seed.
 /// @throws BadUsage
 std::vector<Override> overrides(const CommonOptions& common);
 
-/// Returns the output file of a command that writes one file: the path of --out if it has an
-/// extension, such as belief.toml, and is not a folder; else `name` in that folder.
+/// Returns the output file of a command that writes one file. It is `out` if that has an extension,
+/// such as belief.toml, and is not a folder; otherwise `name` in the folder `out`.
 std::filesystem::path output_file(const std::filesystem::path& out, const std::string& name);
 
-/// Returns the folder of --out, by default out/SCENE.
+/// Returns the folder stated by --out; out/SCENE by default.
 std::filesystem::path result_folder(const CommonOptions& common);
 
-/// @throws BadUsage if the name of a --case is invalid
+/// Throws BadUsage if the name of a --case is invalid.
 void check_case(const std::string& name);
 
-/// Prints the assumptions of a program's reader on standard error, one per line.
+/// Prints the assumptions of the reader of a program on standard error, one per line.
 void print_assumptions(const std::vector<program::Assumption>& assumptions);
 
 /// Prints warnings on standard error.
@@ -136,7 +138,8 @@ void print_warnings(const std::vector<std::string>& warnings);
 
 // Properties of options for shell completion.
 
-/// Returns every option of a command that has dashes, with `--help`, in the order of `--help`.
+/// Returns all options of a command that begin with dashes, including `--help`, in the order of
+/// `--help`.
 std::vector<Option> named_options(const Command& command);
 
 /// Returns the positional arguments of a command.
@@ -144,14 +147,14 @@ std::vector<Option> positional_options(const Command& command);
 
 bool is_flag(const Option& option);
 
-/// Returns the possible values of an option; empty if they are not enumerated.
+/// Returns the possible values of an option; an empty list if they are not enumerated.
 std::vector<std::string> words_of(const Option& option);
 
 /// Kind of completion that a shell offers for a value.
 enum class CompletionKind { Nothing, Words, Cases, Settings, Keys, Files };
 CompletionKind completion_kind(const Option& option);
 
-/// Returns true if `--set` of a command changes a study instead of a scene.
+/// Returns true if `--set` of a command changes a study, not a scene.
 bool has_study_keys(const Command& command);
 
 }  // namespace abbe::sim

@@ -6,9 +6,9 @@
 
 namespace abbe::sim {
 
-/// Parses the command line and runs its command; prints help, the version, and usage errors with
-/// the nearest command or option. A scene may be named `library:gantry_dome`.
-/// @param common  the options with which the commands were made
+/// Parses the command line and runs its command. Prints help, the version, and usage errors with
+/// the nearest command or option. A scene of the library is named `library:gantry_dome`.
+/// @param common  the options to which the commands refer
 Exit run_command_line(const std::vector<Command>& commands, CommonOptions& common, int argc,
                       char** argv);
 

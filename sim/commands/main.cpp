@@ -22,9 +22,9 @@ std::string typed_command(int argc, char** argv) {
 }
 
 /// Makes malloc keep freed memory. Maps are arrays of tens of megabytes that are allocated and
-/// freed repeatedly; returning them to the system would cost 5 % of a run, since the kernel clears
-/// every page that it hands out again.
-void keep_memory() {
+/// freed repeatedly. Returning them to the system would cost 5 % of a run, because the kernel
+/// clears every page before it is used again.
+void keep_freed_memory() {
 #ifdef __GLIBC__
   constexpr int large = 1 << 30;
   mallopt(M_MMAP_THRESHOLD, large);
@@ -36,9 +36,9 @@ void keep_memory() {
 
 int main(int argc, char** argv) {
   using namespace abbe::sim;
-  keep_memory();
-  // Must come before any file is opened: a file could otherwise get the number of a closed standard
-  // stream.
+  keep_freed_memory();
+  // Must be called before any file is opened, because a file could otherwise get the descriptor of
+  // a closed standard stream.
   enable_write_errors();
   // A process started as the host of a plug-in does nothing else.
   if (const auto host = compensation::plug_in_host(argc, argv)) return *host;

@@ -18,15 +18,16 @@ Command program_command(CommonOptions& common);
 /// Options of `abbe rewrite`.
 struct ProgramRewriteOptions {
   std::vector<Override> overrides;
-  std::string case_name;  ///< belief-strategy-program, or the file of a plug-in with the channel
-                          ///< program; empty: the first such case of the scene
-  std::filesystem::path
-      out;  ///< file; empty: `rewritten` in out/SCENE, its ending as the program's
+  /// belief-strategy-program, or the file of a plug-in with the channel program; empty: the first
+  /// such case of the scene.
+  std::string case_name;
+  /// File; empty: `rewritten` in out/SCENE, with the extension of the original program.
+  std::filesystem::path out;
   Permissions permissions;
 };
 
-/// Size of the correction in a rewritten program: the pose to which it would bring the tool of a
-/// machine without errors, minus the intended pose.
+/// Size of the correction in a rewritten program: the difference between the pose to which it would
+/// bring the tool of a machine without errors and the intended pose.
 struct ProgramChange {
   Spread tip;        ///< mm
   Spread direction;  ///< rad
@@ -45,13 +46,13 @@ struct RewriteOutcome {
     double mm = 0.0, deg = 0.0;
   };
   std::optional<Words> words;   ///< resolution of the NC words; empty for PVT
-  double point_left = 0.0;      ///< mm, largest error that the corrections leave
+  double point_left = 0.0;      ///< mm, largest error that the corrections do not remove
   double direction_left = 0.0;  ///< rad
   std::vector<std::string> warnings;
 };
 
-/// Writes the compensated program of a scene in the dialect of the original. It cuts only what the
-/// belief requires.
+/// Writes the compensated program of a scene in the dialect of the original. Cuts a part only if
+/// the belief requires it.
 /// @throws BadScene, BadInput (a case through another channel, a scene without one), OutputFailure
 RewriteOutcome rewrite(const std::filesystem::path& scene, const ProgramRewriteOptions& options);
 
@@ -67,7 +68,7 @@ struct ExportOptions {
   Permissions permissions;
 };
 
-/// Files written, and what the format cannot hold.
+/// The files that were written, and notes on parts of the correction that the format cannot hold.
 struct ExportOutcome {
   std::string scene, case_name;
   compensation::ControlFormat format{};
@@ -76,7 +77,7 @@ struct ExportOutcome {
 };
 
 /// Writes the tables of a compensator of the scene in the layout of a control. The channel `table`
-/// with the same format simulates a control that runs these files.
+/// with the same format simulates a control with these files.
 /// @throws BadScene, BadInput, OutputFailure
 ExportOutcome export_tables(const std::filesystem::path& scene, const ExportOptions& options);
 

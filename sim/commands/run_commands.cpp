@@ -23,19 +23,19 @@ namespace abbe::sim {
 
 namespace {
 
-/// Returns a word quoted for a shell.
-std::string quoted(const std::string& word) {
+/// Quotes a word for a shell if necessary.
+std::string shell_quoted(const std::string& word) {
   const bool is_plain = word.find_first_not_of(
                             "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
                             "_-./=:,+") == std::string::npos;
   if (is_plain && !word.empty()) return word;
-  std::string out = "'";
-  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
+  std::string quoted_text = "'";
+  for (const char c : word) quoted_text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted_text + "'";
 }
 
-/// Returns a warning without its numbers: warnings that then agree have one cause.
-std::string cause(const std::string& warning) {
+/// Returns a warning without its numbers. Warnings with equal patterns have the same cause.
+std::string warning_pattern(const std::string& warning) {
   std::string text;
   for (const char c : warning)
     if (std::string_view("0123456789.-").find(c) == std::string_view::npos) text += c;
@@ -44,36 +44,38 @@ std::string cause(const std::string& warning) {
 
 std::vector<std::string> distinct_warnings(const Summary& figures) { return figures.warnings; }
 
-/// Returns the warnings of a comparison, each cause once with the figures of its first case; the
-/// files hold all of them.
-std::vector<std::string> distinct_warnings(const Comparison& all) {
+/// Returns the warnings of a comparison. Warnings of several cases with the same cause become one,
+/// with the figures of the first case; the files contain all of them.
+std::vector<std::string> distinct_warnings(const Comparison& comparison) {
   struct SharedWarning {
     std::string first, text;
     std::vector<std::string> others;
   };
   std::vector<std::string> lines;
-  std::vector<SharedWarning> causes;
-  for (const std::string& warning : all.warnings) {
+  std::vector<SharedWarning> shared_warnings;
+  for (const std::string& warning : comparison.warnings) {
     const std::size_t colon = std::min(warning.find(": "), warning.size());
     const std::string name = warning.substr(0, colon);
-    if (std::ranges::find(all.cases, name, &CaseStatistics::name) == all.cases.end()) {
+    if (std::ranges::find(comparison.cases, name, &CaseStatistics::name) ==
+        comparison.cases.end()) {
       lines.push_back(warning);
       continue;
     }
     const std::string text = warning.substr(colon);
-    const auto known = std::ranges::find(causes, cause(text),
-                                         [](const SharedWarning& one) { return cause(one.text); });
-    if (known == causes.end())
-      causes.push_back({name, text, {}});
+    const auto shared =
+        std::ranges::find(shared_warnings, warning_pattern(text),
+                          [](const SharedWarning& known) { return warning_pattern(known.text); });
+    if (shared == shared_warnings.end())
+      shared_warnings.push_back({name, text, {}});
     else
-      known->others.push_back(name);
+      shared->others.push_back(name);
   }
-  for (const SharedWarning& one : causes) {
-    const std::size_t n = one.others.size();
+  for (const SharedWarning& shared_warning : shared_warnings) {
+    const std::size_t n = shared_warning.others.size();
     const std::string others = n == 0   ? ""
-                               : n == 1 ? " and " + one.others.front()
+                               : n == 1 ? " and " + shared_warning.others.front()
                                         : fmt::format(" and {} other cases", n);
-    lines.push_back(one.first + others + one.text);
+    lines.push_back(shared_warning.first + others + shared_warning.text);
   }
   return lines;
 }
@@ -107,11 +109,12 @@ Option language_option(std::string& language) {
 void request_report(RunOptions& options, const CommonOptions& common, const std::string& command,
                     const std::string& language) {
   options.report_language = language;
-  options.command = "abbe " + command + " " + quoted(common.scene.string());
-  for (const std::string& one : common.set) options.command += " --set " + quoted(one);
+  options.command = "abbe " + command + " " + shell_quoted(common.scene.string());
+  for (const std::string& override_text : common.set)
+    options.command += " --set " + shell_quoted(override_text);
   if (common.seed) options.command += " --seed " + std::to_string(*common.seed);
   for (const std::filesystem::path& file : options.plug_ins)
-    options.command += " --compensator " + quoted(file.string());
+    options.command += " --compensator " + shell_quoted(file.string());
 }
 
 RunOptions run_options(const CommonOptions& common,
@@ -126,23 +129,24 @@ RunOptions run_options(const CommonOptions& common,
   for (const std::filesystem::path& file : compensators) {
     try {
       plug_in_case(file);
-    } catch (const std::invalid_argument& fault) {
-      throw BadUsage("--compensator", fault.what());
+    } catch (const std::invalid_argument& error) {
+      throw BadUsage("--compensator", error.what());
     }
   }
   return options;
 }
 
 Exit print_outcome(const CommonOptions& common, const RunOptions& options, const Outcome& outcome) {
-  const bool many = std::holds_alternative<Comparison>(outcome.figures);
+  const bool is_comparison = std::holds_alternative<Comparison>(outcome.figures);
   std::visit(
       [&](const auto& figures) {
         print("{}", Lines(common.json ? json_text(to_json(figures)) : to_text(figures)));
       },
       outcome.figures);
   if (!common.json)
-    print("{}files in {}{}\n", Lines(many ? "\n" : ""), options.folder.string(),
-          many && can_draw_pictures() ? "; comparison.png shows all cases on one scale" : "");
+    print("{}files in {}{}\n", Lines(is_comparison ? "\n" : ""), options.folder.string(),
+          is_comparison && can_draw_pictures() ? "; comparison.png shows all cases on one scale"
+                                               : "");
   if (!common.json && outcome.sensors) print("{}", Lines(sensor_choices_text(*outcome.sensors)));
   std::visit(
       [](const auto& figures) {
@@ -157,7 +161,7 @@ Exit print_outcome(const CommonOptions& common, const RunOptions& options, const
   if (!font.empty()) print(stderr, "abbe: warning: {}\n", font);
   for (const std::string& limit : outcome.exceeded_limits) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
-  // A failed plug-in outranks an exceeded limit: the result is incomplete.
+  // A failed plug-in takes precedence over an exceeded limit, because the result is incomplete.
   if (!outcome.failed.empty()) return Exit::PlugIn;
   return outcome.exceeded_limits.empty() ? Exit::Ok : Exit::LimitExceeded;
 }
@@ -172,26 +176,26 @@ struct RunArguments {
   std::string language = "en";
 };
 
-/// Runs one case: a plug-in is a case of its own, so --case and --compensator exclude each other.
-Exit run(const CommonOptions& common, const RunArguments& words) {
-  RunOptions options = run_options(common, words.compensators, words.formats);
-  options.case_name = words.case_name;
+/// Runs one case. A plug-in is a case, so --case and --compensator exclude each other.
+Exit run(const CommonOptions& common, const RunArguments& arguments) {
+  RunOptions options = run_options(common, arguments.compensators, arguments.formats);
+  options.case_name = arguments.case_name;
   if (options.plug_ins.size() > 1 || (!options.case_name.empty() && !options.plug_ins.empty()))
     throw BadUsage("--compensator", "expected one case, a --case or a --compensator");
   if (!options.case_name.empty() && options.case_name != "error_free" &&
       options.case_name != "uncompensated")
     check_case(options.case_name);
-  if (words.report)
+  if (arguments.report)
     request_report(options, common,
-                   words.case_name.empty() ? "run" : "run --case " + words.case_name,
-                   words.language);
+                   arguments.case_name.empty() ? "run" : "run --case " + arguments.case_name,
+                   arguments.language);
   return print_outcome(common, options, run(common.scene, options));
 }
 
 }  // namespace
 
 Command run_command(CommonOptions& common) {
-  const auto words = std::make_shared<RunArguments>();
+  const auto arguments = std::make_shared<RunArguments>();
   return {"run",
           "Cut one case of a scene (uncompensated unless --case)",
           {"abbe run scenes/gantry_dome.toml --case perfect-iterated-ideal --out out/best",
@@ -200,14 +204,14 @@ Command run_command(CommonOptions& common) {
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
                                  memory_option(common),
-                                 {"--case", &words->case_name,
+                                 {"--case", &arguments->case_name,
                                   "error_free, uncompensated or belief-strategy-channel"},
                                  trust_option(common),
-                                 compensator_option(words->compensators),
-                                 save_option(words->formats),
-                                 report_option(words->report),
-                                 language_option(words->language)}),
-          [words, &common] { return run(common, *words); }};
+                                 compensator_option(arguments->compensators),
+                                 save_option(arguments->formats),
+                                 report_option(arguments->report),
+                                 language_option(arguments->language)}),
+          [arguments, &common] { return run(common, *arguments); }};
 }
 
 namespace {
@@ -222,23 +226,23 @@ struct CompareArguments {
 }  // namespace
 
 Command compare_command(CommonOptions& common) {
-  const auto words = std::make_shared<CompareArguments>();
-  return {
-      "compare",
-      "Cut error-free, uncompensated and every compensator of the scene",
-      {"abbe compare scenes/gantry_dome.toml --out out/dome",
-       "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
-       "out/own",
-       "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
-      scene_options(common, {result_folder_option(common), force_option(common),
-                             memory_option(common), trust_option(common),
-                             compensator_option(words->compensators), save_option(words->formats),
-                             report_option(words->report), language_option(words->language)}),
-      [words, &common] {
-        RunOptions options = run_options(common, words->compensators, words->formats);
-        if (words->report) request_report(options, common, "compare", words->language);
-        return print_outcome(common, options, compare(common.scene, options));
-      }};
+  const auto arguments = std::make_shared<CompareArguments>();
+  return {"compare",
+          "Cut error-free, uncompensated and every compensator of the scene",
+          {"abbe compare scenes/gantry_dome.toml --out out/dome",
+           "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
+           "out/own",
+           "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
+          scene_options(common,
+                        {result_folder_option(common), force_option(common), memory_option(common),
+                         trust_option(common), compensator_option(arguments->compensators),
+                         save_option(arguments->formats), report_option(arguments->report),
+                         language_option(arguments->language)}),
+          [arguments, &common] {
+            RunOptions options = run_options(common, arguments->compensators, arguments->formats);
+            if (arguments->report) request_report(options, common, "compare", arguments->language);
+            return print_outcome(common, options, compare(common.scene, options));
+          }};
 }
 
 namespace {
@@ -255,7 +259,7 @@ struct StudyArguments {
   study::SlurmOptions job;
 };
 
-/// Parses a shard "i/n"; %n makes sure that nothing follows.
+/// Parses a shard such as "3/8". %n ensures that no text follows.
 study::Shard parse_shard(const std::string& text) {
   study::Shard shard;
   int end = 0;
@@ -266,28 +270,29 @@ study::Shard parse_shard(const std::string& text) {
   return shard;
 }
 
-Exit print_slurm_script(const CommonOptions& common, const StudyArguments& words,
+Exit print_slurm_script(const CommonOptions& common, const StudyArguments& arguments,
                         const study::StudyOptions& options) {
-  study::SlurmOptions job = words.job;
+  study::SlurmOptions job = arguments.job;
   job.study = common.scene;
   job.out = options.folder;
   job.program = std::filesystem::canonical(program_file());
   job.trust = common.permissions.trust;
-  // A mistake in the study is reported now, not by every shard.
+  // Input errors of the study are reported here, not by every shard.
   study::read_trusted_study(common.scene, options.overrides, common.permissions);
   print("{}", Lines(study::slurm_script(job)));
   return Exit::Ok;
 }
 
 /// Runs, shows or merges a study, or prints its Slurm script. Only rank 0 prints.
-Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc, char**& argv) {
+Exit run_study_command(const CommonOptions& common, const StudyArguments& arguments, int& argc,
+                       char**& argv) {
   study::StudyOptions options;
   options.overrides = overrides(common);
   options.folder = result_folder(common);
   options.permissions = common.permissions;
-  if (words.report) options.report_language = words.language;
-  if (!words.shard.empty()) options.shard = parse_shard(words.shard);
-  if (words.slurm) return print_slurm_script(common, words, options);
+  if (arguments.report) options.report_language = arguments.language;
+  if (!arguments.shard.empty()) options.shard = parse_shard(arguments.shard);
+  if (arguments.slurm) return print_slurm_script(common, arguments, options);
   const auto print_text = [&](const study::StudyResult& result) {
     if (common.json)
       print("{}", Lines(json_text(result.json)));
@@ -296,8 +301,8 @@ Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc
     print_warnings(result.warnings);
     return Exit::Ok;
   };
-  if (words.show) return print_text(study::show_study(common.scene, options));
-  if (words.merge) return print_text(study::merge_study(common.scene, options));
+  if (arguments.show) return print_text(study::show_study(common.scene, options));
+  if (arguments.merge) return print_text(study::merge_study(common.scene, options));
   const study::Ranks ranks = study::ranks(argc, argv);
   if (ranks.rank == 0) return print_text(study::run_study(common.scene, options, ranks));
   try {
@@ -311,8 +316,8 @@ Exit execute(const CommonOptions& common, const StudyArguments& words, int& argc
 }  // namespace
 
 Command study_command(CommonOptions& common, int& argc, char**& argv) {
-  const auto words = std::make_shared<StudyArguments>();
-  study::SlurmOptions& job = words->job;
+  const auto arguments = std::make_shared<StudyArguments>();
+  study::SlurmOptions& job = arguments->job;
   return {
       "study",
       "Try thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)",
@@ -328,24 +333,28 @@ Command study_command(CommonOptions& common, int& argc, char**& argv) {
         "folder for every file (out/STUDY); cases that are in its journal are not computed again"},
        force_option(common),
        trust_option(common),
-       {"--resume", &words->resume,
+       {"--resume", &arguments->resume,
         "go on where the journal ends; the default, another --out starts from the beginning"},
-       {"--shard", &words->shard, "compute part i of n, i from 0: for job arrays; then --merge"},
-       {"--merge", &words->merge, "write the tables of all shards in --out", Excludes{{"--shard"}}},
-       {"--show", &words->show, "print how far it is and what it says so far; computes nothing",
+       {"--shard", &arguments->shard,
+        "compute part i of n, i from 0: for job arrays; then --merge"},
+       {"--merge", &arguments->merge, "write the tables of all shards in --out",
+        Excludes{{"--shard"}}},
+       {"--show", &arguments->show, "print how far it is and what it says so far; computes nothing",
         Excludes{{"--shard", "--merge"}}},
-       {"--report", &words->report,
+       {"--report", &arguments->report,
         "besides, report.html: tables and charts with the values under the cursor",
         Excludes{{"--shard", "--show"}}},
-       language_option(words->language),
-       {"--slurm", &words->slurm, "print a script for Slurm that runs the study as a job array",
+       language_option(arguments->language),
+       {"--slurm", &arguments->slurm, "print a script for Slurm that runs the study as a job array",
         Excludes{{"--shard", "--merge", "--show", "--report"}}},
        {"--shards", &job.shards, "with --slurm: jobs of the array (8)", Between{1, 100000},
         RequiresOption{"--slurm"}},
        {"--cpus", &job.cpus, "with --slurm: processors of each (4)", Between{1, 1024},
         RequiresOption{"--slurm"}},
        {"--time", &job.time, "with --slurm: limit of each (24:00:00)", RequiresOption{"--slurm"}}},
-      [words, &common, &argc, &argv] { return execute(common, *words, argc, argv); },
+      [arguments, &common, &argc, &argv] {
+        return run_study_command(common, *arguments, argc, argv);
+      },
       "Several machines:  mpirun -n 8 abbe study STUDY.toml   or   --slurm"};
 }
 

@@ -7,18 +7,19 @@
 
 namespace abbe::sim {
 
-/// Returns --compensator of `run` and `compare`.
+/// Returns the option --compensator of `run` and `compare`.
 Option compensator_option(std::vector<std::filesystem::path>& files);
 
-/// Returns --save of both commands.
+/// Returns the option --save of both commands.
 Option save_option(std::vector<std::string>& formats);
 
-/// Return --report and --language of both commands.
+/// Returns the option --report of both commands.
 Option report_option(bool& report);
+/// Returns the option --language of both commands.
 Option language_option(std::string& language);
 
-/// Requests a report in addition, with the command line that reproduces it.
-/// @param command  "run", "compare --compensator x.py"
+/// Requests a report that quotes the command line to reproduce it.
+/// @param command  such as "run" or "compare --compensator x.py"
 void request_report(RunOptions& options, const CommonOptions& common, const std::string& command,
                     const std::string& language);
 
@@ -30,17 +31,18 @@ RunOptions run_options(const CommonOptions& common,
                        const std::vector<std::filesystem::path>& compensators,
                        const std::vector<std::string>& formats);
 
-/// Prints the figures of a cut or of a comparison, exceeded limits and failures.
+/// Prints the figures of a cut or of a comparison, exceeded limits and failures. Returns the exit
+/// code.
 Exit print_outcome(const CommonOptions& common, const RunOptions& options, const Outcome& outcome);
 
 /// Returns the command `abbe run`, which cuts one case of a scene.
 Command run_command(CommonOptions& common);
 
-/// Returns the command `abbe compare`, which cuts the error-free machine, the uncompensated one and
-/// every compensator of a scene.
+/// Returns the command `abbe compare`, which cuts a scene with the error-free machine, with the
+/// uncompensated one and with every compensator.
 Command compare_command(CommonOptions& common);
 
-/// Returns the command `abbe study`, which computes thousands of machines.
+/// Returns the command `abbe study`, which cuts with thousands of variations of a machine.
 /// @param argc, argv  of the program, as started by mpirun
 Command study_command(CommonOptions& common, int& argc, char**& argv);
 

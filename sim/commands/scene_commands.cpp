@@ -47,10 +47,9 @@ namespace {
 using kinematics::Motion;
 using std::filesystem::path;
 
-constexpr double many_turns = 10000.0;  // degrees of travel from which a rotary axis counts as
-                                        // unlimited
+constexpr double min_unlimited_deg = 10000.0;  // a rotary axis with more travel counts as unlimited
 
-/// Returns the first comment of a file, which describes it.
+/// Returns the comment in the first line of a file, which is its summary.
 std::string first_comment(const path& file) {
   const std::string text = read_text(file, max_toml_bytes);
   const std::string line = text.substr(0, text.find('\n'));
@@ -62,32 +61,33 @@ KindEntry read_kind_entry(const std::string& name, const path& library) {
   const path file = library / "new" / (name + ".toml");
   const Node scene = read_toml_file(file);
   const Node* machine = scene.find("machine");
-  const std::string* of = machine != nullptr ? machine->text() : nullptr;
-  return {name, first_comment(file), of != nullptr ? path(*of).stem().string() : std::string()};
+  const std::string* machine_name = machine != nullptr ? machine->text() : nullptr;
+  return {name, first_comment(file),
+          machine_name != nullptr ? path(*machine_name).stem().string() : std::string()};
 }
 
-/// Reads structural code and travel of a machine; linear axes are listed first.
+/// Reads the structural code and the travel of a machine. Linear axes come first.
 MachineEntry read_machine_entry(const path& file) {
   InputErrors input_errors;
   const MachineDescription machine = read_machine(read_toml_file(file), input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
-  MachineEntry listed{file.stem().string(),
-                      machine.summary,
-                      to_string(kinematics::chain_topology(machine.joints)),
-                      {}};
+  MachineEntry entry{file.stem().string(),
+                     machine.summary,
+                     to_string(kinematics::chain_topology(machine.joints)),
+                     {}};
   for (const kinematics::Joint& joint : machine.joints) {
-    // Spindles have no travel, neither the tool's nor the workpiece's.
+    // Spindles of the tool and of the workpiece have no travel.
     if (joint.motion == Motion::Spindle || joint.name == 'S') continue;
-    const bool turns = joint.motion == Motion::Rotary;
-    const double unit = turns ? units::deg : 1.0;
+    const bool is_rotary = joint.motion == Motion::Rotary;
+    const double unit = is_rotary ? units::deg : 1.0;
     const double min = joint.min / unit, max = joint.max / unit;
-    // Unlimited axes have limits of 1e9.
-    listed.axes.push_back(
-        {joint.name, turns, turns ? max - min < many_turns : max < 1e8, min, max});
+    // An unlimited linear axis has limits of 1e9.
+    entry.axes.push_back(
+        {joint.name, is_rotary, is_rotary ? max - min < min_unlimited_deg : max < 1e8, min, max});
   }
-  std::ranges::sort(listed.axes, {},
-                    [](const AxisEntry& axis) { return std::pair(axis.turns, axis.name); });
-  return listed;
+  std::ranges::sort(entry.axes, {},
+                    [](const AxisEntry& axis) { return std::pair(axis.is_rotary, axis.name); });
+  return entry;
 }
 
 }  // namespace
@@ -96,28 +96,29 @@ LibraryList library_list(const std::vector<std::string>& kinds) {
   const path library = library_folder();
   LibraryList list;
   for (const std::string& kind : kinds) list.kinds.push_back(read_kind_entry(kind, library));
-  for (const auto& entry : std::filesystem::directory_iterator(library / "machines"))
-    if (entry.path().extension() == ".toml")
-      list.machines.push_back(read_machine_entry(entry.path()));
+  for (const auto& directory_entry : std::filesystem::directory_iterator(library / "machines"))
+    if (directory_entry.path().extension() == ".toml")
+      list.machines.push_back(read_machine_entry(directory_entry.path()));
   std::ranges::sort(list.machines, {}, &MachineEntry::name);
   return list;
 }
 
 std::string travel_text(const MachineEntry& machine) {
-  std::string slides, turns;
+  std::string slide_travel, rotary_travel;
   for (const AxisEntry& axis : machine.axes) {
-    std::string& text = axis.turns ? turns : slides;
+    std::string& text = axis.is_rotary ? rotary_travel : slide_travel;
     text += text.empty() ? "" : ", ";
-    if (!axis.ends)
+    if (!axis.has_limits)
       text += fmt::format("{} any", axis.name);
-    else if (axis.turns)
+    else if (axis.is_rotary)
       text += fmt::format("{} {:.6g} .. {:.6g}", axis.name, axis.min, axis.max);
     else
       text += fmt::format("{} {:.6g}", axis.name, axis.max - axis.min);
   }
-  if (!slides.empty()) slides += " mm";
-  if (!turns.empty()) slides += (slides.empty() ? "" : "; ") + turns + " deg";
-  return slides;
+  if (!slide_travel.empty()) slide_travel += " mm";
+  if (!rotary_travel.empty())
+    slide_travel += (slide_travel.empty() ? "" : "; ") + rotary_travel + " deg";
+  return slide_travel;
 }
 
 std::string to_text(const LibraryList& list) {
@@ -139,8 +140,9 @@ nlohmann::ordered_json to_json(const LibraryList& list) {
     nlohmann::ordered_json axes = nlohmann::ordered_json::object();
     for (const AxisEntry& axis : machine.axes) {
       nlohmann::ordered_json travel;
-      if (axis.ends) travel = {axis.min, axis.max};
-      axes[std::string(1, axis.name)] = {{"unit", axis.turns ? "deg" : "mm"}, {"travel", travel}};
+      if (axis.has_limits) travel = {axis.min, axis.max};
+      axes[std::string(1, axis.name)] = {{"unit", axis.is_rotary ? "deg" : "mm"},
+                                         {"travel", travel}};
     }
     machines.push_back({{"name", machine.name},
                         {"summary", machine.summary},
@@ -159,16 +161,18 @@ const std::vector<std::string>& new_kinds() {
 
 std::vector<CopiedFile> new_scene(const std::string& kind, const std::filesystem::path& folder) {
   check_new_folder(folder);
-  const std::vector<CopiedFile> copied = scene_copy(library_folder() / "new" / (kind + ".toml"));
+  const std::vector<CopiedFile> copied_files =
+      scene_copy(library_folder() / "new" / (kind + ".toml"));
   std::vector<NewFile> files;
-  for (const CopiedFile& one : copied) files.push_back({one.name, one.text});
+  for (const CopiedFile& copied_file : copied_files)
+    files.push_back({copied_file.name, copied_file.text});
   write_new_folder(folder, files);
-  return copied;
+  return copied_files;
 }
 
 namespace {
 
-/// Arguments of the command line: kind and folder.
+/// Arguments of `abbe new`.
 struct NewArguments {
   std::string kind;
   std::filesystem::path folder;
@@ -181,16 +185,17 @@ Exit print_list(const CommonOptions& common) {
   return Exit::Ok;
 }
 
-/// Writes a first scene and prints the commands to try next.
-Exit print_new_scene(const NewArguments& words) {
-  if (words.kind.empty() || words.folder.empty())
-    throw BadUsage(words.kind.empty() ? "KIND" : "DIR",
+/// Writes a first scene, and prints its files and the commands to try next.
+Exit print_new_scene(const NewArguments& arguments) {
+  if (arguments.kind.empty() || arguments.folder.empty())
+    throw BadUsage(arguments.kind.empty() ? "KIND" : "DIR",
                    "expected a kind and a folder, such as abbe new gantry first, or --list");
   const std::filesystem::path library = library_folder();
-  for (const CopiedFile& one : new_scene(words.kind, words.folder))
-    print("{:<16} from {}\n", one.name, one.from.lexically_relative(library).generic_string());
-  const std::string scene = (words.folder / "scene.toml").string();
-  const std::string out = (words.folder / "out").string();
+  for (const CopiedFile& copied_file : new_scene(arguments.kind, arguments.folder))
+    print("{:<16} from {}\n", copied_file.name,
+          copied_file.from.lexically_relative(library).generic_string());
+  const std::string scene = (arguments.folder / "scene.toml").string();
+  const std::string out = (arguments.folder / "out").string();
   print("\nabbe check {} --picture --out {}\nabbe compare {} --out {}\n", scene, out + "/check",
         scene, out + "/compare");
   return Exit::Ok;
@@ -199,21 +204,22 @@ Exit print_new_scene(const NewArguments& words) {
 }  // namespace
 
 Command new_command(CommonOptions& common) {
-  const auto words = std::make_shared<NewArguments>();
-  return {.name = "new",
-          .summary = "Write a first scene with its machine, errors, tool, part and program",
-          .examples = {"abbe new gantry first", "abbe new lathe parts/shaft", "abbe new --list"},
-          .options =
-              {{"KIND", &words->kind,
-                "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or for a "
-                "program of a CAM, cam, fanuc, siemens, heidenhain or linuxcnc",
-                OneOf{new_kinds()}, OptionalArgument{}},
-               {"DIR", &words->folder, "folder for the files: new or empty", OptionalArgument{}},
-               {"--list", &words->list, "print the kinds, and the machines of the library"},
-               json_option(common)},
-          .run = [words, &common] {
-            return words->list ? print_list(common) : print_new_scene(*words);
-          }};
+  const auto arguments = std::make_shared<NewArguments>();
+  return {
+      .name = "new",
+      .summary = "Write a first scene with its machine, errors, tool, part and program",
+      .examples = {"abbe new gantry first", "abbe new lathe parts/shaft", "abbe new --list"},
+      .options =
+          {{"KIND", &arguments->kind,
+            "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or for a "
+            "program of a CAM, cam, fanuc, siemens, heidenhain or linuxcnc",
+            OneOf{new_kinds()}, OptionalArgument{}},
+           {"DIR", &arguments->folder, "folder for the files: new or empty", OptionalArgument{}},
+           {"--list", &arguments->list, "print the kinds, and the machines of the library"},
+           json_option(common)},
+      .run = [arguments, &common] {
+        return arguments->list ? print_list(common) : print_new_scene(*arguments);
+      }};
 }
 
 namespace {
@@ -225,25 +231,26 @@ struct CheckArguments {
   std::string case_name;
 };
 
-constexpr int max_lines = 40;  // lines of a terminal
+constexpr int max_terminal_lines = 40;  // printed unless --all is stated
 
-/// Returns as many lines of a text as a terminal shows, the last of them saying what is left out.
+/// Returns the first lines of a text that fit on a terminal. If some are omitted, the last line
+/// states how many.
 std::string first_lines(const std::string& text) {
   const auto count = std::ranges::count(text, '\n');
-  if (count <= max_lines) return text;
+  if (count <= max_terminal_lines) return text;
   std::size_t end = 0;
-  for (int line = 1; line < max_lines; ++line) end = text.find('\n', end) + 1;
+  for (int line = 1; line < max_terminal_lines; ++line) end = text.find('\n', end) + 1;
   return text.substr(0, end) +
-         fmt::format("... and {} lines more: --all prints them\n", count - max_lines + 1);
+         fmt::format("... and {} lines more: --all prints them\n", count - max_terminal_lines + 1);
 }
 
-/// Returns the commands of the axes in a case.
-Commands commands_of(const Job& job, const std::string& case_name, const Progress& progress) {
+/// Returns the axis commands of a case.
+Commands case_commands(const Job& job, const std::string& case_name, const Progress& progress) {
   if (case_name == "uncompensated") return uncompensated_commands(job);
   return compensate(job, parse_case(case_name), progress);
 }
 
-/// Searches collisions along the program of a case.
+/// Searches for collisions along the program of a case.
 Collisions find_collisions(const Job& job, const std::string& case_name) {
   const WorkSize size = size_of(job);
   std::vector<Stage> stages = collision_stages(case_name, size);
@@ -251,60 +258,64 @@ Collisions find_collisions(const Job& job, const std::string& case_name) {
     stages = command_stages(case_name, size, job.scene, parse_case(case_name)) + std::move(stages);
   ProgressLine line(std::move(stages));
   line.begin(case_name);
-  const Commands commands = commands_of(job, case_name, to(line));
+  const Commands commands = case_commands(job, case_name, to(line));
   return collisions(job, commands, case_name, to(line));
 }
 
-/// Checks a scene. The bodies are read in any case, so that errors in them are found; the exit code
-/// is 1 if bodies collide.
-Exit check(const CommonOptions& common, const CheckArguments& words) {
-  if (!words.case_name.empty() && !words.collisions)
+/// Checks a scene. Bodies are always read, so that errors in them are found. The exit code is 1 if
+/// bodies collide.
+Exit check_scene(const CommonOptions& common, const CheckArguments& arguments) {
+  if (!arguments.case_name.empty() && !arguments.collisions)
     throw BadUsage("--case", "expected --collisions beside it: check cuts nothing");
-  if (!words.case_name.empty() && words.case_name != "uncompensated") check_case(words.case_name);
+  if (!arguments.case_name.empty() && arguments.case_name != "uncompensated")
+    check_case(arguments.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
-  const Placement place = placement(job);
+  const Placement part_placement = placement(job);
   // A program that misses the part is an error of the scene, but collisions are still searched.
-  if (place.fault && !words.collisions) throw BadInput(*place.fault);
+  if (part_placement.fault && !arguments.collisions) throw BadInput(*part_placement.fault);
   Description description = describe(job);
   std::vector<std::string>& warnings = description.warnings;
-  warnings.insert(warnings.end(), place.warnings.begin(), place.warnings.end());
-  if (std::string text = not_searched_text(job); !text.empty() && !words.collisions)
+  warnings.insert(warnings.end(), part_placement.warnings.begin(), part_placement.warnings.end());
+  if (std::string text = not_searched_text(job); !text.empty() && !arguments.collisions)
     warnings.push_back(std::move(text));
   description.programs = judged(scene.programs, common.permissions);
-  std::optional<Collisions> found;
-  if (words.collisions) {
-    found = find_collisions(job, words.case_name.empty() ? "uncompensated" : words.case_name);
-    warnings.insert(warnings.end(), found->warnings.begin(), found->warnings.end());
+  std::optional<Collisions> found_collisions;
+  if (arguments.collisions) {
+    found_collisions =
+        find_collisions(job, arguments.case_name.empty() ? "uncompensated" : arguments.case_name);
+    warnings.insert(warnings.end(), found_collisions->warnings.begin(),
+                    found_collisions->warnings.end());
   } else {
-    // Their meshes are read, so that one that cannot be read is an error here too.
+    // Reading the meshes reports those that cannot be read.
     machine_bodies(scene.machine);
     fixture_bodies(scene);
   }
-  if (words.picture) {
+  if (arguments.picture) {
     const ResultFolder folder(result_folder(common), make_writer(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
-    if (found) write_collision_pictures(folder, job, *found);
+    if (found_collisions) write_collision_pictures(folder, job, *found_collisions);
   }
   if (common.json) {
     nlohmann::ordered_json json = to_json(description);
-    if (found) json["collisions"] = to_json(*found);
+    if (found_collisions) json["collisions"] = to_json(*found_collisions);
     print("{}", Lines(json_text(json)));
   } else {
-    const std::string text = (found ? to_text(*found) + "\n" : "") + to_text(description);
-    print("{}", Lines(words.all ? text : first_lines(text)));
+    const std::string text =
+        (found_collisions ? to_text(*found_collisions) + "\n" : "") + to_text(description);
+    print("{}", Lines(arguments.all ? text : first_lines(text)));
   }
   print_assumptions(description.assumptions);
   print_warnings(warnings);
-  if (place.fault) throw BadInput(*place.fault);
-  return found && !is_clear(*found) ? Exit::LimitExceeded : Exit::Ok;
+  if (part_placement.fault) throw BadInput(*part_placement.fault);
+  return found_collisions && !is_clear(*found_collisions) ? Exit::LimitExceeded : Exit::Ok;
 }
 
 }  // namespace
 
 Command check_command(CommonOptions& common) {
-  const auto words = std::make_shared<CheckArguments>();
+  const auto arguments = std::make_shared<CheckArguments>();
   return {"check",
           "Validate a scene and say how it was understood; cut nothing",
           {"abbe check scenes/gantry_dome.toml --picture --out out/check",
@@ -313,92 +324,89 @@ Command check_command(CommonOptions& common) {
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
                                  trust_option(common),
-                                 {"--picture", &words->picture,
+                                 {"--picture", &arguments->picture,
                                   "draw machine, part and path, errors magnified"},
-                                 {"--collisions", &words->collisions,
+                                 {"--collisions", &arguments->collisions,
                                   "look for what meets what along the program, also where that "
                                   "misses the part; exit 1 if anything does"},
-                                 {"--all", &words->all, "print every line, not 40 of them"},
-                                 {"--case", &words->case_name,
+                                 {"--all", &arguments->all, "print every line, not 40 of them"},
+                                 {"--case", &arguments->case_name,
                                   "uncompensated, or belief-strategy-channel: whose commands are "
                                   "looked at"}}),
-          [words, &common] { return check(common, *words); }};
+          [arguments, &common] { return check_scene(common, *arguments); }};
 }
 
 namespace {
 
 using nlohmann::ordered_json;
 
-/// Arguments of `abbe pose`: one of `at`, `at_file` and `grid`.
+/// Arguments of `abbe pose`. One of `at`, `at_file` and `grid` is set.
 struct PoseArguments {
   std::string at;                   ///< one pose, "X=100 A=30"
   std::filesystem::path at_file;    ///< many poses, CSV
   std::optional<std::string> grid;  ///< the work space, "X=0:400:9 Y=::5"; may be empty
-  PoseRequest wishes;
-  std::vector<std::string> jacobians;  ///< of the request, as texts
-  std::filesystem::path out;  ///< of many: a file, else standard output; of the work space: a
-                              ///< folder, else out/SCENE/volumetric
+  PoseRequest request;
+  std::vector<std::string> jacobians;  ///< names of those in the request
+  /// For `at_file` a file, by default standard output; for `grid` a folder, by default
+  /// out/SCENE/volumetric.
+  std::filesystem::path out;
   bool json = false;
   Permissions permissions;
 };
 
 constexpr std::size_t min_progress_poses = 20000;  // about 0.2 s of computing
 
-/// Warnings go to stderr, so that the output can be piped.
-void warn(const std::vector<std::string>& warnings) {
-  for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
-}
-
 /// Prints one pose.
-void print_pose(const Scene& scene, const PoseArguments& command) {
-  const PoseResult pose = pose_at(scene, command.at, command.wishes);
-  print("{}", Lines(command.json ? json_text(to_json(pose)) : to_text(pose)));
-  warn(pose.warnings);
+void print_pose(const Scene& scene, const PoseArguments& arguments) {
+  const PoseResult pose = pose_at(scene, arguments.at, arguments.request);
+  print("{}", Lines(arguments.json ? json_text(to_json(pose)) : to_text(pose)));
+  print_warnings(pose.warnings);
 }
 
-/// Prints or writes a table of poses. Its output file is checked before the poses are read.
-void print_pose_table(const IdleMachine& idle, const PoseArguments& command) {
-  const PoseTable table(idle, command.wishes);
-  const auto asked = command.json ? TableFormat::Json : TableFormat::Csv;
-  const TableFormat format = command.out.empty() ? asked : pose_file_format(command.out);
-  Writer writer = make_writer(idle.scene, command.permissions);
-  writer.inputs.push_back(command.at_file);
-  if (!command.out.empty()) check_file(command.out, writer);
-  const PoseList poses = read_poses_file(command.at_file, idle.machine.nominal);
+/// Prints or writes a table of poses. The output file is checked before the poses are read.
+void print_pose_table(const IdleMachine& idle, const PoseArguments& arguments) {
+  const PoseTable table(idle, arguments.request);
+  const auto default_format = arguments.json ? TableFormat::Json : TableFormat::Csv;
+  const TableFormat format =
+      arguments.out.empty() ? default_format : pose_file_format(arguments.out);
+  Writer writer = make_writer(idle.scene, arguments.permissions);
+  writer.inputs.push_back(arguments.at_file);
+  if (!arguments.out.empty()) check_file(arguments.out, writer);
+  const PoseList poses = read_poses_file(arguments.at_file, idle.machine.nominal);
   std::optional<ResultFile> out;
-  if (!command.out.empty()) out = result_file(command.out, writer);
+  if (!arguments.out.empty()) out = result_file(arguments.out, writer);
   const std::vector<std::string> warnings = pose_warnings(idle, poses);
-  warn(warnings);
+  print_warnings(warnings);
   std::optional<ProgressLine> progress;
   if (poses.size() > min_progress_poses) {
     const std::string part = fmt::format("{} poses", poses.size());
     progress.emplace(std::vector<Stage>{{part, "poses", 1e-5 * double(poses.size())}});
     progress->begin(part);
   }
-  ProgressLine* const shown = progress ? &*progress : nullptr;
+  ProgressLine* const progress_line = progress ? &*progress : nullptr;
   if (!out) {
-    print_poses(table, poses, format, warnings, shown);
+    print_poses(table, poses, format, warnings, progress_line);
     return;
   }
-  const PoseStatistics s = write_pose_file(*out, table, poses, format, warnings, shown);
+  const PoseStatistics s = write_pose_file(*out, table, poses, format, warnings, progress_line);
   progress.reset();
-  if (command.json) {
+  if (arguments.json) {
     const ordered_json json{
-        {"file", command.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
+        {"file", arguments.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
     print("{}", Lines(json_text(json)));
   } else {
-    print("{}file              {}\n", Lines(to_text(s, poses)), command.out.string());
+    print("{}file              {}\n", Lines(to_text(s, poses)), arguments.out.string());
   }
 }
 
-/// Returns the folder of --grid.
-/// @throws OutputFailure for the name of a file, as --at-file takes it
+/// Returns the output folder of --grid.
+/// @throws OutputFailure if `out` has the extension of a file, such as --at-file accepts
 std::filesystem::path grid_folder(const Scene& scene, const std::filesystem::path& out) {
   if (out.empty()) return std::filesystem::path("out") / scene.file.stem() / "volumetric";
-  std::error_code none;
-  if (std::filesystem::is_directory(out, none)) return out;
-  for (const char* ending : {".csv", ".json", ".png", ".vts", ".vtp", ".toml"})
-    if (out.extension() == ending)
+  std::error_code ignored_error;
+  if (std::filesystem::is_directory(out, ignored_error)) return out;
+  for (const char* extension : {".csv", ".json", ".png", ".vts", ".vtp", ".toml"})
+    if (out.extension() == extension)
       throw OutputFailure(fmt::format(
           "{}: expected a folder, since --grid writes several files (volumetric.json and "
           "others); choose one such as --out {}",
@@ -407,14 +415,14 @@ std::filesystem::path grid_folder(const Scene& scene, const std::filesystem::pat
 }
 
 /// Computes and writes the volumetric map of the work space.
-void print_work_space(const IdleMachine& idle, const PoseArguments& command) {
-  const PoseTable table(idle, command.wishes);
-  const ResultFolder folder(grid_folder(idle.scene, command.out),
-                            make_writer(idle.scene, command.permissions));
-  const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *command.grid));
+void print_work_space(const IdleMachine& idle, const PoseArguments& arguments) {
+  const PoseTable table(idle, arguments.request);
+  const ResultFolder folder(grid_folder(idle.scene, arguments.out),
+                            make_writer(idle.scene, arguments.permissions));
+  const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *arguments.grid));
   const VolumetricSummary s = summary(map);
   std::vector<std::string> warnings = pose_warnings(idle, map.grid.poses);
-  // No deviation at all is probably a mistake: the errors of the scene may act only in motion.
+  // A machine without any deviation is probably a mistake: its errors may act only in motion.
   if (s.all.max_um == 0.0 && s.all.direction_max_urad == 0.0)
     warnings.push_back(
         "nothing deviates anywhere: this machine has no errors while it stands still");
@@ -425,43 +433,43 @@ void print_work_space(const IdleMachine& idle, const PoseArguments& command) {
   ordered_json json = to_json(idle, map, s);
   json["warnings"] = warnings;
   write_json(folder / "volumetric.json", json);
-  warn(warnings);
-  if (command.json)
+  print_warnings(warnings);
+  if (arguments.json)
     print("{}", Lines(json_text(json)));
   else
     print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
 }
 
-/// Prints poses for the option that was given.
-void print_poses(const Scene& scene, const PoseArguments& command) {
-  if (!command.at.empty() || (command.at_file.empty() && !command.grid))
-    return print_pose(scene, command);
+/// Prints the poses that --at, --at-file or --grid requests.
+void print_poses(const Scene& scene, const PoseArguments& arguments) {
+  if (!arguments.at.empty() || (arguments.at_file.empty() && !arguments.grid))
+    return print_pose(scene, arguments);
   const IdleMachine idle = idle_machine(scene);
-  if (command.grid)
-    print_work_space(idle, command);
+  if (arguments.grid)
+    print_work_space(idle, arguments);
   else
-    print_pose_table(idle, command);
+    print_pose_table(idle, arguments);
 }
 
 /// Parses the remaining arguments and prints the poses.
-Exit execute(const CommonOptions& common, PoseArguments command) {
-  const std::map<std::string, PoseJacobian> jacobians{{"axis", PoseJacobian::Axis},
-                                                      {"motion", PoseJacobian::Motion},
-                                                      {"location", PoseJacobian::Location}};
-  for (const std::string& word : command.jacobians)
-    command.wishes.jacobians.push_back(jacobians.at(word));
-  command.json = common.json;
-  command.permissions = common.permissions;
-  if (!command.at_file.empty() && !command.out.empty())
-    command.out = output_file(command.out, command.json ? "poses.json" : "poses.csv");
-  print_poses(read_scene(common.scene, overrides(common)), command);
+Exit run_pose_command(const CommonOptions& common, PoseArguments arguments) {
+  const std::map<std::string, PoseJacobian> jacobians_by_name{{"axis", PoseJacobian::Axis},
+                                                              {"motion", PoseJacobian::Motion},
+                                                              {"location", PoseJacobian::Location}};
+  for (const std::string& name : arguments.jacobians)
+    arguments.request.jacobians.push_back(jacobians_by_name.at(name));
+  arguments.json = common.json;
+  arguments.permissions = common.permissions;
+  if (!arguments.at_file.empty() && !arguments.out.empty())
+    arguments.out = output_file(arguments.out, arguments.json ? "poses.json" : "poses.csv");
+  print_poses(read_scene(common.scene, overrides(common)), arguments);
   return Exit::Ok;
 }
 
 }  // namespace
 
 Command pose_command(CommonOptions& common) {
-  const auto asked = std::make_shared<PoseArguments>();
+  const auto arguments = std::make_shared<PoseArguments>();
   return {"pose",
           "Where the tool is and should be: at a pose, many, everywhere",
           {"abbe pose scenes/gantry_dome.toml --at \"X=100 Y=0 Z=50 A=30 C=90\" --elements all",
@@ -470,21 +478,21 @@ Command pose_command(CommonOptions& common) {
           scene_options(
               common,
               {force_option(common),
-               {"--jacobian", &asked->jacobians,
+               {"--jacobian", &arguments->jacobians,
                 "derivatives of the nominal pose by axes, error motions, location errors",
                 OneOf{{"axis", "motion", "location"}}, CommaSeparated{}},
-               {"--elements", &asked->wishes.elements,
+               {"--elements", &arguments->request.elements,
                 "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all", CommaSeparated{}},
-               {"--out", &asked->out,
+               {"--out", &arguments->out,
                 "of --at-file a .csv or .json file, or folder for it; of --grid a folder "
                 "(out/SCENE/volumetric)"}}),
-          [asked, &common] { return execute(common, *asked); },
+          [arguments, &common] { return run_pose_command(common, *arguments); },
           "Columns and files are explained in scenes/README.md, Poses.",
-          {{"--at", &asked->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
+          {{"--at", &arguments->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
             Excludes{{"--out"}}},
-           {"--at-file", &asked->at_file,
+           {"--at-file", &arguments->at_file,
             "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json"},
-           {"--grid", &asked->grid,
+           {"--grid", &arguments->grid,
             "the work space: from:to:count of axes that run, places of others, such as "
             "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel",
             Bare{}}}};

@@ -9,10 +9,11 @@
 #include "sim/commands/command.h"
 #include "sim/scene/document.h"
 
-/// Contents of the library for `abbe new --list` and the documents.
+/// Commands for scenes and machines, and the contents of the library for `abbe new --list` and the
+/// documents.
 namespace abbe::sim {
 
-/// A kind of scene for `abbe new`.
+/// A kind of scene that `abbe new` can write.
 struct KindEntry {
   std::string name, summary;
   std::string machine;  ///< name of its machine in the library
@@ -21,8 +22,8 @@ struct KindEntry {
 /// Travel of an axis, mm or degrees.
 struct AxisEntry {
   char name = 'X';
-  bool turns = false;
-  bool ends = false;  ///< has meaningful limits; a rotary axis of 10 000 degrees has none
+  bool is_rotary = false;
+  bool has_limits = false;  ///< false for a rotary axis with 10 000 degrees of travel or more
   double min = 0.0, max = 0.0;
 };
 
@@ -44,29 +45,28 @@ struct LibraryList {
 /// @throws BadInput without a library, BadScene for a machine that cannot be read
 LibraryList library_list(const std::vector<std::string>& kinds);
 
-/// Returns "X 400, Y 200, Z 240 mm; B -50 .. 100, C any deg": the length of linear travel, the
-/// limits of rotary travel.
+/// Returns the travel of a machine as text, such as "X 400, Y 200, Z 240 mm; B -50 .. 100, C any
+/// deg", with the length of linear and the limits of rotary travel.
 std::string travel_text(const MachineEntry& machine);
 
 std::string to_text(const LibraryList& list);
 nlohmann::ordered_json to_json(const LibraryList& list);
 
-/// Returns the kinds of machine for which the library has a first scene, `new/KIND.toml`.
+/// Returns the kinds for which the library has a first scene, `new/KIND.toml`.
 const std::vector<std::string>& new_kinds();
 
-/// Writes such a scene with its own files into a new or empty folder.
+/// Writes the first scene of a kind with all its files into a new or empty folder.
 /// @throws BadInput without a library, BadScene, OutputFailure
 std::vector<CopiedFile> new_scene(const std::string& kind, const std::filesystem::path& folder);
 
 /// Returns the command `abbe new`.
 Command new_command(CommonOptions& common);
 
-/// Returns the command `abbe check`, which describes a scene as it was understood, and cuts
-/// nothing.
+/// Returns the command `abbe check`, which describes how a scene was understood, and cuts nothing.
 Command check_command(CommonOptions& common);
 
-/// Returns the command `abbe pose` with one of `--at`, `--at-file` and `--grid`. Warnings go to
-/// standard error, or into the output if it is JSON.
+/// Returns the command `abbe pose`, which needs one of `--at`, `--at-file` and `--grid`. Warnings
+/// are printed on standard error; JSON output contains them too.
 Command pose_command(CommonOptions& common);
 
 }  // namespace abbe::sim

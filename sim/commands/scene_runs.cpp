@@ -36,12 +36,12 @@ namespace {
 std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
   std::vector<double> starts;
   double time_s = -history;
-  bool rests = true;
+  bool is_resting = true;
   for (const ThermalPhase& phase : thermal.history) {
-    const bool works = phase.spindle_speed > 0.0 ||
-                       (phase.axis_speed.size() > 0 && phase.axis_speed.maxCoeff() > 0.0);
-    if (works && rests) starts.push_back(time_s);
-    rests = !works;
+    const bool is_working = phase.spindle_speed > 0.0 ||
+                            (phase.axis_speed.size() > 0 && phase.axis_speed.maxCoeff() > 0.0);
+    if (is_working && is_resting) starts.push_back(time_s);
+    is_resting = !is_working;
     time_s += phase.duration;
   }
   return starts;
@@ -49,28 +49,39 @@ std::vector<double> cycle_starts(const ThermalDescription& thermal, double histo
 
 }  // namespace
 
+std::optional<CaseDescription> parse_compensator(const std::string& case_name) {
+  if (case_name.empty() || case_name == "error_free" || case_name == "uncompensated")
+    return std::nullopt;
+  return parse_case(case_name);
+}
+
+Cut cut_named_case(const Job& job, const std::string& case_name, const Progress& progress,
+                   Retention retention) {
+  if (case_name == "error_free") return cut_error_free(job, progress, retention);
+  return cut(job, parse_compensator(case_name), progress, retention);
+}
+
 DayReadings measured_day(const std::string& name, const Scene& scene) {
-  const auto refuse = [&](const std::string& expected, const std::string& seen) {
+  const auto throw_input_error = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(scene.file.string(), 0, 0, expected, seen);
   };
   InstrumentDescription description = find_instrument(scene, scene.sensor_choice->instrument);
   if (description.instrument.kind != errors::metrology::Kind::Drift)
-    refuse("an instrument of kind drift for sensor_choice",
-           errors::metrology::to_string(description.instrument.kind));
-  // Sensors are chosen on the history before the program, which is the day of the machine.
+    throw_input_error("an instrument of kind drift for sensor_choice",
+                      errors::metrology::to_string(description.instrument.kind));
+  // The day on which sensors are chosen is the history of the machine before the program.
   const double history = history_s(*scene.thermal);
-  if (history <= 0.0) refuse("a [[history]] over which sensors are chosen", "none");
+  if (history <= 0.0) throw_input_error("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;
   DayReadings day{
       name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description), {}};
   day.sensor_noise_K = Eigen::VectorXd::Zero(Eigen::Index(day.readings.sensors.size()));
   for (const errors::TemperatureSensor& sensor : scene.thermal->sensors)
-    if (const auto at = std::ranges::find(day.readings.sensors, sensor.name);
-        at != day.readings.sensors.end())
-      // A reading is rounded to the resolution, which adds the variance of a uniform distribution,
-      // resolution^2 / 12.
-      day.sensor_noise_K[at - day.readings.sensors.begin()] = std::sqrt(
+    if (const auto sensor_name = std::ranges::find(day.readings.sensors, sensor.name);
+        sensor_name != day.readings.sensors.end())
+      // Rounding to the resolution adds the variance of a uniform distribution, resolution^2 / 12.
+      day.sensor_noise_K[sensor_name - day.readings.sensors.begin()] = std::sqrt(
           sensor.noise_K * sensor.noise_K + sensor.resolution_K * sensor.resolution_K / 12.0);
   return day;
 }
@@ -89,12 +100,12 @@ std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Sc
 
 namespace {
 
-/// Returns the job with its part sampled, after checking that it fits into memory at all and lies
+/// Returns the job with its part sampled. Checks first that it fits into memory and is located
 /// where the program cuts.
-/// @param whole  as in `check_memory`
-Job sampled_job(Job job, const CaseRequest& asked, ProgressLine& progress,
-                const std::string& whole = {}) {
-  check_memory(job.scene, {size_of(job)}, asked, whole);
+/// @param windows_obstacle  see `check_memory`
+Job sample_job(Job job, const CaseRequest& request, ProgressLine& progress,
+               const std::string& windows_obstacle = {}) {
+  check_memory(job.scene, {size_of(job)}, request, windows_obstacle);
   if (std::string text = not_searched_text(job); !text.empty())
     job.warnings.push_back(std::move(text));
   return sampled(placed(std::move(job)), to(progress));
@@ -102,138 +113,150 @@ Job sampled_job(Job job, const CaseRequest& asked, ProgressLine& progress,
 
 /// Reports the memory of the cuts if it is large, and throws if it does not fit.
 void check_cut_memory(const Scene& scene, const std::vector<WorkSize>& sizes,
-                      const CaseRequest& asked, ProgressLine& progress,
-                      const std::string& whole = {}) {
-  check_memory(scene, sizes, asked, whole);
-  if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
+                      const CaseRequest& request, ProgressLine& progress,
+                      const std::string& windows_obstacle = {}) {
+  check_memory(scene, sizes, request, windows_obstacle);
+  if (const std::string text = memory_remark(sizes, request); !text.empty())
+    to(progress)(text, -1.0);
 }
 
-/// Returns the data to keep of a cut: a report shows the track of the tool.
+/// Returns the data to keep of a cut. A report needs the track of the tool.
 Retention retention_of_run(const RunOptions& options) {
   return options.report_language.empty() ? retention_for(options.formats) : Retention::Track;
 }
 
 /// Adds the memory for pictures and for the track of the tool.
-CaseRequest with_output_options(CaseRequest asked, const RunOptions& options) {
-  asked.pictures = can_draw_pictures();
-  asked.tracked = retention_of_run(options) == Retention::Track;
-  return asked;
+CaseRequest add_output_options(CaseRequest request, const RunOptions& options) {
+  request.pictures = can_draw_pictures();
+  request.tracked = retention_of_run(options) == Retention::Track;
+  return request;
 }
 
-/// Result of a case that was to be cut.
+/// The result of cutting a case, or the reason of its failure.
 struct CaseAttempt {
   std::optional<Verdict> verdict;
-  std::string failure;  ///< message of a failed plug-in; there is no verdict then
+  std::string failure;  ///< message of a failed plug-in if there is no verdict
 };
 
 /// Cuts one case on the machine with errors, as programmed or with a compensator.
-/// @param error_free  the map it is compared with, needed after the cut
-CaseAttempt attempt_case(const Batch& batch, const std::optional<CaseDescription>& compensator,
-                         Retention keep, const std::shared_future<const Verdict*>& error_free,
+/// @param error_free  the error-free case for comparison; it is needed only after the cut
+CaseAttempt attempt_case(const VariantJob& variant_job,
+                         const std::optional<CaseDescription>& compensator, Retention retention,
+                         const std::shared_future<const Verdict*>& error_free,
                          const Progress& progress) {
-  Cut one;
+  Cut result;
   try {
-    one = cut(batch.job, compensator, progress, keep);
-    check_cuts_part(batch.job, one);
+    result = cut(variant_job.job, compensator, progress, retention);
+    check_cuts_part(variant_job.job, result);
   } catch (const compensation::PlugInFailure& failure) {
     return {{}, failure.what()};
-  } catch (const BadInput& fault) {  // caused by the output of the plug-in; otherwise by the scene
+  } catch (const BadInput& error) {  // the output of the plug-in may be the cause
     if (!compensator || compensator->plug_in.empty()) throw;
-    return {{}, fault.what()};
+    return {{}, error.what()};
   }
-  one.name = case_folder(batch.prefix, one.name);
+  result.name = case_folder(variant_job.prefix, result.name);
   // Progress is reported while waiting, so that Ctrl-C and failures of other tasks end the wait.
   while (error_free.wait_for(std::chrono::milliseconds(100)) == std::future_status::timeout)
     progress("surface", 1.0);
-  return {judge(batch.job, std::move(one), error_free.get()), ""};
+  return {judge(variant_job.job, std::move(result), error_free.get()), ""};
 }
 
-/// Returns true if cases may run in parallel: the user's own compensators run one at a time.
+/// Returns true if cases may run in parallel. Compensators of the user run one at a time.
 bool are_independent(const std::vector<CaseDescription>& cases) {
-  return std::ranges::all_of(cases, [](const CaseDescription& one) {
-    return one.plug_in.empty() && one.function == nullptr;
+  return std::ranges::all_of(cases, [](const CaseDescription& description) {
+    return description.plug_in.empty() && description.function == nullptr;
   });
 }
 
-/// Cuts the cases of a batch, compares them with its own error-free map, and computes reductions
-/// against its uncompensated case.
-void cut_cases(const Batch& batch, CaseResults& made, Retention keep, ProgressLine& progress) {
-  const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
-  const std::vector<CaseDescription>& compensators = batch.job.scene.cases;
+/// Cuts the cases of a scene or variant, compares them with its error-free map, and states which
+/// case is the baseline of reductions.
+void cut_cases(const VariantJob& variant_job, CaseResults& results, Retention retention,
+               ProgressLine& progress) {
+  const auto folder_name = [&](const std::string& name) {
+    return case_folder(variant_job.prefix, name);
+  };
+  const std::vector<CaseDescription>& compensators = variant_job.job.scene.cases;
   std::optional<Verdict> error_free;
-  std::promise<const Verdict*> judged;
-  const std::shared_future<const Verdict*> once_judged = judged.get_future().share();
-  std::vector<Task> tasks{{named("error_free"), [&](const Progress& line) {
-                             try {
-                               // The error-free map of a variant is used for comparison only and
-                               // not reported.
-                               Cut free = cut_error_free(
-                                   batch.job, line, batch.prefix.empty() ? keep : Retention::Map);
-                               check_cuts_part(batch.job, free);
-                               error_free = judge(batch.job, std::move(free), nullptr);
-                               judged.set_value(&*error_free);
-                             } catch (...) {
-                               judged.set_exception(std::current_exception());
-                               throw;
-                             }
-                           }}};
+  std::promise<const Verdict*> error_free_promise;
+  const std::shared_future<const Verdict*> error_free_verdict =
+      error_free_promise.get_future().share();
+  std::vector<Task> tasks{
+      {folder_name("error_free"), [&](const Progress& line) {
+         try {
+           // The error-free map of a variant is used for comparison only and
+           // not reported.
+           Cut error_free_cut = cut_error_free(
+               variant_job.job, line, variant_job.prefix.empty() ? retention : Retention::Map);
+           check_cuts_part(variant_job.job, error_free_cut);
+           error_free = judge(variant_job.job, std::move(error_free_cut), nullptr);
+           error_free_promise.set_value(&*error_free);
+         } catch (...) {
+           error_free_promise.set_exception(std::current_exception());
+           throw;
+         }
+       }}};
   std::vector<CaseAttempt> cases(1 + compensators.size());
-  const WorkSize size = size_of(batch.job);
+  const WorkSize size = size_of(variant_job.job);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
-    tasks.push_back({named(compensator ? compensator->name : "uncompensated"),
+    tasks.push_back({folder_name(compensator ? compensator->name : "uncompensated"),
                      [&, i, compensator](const Progress& line) {
-                       cases[i] = attempt_case(batch, compensator, keep, once_judged, line);
+                       cases[i] = attempt_case(variant_job, compensator, retention,
+                                               error_free_verdict, line);
                      },
-                     seconds_of(cut_stages("", size, batch.job.scene, compensator))});
+                     seconds_of(cut_stages("", size, variant_job.job.scene, compensator))});
   }
-  run_tasks(tasks, are_independent(compensators) ? made.at_once : 1, progress);
-  if (batch.prefix.empty())
-    made.cases.push_back({std::move(*error_free), &batch.job, std::nullopt});
-  const std::size_t uncompensated = made.cases.size();
+  run_tasks(tasks, are_independent(compensators) ? results.at_once : 1, progress);
+  if (variant_job.prefix.empty())
+    results.cases.push_back({std::move(*error_free), &variant_job.job, std::nullopt});
+  const std::size_t uncompensated = results.cases.size();
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto against = i == 0 ? std::nullopt : std::optional(uncompensated);
+    const auto baseline = i == 0 ? std::nullopt : std::optional(uncompensated);
     if (cases[i].verdict)
-      made.cases.push_back({std::move(*cases[i].verdict), &batch.job, against});
+      results.cases.push_back({std::move(*cases[i].verdict), &variant_job.job, baseline});
     else
-      made.failed.push_back({tasks[i + 1].name, cases[i].failure});
+      results.failed.push_back({tasks[i + 1].name, cases[i].failure});
   }
 }
 
-/// Returns the stages of the cuts of a scene, or of one of its variants.
-std::vector<Stage> stages_of_cuts(const std::string& prefix, const WorkSize& size,
-                                  const Scene& scene) {
-  const auto named = [&](const std::string& name) { return case_folder(prefix, name); };
-  std::vector<Stage> all = error_free_stages(named("error_free"), size) +
-                           cut_stages(named("uncompensated"), size, scene, std::nullopt);
-  for (const CaseDescription& one : scene.cases)
-    all = std::move(all) + cut_stages(named(one.name), size, scene, one);
-  return all;
+/// Returns the stages of the cuts of a scene or variant.
+std::vector<Stage> cut_stages_of_scene(const std::string& prefix, const WorkSize& size,
+                                       const Scene& scene) {
+  const auto folder_name = [&](const std::string& name) { return case_folder(prefix, name); };
+  std::vector<Stage> stages = error_free_stages(folder_name("error_free"), size) +
+                              cut_stages(folder_name("uncompensated"), size, scene, std::nullopt);
+  for (const CaseDescription& compensator : scene.cases)
+    stages =
+        std::move(stages) + cut_stages(folder_name(compensator.name), size, scene, compensator);
+  return stages;
 }
 
-/// Returns the stages of writing the cases; the error-free map of a variant is not written.
-std::vector<Stage> stages_of_case_files(const std::string& prefix, const WorkSize& size,
+/// Returns the stages of writing the cases of a scene or variant. The error-free map of a variant
+/// is not written.
+std::vector<Stage> file_stages_of_scene(const std::string& prefix, const WorkSize& size,
                                         const Scene& scene) {
-  const auto named = [&](const std::string& name) { return "write " + case_folder(prefix, name); };
-  std::vector<Stage> all;
-  if (prefix.empty()) all = file_stages(named("error_free"), size);
-  all = std::move(all) + file_stages(named("uncompensated"), size);
-  for (const CaseDescription& one : scene.cases)
-    all = std::move(all) + file_stages(named(one.name), size);
-  return all;
+  const auto task_name = [&](const std::string& name) {
+    return "write " + case_folder(prefix, name);
+  };
+  std::vector<Stage> stages;
+  if (prefix.empty()) stages = file_stages(task_name("error_free"), size);
+  stages = std::move(stages) + file_stages(task_name("uncompensated"), size);
+  for (const CaseDescription& compensator : scene.cases)
+    stages = std::move(stages) + file_stages(task_name(compensator.name), size);
+  return stages;
 }
 
-/// Returns the stages of a comparison, before or after preparing its scenes.
-/// @param sizes  of the scene and of its variants, in this order
-std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& variants,
-                                 const std::vector<WorkSize>& sizes) {
-  std::vector<Stage> cuts = stages_of_cuts("", sizes.front(), scene);
-  std::vector<Stage> files = stages_of_case_files("", sizes.front(), scene);
+/// Returns the stages of a comparison after preparation.
+/// @param sizes  of the scene and its variants, in this order
+std::vector<Stage> comparison_plan(const Scene& scene, const std::vector<Scene>& variants,
+                                   const std::vector<WorkSize>& sizes) {
+  std::vector<Stage> cuts = cut_stages_of_scene("", sizes.front(), scene);
+  std::vector<Stage> files = file_stages_of_scene("", sizes.front(), scene);
   double maps = 2.0 + double(scene.cases.size());
   for (std::size_t i = 0; i < variants.size(); ++i) {
     const std::string& name = scene.variants[i].name;
-    cuts = std::move(cuts) + stages_of_cuts(name, sizes[i + 1], variants[i]);
-    files = std::move(files) + stages_of_case_files(name, sizes[i + 1], variants[i]);
+    cuts = std::move(cuts) + cut_stages_of_scene(name, sizes[i + 1], variants[i]);
+    files = std::move(files) + file_stages_of_scene(name, sizes[i + 1], variants[i]);
     maps += 1.0 + double(variants[i].cases.size());
   }
   std::vector<Stage> sensors;
@@ -242,84 +265,75 @@ std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& v
          comparison_stages("write comparison", sizes.front(), maps);
 }
 
-void collect(std::vector<std::string>& all, const Limits& limits, const Verdict& verdict) {
-  for (std::string& one : exceeded_limits(limits, verdict)) all.push_back(std::move(one));
+void append_exceeded_limits(std::vector<std::string>& texts, const Limits& limits,
+                            const Verdict& verdict) {
+  for (std::string& text : exceeded_limits(limits, verdict)) texts.push_back(std::move(text));
 }
 
-/// Returns the limits that cases exceed. If there are compensators, only their cases are judged,
+/// Returns texts about exceeded limits. If there are compensators, only their cases are judged,
 /// because the uncompensated machine is expected to fail.
 std::vector<std::string> violated_limits(const std::vector<Compared>& cases) {
-  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
-    return one.uncompensated.has_value();
-  });
-  std::vector<std::string> all;
+  const bool has_compensators =
+      std::any_of(cases.begin(), cases.end(),
+                  [](const Compared& compared) { return compared.uncompensated.has_value(); });
+  std::vector<std::string> limits;
   for (std::size_t i = 0; i < cases.size(); ++i)
-    if (compensates ? cases[i].uncompensated.has_value() : i > 0)
-      collect(all, cases[i].job->scene.limits, cases[i].verdict);
-  return all;
+    if (has_compensators ? cases[i].uncompensated.has_value() : i > 0)
+      append_exceeded_limits(limits, cases[i].job->scene.limits, cases[i].verdict);
+  return limits;
 }
 
-/// Returns the compensator of the case that `run` cuts; empty if there is none.
-std::optional<CaseDescription> parse_compensator(const std::string& case_name) {
-  if (case_name == "error_free" || case_name == "uncompensated") return std::nullopt;
-  return parse_case(case_name);
-}
-
-/// Cuts the named case.
-Cut cut_named_case(const Job& job, const std::string& case_name, Retention keep,
-                   const Progress& progress) {
-  if (case_name == "error_free") return cut_error_free(job, progress, keep);
-  return cut(job, parse_compensator(case_name), progress, keep);
-}
-
-/// Returns the scene with the user's own compensators among its cases; each needs a folder of its
-/// own.
-Scene with_own(Scene scene, const RunOptions& options) {
-  std::vector<CaseDescription> own;
-  for (const std::filesystem::path& file : options.plug_ins) own.push_back(plug_in_case(file));
-  own.insert(own.end(), options.functions.begin(), options.functions.end());
-  for (const CaseDescription& added : own) {
-    const bool taken =
-        added.name == "error_free" || added.name == "uncompensated" ||
-        std::any_of(scene.cases.begin(), scene.cases.end(),
-                    [&](const CaseDescription& one) { return one.name == added.name; });
-    if (taken)
-      throw BadInput(added.plug_in.string(), 0, 0,
+/// Returns the scene with the compensators of the user added to its cases. Throws BadInput if two
+/// cases would have one folder.
+Scene add_user_compensators(Scene scene, const RunOptions& options) {
+  std::vector<CaseDescription> user_compensators;
+  for (const std::filesystem::path& file : options.plug_ins)
+    user_compensators.push_back(plug_in_case(file));
+  user_compensators.insert(user_compensators.end(), options.functions.begin(),
+                           options.functions.end());
+  for (const CaseDescription& compensator : user_compensators) {
+    const bool is_taken = compensator.name == "error_free" || compensator.name == "uncompensated" ||
+                          std::any_of(scene.cases.begin(), scene.cases.end(),
+                                      [&](const CaseDescription& description) {
+                                        return description.name == compensator.name;
+                                      });
+    if (is_taken)
+      throw BadInput(compensator.plug_in.string(), 0, 0,
                      "a compensator whose file name no other case has",
-                     "\"" + added.name + "\" again");
-    scene.cases.push_back(added);
-    if (!added.function) trust(scene, added);
+                     "\"" + compensator.name + "\" again");
+    scene.cases.push_back(compensator);
+    if (!compensator.function) trust(scene, compensator);
   }
   return scene;
 }
 
-/// Returns the scenes of all variants: the overrides of the command line come first, so that a
-/// variant keeps its own values.
+/// Returns the scenes of all variants. The values of a variant take precedence over the overrides
+/// of the command line.
 std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>& overrides) {
   std::vector<Scene> variants;
   for (const Variant& variant : scene.variants) {
-    std::vector<Override> all = overrides;
-    all.insert(all.end(), variant.set.begin(), variant.set.end());
-    variants.push_back(read_scene(scene.file, all));
+    std::vector<Override> variant_overrides = overrides;
+    variant_overrides.insert(variant_overrides.end(), variant.set.begin(), variant.set.end());
+    variants.push_back(read_scene(scene.file, variant_overrides));
     variants.back().trusted = scene.trusted;
   }
   return variants;
 }
 
-/// Checks, before an hour's work, that no result would overwrite an input: with --force one may
-/// have the name of a result.
-void check_names(const ResultFolder& folder) {
+/// Checks, before long work, that no result would overwrite an input, which with --force may have
+/// the name of a result.
+void check_result_names(const ResultFolder& folder) {
   for (const char* name : result_names) check_file(folder / name);
 }
 
-/// Checks, before an hour's work, that no two cases share a folder and that no folder of a case
-/// belongs to another program.
+/// Checks, before long work, that no two cases share a folder and that the folders of cases may be
+/// written.
 void check_cases(const ResultFolder& folder, const Scene& scene, const std::vector<Scene>& variants,
                  const Writer& writer) {
   ComparedNames names{scene.cases, {}};
   for (std::size_t i = 0; i < variants.size(); ++i)
     names.variants.push_back({scene.variants[i].name, variants[i].cases});
-  InputErrors input_errors;  // those of the scene alone were reported when it was read
+  InputErrors input_errors;  // errors of the scene itself were reported when it was read
   check_case_folders(*scene.tree, names, input_errors);
   if (!input_errors.empty()) throw BadScene(input_errors.list());
   for (const std::string& name : case_folders(names)) {
@@ -328,113 +342,119 @@ void check_cases(const ResultFolder& folder, const Scene& scene, const std::vect
   }
 }
 
-/// A scene with its variants as read.
-struct Asked {
+/// A scene and its variants.
+struct RequestedScenes {
   Scene scene;
   std::vector<Scene> variants;
 };
 
-/// Reads the scene with its variants and the user's own compensators in each of them.
-Asked read_requested_scenes(const std::filesystem::path& file, const RunOptions& options) {
-  Asked asked{with_own(read_trusted_scene(file, options.overrides, options.permissions), options),
-              {}};
-  asked.variants = read_variants(asked.scene, options.overrides);
-  for (Scene& variant : asked.variants) variant = with_own(std::move(variant), options);
-  return asked;
+/// Reads a scene and its variants, and adds the compensators of the user to each of them.
+RequestedScenes read_requested_scenes(const std::filesystem::path& file,
+                                      const RunOptions& options) {
+  RequestedScenes requested{
+      add_user_compensators(read_trusted_scene(file, options.overrides, options.permissions),
+                            options),
+      {}};
+  requested.variants = read_variants(requested.scene, options.overrides);
+  for (Scene& variant : requested.variants)
+    variant = add_user_compensators(std::move(variant), options);
+  return requested;
 }
 
 /// Prepares and cuts all cases.
-/// @param line  created here; it is also used for writing afterwards
-CaseResults cut_all_cases(const Asked& all, const RunOptions& options,
+/// @param line  is created here, and used by the caller for writing
+CaseResults cut_all_cases(const RequestedScenes& requested, const RunOptions& options,
                           std::optional<ProgressLine>& line) {
-  const Scene& scene = all.scene;
-  const std::vector<Scene>& variants = all.variants;
-  const auto preparing = [&](std::size_t i) {
+  const Scene& scene = requested.scene;
+  const std::vector<Scene>& variants = requested.variants;
+  const auto preparation_name = [&](std::size_t i) {
     return i == 0 ? std::string("prepare") : "prepare " + scene.variants[i - 1].name;
   };
   std::vector<WorkSize> sizes{expected_size(scene)};
   for (const Scene& variant : variants) sizes.push_back(expected_size(variant));
   std::vector<Stage> plan;
   for (std::size_t i = 0; i < sizes.size(); ++i) {
-    const Scene& one = i == 0 ? scene : variants[i - 1];
-    plan = std::move(plan) + scene_preparation_stages(preparing(i), sizes[i]) +
-           sampling_stages(preparing(i), sizes[i], one);
-    sizes[i] = size_after_sampling(sizes[i], one);
+    const Scene& scene_or_variant = i == 0 ? scene : variants[i - 1];
+    plan = std::move(plan) + scene_preparation_stages(preparation_name(i), sizes[i]) +
+           sampling_stages(preparation_name(i), sizes[i], scene_or_variant);
+    sizes[i] = size_after_sampling(sizes[i], scene_or_variant);
   }
-  line.emplace(std::move(plan) + stages_of_all(scene, variants, sizes), options.progress);
+  line.emplace(std::move(plan) + comparison_plan(scene, variants, sizes), options.progress);
   ProgressLine& progress = *line;
   std::vector<Scene> scenes{scene};
   scenes.insert(scenes.end(), variants.begin(), variants.end());
-  CaseRequest asked = with_output_options(compare_case_request(scenes), options);
-  CaseResults made;
-  std::vector<Batch>& batches = made.batches;
-  // Cases refer to the jobs of their batches, so the vector must not reallocate.
-  batches.reserve(1 + variants.size());
+  CaseRequest request = add_output_options(compare_case_request(scenes), options);
+  CaseResults results;
+  std::vector<VariantJob>& variant_jobs = results.variant_jobs;
+  // Cases refer to the jobs, so the vector must not reallocate.
+  variant_jobs.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
-    progress.begin(preparing(i));
-    batches.push_back({i == 0 ? "" : scene.variants[i - 1].name,
-                       sampled_job(prepare(scenes[i], to(progress)), asked, progress)});
-    sizes[i] = size_of(batches.back().job);
+    progress.begin(preparation_name(i));
+    variant_jobs.push_back({i == 0 ? "" : scene.variants[i - 1].name,
+                            sample_job(prepare(scenes[i], to(progress)), request, progress)});
+    sizes[i] = size_of(variant_jobs.back().job);
   }
-  // A caller with its own progress function may be able to interrupt only from the calling thread,
-  // as Python does with Ctrl-C; then cases run one at a time.
-  if (!options.progress) asked.at_once = made.at_once = cases_at_once(sizes, asked);
-  check_cut_memory(scene, sizes, asked, progress);
-  progress.replan(stages_of_all(scene, variants, sizes));
-  for (const Batch& batch : batches) cut_cases(batch, made, retention_of_run(options), progress);
-  made.comparison = comparison(batches.front().job, made.cases, made.failed);
-  return made;
+  // A caller with its own progress function, such as Python, may be able to interrupt only from the
+  // calling thread, so its cases run one at a time.
+  if (!options.progress) request.at_once = results.at_once = cases_at_once(sizes, request);
+  check_cut_memory(scene, sizes, request, progress);
+  progress.replan(comparison_plan(scene, variants, sizes));
+  for (const VariantJob& variant_job : variant_jobs)
+    cut_cases(variant_job, results, retention_of_run(options), progress);
+  results.comparison = comparison(variant_jobs.front().job, results.cases, results.failed);
+  return results;
 }
 
 /// Compares the machined body of a case with the design. Returns its warnings.
-std::vector<std::string> check_stock(Compared& one) {
-  one.verdict.stock = stock_check(*one.job, one.verdict);
+std::vector<std::string> check_stock(Compared& compared) {
+  compared.verdict.stock = stock_check(*compared.job, compared.verdict);
   std::vector<std::string> warnings;
-  if (!one.verdict.stock) return warnings;
-  for (const std::string& warning : warnings_of(*one.verdict.stock))
-    warnings.push_back(one.verdict.cut.name + ": " + warning);
+  if (!compared.verdict.stock) return warnings;
+  for (const std::string& warning : warnings_of(*compared.verdict.stock))
+    warnings.push_back(compared.verdict.cut.name + ": " + warning);
   return warnings;
 }
 
 /// Writes the files of all cases. Returns the warnings about the machined bodies.
-std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& made,
+std::vector<std::string> write_cases(const ResultFolder& folder, CaseResults& results,
                                      const std::vector<std::string>& formats,
                                      ProgressLine& progress) {
-  std::vector<std::vector<std::string>> warnings(made.cases.size());
+  std::vector<std::vector<std::string>> warnings(results.cases.size());
   std::vector<Task> tasks;
-  for (std::size_t i = 0; i < made.cases.size(); ++i) {
+  for (std::size_t i = 0; i < results.cases.size(); ++i) {
     const auto write = [&, i](const Progress& line) {
-      Compared& one = made.cases[i];
-      warnings[i] = check_stock(one);
-      write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, formats, line);
-      one.verdict.stock.reset();  // tens of MB, no longer needed
+      Compared& compared = results.cases[i];
+      warnings[i] = check_stock(compared);
+      write_case(folder.inside(compared.verdict.cut.name), *compared.job, compared.verdict, formats,
+                 line);
+      compared.verdict.stock.reset();  // tens of MB, no longer needed
     };
-    tasks.push_back({"write " + made.cases[i].verdict.cut.name, write});
+    tasks.push_back({"write " + results.cases[i].verdict.cut.name, write});
   }
-  run_tasks(tasks, made.at_once, progress);
-  std::vector<std::string> all;
-  for (const std::vector<std::string>& of_case : warnings)
-    all.insert(all.end(), of_case.begin(), of_case.end());
-  return all;
+  run_tasks(tasks, results.at_once, progress);
+  std::vector<std::string> all_warnings;
+  for (const std::vector<std::string>& case_warnings : warnings)
+    all_warnings.insert(all_warnings.end(), case_warnings.begin(), case_warnings.end());
+  return all_warnings;
 }
 
 std::vector<std::string> failure_texts(const std::vector<FailedCase>& failed) {
   std::vector<std::string> texts;
-  for (const FailedCase& one : failed) texts.push_back(one.name + ": " + one.reason);
+  for (const FailedCase& failure : failed) texts.push_back(failure.name + ": " + failure.reason);
   return texts;
 }
 
 /// Writes the page of cases that were cut.
 ReportOutcome write_report(const ResultFile& file, const std::vector<Compared>& cases,
-                           const Comparison& compared, const RunOptions& options) {
-  const HtmlReport page = html_report(cases, compared, {options.report_language, options.command});
+                           const Comparison& comparison_figures, const RunOptions& options) {
+  const HtmlReport page =
+      html_report(cases, comparison_figures, {options.report_language, options.command});
   write_file(file, page.html);
   return {page.html.size(), page.warnings, {}, {}};
 }
 
-/// Writes the page in addition to other results, by `write`; if none is requested, that of an
-/// earlier run is removed.
-/// @return its warnings
+/// Writes the requested report by calling `write`, or removes that of an earlier run if none is
+/// requested. Returns the warnings of the report.
 template <class Write>
 std::vector<std::string> write_or_remove_report(const ResultFolder& folder,
                                                 const RunOptions& options, const Write& write) {
@@ -451,88 +471,91 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
   if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   if (!options.case_name.empty() || !options.plug_ins.empty()) trust(scene, name);
-  // The folder is checked before the work, and created.
+  // The folder is checked and created before the work.
   const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
-  check_names(folder);
-  const std::string shown = name.empty() ? "uncompensated" : name;
-  const auto rest = [&](const WorkSize& size) {
-    return (shown == "error_free" ? error_free_stages(shown, size)
-                                  : cut_stages(shown, size, scene, parse_compensator(shown))) +
+  check_result_names(folder);
+  const std::string shown_name = name.empty() ? "uncompensated" : name;
+  const auto remaining_stages = [&](const WorkSize& size) {
+    return (shown_name == "error_free"
+                ? error_free_stages(shown_name, size)
+                : cut_stages(shown_name, size, scene, parse_compensator(shown_name))) +
            file_stages("write", size);
   };
   const WorkSize expected = expected_size(scene);
   ProgressLine progress(scene_preparation_stages("prepare", expected) +
                             sampling_stages("prepare", expected, scene) +
-                            rest(size_after_sampling(expected, scene)),
+                            remaining_stages(size_after_sampling(expected, scene)),
                         options.progress);
   progress.begin("prepare");
-  const CaseRequest asked =
-      with_output_options(run_case_request(parse_compensator(shown)), options);
-  // A program that is too long for the memory is cut in windows, unless something needs all
-  // samples.
-  MemoryBudget holding{{}, find_windows_obstacle(scene, parse_compensator(shown))};
-  if (asked.tracked) holding.windows_obstacle = "the track of the tool";
-  if (holding.windows_obstacle.empty())
-    holding.samples = [&](std::size_t blocks, std::size_t vertices) {
+  const CaseRequest request =
+      add_output_options(run_case_request(parse_compensator(shown_name)), options);
+  // A program that does not fit into memory is cut in windows, unless something needs all samples.
+  MemoryBudget memory_budget{{}, find_windows_obstacle(scene, parse_compensator(shown_name))};
+  if (request.tracked) memory_budget.windows_obstacle = "the track of the tool";
+  if (memory_budget.windows_obstacle.empty())
+    memory_budget.samples = [&](std::size_t blocks, std::size_t vertices) {
       WorkSize size = expected;
       size.blocks = double(blocks);
       size.vertices = double(vertices);
-      return max_samples_in_memory(size_after_sampling(size, scene), asked);
+      return max_samples_in_memory(size_after_sampling(size, scene), request);
     };
-  const Job job =
-      sampled_job(prepare(scene, to(progress), holding), asked, progress, holding.windows_obstacle);
-  check_cut_memory(scene, {size_of(job)}, asked, progress, holding.windows_obstacle);
-  progress.replan(rest(size_of(job)));
-  progress.begin(shown);
-  Cut made = cut_named_case(job, shown, retention_of_run(options), to(progress));
-  check_cuts_part(job, made);
+  const Job job = sample_job(prepare(scene, to(progress), memory_budget), request, progress,
+                             memory_budget.windows_obstacle);
+  check_cut_memory(scene, {size_of(job)}, request, progress, memory_budget.windows_obstacle);
+  progress.replan(remaining_stages(size_of(job)));
+  progress.begin(shown_name);
+  Cut result = cut_named_case(job, shown_name, to(progress), retention_of_run(options));
+  check_cuts_part(job, result);
   progress.begin("write");
-  Verdict verdict = judge(job, std::move(made), nullptr);
+  Verdict verdict = judge(job, std::move(result), nullptr);
   verdict.stock = stock_check(job, verdict);
   write_program(folder, job);
   write_case(folder, job, verdict, options.formats, to(progress));
   Summary figures = summary(job, verdict);
-  add_warnings(
-      write_or_remove_report(folder, options,
-                             [&](const ResultFile& page) {
-                               const std::vector<Compared> alone{{verdict, &job, std::nullopt}};
-                               return write_report(page, alone, comparison(job, alone), options);
-                             }),
-      figures.warnings);
+  add_warnings(write_or_remove_report(
+                   folder, options,
+                   [&](const ResultFile& page) {
+                     const std::vector<Compared> single_case{{verdict, &job, std::nullopt}};
+                     return write_report(page, single_case, comparison(job, single_case), options);
+                   }),
+               figures.warnings);
   Outcome outcome{std::move(figures), {}, {}, {}};
   if (scene.sensor_choice)
     outcome.sensors = choose_sensors(folder, scene, read_variants(scene, options.overrides));
-  collect(outcome.exceeded_limits, scene.limits, verdict);
+  append_exceeded_limits(outcome.exceeded_limits, scene.limits, verdict);
   return outcome;
 }
 
 Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
-  const Asked asked = read_requested_scenes(file, options);
-  const Scene& scene = asked.scene;
-  const std::vector<Scene>& variants = asked.variants;
+  const RequestedScenes requested = read_requested_scenes(file, options);
+  const Scene& scene = requested.scene;
+  const std::vector<Scene>& variants = requested.variants;
   const ResultFolder folder(options.folder, make_writer(scene, options.permissions));
-  check_names(folder);
+  check_result_names(folder);
   check_cases(folder, scene, variants, make_writer(scene, options.permissions));
   std::optional<ProgressLine> line;
-  CaseResults made = cut_all_cases(asked, options, line);
+  CaseResults results = cut_all_cases(requested, options, line);
   ProgressLine& progress = *line;
-  const std::vector<Batch>& batches = made.batches;
-  std::vector<Compared>& cases = made.cases;
-  Comparison& compared = made.comparison;
+  const std::vector<VariantJob>& variant_jobs = results.variant_jobs;
+  std::vector<Compared>& cases = results.cases;
+  Comparison& comparison_figures = results.comparison;
   Outcome outcome;
-  outcome.failed = failure_texts(made.failed);
-  for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
+  outcome.failed = failure_texts(results.failed);
+  for (const VariantJob& variant_job : variant_jobs)
+    write_program(folder.inside(variant_job.prefix), variant_job.job);
   outcome.exceeded_limits = violated_limits(cases);
-  add_warnings(write_cases(folder, made, options.formats, progress), compared.warnings);
+  add_warnings(write_cases(folder, results, options.formats, progress),
+               comparison_figures.warnings);
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
-  write_json(folder / "comparison.json", to_json(compared));
+  write_json(folder / "comparison.json", to_json(comparison_figures));
   add_warnings(write_or_remove_report(folder, options,
                                       [&](const ResultFile& page) {
-                                        return write_report(page, cases, compared, options);
+                                        return write_report(page, cases, comparison_figures,
+                                                            options);
                                       }),
-               compared.warnings);
-  outcome.figures = std::move(compared);
+               comparison_figures.warnings);
+  outcome.figures = std::move(comparison_figures);
   progress.begin("write comparison");
   write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));
   return outcome;
@@ -540,30 +563,31 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
 
 ReportOutcome report(const std::filesystem::path& scene, const RunOptions& options,
                      const std::filesystem::path& file) {
-  const Asked asked = read_requested_scenes(scene, options);
-  const Writer writer = make_writer(asked.scene, options.permissions);
+  const RequestedScenes requested = read_requested_scenes(scene, options);
+  const Writer writer = make_writer(requested.scene, options.permissions);
   check_file(file, writer);
   std::optional<ProgressLine> line;
-  const CaseResults made = cut_all_cases(asked, options, line);
+  const CaseResults results = cut_all_cases(requested, options, line);
   line->begin("write comparison");
-  const Comparison& compared = made.comparison;
-  ReportOutcome reported = write_report(result_file(file, writer), made.cases, compared, options);
-  reported.warnings.insert(reported.warnings.begin(), compared.warnings.begin(),
-                           compared.warnings.end());
-  reported.exceeded_limits = violated_limits(made.cases);
-  reported.failed = failure_texts(made.failed);
-  return reported;
+  const Comparison& comparison_figures = results.comparison;
+  ReportOutcome outcome =
+      write_report(result_file(file, writer), results.cases, comparison_figures, options);
+  outcome.warnings.insert(outcome.warnings.begin(), comparison_figures.warnings.begin(),
+                          comparison_figures.warnings.end());
+  outcome.exceeded_limits = violated_limits(results.cases);
+  outcome.failed = failure_texts(results.failed);
+  return outcome;
 }
 
 CaseResults cut_scene_cases(const std::filesystem::path& scene, const RunOptions& options) {
-  const Asked asked = read_requested_scenes(scene, options);
+  const RequestedScenes requested = read_requested_scenes(scene, options);
   std::optional<ProgressLine> line;
-  CaseResults made = cut_all_cases(asked, options, line);
-  for (Compared& one : made.cases) {
-    add_warnings(check_stock(one), made.comparison.warnings);
-    one.verdict.stock.reset();  // tens of MB, no longer needed
+  CaseResults results = cut_all_cases(requested, options, line);
+  for (Compared& compared : results.cases) {
+    add_warnings(check_stock(compared), results.comparison.warnings);
+    compared.verdict.stock.reset();  // tens of MB, no longer needed
   }
-  return made;
+  return results;
 }
 
 Job job_of(const std::filesystem::path& file, const RunOptions& options) {
@@ -573,9 +597,9 @@ Job job_of(const std::filesystem::path& file, const RunOptions& options) {
       scene_preparation_stages("prepare", expected) + sampling_stages("prepare", expected, scene),
       options.progress);
   progress.begin("prepare");
-  const CaseRequest asked = with_output_options(run_case_request(std::nullopt), options);
-  Job job = sampled_job(prepare(scene, to(progress)), asked, progress);
-  check_cut_memory(scene, {size_of(job)}, asked, progress);
+  const CaseRequest request = add_output_options(run_case_request(std::nullopt), options);
+  Job job = sample_job(prepare(scene, to(progress)), request, progress);
+  check_cut_memory(scene, {size_of(job)}, request, progress);
   return job;
 }
 

@@ -15,107 +15,112 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// The two solutions of y'' + 2 d w y' + w^2 y = 0 from which every other follows: after a time, y
-/// is (mean + d w odd) y(0) + odd y'(0), and y' is (mean - d w odd) y'(0) - w^2 odd y(0).
+/// Two fundamental solutions of y'' + 2 d w y' + w^2 y = 0 at a time. Then y is
+/// (mean + d w odd) y(0) + odd y'(0), and y' is (mean - d w odd) y'(0) - w^2 odd y(0).
 struct Transition {
   double mean = 1.0;
   double odd = 0.0;  // s
 };
 
-// Below critical damping an oscillation; (1 - d)(1 + d) instead of 1 - d^2 keeps its digits near d
-// = 1.
+// Below critical damping the solution oscillates. (1 - d)(1 + d) keeps more digits near d = 1 than
+// 1 - d^2.
 Transition transition(double w, double d, double time_s) {
   if (d < 1.0) {
-    const double turn = w * std::sqrt((1.0 - d) * (1.0 + d));
+    const double frequency = w * std::sqrt((1.0 - d) * (1.0 + d));
     const double decay = std::exp(-d * w * time_s);
-    const double angle = turn * time_s;
-    return {decay * std::cos(angle), decay * (angle == 0.0 ? time_s : std::sin(angle) / turn)};
+    const double angle = frequency * time_s;
+    return {decay * std::cos(angle), decay * (angle == 0.0 ? time_s : std::sin(angle) / frequency)};
   }
-  const double spread = w * std::sqrt((d - 1.0) * (d + 1.0));
-  // the slow rate as a quotient, since the difference of two near numbers would cancel
-  const double slow = w * w / (d * w + spread);
-  const double decay = std::exp(-slow * time_s);
-  const double fast_over_slow = std::expm1(-2.0 * spread * time_s);
+  const double rate_spread = w * std::sqrt((d - 1.0) * (d + 1.0));
+  // The slow rate is written as a quotient, because the difference of two near numbers would
+  // cancel.
+  const double slow_rate = w * w / (d * w + rate_spread);
+  const double decay = std::exp(-slow_rate * time_s);
+  const double fast_over_slow = std::expm1(-2.0 * rate_spread * time_s);
   return {decay * (1.0 + 0.5 * fast_over_slow),
-          spread == 0.0 ? decay * time_s : -decay * fast_over_slow / (2.0 * spread)};
+          rate_spread == 0.0 ? decay * time_s : -decay * fast_over_slow / (2.0 * rate_spread)};
 }
 
-/// The distance of each column from its rest or steady following; it decays by itself.
+/// The offset of each column from rest or from steady following, which decays to zero.
 struct Transient {
-  VectorXd off;   // mm or rad
-  VectorXd rate;  // mm/s or rad/s; unused in first order
+  VectorXd offset;  // mm or rad
+  VectorXd rate;    // mm/s or rad/s; unused in first order
 };
 
 /// A validated loop with its constants in SI units.
 struct Loop {
-  bool second;
+  bool is_second_order;
   double w;  // rad/s
   double d;
   LoopOptions options;
 
-  double lag_s() const { return second ? 2.0 * d / w : 1.0 / w; }
+  double lag_s() const { return is_second_order ? 2.0 * d / w : 1.0 / w; }
 
   Transient after(const Transient& start, double time_s) const {
-    if (!second) return {start.off * std::exp(-w * time_s), start.rate};
+    if (!is_second_order) return {start.offset * std::exp(-w * time_s), start.rate};
     const Transition t = transition(w, d, time_s);
     const double friction = d * w * t.odd;
-    return {(t.mean + friction) * start.off + t.odd * start.rate,
-            (t.mean - friction) * start.rate - w * w * t.odd * start.off};
+    return {(t.mean + friction) * start.offset + t.odd * start.rate,
+            (t.mean - friction) * start.rate - w * w * t.odd * start.offset};
   }
 
-  /// Returns a bound on the motion still to come: the energy of a damped oscillator never grows.
-  double to_go(const Transient& now) const {
-    if (!second) return now.off.cwiseAbs().maxCoeff();
-    return (now.off.array().square() + (now.rate / w).array().square()).sqrt().maxCoeff();
+  /// Returns a bound of the motion that remains, because the energy of a damped oscillator never
+  /// grows.
+  double remaining_motion(const Transient& current) const {
+    if (!is_second_order) return current.offset.cwiseAbs().maxCoeff();
+    return (current.offset.array().square() + (current.rate / w).array().square())
+        .sqrt()
+        .maxCoeff();
   }
 
-  /// Returns the time to the next added knot. After its fast part has decayed an overdamped loop
-  /// creeps, so its knots may be farther apart.
-  double step(const Transient& now, double time_s) const {
-    double constant = 1.0 / w;
-    if (second && d > 1.0) {
-      const double spread = w * std::sqrt((d - 1.0) * (d + 1.0));
-      const double slow = w * w / (d * w + spread);
-      const VectorXd fast = (now.rate + slow * now.off) / (2.0 * spread);
-      if (fast.cwiseAbs().maxCoeff() <= options.tolerance) constant = 1.0 / slow;
+  /// Returns the time to the next added knot. An overdamped loop creeps once its fast part has
+  /// decayed, so its knots may then be farther apart.
+  double knot_interval(const Transient& current, double time_s) const {
+    double time_constant = 1.0 / w;
+    if (is_second_order && d > 1.0) {
+      const double rate_spread = w * std::sqrt((d - 1.0) * (d + 1.0));
+      const double slow_rate = w * w / (d * w + rate_spread);
+      const VectorXd fast = (current.rate + slow_rate * current.offset) / (2.0 * rate_spread);
+      if (fast.cwiseAbs().maxCoeff() <= options.tolerance) time_constant = 1.0 / slow_rate;
     }
-    // at least four units in the last digit of the time, so that the time advances
-    return std::max(constant / options.per_constant,
+    // At least four units in the last place of the time, so that the time advances.
+    return std::max(time_constant / options.per_constant,
                     4.0 * std::numeric_limits<double>::epsilon() * std::abs(time_s));
   }
 };
 
-Loop checked(const PositionLoop& loop, const LoopOptions& options) {
-  const auto need = [](bool holds, const char* what) {
-    if (!holds) throw std::invalid_argument(std::string("position loop: expected ") + what);
+Loop validated_loop(const PositionLoop& loop, const LoopOptions& options) {
+  const auto require = [](bool holds, const char* requirement) {
+    if (!holds) throw std::invalid_argument(std::string("position loop: expected ") + requirement);
   };
-  const bool second = loop.order == PositionLoop::Order::Second;
-  need(loop.bandwidth > 0.0 && std::isfinite(loop.bandwidth), "a bandwidth above 0");
-  need(!second || (loop.damping >= 1e-3 && loop.damping <= 100.0), "a damping from 0.001 to 100");
-  need(options.per_constant > 0, "at least one knot a time constant");
-  need(options.tolerance > 0.0, "a tolerance above 0");
-  return {second, 2.0 * std::numbers::pi * loop.bandwidth, loop.damping, options};
+  const bool is_second_order = loop.order == PositionLoop::Order::Second;
+  require(loop.bandwidth > 0.0 && std::isfinite(loop.bandwidth), "a bandwidth above 0");
+  require(!is_second_order || (loop.damping >= 1e-3 && loop.damping <= 100.0),
+          "a damping from 0.001 to 100");
+  require(options.per_constant > 0, "at least one knot a time constant");
+  require(options.tolerance > 0.0, "a tolerance above 0");
+  return {is_second_order, 2.0 * std::numbers::pi * loop.bandwidth, loop.damping, options};
 }
 
-/// Response to a line that starts at zero with the loop at rest, as a fraction of the rise of the
-/// line, and its rate, after a time.
-struct Ramp {
-  double place;
+/// The response of a loop at rest to a line that starts at zero: position and rate as fractions of
+/// the rise of the line.
+struct LineResponse {
+  double position;
   double rate;  // 1/s
 };
 
-Ramp ramp(const Loop& loop, double time_s) {
+LineResponse line_response(const Loop& loop, double time_s) {
   const double x = loop.w * time_s, d = loop.d;
   // Below 1e-3 the closed form cancels; three terms of the series are then exact to 1e-11.
-  if (!loop.second) {
+  if (!loop.is_second_order) {
     if (x < 1e-3) return {x * (1.0 / 2 - x * (1.0 / 6 - x / 24)), 0.0};
     return {1.0 + std::expm1(-x) / x, 0.0};
   }
-  // near the start the closed form is the small difference of large numbers
+  // Near the start the closed form is a small difference of large numbers.
   if (std::max(1.0, 2.0 * d) * x < 1e-3) {
-    const double first = 2.0 * d * x, second = (4.0 * d * d - 1.0) * x * x;
-    return {x * x * (1.0 / 6 - first / 24 + second / 120),
-            loop.w * x * (1.0 / 2 - first / 6 + second / 24)};
+    const double first_order = 2.0 * d * x, second_order = (4.0 * d * d - 1.0) * x * x;
+    return {x * x * (1.0 / 6 - first_order / 24 + second_order / 120),
+            loop.w * x * (1.0 / 2 - first_order / 6 + second_order / 24)};
   }
   const Transition t = transition(loop.w, d, time_s);
   const double friction = d * loop.w * t.odd, lag = loop.lag_s();
@@ -123,8 +128,8 @@ Ramp ramp(const Loop& loop, double time_s) {
           (1.0 - (t.mean - friction) - lag * loop.w * loop.w * t.odd) / time_s};
 }
 
-/// A line of the time series; the last one is held for ever.
-struct CourseLine {
+/// A line between two knots of a time series; the last one is held for ever.
+struct SeriesSegment {
   double start_s, end_s;
   VectorXd from, rise;
 
@@ -132,184 +137,188 @@ struct CourseLine {
 };
 
 /// Adds knots between the ends of a line until the loop follows steadily.
-void follow(const CourseLine& line, const Loop& loop, const Transient& at_start, Knots& knots) {
+void add_settling_knots(const SeriesSegment& line, const Loop& loop, const Transient& initial,
+                        Knots& knots) {
   const VectorXd slope = line.rise / line.length_s();
   const VectorXd lag = loop.lag_s() * slope;
-  const Transient start{at_start.off + lag, at_start.rate - slope};
-  Transient now = start;
+  const Transient start{initial.offset + lag, initial.rate - slope};
+  Transient current = start;
   double time_s = line.start_s;
-  while (loop.to_go(now) > loop.options.tolerance) {
-    time_s += loop.step(now, time_s);
+  while (loop.remaining_motion(current) > loop.options.tolerance) {
+    time_s += loop.knot_interval(current, time_s);
     if (!(time_s < line.end_s)) return;
-    const double since_s = time_s - line.start_s;
-    now = loop.after(start, since_s);
-    knots.add(time_s, line.from + slope * since_s - lag + now.off);
+    const double elapsed_s = time_s - line.start_s;
+    current = loop.after(start, elapsed_s);
+    knots.add(time_s, line.from + slope * elapsed_s - lag + current.offset);
   }
 }
 
 }  // namespace
 
-TimeSeries loop_response(const TimeSeries& wanted, const PositionLoop& loop,
+TimeSeries loop_response(const TimeSeries& input, const PositionLoop& loop,
                          const LoopOptions& options) {
-  validate(wanted, "position loop");
-  if (loop.order == PositionLoop::Order::None || wanted.value.cols() == 0) return wanted;
-  const Loop checked_loop = checked(loop, options);
+  validate(input, "position loop");
+  if (loop.order == PositionLoop::Order::None || input.value.cols() == 0) return input;
+  const Loop validated = validated_loop(loop, options);
 
-  const Index n = wanted.time_s.size(), columns = wanted.value.cols();
+  const Index n = input.time_s.size(), columns = input.value.cols();
   Knots knots(columns);
-  VectorXd position = wanted.value.row(0).transpose();
+  VectorXd position = input.value.row(0).transpose();
   VectorXd speed = VectorXd::Zero(columns);
-  knots.add(wanted.time_s[0], position);
+  knots.add(input.time_s[0], position);
   for (Index i = 0; i < n; ++i) {
-    const bool last = i + 1 == n;
-    CourseLine line{wanted.time_s[i],
-                    last ? std::numeric_limits<double>::infinity() : wanted.time_s[i + 1],
-                    wanted.value.row(i).transpose(), VectorXd::Zero(columns)};
-    if (!last) line.rise = (wanted.value.row(i + 1) - wanted.value.row(i)).transpose();
-    if (line.length_s() == 0.0) continue;  // a jump: the axis has not moved yet
+    const bool is_last = i + 1 == n;
+    SeriesSegment line{input.time_s[i],
+                       is_last ? std::numeric_limits<double>::infinity() : input.time_s[i + 1],
+                       input.value.row(i).transpose(), VectorXd::Zero(columns)};
+    if (!is_last) line.rise = (input.value.row(i + 1) - input.value.row(i)).transpose();
+    if (line.length_s() == 0.0) continue;  // at a jump the axis has not moved yet
     const Transient start{position - line.from, speed};
-    follow(line, checked_loop, start, knots);
-    if (last) break;
-    // The loop is linear: its own decay and the response to the line add up, so the end is exact.
-    const Transient free = checked_loop.after(start, line.length_s());
-    const Ramp share = ramp(checked_loop, line.length_s());
-    position = line.from + free.off + share.place * line.rise;
-    speed = free.rate + share.rate * line.rise;
+    add_settling_knots(line, validated, start, knots);
+    if (is_last) break;
+    // The loop is linear, so the sum of its free decay and its response to the line is exact.
+    const Transient free_response = validated.after(start, line.length_s());
+    const LineResponse ramp_response = line_response(validated, line.length_s());
+    position = line.from + free_response.offset + ramp_response.position * line.rise;
+    speed = free_response.rate + ramp_response.rate * line.rise;
     knots.add(line.end_s, position);
   }
-  return knots.course();
+  return knots.series();
 }
 
 namespace {
 
-// 2e8 cycles: 55 hours at 1 ms
-constexpr double longest_course = 2e8;
-constexpr double largest_count = 1e15;  // below it whole numbers and halves are distinct
+constexpr double max_channel_cycles = 2e8;  // 55 hours at 1 ms
+constexpr double max_whole_number = 1e15;   // up to here whole numbers and halves are distinct
 
-void require_channel(bool holds, const std::string& what) {
-  if (!holds) throw std::invalid_argument("a channel expects " + what);
+void require_for_channel(bool holds, const std::string& requirement) {
+  if (!holds) throw std::invalid_argument("a channel expects " + requirement);
 }
 
-bool positive(double value) { return value > 0.0 && std::isfinite(value); }
-bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
+bool is_positive(double value) { return value > 0.0 && std::isfinite(value); }
+bool is_not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
 
 double rounded(double value, double increment) {
   if (increment == 0.0) return value;
-  const double whole = std::round(value / increment);
-  // beyond that the increment is below the rounding of the value
-  return std::abs(whole) < largest_count ? whole * increment : value;
+  const double steps = std::round(value / increment);
+  // Beyond that bound the increment is smaller than the rounding error of the value.
+  return std::abs(steps) < max_whole_number ? steps * increment : value;
 }
 
-/// Returns the number of the first cycle that does not begin before `end_s`.
+/// Returns the number of the first cycle that begins at or after `end_s`.
 long cycles_until(double end_s, double start_s, double cycle_s) {
   const double cycles = std::ceil((end_s - start_s) / cycle_s);
-  require_channel(cycles <= longest_course, "at most 2e8 cycles in a course");
+  require_for_channel(cycles <= max_channel_cycles, "at most 2e8 cycles in a course");
   return long(cycles);
 }
 
-/// Returns the value at the beginning of every cycle, changed by `shaped`, held from `delay_s`
-/// later on.
-template <typename Shaped>
-TimeSeries held(const TimeSeries& wanted, double cycle_s, double delay_s, const Shaped& shaped) {
-  validate(wanted, "channel");
-  require_channel(positive(cycle_s), "a cycle above 0");
-  require_channel(not_negative(delay_s), "a delay that is not negative");
-  const double start_s = wanted.time_s[0];
-  const long cycles = cycles_until(wanted.time_s[wanted.time_s.size() - 1], start_s, cycle_s);
-  TimeSeriesReader walk(wanted);
-  VectorXd now = shaped(wanted.value.row(0).transpose());
-  Knots knots(now.size());
-  knots.add(start_s, now);
+/// Samples a series at the beginning of every cycle, applies `shape`, and holds the value, delayed
+/// by `delay_s`.
+template <typename Shape>
+TimeSeries sample_and_hold(const TimeSeries& input, double cycle_s, double delay_s,
+                           const Shape& shape) {
+  validate(input, "channel");
+  require_for_channel(is_positive(cycle_s), "a cycle above 0");
+  require_for_channel(is_not_negative(delay_s), "a delay that is not negative");
+  const double start_s = input.time_s[0];
+  const long cycles = cycles_until(input.time_s[input.time_s.size() - 1], start_s, cycle_s);
+  TimeSeriesReader reader(input);
+  VectorXd current = shape(input.value.row(0).transpose());
+  Knots knots(current.size());
+  knots.add(start_s, current);
   for (long k = 0; k <= cycles; ++k) {
     const double read_s = start_s + double(k) * cycle_s;
-    const VectorXd next = shaped(walk.at(read_s));
-    // an unchanged value needs no knot, so a long series stays short
-    if (next == now) continue;
-    knots.add(read_s + delay_s, now);
+    const VectorXd next = shape(reader.at(read_s));
+    // An unchanged value needs no knot, which keeps a long series short.
+    if (next == current) continue;
+    knots.add(read_s + delay_s, current);
     knots.add(read_s + delay_s, next);
-    now = next;
+    current = next;
   }
-  return knots.course();
+  return knots.series();
 }
 
-/// The motion to a target at a rate, for each column.
+/// The motion of each column to its target at a limited rate.
 struct Approach {
   double start_s;
   double rate;
   VectorXd from, target, arrival_s;
 
   VectorXd at(double time_s) const {
-    const VectorXd reached = rate * (time_s - start_s) * (target - from).cwiseSign();
-    return (arrival_s.array() <= time_s).select(target, from + reached);
+    const VectorXd displacement = rate * (time_s - start_s) * (target - from).cwiseSign();
+    return (arrival_s.array() <= time_s).select(target, from + displacement);
   }
 };
 
-/// Returns the response to steps with a limited rate, for each column.
-TimeSeries ramped(const TimeSeries& steps, double rate) {
+/// Limits the rate of each column of a series of steps.
+TimeSeries limit_rate(const TimeSeries& steps, double rate) {
   const Index n = steps.time_s.size();
-  VectorXd now = steps.value.row(0).transpose();
-  Knots knots(now.size());
-  knots.add(steps.time_s[0], now);
+  VectorXd current = steps.value.row(0).transpose();
+  Knots knots(current.size());
+  knots.add(steps.time_s[0], current);
   for (Index i = 0; i < n; ++i) {
     const double start_s = steps.time_s[i];
     const double end_s = i + 1 < n ? steps.time_s[i + 1] : std::numeric_limits<double>::infinity();
     if (end_s == start_s) continue;
-    Approach approach{start_s, rate, now, steps.value.row(i).transpose(), {}};
-    approach.arrival_s = start_s + ((approach.target - now).cwiseAbs() / rate).array();
+    Approach approach{start_s, rate, current, steps.value.row(i).transpose(), {}};
+    approach.arrival_s = start_s + ((approach.target - current).cwiseAbs() / rate).array();
     std::vector<double> arrivals;
-    for (Index j = 0; j < now.size(); ++j)
-      if (approach.target[j] != now[j] && approach.arrival_s[j] < end_s)
+    for (Index j = 0; j < current.size(); ++j)
+      if (approach.target[j] != current[j] && approach.arrival_s[j] < end_s)
         arrivals.push_back(approach.arrival_s[j]);
     std::sort(arrivals.begin(), arrivals.end());
     arrivals.erase(std::unique(arrivals.begin(), arrivals.end()), arrivals.end());
     for (const double arrival_s : arrivals) knots.add(arrival_s, approach.at(arrival_s));
     if (i + 1 == n) break;
-    now = approach.at(end_s);
-    knots.add(end_s, now);
+    current = approach.at(end_s);
+    knots.add(end_s, current);
   }
-  return knots.course();
+  return knots.series();
 }
 
 }  // namespace
 
-TimeSeries through(const TimeSeries& wanted, const OpenControl& open) {
-  return held(wanted, open.cycle_s, open.delay_s, [](const VectorXd& row) { return row; });
+TimeSeries through(const TimeSeries& correction, const OpenControl& open) {
+  return sample_and_hold(correction, open.cycle_s, open.delay_s,
+                         [](const VectorXd& row) { return row; });
 }
 
-TimeSeries through(const TimeSeries& wanted, const OriginShift& origin,
+TimeSeries through(const TimeSeries& correction, const OriginShift& origin,
                    std::span<const kinematics::Joint> joints) {
-  require_channel(Index(joints.size()) == wanted.value.cols(), "a joint for each column");
-  require_channel(not_negative(origin.increment), "an increment that is not negative");
-  require_channel(not_negative(origin.rate), "a rate that is not negative");
-  const TimeSeries steps = held(wanted, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
-    for (Index j = 0; j < row.size(); ++j) {
-      // An origin shift moves linear axes only.
-      const bool slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
-      row[j] = slide ? rounded(row[j], origin.increment) : 0.0;
-    }
-    return row;
-  });
-  return origin.rate > 0.0 ? ramped(steps, origin.rate) : steps;
+  require_for_channel(Index(joints.size()) == correction.value.cols(), "a joint for each column");
+  require_for_channel(is_not_negative(origin.increment), "an increment that is not negative");
+  require_for_channel(is_not_negative(origin.rate), "a rate that is not negative");
+  const TimeSeries steps =
+      sample_and_hold(correction, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
+        for (Index j = 0; j < row.size(); ++j) {
+          // An origin shift moves linear axes only.
+          const bool is_slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
+          row[j] = is_slide ? rounded(row[j], origin.increment) : 0.0;
+        }
+        return row;
+      });
+  return origin.rate > 0.0 ? limit_rate(steps, origin.rate) : steps;
 }
 
-TimeSeries through(const TimeSeries& wanted_t, const Piezo& piezo) {
-  require_channel(wanted_t.value.cols() == 3, "three columns for a piezo");
-  require_channel(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
-                  "a unit direction of the piezo");
-  require_channel(positive(piezo.range), "a range of the piezo above 0");
-  require_channel(not_negative(piezo.resolution), "a resolution that is not negative");
-  const TimeSeries along{wanted_t.time_s, wanted_t.value * piezo.direction_t};
-  const double most = 0.5 * piezo.range;
-  const TimeSeries set_points = held(along, piezo.cycle_s, 0.0, [&](VectorXd row) {
-    // rounded before it is limited: the range is that of the actuator, not of its set-points
-    row[0] = std::clamp(rounded(row[0], piezo.resolution), -most, most);
+TimeSeries through(const TimeSeries& displacement_t, const Piezo& piezo) {
+  require_for_channel(displacement_t.value.cols() == 3, "three columns for a piezo");
+  require_for_channel(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
+                      "a unit direction of the piezo");
+  require_for_channel(is_positive(piezo.range), "a range of the piezo above 0");
+  require_for_channel(is_not_negative(piezo.resolution), "a resolution that is not negative");
+  const TimeSeries stroke{displacement_t.time_s, displacement_t.value * piezo.direction_t};
+  const double max_stroke = 0.5 * piezo.range;
+  const TimeSeries set_points = sample_and_hold(stroke, piezo.cycle_s, 0.0, [&](VectorXd row) {
+    // Rounded before it is limited, because the range is that of the actuator, not of its
+    // set-points.
+    row[0] = std::clamp(rounded(row[0], piezo.resolution), -max_stroke, max_stroke);
     return row;
   });
   return loop_response(set_points, piezo.loop);
 }
 
 double piezo_deflection(const Piezo& piezo, double force_along) {
-  require_channel(positive(piezo.stiffness), "a stiffness of the piezo above 0");
+  require_for_channel(is_positive(piezo.stiffness), "a stiffness of the piezo above 0");
   return force_along / piezo.stiffness;
 }
 

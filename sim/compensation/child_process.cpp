@@ -24,23 +24,24 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t chunk = 65536;          // bytes read or held at a time
-constexpr std::size_t max_said = 4096;        // bytes of stderr that are kept
-constexpr std::size_t max_last_words = 1000;  // bytes of stderr that are shown
-constexpr int max_last_lines = 6;
-constexpr int max_reads_after_its_end = 64;  // with 64 KiB each: more than a pipe holds
-// interval between two checks whether the child has ended
-constexpr auto moment = std::chrono::milliseconds(5);
+constexpr std::size_t max_chunk_bytes = 65536;  // bytes read at a time
+constexpr std::size_t max_stderr_bytes = 4096;  // bytes of stderr that are stored
+constexpr std::size_t max_tail_bytes = 1000;    // bytes of stderr that are shown
+constexpr int max_tail_lines = 6;
+constexpr int max_reads_after_exit = 64;  // of 64 KiB each: more than a pipe holds
+constexpr auto exit_poll_interval =
+    std::chrono::milliseconds(5);  // between checks for the end of the child
 
 Clock::time_point after(double seconds) {
   return Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                            // the limit keeps the sum in the range of the clock
+                            // the limit keeps the sum within the range of the clock
                             std::chrono::duration<double>(std::clamp(seconds, 0.0, 1e6)));
 }
 
 int milliseconds_until(Clock::time_point deadline) {
-  const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
-  return int(std::clamp<long long>(left, 0, 1'000'000'000));
+  const auto remaining_ms =
+      std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
+  return int(std::clamp<long long>(remaining_ms, 0, 1'000'000'000));
 }
 
 struct Pipe {
@@ -49,112 +50,115 @@ struct Pipe {
 };
 
 Descriptor move_above_standard_streams(Descriptor file) {
-  if (file.number() > 2) return file;  // below 3 it would be overwritten while a child is prepared
+  // Descriptors 0 to 2 would be overwritten while a child is prepared.
+  if (file.number() > 2) return file;
   return Descriptor(fcntl(file.number(), F_DUPFD_CLOEXEC, 3));
 }
 
-Pipe new_pipe() {
+Pipe create_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
     throw ChildProcessError("a pipe to talk through", std::strerror(errno));
   Pipe pipe{Descriptor(ends[0]), Descriptor(ends[1])};
   pipe.read = move_above_standard_streams(std::move(pipe.read));
   pipe.write = move_above_standard_streams(std::move(pipe.write));
-  fcntl(pipe.write.number(), F_SETPIPE_SZ, 1 << 20);  // fewer system calls; it works without
+  fcntl(pipe.write.number(), F_SETPIPE_SZ, 1 << 20);  // optional: saves system calls
   return pipe;
 }
 
-void never_block(const Descriptor& file) {
+void set_nonblocking(const Descriptor& file) {
   fcntl(file.number(), F_SETFL, fcntl(file.number(), F_GETFL) | O_NONBLOCK);
 }
 
-/// Returns the pointers that exec expects.
+/// Returns pointers to the texts, in the form that exec expects.
 std::vector<char*> pointers(const std::vector<std::string>& texts) {
-  std::vector<char*> all;
-  for (const std::string& text : texts) all.push_back(const_cast<char*>(text.c_str()));
-  return all;
+  std::vector<char*> result;
+  for (const std::string& text : texts) result.push_back(const_cast<char*>(text.c_str()));
+  return result;
 }
 
-struct Actions {
-  Actions() { posix_spawn_file_actions_init(&actions); }
-  ~Actions() { posix_spawn_file_actions_destroy(&actions); }
+struct SpawnFileActions {
+  SpawnFileActions() { posix_spawn_file_actions_init(&actions); }
+  ~SpawnFileActions() { posix_spawn_file_actions_destroy(&actions); }
   posix_spawn_file_actions_t actions;
 };
 
-struct Attributes {
-  Attributes() { posix_spawnattr_init(&attributes); }
-  ~Attributes() { posix_spawnattr_destroy(&attributes); }
+struct SpawnAttributes {
+  SpawnAttributes() { posix_spawnattr_init(&attributes); }
+  ~SpawnAttributes() { posix_spawnattr_destroy(&attributes); }
   posix_spawnattr_t attributes;
 };
 
-/// Starts a child in a process group of its own, with the signals of a fresh program. The group
-/// lets its descendants be killed with it.
-pid_t spawned(const std::vector<std::string>& command, const std::vector<std::string>& extra,
-              const std::array<int, 3>& streams) {
-  Actions files;
+/// Starts a child with default signal handling, in a process group of its own, so that its
+/// descendants can be killed with it.
+pid_t spawn(const std::vector<std::string>& command, const std::vector<std::string>& extra,
+            const std::array<int, 3>& streams) {
+  SpawnFileActions file_actions;
   for (int i = 0; i < 3; ++i)
-    posix_spawn_file_actions_adddup2(&files.actions, streams[std::size_t(i)], i);
-  posix_spawn_file_actions_addclosefrom_np(&files.actions, 3);
-  Attributes how;
-  sigset_t none, all;
-  sigemptyset(&none);
-  sigfillset(&all);
-  posix_spawnattr_setsigmask(&how.attributes, &none);
-  posix_spawnattr_setsigdefault(&how.attributes, &all);
-  posix_spawnattr_setpgroup(&how.attributes, 0);
-  posix_spawnattr_setflags(&how.attributes,
+    posix_spawn_file_actions_adddup2(&file_actions.actions, streams[std::size_t(i)], i);
+  posix_spawn_file_actions_addclosefrom_np(&file_actions.actions, 3);
+  SpawnAttributes attributes;
+  sigset_t no_signals, all_signals;
+  sigemptyset(&no_signals);
+  sigfillset(&all_signals);
+  posix_spawnattr_setsigmask(&attributes.attributes, &no_signals);
+  posix_spawnattr_setsigdefault(&attributes.attributes, &all_signals);
+  posix_spawnattr_setpgroup(&attributes.attributes, 0);
+  posix_spawnattr_setflags(&attributes.attributes,
                            POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
   std::vector<char*> arguments = pointers(command);
   arguments.push_back(nullptr);
   std::vector<char*> environment = pointers(extra);
-  for (char** one = environ; one != nullptr && *one != nullptr; ++one) environment.push_back(*one);
+  for (char** variable = environ; variable != nullptr && *variable != nullptr; ++variable)
+    environment.push_back(*variable);
   environment.push_back(nullptr);
   pid_t pid = -1;
-  const int failure = posix_spawnp(&pid, command.front().c_str(), &files.actions, &how.attributes,
-                                   arguments.data(), environment.data());
-  if (failure != 0)
+  const int error_number =
+      posix_spawnp(&pid, command.front().c_str(), &file_actions.actions, &attributes.attributes,
+                   arguments.data(), environment.data());
+  if (error_number != 0)
     throw ChildProcessError(fmt::format("that {} can be started", command.front()),
-                            std::strerror(failure));
+                            std::strerror(error_number));
   return pid;
 }
 
-/// Writes without raising SIGPIPE when the pipe is closed, whatever the program does with signals.
+/// Writes without raising SIGPIPE if the pipe is closed, whatever signal handling the program has.
 ssize_t write_quietly(int file, std::string_view text) {
-  sigset_t broken_pipe, before, pending;
+  sigset_t broken_pipe, previous_mask, pending;
   sigemptyset(&broken_pipe);
   sigaddset(&broken_pipe, SIGPIPE);
   sigpending(&pending);
-  pthread_sigmask(SIG_BLOCK, &broken_pipe, &before);
+  pthread_sigmask(SIG_BLOCK, &broken_pipe, &previous_mask);
   const ssize_t written = ::write(file, text.data(), text.size());
-  const int failure = errno;
-  // take the signal back, unless one was pending before
-  if (written < 0 && failure == EPIPE && sigismember(&pending, SIGPIPE) == 0) {
+  const int error_number = errno;
+  // The signal is consumed unless one was pending before.
+  if (written < 0 && error_number == EPIPE && sigismember(&pending, SIGPIPE) == 0) {
     const timespec at_once{};
     sigtimedwait(&broken_pipe, nullptr, &at_once);
   }
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  errno = failure;
+  pthread_sigmask(SIG_SETMASK, &previous_mask, nullptr);
+  errno = error_number;
   return written;
 }
 
-bool would_block(int failure) { return failure == EAGAIN || failure == EINTR; }
+bool is_retryable(int error_number) { return error_number == EAGAIN || error_number == EINTR; }
 
-/// Returns the bytes that can be read without waiting; closes the file at its end.
-std::string some_of(Descriptor& file) {
-  std::string text(chunk, '\0');
+/// Returns the bytes that can be read without waiting. Closes the file at its end.
+std::string read_available(Descriptor& file) {
+  std::string text(max_chunk_bytes, '\0');
   const ssize_t bytes = ::read(file.number(), text.data(), text.size());
-  if (bytes == 0 || (bytes < 0 && !would_block(errno))) file.close();
+  if (bytes == 0 || (bytes < 0 && !is_retryable(errno))) file.close();
   text.resize(std::size_t(std::max<ssize_t>(bytes, 0)));
   return text;
 }
 
-// Returns the unfinished line that a child left, for an error message.
-std::string begun(const std::string& heard) {
-  if (heard.empty() || heard.find('\n') != std::string::npos) return {};
-  return "the beginning of a line, " + in_quotes(heard) + ", then ";
+/// Returns a text about the unfinished line in the output of a child, for an error message.
+std::string unfinished_line_text(const std::string& output) {
+  if (output.empty() || output.find('\n') != std::string::npos) return {};
+  return "the beginning of a line, " + in_quotes(output) + ", then ";
 }
 
-std::string end_text(int status) {
+std::string exit_text(int status) {
   if (status >= 0 && WIFEXITED(status)) return fmt::format("exit code {}", WEXITSTATUS(status));
   if (status >= 0 && WIFSIGNALED(status))
     return fmt::format("signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
@@ -182,144 +186,149 @@ void Descriptor::close() {
 ChildProcess::ChildProcess(const std::vector<std::string>& command,
                            const std::vector<std::string>& extra, std::function<void()> waiting)
     : waiting_(std::move(waiting)) {
-  // three pipes: a plug-in's stderr must not mix with its answers
-  Pipe in = new_pipe(), out = new_pipe(), err = new_pipe();
-  // the child holds its own ends now; ours close when the pipes leave this scope
-  pid_ = spawned(command, extra, {in.read.number(), out.write.number(), err.write.number()});
+  // Three pipes, because the stderr of a plug-in must not mix with its answers.
+  Pipe in = create_pipe(), out = create_pipe(), err = create_pipe();
+  // The child inherits its ends of the pipes; our copies of them close at the end of this scope.
+  pid_ = spawn(command, extra, {in.read.number(), out.write.number(), err.write.number()});
   in_ = std::move(in.write);
   out_ = std::move(out.read);
   err_ = std::move(err.read);
-  for (const Descriptor* ours : {&in_, &out_, &err_}) never_block(*ours);
+  for (const Descriptor* descriptor : {&in_, &out_, &err_}) set_nonblocking(*descriptor);
 }
 
 ChildProcess::~ChildProcess() {
-  if (pid_ > 0) reap();
+  if (pid_ > 0) kill_and_reap();
 }
 
 std::string ChildProcess::exchange(std::string_view text, const LineLimits& limits) {
   const Instant deadline = after(limits.seconds);
   unsent_ = text;
-  std::size_t looked_at = 0;
+  std::size_t searched = 0;
   for (;;) {
-    const std::size_t end = received_.find('\n', looked_at);
-    if (end != std::string::npos && end <= limits.longest && unsent_.empty()) {
+    const std::size_t end = received_.find('\n', searched);
+    if (end != std::string::npos && end <= limits.max_bytes && unsent_.empty()) {
       std::string line = received_.substr(0, end);
       received_.erase(0, end + 1);
       return line;
     }
-    looked_at = end == std::string::npos ? received_.size() : end;
-    if (looked_at > limits.longest)
-      throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.longest),
+    searched = end == std::string::npos ? received_.size() : end;
+    if (searched > limits.max_bytes)
+      throw ChildProcessError(fmt::format("a line of at most {} bytes", limits.max_bytes),
                               "more, beginning with " + in_quotes(received_));
     if (!out_.is_open()) {
-      // the end of the output comes shortly before the end of the process, whose exit code explains
-      // it
-      const std::string how = wait_for_exit(after(1.0));
+      // The output ends shortly before the process, whose exit code explains why.
+      const std::string exit_description = wait_for_exit(after(1.0));
       throw ChildProcessError(
-          "a line", begun(received_) + (how.empty() ? "its output closed" : "its end, " + how));
+          "a line",
+          unfinished_line_text(received_) +
+              (exit_description.empty() ? "its output closed" : "its end, " + exit_description));
     }
     if (Clock::now() >= deadline)
-      // an output that is buffered until the end is the most frequent cause
+      // The most frequent cause is an output that is buffered until the end.
       throw ChildProcessError(
           fmt::format("a line within {} s", limits.seconds),
-          begun(received_) + (unsent_.empty() ? "nothing (is the output flushed after each line?)"
-                                              : "nothing, and the question not read"));
-    poll_pipes(deadline, limits.longest);
+          unfinished_line_text(received_) +
+              (unsent_.empty() ? "nothing (is the output flushed after each line?)"
+                               : "nothing, and the question not read"));
+    poll_pipes(deadline, limits.max_bytes);
   }
 }
 
 void ChildProcess::finish(std::string_view text, double seconds) {
   const Instant deadline = after(seconds);
   unsent_ = text;
-  bool too_late = false;
-  while (out_.is_open() && !has_ended() && !too_late) {
-    too_late = Clock::now() >= deadline;
-    poll_pipes(std::min(deadline, after(0.02)), chunk);
+  bool is_late = false;
+  while (out_.is_open() && !has_ended() && !is_late) {
+    is_late = Clock::now() >= deadline;
+    poll_pipes(std::min(deadline, after(0.02)), max_chunk_bytes);
     if (unsent_.empty()) in_.close();
-    if (received_.size() > chunk) break;
+    if (received_.size() > max_chunk_bytes) break;
   }
-  while (out_.is_open() && received_.size() <= chunk) {  // output written before its end
-    const std::string more = some_of(out_);
-    if (more.empty()) break;
-    received_ += more;
+  while (out_.is_open() && received_.size() <= max_chunk_bytes) {  // output written before its end
+    const std::string chunk = read_available(out_);
+    if (chunk.empty()) break;
+    received_ += chunk;
   }
   if (received_.find_first_not_of(" \t\r\n") != std::string::npos)
     throw ChildProcessError("nothing after the last answer", in_quotes(received_));
-  const std::string how = wait_for_exit(deadline);
-  if (how.empty())
+  const std::string exit_description = wait_for_exit(deadline);
+  if (exit_description.empty())
     throw ChildProcessError(fmt::format("its end within {} s after the last answer", seconds),
                             "none");
-  if (how != end_text(0)) throw ChildProcessError("exit code 0 after the last answer", how);
+  if (exit_description != exit_text(0))
+    throw ChildProcessError("exit code 0 after the last answer", exit_description);
 }
 
 std::string ChildProcess::stderr_tail() const {
-  const std::size_t end = said_.find_last_not_of(" \t\r\n");
+  const std::size_t end = stderr_text_.find_last_not_of(" \t\r\n");
   if (end == std::string::npos) return {};
   std::size_t begin = end + 1;
-  for (int lines = 0; begin > 0 && end + 1 - begin < max_last_words; --begin)
-    if (said_[begin - 1] == '\n' && ++lines == max_last_lines) break;
-  std::string words = said_.substr(begin, end + 1 - begin);
-  std::erase_if(words,
+  for (int lines = 0; begin > 0 && end + 1 - begin < max_tail_bytes; --begin)
+    if (stderr_text_[begin - 1] == '\n' && ++lines == max_tail_lines) break;
+  std::string tail = stderr_text_.substr(begin, end + 1 - begin);
+  std::erase_if(tail,
                 [](unsigned char c) { return (c < ' ' && c != '\n' && c != '\t') || c == 127; });
-  return words;
+  return tail;
 }
 
-// With a callback the wait is cut into tenths of a second, so that an interrupt acts soon.
-void ChildProcess::poll_pipes(Instant deadline, std::size_t max_heard) {
+// With a callback the wait is divided into tenths of a second, so that an interrupt acts soon.
+void ChildProcess::poll_pipes(Instant deadline, std::size_t max_received) {
   if (waiting_) {
     waiting_();
     deadline = std::min(deadline, after(0.1));
   }
   std::array<pollfd, 3> files = {
       pollfd{unsent_.empty() ? -1 : in_.number(), POLLOUT, 0},
-      pollfd{received_.size() <= max_heard ? out_.number() : -1, POLLIN, 0},
+      pollfd{received_.size() <= max_received ? out_.number() : -1, POLLIN, 0},
       pollfd{err_.number(), POLLIN, 0}};
   if (poll(files.data(), files.size(), milliseconds_until(deadline)) <= 0) return;
-  if (files[0].revents != 0) write_some();
-  if (files[1].revents != 0) received_ += some_of(out_);
-  if (files[2].revents != 0) read_err();
+  if (files[0].revents != 0) write_available();
+  if (files[1].revents != 0) received_ += read_available(out_);
+  if (files[2].revents != 0) read_stderr();
 }
 
-void ChildProcess::write_some() {
+void ChildProcess::write_available() {
   const ssize_t bytes = write_quietly(in_.number(), unsent_);
   if (bytes >= 0) {
     unsent_.remove_prefix(std::size_t(bytes));
-  } else if (!would_block(errno)) {
-    unsent_ = {};  // the child reads no more; its output before its end is still read
+  } else if (!is_retryable(errno)) {
+    unsent_ = {};  // the child no longer reads, but what it wrote is still read
     in_.close();
   }
 }
 
-bool ChildProcess::read_err() {
+bool ChildProcess::read_stderr() {
   if (!err_.is_open()) return false;
-  const std::string more = some_of(err_);
-  said_ += more;
-  if (said_.size() > max_said) said_.erase(0, said_.size() - max_said);
-  return !more.empty();
+  const std::string chunk = read_available(err_);
+  stderr_text_ += chunk;
+  if (stderr_text_.size() > max_stderr_bytes)
+    stderr_text_.erase(0, stderr_text_.size() - max_stderr_bytes);
+  return !chunk.empty();
 }
 
-// WNOWAIT leaves the process to be reaped, so that its group number is not given to another one.
+// WNOWAIT leaves the process unreaped, so that its group number is not reused.
 bool ChildProcess::has_ended() const {
   if (pid_ < 0) return true;
   siginfo_t info{};
-  const int failed = waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
-  return failed != 0 ? errno == ECHILD : info.si_pid == pid_;
+  const int status = waitid(P_PID, id_t(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
+  return status != 0 ? errno == ECHILD : info.si_pid == pid_;
 }
 
-/// Returns how the child ended; empty if it has not ended by the deadline.
+/// Returns a text about how the child ended; an empty one if it has not ended by the deadline.
 std::string ChildProcess::wait_for_exit(Instant deadline) {
   while (!has_ended()) {
     if (Clock::now() >= deadline) return {};
-    poll_pipes(std::min<Instant>(deadline, Clock::now() + moment), 0);
+    poll_pipes(std::min<Instant>(deadline, Clock::now() + exit_poll_interval), 0);
   }
-  const std::string how = end_text(reap());
-  for (int i = 0; i < max_reads_after_its_end && read_err(); ++i) {
+  const std::string exit_description = exit_text(kill_and_reap());
+  for (int i = 0; i < max_reads_after_exit && read_stderr(); ++i) {
   }
-  return how;
+  return exit_description;
 }
 
-/// Kills what is left of the group before the number of its leader can be reused.
-int ChildProcess::reap() {
+/// Kills the remaining processes of the group before the number of its leader can be reused.
+/// Returns the exit status.
+int ChildProcess::kill_and_reap() {
   int status = -1;
   ::kill(-pid_, SIGKILL);
   while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {

@@ -11,19 +11,19 @@
 
 #include <sys/types.h>
 
-/// A child process that answers lines of text, for plug-ins.
+/// A child process that exchanges lines of text with abbe, for plug-ins.
 namespace abbe::sim::compensation {
 
-/// Thrown if a program does not do what is expected: "expected ..., seen ...".
+/// Thrown if a child process violates an expectation, with the message "expected ..., seen ...".
 struct ChildProcessError : std::runtime_error {
   using std::runtime_error::runtime_error;
   ChildProcessError(const std::string& expected, const std::string& seen);
 };
 
-/// Limits on a line: time to wait for it, and its length.
+/// Limits on the waiting time and the length of a line.
 struct LineLimits {
   double seconds = 10.0;
-  std::size_t longest = 65536;  ///< bytes
+  std::size_t max_bytes = 65536;  ///< bytes
 };
 
 /// A file descriptor that closes itself.
@@ -47,19 +47,19 @@ class ChildProcess {
  public:
   /// Starts the program.
   /// @param command  program, found on the PATH unless it has a slash, and its arguments
-  /// @param extra    "NAME=value" of the environment, in addition to our own
+  /// @param extra    "NAME=value" of the environment, in addition to that of this process
   /// @param waiting  called repeatedly during a wait; if it throws, the child is killed
   /// @throws ChildProcessError if the program cannot be started
   explicit ChildProcess(const std::vector<std::string>& command,
                         const std::vector<std::string>& extra = {},
                         std::function<void()> waiting = {});
-  /// Kills what is left of the group.
+  /// Kills the remaining processes of the group.
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  /// Sends a text and waits for one line, returned without its end; further output is kept for the
-  /// next call. Never holds much more than the limit.
+  /// Sends a text, waits for one line and returns it without its line end. Further output is kept
+  /// for the next call. Never stores much more than the limit.
   /// @throws ChildProcessError if the child ends, the time is up, or the line is too long
   std::string exchange(std::string_view text, const LineLimits& limits);
 
@@ -74,19 +74,19 @@ class ChildProcess {
  private:
   using Instant = std::chrono::steady_clock::time_point;
 
-  void poll_pipes(Instant deadline, std::size_t max_heard);
-  void write_some();
-  bool read_err();
+  void poll_pipes(Instant deadline, std::size_t max_received);
+  void write_available();
+  bool read_stderr();
   bool has_ended() const;
   std::string wait_for_exit(Instant deadline);
-  int reap();
+  int kill_and_reap();
 
   std::function<void()> waiting_;
-  pid_t pid_ = -1;  // -1: no process to reap
+  pid_t pid_ = -1;  // -1: no process to kill_and_reap
   Descriptor in_, out_, err_;
   std::string_view unsent_;
-  std::string received_;  // not yet returned
-  std::string said_;      // last part of stderr
+  std::string received_;     // not yet returned
+  std::string stderr_text_;  // last bytes of stderr
 };
 
 }  // namespace abbe::sim::compensation

@@ -13,34 +13,34 @@ namespace {
 
 using kinematics::Chain;
 
-constexpr int most_lines = 256;
-constexpr int line_decimals = 8;
-constexpr std::size_t max_line = 254;  // bytes that LinuxCNC reads of a line
-constexpr std::string_view letters = "XYZABCUVW";
+constexpr int max_lines = 256;
+constexpr int trim_decimals = 8;
+constexpr std::size_t max_line_bytes = 254;  // LinuxCNC reads no more of a line
+constexpr std::string_view joint_letters = "XYZABCUVW";
 
-/// Returns the joints as trivkins numbers them.
+/// Returns the joints in the order in which trivkins numbers them.
 std::vector<int> numbered_joints(const Chain& chain) {
   std::vector<int> joints;
-  for (const char letter : letters)
+  for (const char letter : joint_letters)
     if (const auto joint = movable(letter, chain)) joints.push_back(*joint);
   return joints;
 }
 
-std::string rows(const AxisTable& table, const Chain& chain) {
-  const double unit = unit_of(chain, table.of);
+std::string linuxcnc_rows(const AxisTable& table, const Chain& chain) {
+  const double unit = unit_of(chain, table.argument_joint);
   std::string text;
   for (Eigen::Index k = 0; k < table.position.size(); ++k)
-    text += fmt::format("{} {} {}\n", decimal(table.position[k] / unit, line_decimals),
-                        decimal(table.upward[k] / unit, line_decimals),
-                        decimal(table.downward[k] / unit, line_decimals));
+    text += fmt::format("{} {} {}\n", decimal(table.position[k] / unit, trim_decimals),
+                        decimal(table.upward[k] / unit, trim_decimals),
+                        decimal(table.downward[k] / unit, trim_decimals));
   return text;
 }
 
-/// The entry of a joint in an INI file.
+/// The section of a joint in an INI file.
 struct JointEntry {
   int joint = 0;
   int section_line = 0;
-  std::string file;  // empty: none
+  std::string file;  // empty if there is no COMP_FILE
   int file_line = 0;
   int file_column = 0;
   std::optional<int> type;
@@ -70,9 +70,9 @@ class IniReader {
   std::vector<JointEntry> read() {
     while (const auto line = lines_.next()) {
       const std::size_t start = line->text.find_first_not_of(" \t");
-      const char first = line->text[start];
-      if (first == ';') continue;
-      if (first == '[')
+      const char first_character = line->text[start];
+      if (first_character == ';') continue;
+      if (first_character == '[')
         read_section(line->text.substr(start), int(start) + 1);
       else if (in_joint_)
         read_setting(line->text);
@@ -82,13 +82,13 @@ class IniReader {
 
  private:
   void read_section(std::string_view text, int column) {
-    constexpr std::string_view head = "[JOINT_";
-    in_joint_ = text.starts_with(head);
+    constexpr std::string_view header = "[JOINT_";
+    in_joint_ = text.starts_with(header);
     if (!in_joint_) return;
     const std::size_t end = text.find(']');
     if (end == std::string_view::npos)
       lines_.refuse(column, "a section such as [JOINT_0]", in_quotes(text));
-    const Cell number{text.substr(head.size(), end - head.size()), column + int(head.size())};
+    const Cell number{text.substr(header.size(), end - header.size()), column + int(header.size())};
     const int index = lines_.whole_number_in(number, 0, 15);
     if (index >= int(joints_.size()))
       lines_.refuse(number, fmt::format("a joint from 0 to {}", int(joints_.size()) - 1));
@@ -121,23 +121,24 @@ class IniReader {
   bool in_joint_ = false;
 };
 
-/// Returns a trim as the motion controller holds it, in single precision.
-double held(double trim) { return double(float(trim)); }
+/// Rounds a trim to single precision, in which the motion controller stores it.
+double to_single_precision(double trim) { return double(float(trim)); }
 
 AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& chain) {
   TableLines lines(file.text, file.name, std::nullopt);
   std::vector<double> numbers;
   int last_line = 0;
-  // LinuxCNC stops reading silently at the first line it does not understand; here that is an
-  // error.
+  // LinuxCNC silently stops reading at the first line that it does not understand. Here such a line
+  // is an error.
   while (const auto line = lines.next()) {
     if (line->number != last_line + 1)
       lines.refuse(1, "no empty line before this one, where LinuxCNC stops reading", "one");
     last_line = line->number;
-    if (line->text.size() > max_line)
-      lines.refuse(int(max_line) + 1, fmt::format("at most {} bytes a line", max_line), "more");
-    if (numbers.size() == 3 * std::size_t(most_lines))
-      lines.refuse(1, fmt::format("at most {} lines", most_lines), "more");
+    if (line->text.size() > max_line_bytes)
+      lines.refuse(int(max_line_bytes) + 1, fmt::format("at most {} bytes a line", max_line_bytes),
+                   "more");
+    if (numbers.size() == 3 * std::size_t(max_lines))
+      lines.refuse(1, fmt::format("at most {} lines", max_lines), "more");
     const std::vector<Cell> cells = cells_of(line->text, ' ', 3);
     for (std::size_t i = 0; i < std::min<std::size_t>(cells.size(), 3); ++i)
       numbers.push_back(lines.number_in(cells[i]));
@@ -149,10 +150,10 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
       lines.refuse(cells[0], "positions that increase from line to line");
   }
   if (numbers.empty()) lines.refuse(0, "lines of nominal forward reverse", "none");
-  // A single line is a constant; a table needs a second point.
+  // A single line states a constant. A second point makes it a table.
   if (numbers.size() == 3) {
-    const double shift = type == 0 ? 1.0 : 0.0;
-    numbers.insert(numbers.end(), {numbers[0] + 1.0, numbers[1] + shift, numbers[2] + shift});
+    const double slope = type == 0 ? 1.0 : 0.0;
+    numbers.insert(numbers.end(), {numbers[0] + 1.0, numbers[1] + slope, numbers[2] + slope});
   }
   const auto n = Eigen::Index(numbers.size() / 3);
   const double unit = unit_of(chain, joint);
@@ -160,19 +161,19 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
   for (Eigen::Index k = 0; k < n; ++k) {
     const double* row = numbers.data() + 3 * k;
     table.position[k] = row[0] * unit;
-    // Type 0 states positions, type 1 trims.
-    table.upward[k] = held(type == 0 ? row[0] - row[1] : row[1]) * unit;
-    table.downward[k] = held(type == 0 ? row[0] - row[2] : row[2]) * unit;
+    // Files of type 0 hold positions, files of type 1 trims.
+    table.upward[k] = to_single_precision(type == 0 ? row[0] - row[1] : row[1]) * unit;
+    table.downward[k] = to_single_precision(type == 0 ? row[0] - row[2] : row[2]) * unit;
   }
   return table;
 }
 
 bool is_ini(const ControlFile& file) { return base_name(file.name).ends_with(".INI"); }
 
-int joint_of_name(const ControlFile& file, const Chain& chain) {
+int joint_of_file_name(const ControlFile& file, const Chain& chain) {
   const std::string base = base_name(file.name);
   const std::string stem = base.substr(0, base.find('.'));
-  if (stem.size() == 1 && letters.find(stem[0]) != std::string_view::npos)
+  if (stem.size() == 1 && joint_letters.find(stem[0]) != std::string_view::npos)
     if (const auto joint = movable(stem[0], chain)) return *joint;
   throw BadInput(file.name, 0, 0,
                  fmt::format("an INI file that names it, or the letter of an axis ({}) as its name",
@@ -182,9 +183,9 @@ int joint_of_name(const ControlFile& file, const Chain& chain) {
 
 void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const Chain& chain,
               ParameterTables& tables) {
-  std::vector<const ControlFile*> loaded{&ini};
+  std::vector<const ControlFile*> loaded_files{&ini};
   for (const JointEntry& entry : IniReader(ini, chain).read()) {
-    // without COMP_FILE the control loads no table for the joint
+    // Without COMP_FILE the control loads no table for the joint.
     if (entry.file.empty()) continue;
     if (!entry.type)
       throw BadInput(ini.name, entry.section_line, 1, "a COMP_FILE_TYPE beside COMP_FILE", "none");
@@ -194,43 +195,44 @@ void read_ini(const ControlFile& ini, std::span<const ControlFile> files, const 
     if (file == files.end())
       throw BadInput(ini.name, entry.file_line, entry.file_column, "a file that is there",
                      in_quotes(entry.file));
-    loaded.push_back(&*file);
+    loaded_files.push_back(&*file);
     tables.tables.push_back(read_comp(*file, entry.joint, *entry.type, chain));
   }
   for (const ControlFile& file : files)
-    if (std::find(loaded.begin(), loaded.end(), &file) == loaded.end())
+    if (std::find(loaded_files.begin(), loaded_files.end(), &file) == loaded_files.end())
       throw BadInput(file.name, 0, 0, "a COMP_FILE line in " + ini.name + " that names it", "none");
 }
 
 }  // namespace
 
 Export to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
-  Export out;
-  out.left_out = offsets_left_out(tables, chain);
+  Export result;
+  result.left_out = offsets_left_out(tables, chain);
   const std::vector<int> joints = numbered_joints(chain);
   std::string ini;
   for (const AxisTable& table : summed(tables.tables)) {
-    const auto joint = std::find(joints.begin(), joints.end(), table.of);
-    if (table.of != table.moves || joint == joints.end()) {
-      out.left_out.push_back(relation(table, chain) +
-                             (joint == joints.end() ? ": no axis of LinuxCNC"
-                                                    : ": a COMP_FILE holds the own axis only"));
+    const auto joint = std::find(joints.begin(), joints.end(), table.argument_joint);
+    if (table.argument_joint != table.corrected_joint || joint == joints.end()) {
+      result.left_out.push_back(relation(table, chain) +
+                                (joint == joints.end() ? ": no axis of LinuxCNC"
+                                                       : ": a COMP_FILE holds the own axis only"));
       continue;
     }
-    const FittedTable held_table = fit_table(table, chain, {most_lines, 1e-6});
-    if (held_table.left_out) out.left_out.push_back(*held_table.left_out);
-    const std::string name = std::string(1, chain.joints()[std::size_t(table.of)].name) + ".comp";
-    out.files.push_back({name, rows(held_table.table, chain)});
+    const FittedTable fitted = fit_table(table, chain, {max_lines, 1e-6});
+    if (fitted.left_out) result.left_out.push_back(*fitted.left_out);
+    const std::string name =
+        std::string(1, chain.joints()[std::size_t(table.argument_joint)].name) + ".comp";
+    result.files.push_back({name, linuxcnc_rows(fitted.table, chain)});
     ini += fmt::format("{}[JOINT_{}]\nCOMP_FILE = {}\nCOMP_FILE_TYPE = 1\n",
                        ini.empty() ? "" : "\n", joint - joints.begin(), name);
   }
-  if (out.files.empty()) return out;
-  out.files.push_back({"compensation.ini", ini});
-  // the user must copy these lines to the INI file of the machine
-  out.notes.push_back(
+  if (result.files.empty()) return result;
+  result.files.push_back({"compensation.ini", ini});
+  // The user must copy these lines to the INI file of the machine.
+  result.notes.push_back(
       "the lines of compensation.ini belong to the INI file of the machine, its "
       "joints as trivkins numbers them; BACKLASH of these joints is then not used");
-  return out;
+  return result;
 }
 
 ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const Chain& chain) {
@@ -240,11 +242,11 @@ ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const C
     read_ini(*ini, files, chain, tables);
     return tables;
   }
-  // without an INI file the names of the files tell the joints
+  // Without an INI file the names of the files are the letters of the joints.
   for (const ControlFile& file : files) {
-    const int joint = joint_of_name(file, chain);
+    const int joint = joint_of_file_name(file, chain);
     for (const AxisTable& other : tables.tables)
-      if (other.of == joint)
+      if (other.argument_joint == joint)
         throw BadInput(file.name, 0, 0, "one file a joint",
                        "the second of " + file.name.substr(0, 1));
     tables.tables.push_back(read_comp(file, joint, 1, chain));
@@ -254,23 +256,22 @@ ParameterTables read_linuxcnc_tables(std::span<const ControlFile> files, const C
 
 namespace {
 
-// 256 rows; 1e-3 mm or degrees is ten steps of the fourth decimal
-constexpr Capacity capacity{256, 1e-3};
+constexpr Capacity capacity{256, 1e-3};  // 1e-3 mm or degrees is ten steps of the last decimal
 constexpr int text_decimals = 4;
-constexpr int width = 14;  // width of a written column
+constexpr int column_width = 14;  // characters of a written column
 constexpr std::size_t max_columns = 16;
 constexpr double error_sign = -1.0;  // columns hold errors, which the control subtracts
 
-/// A table of the control: text cells under names.
-struct TextTable {
+/// A table of the control: named columns of text cells.
+struct TextGrid {
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> rows;
 };
 
-std::string text_of(const std::string& name, const TextTable& grid) {
+std::string grid_text(const std::string& name, const TextGrid& grid) {
   const auto line = [](const std::vector<std::string>& cells) {
     std::string text;
-    for (const std::string& cell : cells) text += fmt::format("{:<{}}", cell, width);
+    for (const std::string& cell : cells) text += fmt::format("{:<{}}", cell, column_width);
     text.erase(text.find_last_not_of(' ') + 1);
     return text + "\n";
   };
@@ -279,72 +280,79 @@ std::string text_of(const std::string& name, const TextTable& grid) {
   return text + "[END]\n";
 }
 
-/// Returns all tables over one axis at the same positions, within the capacity of a .COM.
-std::vector<AxisTable> together(const std::vector<AxisTable>& sums, int of, const Chain& chain,
-                                Export& out) {
-  std::vector<AxisTable> all;
+/// Returns all tables over one axis, resampled at common positions within the capacity of a .COM.
+/// Appends notes on the differences to `result`.
+std::vector<AxisTable> tables_over(const std::vector<AxisTable>& sums, int argument_joint,
+                                   const Chain& chain, Export& result) {
+  std::vector<AxisTable> selected;
   for (const AxisTable& table : sums)
-    if (table.of == of) all.push_back(table);
-  // Taken as tables of one pair of axes, their sum has the positions of all.
-  std::vector<AxisTable> as_one = all;
-  for (AxisTable& table : as_one) table.moves = of;
-  if (all.empty()) return all;
-  const Eigen::VectorXd positions = summed(as_one).front().position;
-  for (AxisTable& table : all) {
-    const FittedTable fitting = fit_table(at_positions(table, positions), chain, capacity);
-    if (fitting.left_out) out.left_out.push_back(*fitting.left_out);
-    table = fitting.table;
+    if (table.argument_joint == argument_joint) selected.push_back(table);
+  // The sum of tables of one pair of axes has the positions of all of them, so all are given one
+  // pair.
+  std::vector<AxisTable> pair_tables = selected;
+  for (AxisTable& table : pair_tables) table.corrected_joint = argument_joint;
+  if (selected.empty()) return selected;
+  const Eigen::VectorXd positions = summed(pair_tables).front().position;
+  for (AxisTable& table : selected) {
+    const FittedTable fitted = fit_table(at_positions(table, positions), chain, capacity);
+    if (fitted.left_out) result.left_out.push_back(*fitted.left_out);
+    table = fitted.table;
   }
-  return all;
+  return selected;
 }
 
-TextTable com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
-  const int of = tables.front().of;
-  TextTable grid{{"NR", "AXISPOS"}, {}};
-  const auto own = std::find_if(tables.begin(), tables.end(),
-                                [of](const AxisTable& table) { return table.moves == of; });
-  const bool has_backlash = own != tables.end() && !is_direction_independent(*own);
-  for (const AxisTable& table : tables) grid.names.emplace_back(1, axis_letter(chain, table.moves));
+TextGrid com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
+  const int argument_joint = tables.front().argument_joint;
+  TextGrid grid{{"NR", "AXISPOS"}, {}};
+  const auto own_table = std::find_if(
+      tables.begin(), tables.end(),
+      [argument_joint](const AxisTable& table) { return table.corrected_joint == argument_joint; });
+  const bool has_backlash = own_table != tables.end() && !is_direction_independent(*own_table);
+  for (const AxisTable& table : tables)
+    grid.names.emplace_back(1, axis_letter(chain, table.corrected_joint));
   if (has_backlash) grid.names.push_back("BACKLASH");
   for (Eigen::Index k = 0; k < tables.front().position.size(); ++k) {
     std::vector<std::string> row{
         fmt::format("{}", k),
-        decimal(tables.front().position[k] / unit_of(chain, of), text_decimals)};
+        decimal(tables.front().position[k] / unit_of(chain, argument_joint), text_decimals)};
     for (const AxisTable& table : tables) {
-      // only the own axis has a column for the other direction
-      const double value =
-          table.moves == of ? table.upward[k] : 0.5 * (table.upward[k] + table.downward[k]);
-      row.push_back(decimal(error_sign * value / unit_of(chain, table.moves), text_decimals));
+      // Only the table of the axis over itself has a column for the other direction.
+      const double value = table.corrected_joint == argument_joint
+                               ? table.upward[k]
+                               : 0.5 * (table.upward[k] + table.downward[k]);
+      row.push_back(
+          decimal(error_sign * value / unit_of(chain, table.corrected_joint), text_decimals));
     }
     if (has_backlash)
-      row.push_back(decimal(error_sign * own->downward[k] / unit_of(chain, of), text_decimals));
+      row.push_back(decimal(error_sign * own_table->downward[k] / unit_of(chain, argument_joint),
+                            text_decimals));
     grid.rows.push_back(std::move(row));
   }
   return grid;
 }
 
-/// Reads the lines of a table of the control; its columns begin where their names do.
+/// Reads the lines of a table of the control. Each column begins at the position of its name.
 class GridReader {
  public:
   explicit GridReader(const ControlFile& file) : lines_(file.text, file.name, std::nullopt) {
-    const Line begin = line("BEGIN name MM");
-    const std::vector<Cell> words = cells_of(begin.text, ' ', 3);
-    if (words.size() != 3 || words[0].text != "BEGIN")
-      lines_.refuse(1, "BEGIN name MM", in_quotes(begin.text));
-    if (words[2].text != "MM") lines_.refuse(words[2], "MM");
-    heads_ = cells_of(line("a head such as NR AXISPOS X").text, ' ', max_columns);
-    if (heads_.size() > max_columns)
-      lines_.refuse(heads_.back(), fmt::format("at most {} columns", max_columns));
-    if (heads_.front().text != "NR") lines_.refuse(heads_.front(), "NR as the first column");
-    for (std::size_t i = 0; i < heads_.size(); ++i)
+    const Line first_line = line("BEGIN name MM");
+    const std::vector<Cell> first_cells = cells_of(first_line.text, ' ', 3);
+    if (first_cells.size() != 3 || first_cells[0].text != "BEGIN")
+      lines_.refuse(1, "BEGIN name MM", in_quotes(first_line.text));
+    if (first_cells[2].text != "MM") lines_.refuse(first_cells[2], "MM");
+    headers_ = cells_of(line("a head such as NR AXISPOS X").text, ' ', max_columns);
+    if (headers_.size() > max_columns)
+      lines_.refuse(headers_.back(), fmt::format("at most {} columns", max_columns));
+    if (headers_.front().text != "NR") lines_.refuse(headers_.front(), "NR as the first column");
+    for (std::size_t i = 0; i < headers_.size(); ++i)
       for (std::size_t k = 0; k < i; ++k)
-        if (heads_[i].text == heads_[k].text) lines_.refuse(heads_[i], "every column once");
+        if (headers_[i].text == headers_[k].text) lines_.refuse(headers_[i], "every column once");
   }
 
-  const std::vector<Cell>& heads() const { return heads_; }
+  const std::vector<Cell>& headers() const { return headers_; }
   const TableLines& lines() const { return lines_; }
 
-  /// Returns the cells of the next row, one for each head; none after the last row.
+  /// Returns the cells of the next row, one for each column; nothing after the last row.
   std::optional<std::vector<Cell>> next() {
     const Line row = line("a row or [END]");
     if (row.text.find_first_not_of(' ') == row.text.find("[END]")) {
@@ -352,18 +360,18 @@ class GridReader {
       return std::nullopt;
     }
     std::vector<Cell> cells;
-    for (std::size_t i = 0; i < heads_.size(); ++i) {
-      const std::size_t start = i == 0 ? 0 : std::size_t(heads_[i].column) - 1;
+    for (std::size_t i = 0; i < headers_.size(); ++i) {
+      const std::size_t start = i == 0 ? 0 : std::size_t(headers_[i].column) - 1;
       const std::size_t end =
-          i + 1 < heads_.size() ? std::size_t(heads_[i + 1].column) - 1 : row.text.size();
+          i + 1 < headers_.size() ? std::size_t(headers_[i + 1].column) - 1 : row.text.size();
       Cell cell{"", int(start) + 1};
       if (start < row.text.size() && start < end) {
-        const std::vector<Cell> found = cells_of(row.text.substr(start, end - start), '\n', 1);
-        if (!found.empty()) cell = {found[0].text, int(start) + found[0].column};
+        const std::vector<Cell> content = cells_of(row.text.substr(start, end - start), '\n', 1);
+        if (!content.empty()) cell = {content[0].text, int(start) + content[0].column};
       }
       cells.push_back(cell);
     }
-    // the rows are numbered, so a missing one is found
+    // Rows are numbered, so a missing one can be detected.
     if (lines_.whole_number_in(cells[0], 0, 9999) != rows_)
       lines_.refuse(cells[0], fmt::format("{}", rows_));
     ++rows_;
@@ -378,45 +386,46 @@ class GridReader {
   }
 
   TableLines lines_;
-  std::vector<Cell> heads_;
+  std::vector<Cell> headers_;
   int rows_ = 0;
 };
 
-/// The meaning of the columns of a .COM.
+/// The columns of a .COM by meaning.
 struct ComColumns {
   std::size_t position = 0;
   std::optional<std::size_t> backlash;
-  std::vector<std::pair<std::size_t, int>> moves;  // column, joint
+  std::vector<std::pair<std::size_t, int>> corrected_joint;  // column, joint
 };
 
-ComColumns com_columns(const GridReader& reader, int of, const Chain& chain) {
+ComColumns com_columns(const GridReader& reader, int argument_joint, const Chain& chain) {
   ComColumns columns;
   bool has_own = false;
-  for (std::size_t i = 1; i < reader.heads().size(); ++i) {
-    const Cell& head = reader.heads()[i];
-    const auto joint = head.text.size() == 1 ? movable(head.text[0], chain) : std::nullopt;
-    if (head.text == "AXISPOS")
+  for (std::size_t i = 1; i < reader.headers().size(); ++i) {
+    const Cell& header = reader.headers()[i];
+    const auto joint = header.text.size() == 1 ? movable(header.text[0], chain) : std::nullopt;
+    if (header.text == "AXISPOS")
       columns.position = i;
-    else if (head.text == "BACKLASH")
+    else if (header.text == "BACKLASH")
       columns.backlash = i;
     else if (joint)
-      columns.moves.emplace_back(i, *joint);
+      columns.corrected_joint.emplace_back(i, *joint);
     else
       reader.lines().refuse(
-          head, fmt::format("AXISPOS, BACKLASH or an axis ({})", movable_letters(chain)));
-    has_own = has_own || joint == of;
+          header, fmt::format("AXISPOS, BACKLASH or an axis ({})", movable_letters(chain)));
+    has_own = has_own || joint == argument_joint;
   }
   if (columns.position == 0) reader.lines().refuse(1, "a column AXISPOS", "none");
-  if (columns.moves.empty()) reader.lines().refuse(1, "a column of an axis", "none");
+  if (columns.corrected_joint.empty()) reader.lines().refuse(1, "a column of an axis", "none");
   if (columns.backlash && !has_own)
-    reader.lines().refuse(reader.heads()[*columns.backlash],
-                          fmt::format("BACKLASH beside a column {}", axis_letter(chain, of)));
+    reader.lines().refuse(
+        reader.headers()[*columns.backlash],
+        fmt::format("BACKLASH beside a column {}", axis_letter(chain, argument_joint)));
   return columns;
 }
 
-std::vector<AxisTable> read_com(const ControlFile& file, int of, const Chain& chain) {
+std::vector<AxisTable> read_com(const ControlFile& file, int argument_joint, const Chain& chain) {
   GridReader reader(file);
-  const ComColumns columns = com_columns(reader, of, chain);
+  const ComColumns columns = com_columns(reader, argument_joint, chain);
   std::vector<std::vector<double>> rows;
   while (const auto cells = reader.next()) {
     if (int(rows.size()) == capacity.max_points)
@@ -430,60 +439,66 @@ std::vector<AxisTable> read_com(const ControlFile& file, int of, const Chain& ch
   }
   if (rows.size() < 2) reader.lines().refuse(0, "at least 2 rows", fmt::format("{}", rows.size()));
   const auto column = [&rows](std::size_t i, double factor) {
-    Eigen::VectorXd out(Eigen::Index(rows.size()));
-    for (std::size_t k = 0; k < rows.size(); ++k) out[Eigen::Index(k)] = rows[k][i - 1] * factor;
-    return out;
+    Eigen::VectorXd result(Eigen::Index(rows.size()));
+    for (std::size_t k = 0; k < rows.size(); ++k) result[Eigen::Index(k)] = rows[k][i - 1] * factor;
+    return result;
   };
   std::vector<AxisTable> tables;
-  for (const auto& [i, moves] : columns.moves) {
-    const double factor = error_sign * unit_of(chain, moves);
-    AxisTable table{of, moves, column(columns.position, unit_of(chain, of)), column(i, factor), {}};
-    table.downward =
-        moves == of && columns.backlash ? column(*columns.backlash, factor) : table.upward;
+  for (const auto& [i, corrected_joint] : columns.corrected_joint) {
+    const double factor = error_sign * unit_of(chain, corrected_joint);
+    AxisTable table{argument_joint,
+                    corrected_joint,
+                    column(columns.position, unit_of(chain, argument_joint)),
+                    column(i, factor),
+                    {}};
+    table.downward = corrected_joint == argument_joint && columns.backlash
+                         ? column(*columns.backlash, factor)
+                         : table.upward;
     tables.push_back(std::move(table));
   }
   return tables;
 }
 
-struct Assigned {
-  int of = 0;
+/// A file that a .CMA assigns to an axis, and the location of its name.
+struct AssignedFile {
+  int argument_joint = 0;
   std::string file;
   int line = 0;
   int column = 0;
 };
 
-/// Returns the entries of the line of a .CMA that is in force.
-std::vector<Assigned> read_cma(const ControlFile& file, const Chain& chain) {
+/// Returns the assignments in the active line of a .CMA.
+std::vector<AssignedFile> read_assignments(const ControlFile& file, const Chain& chain) {
   GridReader reader(file);
-  std::optional<std::size_t> active;
-  for (std::size_t i = 1; i < reader.heads().size(); ++i) {
-    const Cell& head = reader.heads()[i];
-    if (head.text == "ACTIVE")
-      active = i;
-    else if (head.text.size() != 1 || !movable(head.text[0], chain))
-      reader.lines().refuse(head, fmt::format("ACTIVE or an axis ({})", movable_letters(chain)));
+  std::optional<std::size_t> active_column;
+  for (std::size_t i = 1; i < reader.headers().size(); ++i) {
+    const Cell& header = reader.headers()[i];
+    if (header.text == "ACTIVE")
+      active_column = i;
+    else if (header.text.size() != 1 || !movable(header.text[0], chain))
+      reader.lines().refuse(header, fmt::format("ACTIVE or an axis ({})", movable_letters(chain)));
   }
-  if (!active) reader.lines().refuse(1, "a column ACTIVE", "none");
-  std::optional<std::vector<Assigned>> in_force;
+  if (!active_column) reader.lines().refuse(1, "a column ACTIVE", "none");
+  std::optional<std::vector<AssignedFile>> active_row;
   while (const auto cells = reader.next()) {
-    const Cell& mark = (*cells)[*active];
-    if (mark.text.empty()) continue;
-    if (mark.text != "*") reader.lines().refuse(mark, "* or nothing");
-    if (in_force) reader.lines().refuse(mark, "one line in force");
-    in_force.emplace();
+    const Cell& active_cell = (*cells)[*active_column];
+    if (active_cell.text.empty()) continue;
+    if (active_cell.text != "*") reader.lines().refuse(active_cell, "* or nothing");
+    if (active_row) reader.lines().refuse(active_cell, "one line in force");
+    active_row.emplace();
     for (std::size_t i = 1; i < cells->size(); ++i)
-      if (i != *active && !(*cells)[i].text.empty())
-        in_force->push_back({*movable(reader.heads()[i].text[0], chain),
-                             std::string((*cells)[i].text), reader.lines().number(),
-                             (*cells)[i].column});
+      if (i != *active_column && !(*cells)[i].text.empty())
+        active_row->push_back({*movable(reader.headers()[i].text[0], chain),
+                               std::string((*cells)[i].text), reader.lines().number(),
+                               (*cells)[i].column});
   }
-  if (!in_force) reader.lines().refuse(0, "a line with * under ACTIVE", "none");
-  return *in_force;
+  if (!active_row) reader.lines().refuse(0, "a line with * under ACTIVE", "none");
+  return *active_row;
 }
 
 bool is_cma(const ControlFile& file) { return base_name(file.name).ends_with(".CMA"); }
 
-int axis_of_name(const ControlFile& file, const Chain& chain) {
+int axis_of_file_name(const ControlFile& file, const Chain& chain) {
   const std::string base = base_name(file.name);
   if (base.size() == 5 && base.ends_with(".COM"))
     if (const auto joint = movable(base[0], chain)) return *joint;
@@ -496,54 +511,55 @@ int axis_of_name(const ControlFile& file, const Chain& chain) {
 }  // namespace
 
 Export to_heidenhain(const ParameterTables& tables, const Chain& chain) {
-  Export out;
-  out.left_out = offsets_left_out(tables, chain);
+  Export result;
+  result.left_out = offsets_left_out(tables, chain);
   const std::vector<AxisTable> sums = summed(tables.tables);
-  TextTable cma{{"NR"}, {{"0"}}};
-  for (int of = 0; of < chain.size(); ++of) {
-    const std::vector<AxisTable> over = together(sums, of, chain, out);
-    if (over.empty()) continue;
-    for (const AxisTable& table : over)
-      if (table.moves != of && !is_direction_independent(table))
-        out.left_out.push_back(relation(table, chain) +
-                               ": the direction of motion; its mean is written");
-    const std::string name = std::string(1, axis_letter(chain, of)) + ".COM";
-    out.files.push_back({name, text_of(name, com_grid(over, chain))});
-    cma.names.emplace_back(1, axis_letter(chain, of));
+  TextGrid cma{{"NR"}, {{"0"}}};
+  for (int argument_joint = 0; argument_joint < chain.size(); ++argument_joint) {
+    const std::vector<AxisTable> axis_tables = tables_over(sums, argument_joint, chain, result);
+    if (axis_tables.empty()) continue;
+    for (const AxisTable& table : axis_tables)
+      if (table.corrected_joint != argument_joint && !is_direction_independent(table))
+        result.left_out.push_back(relation(table, chain) +
+                                  ": the direction of motion; its mean is written");
+    const std::string name = std::string(1, axis_letter(chain, argument_joint)) + ".COM";
+    result.files.push_back({name, grid_text(name, com_grid(axis_tables, chain))});
+    cma.names.emplace_back(1, axis_letter(chain, argument_joint));
     cma.rows[0].push_back(name);
   }
-  if (out.files.empty()) return out;
+  if (result.files.empty()) return result;
   cma.names.push_back("ACTIVE");
   cma.rows[0].push_back("*");
-  out.files.push_back({"CONFIG.CMA", text_of("CONFIG.CMA", cma)});
-  out.notes.push_back(
+  result.files.push_back({"CONFIG.CMA", grid_text("CONFIG.CMA", cma)});
+  result.notes.push_back(
       "Heidenhain-style: columns as the technical manuals name them, the frame of the "
       "file and its 4 decimals are assumed; compare with a table of the control");
-  out.notes.push_back(
+  result.notes.push_back(
       "positions count from the machine datum; older controls read a rotary axis from 0 "
       "to 360 degrees only");
-  return out;
+  return result;
 }
 
 ParameterTables read_heidenhain_tables(std::span<const ControlFile> files, const Chain& chain) {
   ParameterTables tables;
   tables.offset = kinematics::AxisVector::Zero(chain.size());
-  const auto add = [&](const ControlFile& file, int of) {
-    for (AxisTable& table : read_com(file, of, chain)) tables.tables.push_back(std::move(table));
+  const auto add = [&](const ControlFile& file, int argument_joint) {
+    for (AxisTable& table : read_com(file, argument_joint, chain))
+      tables.tables.push_back(std::move(table));
   };
   const auto cma = std::find_if(files.begin(), files.end(), is_cma);
   if (cma == files.end()) {
-    for (const ControlFile& file : files) add(file, axis_of_name(file, chain));
+    for (const ControlFile& file : files) add(file, axis_of_file_name(file, chain));
     return tables;
   }
-  for (const Assigned& assigned : read_cma(*cma, chain)) {
+  for (const AssignedFile& assignment : read_assignments(*cma, chain)) {
     const auto file = std::find_if(files.begin(), files.end(), [&](const ControlFile& f) {
-      return base_name(f.name) == base_name(assigned.file) && !is_cma(f);
+      return base_name(f.name) == base_name(assignment.file) && !is_cma(f);
     });
     if (file == files.end())
-      throw BadInput(cma->name, assigned.line, assigned.column, "a file that is there",
-                     in_quotes(assigned.file));
-    add(*file, assigned.of);
+      throw BadInput(cma->name, assignment.line, assignment.column, "a file that is there",
+                     in_quotes(assignment.file));
+    add(*file, assignment.argument_joint);
   }
   return tables;
 }

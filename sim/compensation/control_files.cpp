@@ -25,38 +25,38 @@ using kinematics::Motion;
 
 namespace {
 
-constexpr double same_position = 1e-9;  // mm or rad
+constexpr double position_tolerance = 1e-9;  // mm or rad; closer positions count as one
 
 bool is_slide(const Chain& chain, int joint) {
   return chain.joints()[std::size_t(joint)].motion == Motion::Linear;
 }
 
-/// Returns a text such as "0.12 um" or "3.4 urad".
-std::string small(double value, const Chain& chain, int joint) {
+/// Returns the text of a deviation of a joint, such as "0.12 um" or "3.4 urad".
+std::string deviation_text(double value, const Chain& chain, int joint) {
   return is_slide(chain, joint) ? fmt::format("{:.4g} um", value / units::um)
                                 : fmt::format("{:.4g} urad", value / units::urad);
 }
 
-/// Returns the largest difference of a table from another at its points.
-double missed(const AxisTable& table, const AxisTable& by) {
-  const AxisTable there = at_positions(by, table.position);
-  return std::max((there.upward - table.upward).cwiseAbs().maxCoeff(),
-                  (there.downward - table.downward).cwiseAbs().maxCoeff());
+/// Returns the largest difference of an approximation from a table at the points of the table.
+double max_difference(const AxisTable& table, const AxisTable& approximation) {
+  const AxisTable resampled = at_positions(approximation, table.position);
+  return std::max((resampled.upward - table.upward).cwiseAbs().maxCoeff(),
+                  (resampled.downward - table.downward).cwiseAbs().maxCoeff());
 }
 
-/// Returns all positions of some tables; positions that differ only by rounding become one.
-Eigen::VectorXd positions_of(const std::vector<const AxisTable*>& tables) {
+/// Returns the union of the positions of tables. Positions that differ only by rounding become one.
+Eigen::VectorXd merge_positions(const std::vector<const AxisTable*>& tables) {
   std::vector<double> all;
   for (const AxisTable* table : tables)
     all.insert(all.end(), table->position.begin(), table->position.end());
   std::sort(all.begin(), all.end());
-  const auto is_same = [](double a, double b) { return b - a <= same_position; };
+  const auto is_same = [](double a, double b) { return b - a <= position_tolerance; };
   all.erase(std::unique(all.begin(), all.end(), is_same), all.end());
   return Eigen::Map<const Eigen::VectorXd>(all.data(), Eigen::Index(all.size()));
 }
 
-// Returns a table sampled at equidistant positions over its range.
-AxisTable at_equidistant(const AxisTable& table, Eigen::Index points) {
+/// Returns a table resampled at equidistant positions over its range.
+AxisTable resample_equidistant(const AxisTable& table, Eigen::Index points) {
   return at_positions(table, Eigen::VectorXd::LinSpaced(points, table.position[0],
                                                         table.position[table.position.size() - 1]));
 }
@@ -78,27 +78,33 @@ std::string decimal(double value, int decimals) {
 }
 
 std::string relation(const AxisTable& table, const Chain& chain) {
-  if (table.of == table.moves) return std::string(1, axis_letter(chain, table.of));
-  return fmt::format("{} over {}", axis_letter(chain, table.moves), axis_letter(chain, table.of));
+  if (table.argument_joint == table.corrected_joint)
+    return std::string(1, axis_letter(chain, table.argument_joint));
+  return fmt::format("{} over {}", axis_letter(chain, table.corrected_joint),
+                     axis_letter(chain, table.argument_joint));
 }
 
 std::vector<AxisTable> summed(const std::vector<AxisTable>& tables) {
   std::vector<AxisTable> sums;
-  std::vector<char> is_done(tables.size(), 0);
+  std::vector<char> is_summed(tables.size(), 0);
   for (std::size_t i = 0; i < tables.size(); ++i) {
-    if (is_done[i]) continue;
-    std::vector<const AxisTable*> alike;
+    if (is_summed[i]) continue;
+    std::vector<const AxisTable*> tables_of_pair;
     for (std::size_t k = i; k < tables.size(); ++k) {
-      if (tables[k].of != tables[i].of || tables[k].moves != tables[i].moves) continue;
-      is_done[k] = 1;
-      alike.push_back(&tables[k]);
+      if (tables[k].argument_joint != tables[i].argument_joint ||
+          tables[k].corrected_joint != tables[i].corrected_joint)
+        continue;
+      is_summed[k] = 1;
+      tables_of_pair.push_back(&tables[k]);
     }
-    // a single table keeps its own positions, and with them its bits
-    AxisTable sum = alike.size() == 1 ? tables[i] : at_positions(tables[i], positions_of(alike));
-    for (std::size_t k = 1; k < alike.size(); ++k) {
-      const AxisTable part = at_positions(*alike[k], sum.position);
-      sum.upward += part.upward;
-      sum.downward += part.downward;
+    // A single table keeps its positions, and with them its bits.
+    AxisTable sum = tables_of_pair.size() == 1
+                        ? tables[i]
+                        : at_positions(tables[i], merge_positions(tables_of_pair));
+    for (std::size_t k = 1; k < tables_of_pair.size(); ++k) {
+      const AxisTable resampled = at_positions(*tables_of_pair[k], sum.position);
+      sum.upward += resampled.upward;
+      sum.downward += resampled.downward;
     }
     sums.push_back(std::move(sum));
   }
@@ -106,45 +112,47 @@ std::vector<AxisTable> summed(const std::vector<AxisTable>& tables) {
 }
 
 AxisTable at_positions(const AxisTable& table, const Eigen::VectorXd& positions) {
-  AxisTable out{table.of, table.moves, positions, Eigen::VectorXd(positions.size()),
-                Eigen::VectorXd(positions.size())};
+  AxisTable result{table.argument_joint, table.corrected_joint, positions,
+                   Eigen::VectorXd(positions.size()), Eigen::VectorXd(positions.size())};
   for (Eigen::Index k = 0; k < positions.size(); ++k) {
-    out.upward[k] = correction(table, positions[k], 1);
-    out.downward[k] = correction(table, positions[k], -1);
+    result.upward[k] = correction(table, positions[k], 1);
+    result.downward[k] = correction(table, positions[k], -1);
   }
-  return out;
+  return result;
 }
 
 FittedTable fit_table(const AxisTable& table, const Chain& chain, const Capacity& capacity) {
   const Eigen::Index n = table.position.size();
   const auto gaps = table.position.tail(n - 1) - table.position.head(n - 1);
-  const double least = capacity.min_spacing * unit_of(chain, table.of);
-  if (n <= capacity.max_points && gaps.minCoeff() >= least) return {table, std::nullopt};
+  const double min_gap = capacity.min_spacing * unit_of(chain, table.argument_joint);
+  if (n <= capacity.max_points && gaps.minCoeff() >= min_gap) return {table, std::nullopt};
   const double width = table.position[n - 1] - table.position[0];
-  const double room = std::min(double(capacity.max_points), std::floor(width / least) + 1.0);
-  // A table narrower than its digits is a constant, which any two points hold.
-  AxisTable out = at_equidistant(table, Eigen::Index(std::max(room, 2.0)));
-  // its second point must stand apart by a digit, or the file would read two equal positions
-  if (width < least) out.position[1] = out.position[0] + least;
-  std::string words = fmt::format("{}: {} points, of which the control holds {}; misses them by {}",
-                                  relation(table, chain), n, out.position.size(),
-                                  small(missed(table, out), chain, table.moves));
-  return {std::move(out), std::move(words)};
+  const double room = std::min(double(capacity.max_points), std::floor(width / min_gap) + 1.0);
+  // A table narrower than the resolution of the file is a constant, which any two points represent.
+  AxisTable result = resample_equidistant(table, Eigen::Index(std::max(room, 2.0)));
+  // The second point must differ by a digit, or the file would have two equal positions.
+  if (width < min_gap) result.position[1] = result.position[0] + min_gap;
+  std::string words =
+      fmt::format("{}: {} points, of which the control holds {}; misses them by {}",
+                  relation(table, chain), n, result.position.size(),
+                  deviation_text(max_difference(table, result), chain, table.corrected_joint));
+  return {std::move(result), std::move(words)};
 }
 
 FittedTable equidistant(const AxisTable& table, const Chain& chain) {
-  AxisTable out = at_equidistant(table, table.position.size());
-  const double step = out.position[1] - out.position[0];
-  // equidistant up to rounding: the values stay as they are, without interpolation
-  if ((out.position - table.position).cwiseAbs().maxCoeff() <= 1e-9 * step) {
-    out.upward = table.upward;
-    out.downward = table.downward;
-    return {std::move(out), std::nullopt};
+  AxisTable result = resample_equidistant(table, table.position.size());
+  const double step = result.position[1] - result.position[0];
+  // If positions are equidistant up to rounding, the values stay unchanged, without interpolation.
+  if ((result.position - table.position).cwiseAbs().maxCoeff() <= 1e-9 * step) {
+    result.upward = table.upward;
+    result.downward = table.downward;
+    return {std::move(result), std::nullopt};
   }
-  std::string words = fmt::format(
-      "{}: {} points that are not equidistant; equidistant ones miss them by {}",
-      relation(table, chain), table.position.size(), small(missed(table, out), chain, table.moves));
-  return {std::move(out), std::move(words)};
+  std::string words =
+      fmt::format("{}: {} points that are not equidistant; equidistant ones miss them by {}",
+                  relation(table, chain), table.position.size(),
+                  deviation_text(max_difference(table, result), chain, table.corrected_joint));
+  return {std::move(result), std::move(words)};
 }
 
 std::vector<std::string> offsets_left_out(const ParameterTables& tables, const Chain& chain) {
@@ -152,7 +160,8 @@ std::vector<std::string> offsets_left_out(const ParameterTables& tables, const C
   for (int i = 0; i < chain.size(); ++i)
     if (tables.offset[i] != 0.0)
       words.push_back(fmt::format("offset of {}, {}: set it as an origin or tool offset",
-                                  axis_letter(chain, i), small(tables.offset[i], chain, i)));
+                                  axis_letter(chain, i),
+                                  deviation_text(tables.offset[i], chain, i)));
   return words;
 }
 
@@ -164,8 +173,8 @@ void check_files(std::span<const ControlFile> files) {
                    fmt::format("{}", files.size()));
   std::set<std::string> names;
   for (const ControlFile& file : files) {
-    if (file.text.size() > most_bytes)
-      throw BadInput(file.name, 0, 0, fmt::format("at most {} bytes", most_bytes),
+    if (file.text.size() > max_file_bytes)
+      throw BadInput(file.name, 0, 0, fmt::format("at most {} bytes", max_file_bytes),
                      fmt::format("{}", file.text.size()));
     if (!names.insert(base_name(file.name)).second)
       throw BadInput(file.name, 0, 0, "every file once", "the second of that name");
@@ -187,7 +196,7 @@ std::string movable_letters(const Chain& chain) {
 }
 
 std::string base_name(const std::string& name) {
-  // controls and their file systems ignore upper and lower case
+  // Controls and their file systems ignore case.
   std::string base = name.substr(name.find_last_of("/\\") + 1);
   for (char& c : base)
     if (c >= 'a' && c <= 'z') c = char(c - 'a' + 'A');
@@ -263,15 +272,15 @@ using kinematics::Chain;
 using kinematics::Deviation;
 using kinematics::JointDeviation;
 
-// Axes and directions of the format; the position errors of others cannot be written.
+// Axes and directions of the format; errors of other axes cannot be written.
 constexpr std::string_view letters = "XYZABC";
 constexpr std::string_view directions = "XYZABC";
 constexpr std::size_t max_blocks = 64;
 
 bool is_isg_axis(char letter) { return letters.find(letter) != std::string_view::npos; }
 
-/// Returns a state with every axis within its own range, so that no table of another axis is left.
-AxisState standing(const Chain& chain, const TableOptions& options) {
+/// Returns a state with every axis in the middle of its range, where no table of the belief ends.
+AxisState middle_state(const Chain& chain, const TableOptions& options) {
   AxisState state;
   state.q.resize(chain.size());
   for (int i = 0; i < chain.size(); ++i) {
@@ -283,19 +292,20 @@ AxisState standing(const Chain& chain, const TableOptions& options) {
   return state;
 }
 
-struct Sampled {
+/// Deviations of a carriage at the positions of its joint.
+struct SampledDeviations {
   ElementTable table;
-  bool turns_back = false;  // some deviation depends on the direction
+  bool depends_on_direction = false;  // some deviation depends on the direction
 };
 
-Sampled sampled(const GeometricModel& model, const Chain& chain, int joint, AxisState state,
-                const Eigen::VectorXd& positions) {
-  Sampled out;
-  out.table.axis = chain.joints()[std::size_t(joint)].name;
+SampledDeviations sample_deviations(const GeometricModel& model, const Chain& chain, int joint,
+                                    AxisState state, const Eigen::VectorXd& positions) {
+  SampledDeviations result;
+  result.table.axis = chain.joints()[std::size_t(joint)].name;
   for (const char direction : directions)
-    out.table.elements.push_back({direction, out.table.axis, false});
-  out.table.q = positions;
-  out.table.values.resize(positions.size(), 6);
+    result.table.elements.push_back({direction, result.table.axis, false});
+  result.table.q = positions;
+  result.table.values.resize(positions.size(), 6);
   const auto motion = [&](int direction) -> Deviation {
     state.direction[std::size_t(joint)] = std::int8_t(direction);
     return errors::deviations(model, state)[std::size_t(joint)].motion;
@@ -303,13 +313,13 @@ Sampled sampled(const GeometricModel& model, const Chain& chain, int joint, Axis
   for (Eigen::Index k = 0; k < positions.size(); ++k) {
     state.q[joint] = positions[k];
     const Deviation up = motion(1), down = motion(-1);
-    out.table.values.row(k) = (0.5 * (up + down)).transpose();
-    out.turns_back = out.turns_back || up != down;
+    result.table.values.row(k) = (0.5 * (up + down)).transpose();
+    result.depends_on_direction = result.depends_on_direction || up != down;
   }
-  return out;
+  return result;
 }
 
-std::vector<std::string> left_out_of(const GeometricModel& model, const Chain& chain) {
+std::vector<std::string> omission_notes(const GeometricModel& model, const Chain& chain) {
   std::vector<std::string> words;
   for (const GeometricModel::Bound& bound : model.elements) {
     const std::string name = to_string(bound.element.name);
@@ -322,24 +332,25 @@ std::vector<std::string> left_out_of(const GeometricModel& model, const Chain& c
   return words;
 }
 
-/// Returns a header and a row with the location errors that are not zero; empty if there are none.
+/// Returns the text of a header and a row with the location errors that are not zero; an empty text
+/// if there are none.
 std::string position_errors(const std::vector<JointDeviation>& deviations, const Chain& chain) {
-  std::string head, row;
+  std::string header, row;
   for (int i = 0; i < chain.size(); ++i) {
     const char axis = chain.joints()[std::size_t(i)].name;
     if (!is_isg_axis(axis)) continue;
     for (std::size_t k = 0; k < directions.size(); ++k) {
       const double value = deviations[std::size_t(i)].location[Eigen::Index(k)];
       if (value == 0.0) continue;
-      head += fmt::format("{}{}0{}", head.empty() ? "" : "\t", directions[k], axis);
+      header += fmt::format("{}{}0{}", header.empty() ? "" : "\t", directions[k], axis);
       row += fmt::format("{}{}", row.empty() ? "" : "\t", value);
     }
   }
-  return head.empty() ? "" : "// mm and rad\n" + head + "\n" + row + "\n";
+  return header.empty() ? "" : "// mm and rad\n" + header + "\n" + row + "\n";
 }
 
-/// Returns notes on position errors for which a control may displace the frame of their axis, which
-/// is not what they state.
+/// Returns notes on position errors for which a control may displace the frame of an axis, although
+/// they do not state such a displacement.
 std::vector<std::string> position_notes(const std::vector<JointDeviation>& deviations,
                                         const Chain& chain) {
   std::vector<std::string> notes;
@@ -357,9 +368,9 @@ std::vector<std::string> position_notes(const std::vector<JointDeviation>& devia
   return notes;
 }
 
-/// Returns the blocks of a file between its breaks, without comments. Each is preceded by empty
-/// lines, so that lines keep their numbers.
-std::vector<std::string> blocks_of(const ControlFile& file) {
+/// Splits a file at its # lines into blocks without comments. Each block begins with empty lines,
+/// so that its lines keep their numbers.
+std::vector<std::string> split_blocks(const ControlFile& file) {
   std::vector<std::string> blocks(1);
   Lines lines(file.text);
   while (const auto line = lines.next()) {
@@ -378,13 +389,13 @@ std::vector<std::string> blocks_of(const ControlFile& file) {
   return blocks;
 }
 
-/// Reads all blocks of all files, which together must state every element once.
+/// Reads all blocks of all files. Together they must state every element at most once.
 class VolumetricReader {
  public:
   explicit VolumetricReader(const Chain& chain) : chain_(chain) {}
 
   void read(const ControlFile& file) {
-    for (const std::string& block : blocks_of(file)) read_block(block, file.name);
+    for (const std::string& block : split_blocks(file)) read_block(block, file.name);
   }
 
   GeometricErrors take() { return std::move(errors_); }
@@ -392,11 +403,11 @@ class VolumetricReader {
  private:
   void read_block(const std::string& block, const std::string& file) {
     TableLines lines(block, file, std::nullopt);
-    const auto head = lines.next();
-    if (!head) return;
-    const char separator = cell_separator(head->text);
-    const std::vector<Cell> cells = cells_of(head->text, separator, 64);
-    // a position error such as C0Y has the digit 0 in its name, a component error has none
+    const auto header = lines.next();
+    if (!header) return;
+    const char separator = cell_separator(header->text);
+    const std::vector<Cell> cells = cells_of(header->text, separator, 64);
+    // Only names of position errors, such as C0Y, contain the digit 0.
     if (cells.front().text.find('0') != std::string_view::npos)
       read_position_errors(lines, cells, separator);
     else
@@ -406,38 +417,38 @@ class VolumetricReader {
   void read_component_errors(const TableLines& lines, const Cell& axis, const ElementTable& table) {
     check_axis(lines, axis, table.axis);
     errors::TableUse use;
-    // held outside the rows, as assumed in parameter_tables.h
+    // parameter_tables.h assumes that values hold outside the rows.
     use.outside = errors::Outside::Hold;
     for (Element& element : errors::elements_of(table, use)) add(lines, axis, std::move(element));
   }
 
-  void read_position_errors(TableLines& lines, const std::vector<Cell>& heads, char separator) {
+  void read_position_errors(TableLines& lines, const std::vector<Cell>& headers, char separator) {
     std::vector<ElementName> names;
-    for (const Cell& head : heads) names.push_back(location_name(lines, head));
+    for (const Cell& header : headers) names.push_back(location_name(lines, header));
     const auto row = lines.next();
     if (!row) lines.refuse(0, "a row of values", "none");
-    const std::vector<Cell> cells = cells_of(row->text, separator, heads.size());
-    if (cells.size() != heads.size())
-      lines.refuse(1, fmt::format("{} cells, as the head has", heads.size()),
-                   cells.size() > heads.size() ? "more" : fmt::format("{}", cells.size()));
+    const std::vector<Cell> cells = cells_of(row->text, separator, headers.size());
+    if (cells.size() != headers.size())
+      lines.refuse(1, fmt::format("{} cells, as the head has", headers.size()),
+                   cells.size() > headers.size() ? "more" : fmt::format("{}", cells.size()));
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const double value = lines.number_in(cells[i]);
       if (value != 0.0) add(lines, cells[i], {names[i], {{errors::Constant{value}}}});
     }
-    if (const auto more = lines.next())
-      lines.refuse(1, "one row of position errors", in_quotes(more->text));
+    if (const auto next_row = lines.next())
+      lines.refuse(1, "one row of position errors", in_quotes(next_row->text));
   }
 
-  ElementName location_name(const TableLines& lines, const Cell& head) const {
+  ElementName location_name(const TableLines& lines, const Cell& header) const {
     try {
-      const ElementName name = errors::parse_element_name(head.text);
+      const ElementName name = errors::parse_element_name(header.text);
       if (name.location) {
-        check_axis(lines, head, name.axis);
+        check_axis(lines, header, name.axis);
         return name;
       }
     } catch (const std::invalid_argument&) {
     }
-    lines.refuse(head, "a position error such as C0Y");
+    lines.refuse(header, "a position error such as C0Y");
   }
 
   void check_axis(const TableLines& lines, const Cell& cell, char axis) const {
@@ -452,8 +463,8 @@ class VolumetricReader {
         lines.refuse(cell, fmt::format("{} once", to_string(element.name)));
     try {
       errors::check_meaning(element.name, chain_, *chain_.find(element.name.axis));
-    } catch (const std::invalid_argument& refusal) {
-      lines.refuse(cell, refusal.what());
+    } catch (const std::invalid_argument& error) {
+      lines.refuse(cell, error.what());
     }
     errors_.elements.push_back(std::move(element));
   }
@@ -466,32 +477,34 @@ class VolumetricReader {
 
 Export to_volumetric(const GeometricModel& believed, const Chain& chain,
                      const TableOptions& options) {
-  Export out;
-  // a table holds no chance; the random part was listed as left out
-  out.left_out = left_out_of(believed, chain);
+  Export result;
+  // A table cannot hold random errors; they are listed as left out.
+  result.left_out = omission_notes(believed, chain);
   const GeometricModel model = errors::without_random(believed);
-  const AxisState state = standing(chain, options);
+  const AxisState state = middle_state(chain, options);
   for (int i = 0; i < chain.size(); ++i) {
     const char axis = chain.joints()[std::size_t(i)].name;
     const Eigen::VectorXd positions = table_positions(chain, i, options);
     if (!is_isg_axis(axis) || positions.size() == 0) continue;
-    const Sampled samples = sampled(model, chain, i, state, positions);
-    if (samples.turns_back)
-      out.left_out.push_back(fmt::format("{}: the direction of motion; its mean is written", axis));
+    const SampledDeviations samples = sample_deviations(model, chain, i, state, positions);
+    if (samples.depends_on_direction)
+      result.left_out.push_back(
+          fmt::format("{}: the direction of motion; its mean is written", axis));
     if ((samples.table.values.array() == 0.0).all()) continue;
-    out.files.push_back({fmt::format("{}.csv", axis),
-                         fmt::format("// mm and rad over {}\n", control::unit_name(chain, i)) +
-                             errors::write_element_table(samples.table, '\t')});
+    result.files.push_back({fmt::format("{}.csv", axis),
+                            fmt::format("// mm and rad over {}\n", control::unit_name(chain, i)) +
+                                errors::write_element_table(samples.table, '\t')});
   }
   const std::vector<JointDeviation> deviations = errors::deviations(model, state);
   const std::string locations = position_errors(deviations, chain);
-  if (!locations.empty()) out.files.push_back({"position_errors.csv", locations});
-  if (!out.files.empty())
-    out.notes.emplace_back(
+  if (!locations.empty()) result.files.push_back({"position_errors.csv", locations});
+  if (!result.files.empty())
+    result.notes.emplace_back(
         "values are actual minus nominal of each carriage over its command; whether "
         "the control's chain counts an axis the other way is for its `negate`");
-  for (std::string& note : position_notes(deviations, chain)) out.notes.push_back(std::move(note));
-  return out;
+  for (std::string& note : position_notes(deviations, chain))
+    result.notes.push_back(std::move(note));
+  return result;
 }
 
 GeometricErrors read_volumetric_deviations(std::span<const ControlFile> files, const Chain& chain) {

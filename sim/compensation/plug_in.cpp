@@ -22,21 +22,21 @@
 #include "sim/compensation/child_process.h"
 #include "sim/compensation/plug_in_protocol.h"
 
-/// Start of a host for a shared library by the asking side (plug_in_host in plug_in.h).
+/// Running of plug-ins, and the host process of shared libraries (plug_in_host in plug_in.h).
 namespace abbe::sim::compensation {
 
-inline constexpr const char* host_word = "plug-in-host";       ///< its first argument
-inline constexpr const char* host_mark = "ABBE_PLUG_IN_HOST";  ///< set in its environment
+inline constexpr const char* host_argument = "plug-in-host";       ///< first argument of a host
+inline constexpr const char* host_variable = "ABBE_PLUG_IN_HOST";  ///< set in its environment
 
 namespace {
 
 using nlohmann::json;
-using Table = std::vector<double>;  // rows one after another
+using NumberTable = std::vector<double>;  // rows one after another
 
 constexpr const char* query_prefix = R"({"kind":"ask")";
 
-/// Returns the object of the library. The library stays loaded until the process ends.
-const abbe_compensator_v1& loaded(const char* library) {
+/// Loads a library and returns its compensator object. It stays loaded until the process ends.
+const abbe_compensator_v1& load_library(const char* library) {
   void* handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) throw ChildProcessError("a shared library", dlerror());
   const void* symbol = dlsym(handle, "abbe_compensator");
@@ -54,35 +54,35 @@ const abbe_compensator_v1& loaded(const char* library) {
   return compensator;
 }
 
-/// Returns the numbers of the list or table under a key of a line written by abbe; null becomes
-/// NaN. A general JSON reader would take most of the time of a sample.
-Table table_in(std::string_view line, const std::string& key) {
-  Table table;
-  const std::string mark = "\"" + key + "\":";
-  const std::size_t found = line.find(mark);
-  if (found == std::string_view::npos) throw ChildProcessError(mark, "none");
-  const char* at = line.data() + found + mark.size();
+/// Parses the list or table of numbers under a key of a line written by abbe; null becomes NaN. A
+/// general JSON parser would take most of the time of a sample.
+NumberTable parse_table(std::string_view line, const std::string& key) {
+  NumberTable table;
+  const std::string prefix = "\"" + key + "\":";
+  const std::size_t start = line.find(prefix);
+  if (start == std::string_view::npos) throw ChildProcessError(prefix, "none");
+  const char* position = line.data() + start + prefix.size();
   const char* const end = line.data() + line.size();
-  for (int depth = 0; at != end;) {
-    const char c = *at;
+  for (int depth = 0; position != end;) {
+    const char c = *position;
     if (c == '[') ++depth;
     if (c == ']' && --depth == 0) break;
     if (c == '[' || c == ']' || c == ',') {
-      ++at;
+      ++position;
     } else if (c == 'n') {
       table.push_back(std::numeric_limits<double>::quiet_NaN());
-      at += 4;
+      position += 4;
     } else {
-      const auto [next, failure] = std::from_chars(at, end, table.emplace_back());
-      if (failure != std::errc())
-        throw ChildProcessError("numbers under " + key, in_quotes({at, 1}));
-      at = next;
+      const auto [next, error_code] = std::from_chars(position, end, table.emplace_back());
+      if (error_code != std::errc())
+        throw ChildProcessError("numbers under " + key, in_quotes({position, 1}));
+      position = next;
     }
   }
   return table;
 }
 
-abbe_joint joint_of(const json& message) {
+abbe_joint parse_joint(const json& message) {
   abbe_joint joint{};
   const std::string motion = message.at("motion");
   joint.name = message.at("name").get<std::string>().at(0);
@@ -97,16 +97,16 @@ abbe_joint joint_of(const json& message) {
   return joint;
 }
 
-/// The task, with the memory that its pointers refer to.
-struct Task {
-  explicit Task(const std::string& line) : Task(line, json::parse(line)) {}
-  Task(const std::string& line, const json& message)
+/// The task in the layout of abbe_compensator.h, with the memory to which its pointers refer.
+struct HostTask {
+  explicit HostTask(const std::string& line) : HostTask(line, json::parse(line)) {}
+  HostTask(const std::string& line, const json& message)
       : structure(message.at("structure")),
         tool(message.at("tool").at("name")),
         names(message.at("readings")),
-        time_s(table_in(line, "time_s")),
-        log(table_in(line, "values")) {
-    for (const json& joint : message.at("joints")) joints.push_back(joint_of(joint));
+        time_s(parse_table(line, "time_s")),
+        log(parse_table(line, "values")) {
+    for (const json& joint : message.at("joints")) joints.push_back(parse_joint(joint));
     for (const std::string& name : names) name_pointers.push_back(name.c_str());
     c = {structure.c_str(),
          std::int32_t(joints.size()),
@@ -120,36 +120,37 @@ struct Task {
          time_s.data(),
          log.data()};
   }
-  Task(const Task&) = delete;
-  Task& operator=(const Task&) = delete;
+  HostTask(const HostTask&) = delete;
+  HostTask& operator=(const HostTask&) = delete;
 
   std::string structure, tool;
   std::vector<abbe_joint> joints;
   std::vector<std::string> names;
   std::vector<const char*> name_pointers;
-  Table time_s, log;
+  NumberTable time_s, log;
   abbe_task c{};
 };
 
-/// Returns the next line, or an empty one at the end.
+/// Reads the next line from stdin; an empty one at the end.
 std::string next_line() {
   std::string line;
   std::getline(std::cin, line);
   return line;
 }
 
-// Throws if a function of the library failed, with its own text if it gave one.
-void check(std::int32_t failed, const char* function, const std::string& error) {
-  if (failed != 0)
+/// Throws if a function of the library failed, with the error text of the library if there is one.
+void check_result(std::int32_t result, const char* function, const std::string& error) {
+  if (result != 0)
     throw std::runtime_error(
-        error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, failed));
+        error.c_str()[0] != '\0' ? error.c_str() : fmt::format("{} returned {}", function, result));
 }
 
-std::string response_line(const abbe_compensator_v1& compensator, void* self, const Task& task,
-                          const std::string& ask, long id) {
-  const Table time_s = table_in(ask, "time_s"), q = table_in(ask, "q"),
-              direction = table_in(ask, "direction"), rpm = table_in(ask, "spindle_rpm"),
-              T_wt = table_in(ask, "T_wt"), readings = table_in(ask, "readings");
+std::string response_line(const abbe_compensator_v1& compensator, void* instance,
+                          const HostTask& task, const std::string& ask, long id) {
+  const NumberTable time_s = parse_table(ask, "time_s"), q = parse_table(ask, "q"),
+                    direction = parse_table(ask, "direction"),
+                    rpm = parse_table(ask, "spindle_rpm"), T_wt = parse_table(ask, "T_wt"),
+                    readings = parse_table(ask, "readings");
   const abbe_batch batch{std::int64_t(time_s.size()),
                          time_s.data(),
                          q.data(),
@@ -157,67 +158,68 @@ std::string response_line(const abbe_compensator_v1& compensator, void* self, co
                          rpm.data(),
                          T_wt.data(),
                          readings.data()};
-  const bool correction = compensator.answers == ABBE_CORRECTION;
-  const std::size_t width = correction ? task.joints.size() : 6;
-  // NaN marks a number that the library did not write, which the asking side rejects
-  Table rows(time_s.size() * width, std::numeric_limits<double>::quiet_NaN());
+  const bool is_correction = compensator.answers == ABBE_CORRECTION;
+  const std::size_t columns_per_row = is_correction ? task.joints.size() : 6;
+  // A number that the library does not write remains NaN, which abbe rejects.
+  NumberTable rows(time_s.size() * columns_per_row, std::numeric_limits<double>::quiet_NaN());
   std::string error(ABBE_ERROR_BYTES, '\0');
-  check(compensator.answer(self, &batch, rows.data(), error.data()), "answer", error);
+  check_result(compensator.answer(instance, &batch, rows.data(), error.data()), "answer", error);
 
   std::string line =
-      fmt::format("{{\"id\":{},\"{}\":[", id, correction ? "correction" : "deviation");
+      fmt::format("{{\"id\":{},\"{}\":[", id, is_correction ? "correction" : "deviation");
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    line += i == 0 ? "[" : i % width == 0 ? "],[" : ",";
+    line += i == 0 ? "[" : i % columns_per_row == 0 ? "],[" : ",";
     append_number(line, rows[i]);
   }
   return line + (rows.empty() ? "]}" : "]]}");
 }
 
-std::string line_of(const json& message) {
+std::string json_text_line(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-void say(std::FILE* to, const std::string& line) {
-  std::fwrite(line.data(), 1, line.size(), to);
-  std::fputc('\n', to);
-  std::fflush(to);
+void write_line(std::FILE* stream, const std::string& line) {
+  std::fwrite(line.data(), 1, line.size(), stream);
+  std::fputc('\n', stream);
+  std::fflush(stream);
 }
 
-void converse(const char* library, std::FILE* to) {
-  const abbe_compensator_v1& compensator = loaded(library);
-  const Task task(next_line());
-  void* self = nullptr;
+void serve(const char* library, std::FILE* stream) {
+  const abbe_compensator_v1& compensator = load_library(library);
+  const HostTask task(next_line());
+  void* instance = nullptr;
   if (compensator.open != nullptr) {
     std::string error(ABBE_ERROR_BYTES, '\0');
-    check(compensator.open(&self, &task.c, error.data()), "open", error);
+    check_result(compensator.open(&instance, &task.c, error.data()), "open", error);
   }
-  say(to,
-      line_of({{"abbe", protocol_version},
-               {"kind", "ready"},
-               {"name", compensator.name != nullptr ? compensator.name : ""},
-               {"answers", compensator.answers == ABBE_CORRECTION ? "correction" : "deviation"}}));
+  write_line(stream,
+             json_text_line({{"abbe", protocol_version},
+                             {"kind", "ready"},
+                             {"name", compensator.name != nullptr ? compensator.name : ""},
+                             {"answers", compensator.answers == ABBE_CORRECTION ? "correction"
+                                                                                : "deviation"}}));
   long id = 0;
   for (std::string line = next_line(); line.rfind(query_prefix, 0) == 0; line = next_line())
-    say(to, response_line(compensator, self, task, line, ++id));
-  if (compensator.close != nullptr) compensator.close(self);
+    write_line(stream, response_line(compensator, instance, task, line, ++id));
+  if (compensator.close != nullptr) compensator.close(instance);
 }
 
 }  // namespace
 
 std::optional<int> plug_in_host(int argc, char** argv) {
-  if (argc != 3 || std::string_view(argv[1]) != host_word) return std::nullopt;
+  if (argc != 3 || std::string_view(argv[1]) != host_argument) return std::nullopt;
   std::ios::sync_with_stdio(false);
-  // Output of the library is for people and must not mix with the answers, so stdout goes to stderr
-  // and the answers to a duplicate.
-  std::FILE* to = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
+  // What the library prints must not mix with the answers, so stdout is redirected to stderr, and
+  // answers are written to a duplicate of the original stdout.
+  std::FILE* stream = fdopen(fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3), "w");
   dup2(STDERR_FILENO, STDOUT_FILENO);
-  if (to == nullptr) return 1;
+  if (stream == nullptr) return 1;
   try {
-    converse(argv[2], to);
-  } catch (const std::exception& fault) {
-    say(to, line_of({{"error", fault.what()}}));
+    serve(argv[2], stream);
+  } catch (const std::exception& error) {
+    write_line(stream, json_text_line({{"error", error.what()}}));
   }
-  std::fclose(to);
+  std::fclose(stream);
   return 0;
 }
 
@@ -225,112 +227,113 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t line_base = 65536;      // bytes allowed for any line
-constexpr std::size_t bytes_per_number = 64;  // longer than any notation of a double
+constexpr std::size_t line_base_bytes = 65536;  // bytes allowed for any line
+constexpr std::size_t bytes_per_number = 64;    // longer than any notation of a double
 
-/// The command and environment with which a plug-in is started.
-struct Start {
+/// The command and the additional environment with which a plug-in is started.
+struct LaunchCommand {
   std::vector<std::string> command;
   std::vector<std::string> environment;
 };
 
-bool begins_as_script(const fs::path& file) {
-  std::array<char, 2> mark{};
-  std::ifstream(file, std::ios::binary).read(mark.data(), 2);
-  return mark[0] == '#' && mark[1] == '!';
+bool has_shebang(const fs::path& file) {
+  std::array<char, 2> prefix{};
+  std::ifstream(file, std::ios::binary).read(prefix.data(), 2);
+  return prefix[0] == '#' && prefix[1] == '!';
 }
 
-Start start_of(const fs::path& plug_in, const PlugInOptions& options) {
-  std::error_code failure;
-  const fs::file_status status = fs::status(plug_in, failure);
+LaunchCommand launch_command(const fs::path& plug_in, const PlugInOptions& options) {
+  std::error_code error_code;
+  const fs::file_status status = fs::status(plug_in, error_code);
   if (!fs::exists(status)) throw ChildProcessError("a program or a shared library", "no such file");
   if (!fs::is_regular_file(status))
     throw ChildProcessError("a program or a shared library",
                             fs::is_directory(status) ? "a folder" : "something else");
   const std::string path = fs::absolute(plug_in).string();
-  Start start;
-  // Without it a Python program that writes to a pipe would hold back its lines.
-  if (std::getenv("PYTHONUNBUFFERED") == nullptr) start.environment = {"PYTHONUNBUFFERED=1"};
-  const bool executable = ::access(path.c_str(), X_OK) == 0;
+  LaunchCommand launch;
+  // Without this variable Python buffers its output to a pipe.
+  if (std::getenv("PYTHONUNBUFFERED") == nullptr) launch.environment = {"PYTHONUNBUFFERED=1"};
+  const bool is_executable = ::access(path.c_str(), X_OK) == 0;
   if (plug_in.extension() == ".so") {
-    // The mark is set in a host: seeing it here means that the host ran its normal main and would
+    // The variable is set in a host. If it is set here, the host ran its normal main and would
     // start itself for ever.
-    if (std::getenv(host_mark) != nullptr)
+    if (std::getenv(host_variable) != nullptr)
       throw ChildProcessError("a host whose main begins with plug_in_host", "one that does not");
-    start.environment.push_back(fmt::format("{}=1", host_mark));
-    start.command = {options.host.string(), host_word, path};
-  } else if (plug_in.extension() == ".py" && !(executable && begins_as_script(plug_in))) {
-    start.command = {"python3", path};
-  } else if (executable) {
-    start.command = {path};
+    launch.environment.push_back(fmt::format("{}=1", host_variable));
+    launch.command = {options.host.string(), host_argument, path};
+  } else if (plug_in.extension() == ".py" && !(is_executable && has_shebang(plug_in))) {
+    launch.command = {"python3", path};
+  } else if (is_executable) {
+    launch.command = {path};
   } else {
     throw ChildProcessError("a program that may be run (chmod +x), a .py file or a .so file",
                             "a file that is none of these");
   }
-  return start;
+  return launch;
 }
 
-/// Returns the text with bytes that are not UTF-8 replaced, so that it can go into any report.
-std::string as_utf8(const std::string& text) {
+/// Replaces bytes that are not UTF-8, so that reports can contain the text.
+std::string replace_invalid_utf8(const std::string& text) {
   const nlohmann::json value = text;
   return nlohmann::json::parse(value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace))
       .get<std::string>();
 }
 
 std::string indented(std::string lines) {
-  for (std::size_t at = lines.find('\n'); at != std::string::npos; at = lines.find('\n', at + 3))
-    lines.replace(at, 1, "\n  ");
+  for (std::size_t position = lines.find('\n'); position != std::string::npos;
+       position = lines.find('\n', position + 3))
+    lines.replace(position, 1, "\n  ");
   return "  " + lines;
 }
 
-/// A conversation with a plug-in. Every error is reported with the plug-in, the step and its last
-/// lines on stderr.
+/// The exchange of messages with a plug-in. An error names the plug-in and the step, and quotes its
+/// last lines on stderr.
 class Conversation {
  private:
-  template <typename Do>
-  auto step(const std::string& name, const Do& act) {
+  template <typename Action>
+  auto run_step(const std::string& name, const Action& action) {
     try {
-      return act();
-    } catch (const ChildProcessError& fault) {
+      return action();
+    } catch (const ChildProcessError& error) {
       std::string text =
-          fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(fault.what()));
+          fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(error.what()));
       if (child_ && !child_->stderr_tail().empty())
         text += "\nits last words on stderr:\n" + indented(child_->stderr_tail());
-      throw PlugInFailure(as_utf8(text));
+      throw PlugInFailure(replace_invalid_utf8(text));
     }
   }
 
  public:
   Conversation(const fs::path& plug_in, const PlugInOptions& options)
       : plug_in_(plug_in), options_(options) {
-    step("start", [&] {
-      const Start start = start_of(plug_in, options);
-      child_.emplace(start.command, start.environment, options_.waiting);
+    run_step("start", [&] {
+      const LaunchCommand launch = launch_command(plug_in, options);
+      child_.emplace(launch.command, launch.environment, options_.waiting);
     });
   }
 
-  Handshake shake_hands(const PlugInTask& task, Eigen::Index samples) {
-    return step("handshake", [&] {
+  Handshake exchange_handshake(const PlugInTask& task, Eigen::Index samples) {
+    return run_step("handshake", [&] {
       const std::string line = task_line(task, samples, options_.batch);
-      return read_handshake(child_->exchange(line, {options_.start_s, line_base}));
+      return read_handshake(child_->exchange(line, {options_.start_s, line_base_bytes}));
     });
   }
 
-  Eigen::MatrixXd answer(const PlugInQuestion& question, Samples samples,
-                         const Expected& expected) {
-    return step(batch_label(expected.id, samples), [&] {
+  Eigen::MatrixXd ask_batch(const PlugInQuestion& question, Samples samples,
+                            const Expected& expected) {
+    return run_step(batch_label(expected.id, samples), [&] {
       const std::string line = ask_line(make_batch(expected.task, question, samples), expected.id);
       const auto numbers = samples.count * columns(expected.answers, expected.task);
       return read_response(
-          child_->exchange(
-              line, {options_.response_s, line_base + bytes_per_number * std::size_t(numbers)}),
+          child_->exchange(line, {options_.response_s,
+                                  line_base_bytes + bytes_per_number * std::size_t(numbers)}),
           expected);
     });
   }
 
-  std::string end() {
-    step("end", [&] { child_->finish(end_line(), options_.response_s); });
-    return as_utf8(child_->stderr_tail());
+  std::string finish() {
+    run_step("end", [&] { child_->finish(end_line(), options_.response_s); });
+    return replace_invalid_utf8(child_->stderr_tail());
   }
 
  private:
@@ -339,73 +342,76 @@ class Conversation {
   std::optional<ChildProcess> child_;
 };
 
-void check(const PlugInQuestion& question, const PlugInOptions& options) {
+void check_question(const PlugInQuestion& question, const PlugInOptions& options) {
   if (question.T_wt.size() != question.commands.size())
     throw std::invalid_argument("expected a pose for every command");
   if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
 }
 
-/// Returns the rows of all batches of a question.
-/// @param rows  returns the answer to one batch
+/// Asks for all batches of a question and returns the rows of all answers.
+/// @param rows  function that returns the answer to one batch
 template <typename Rows>
-Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& question,
-                           const PlugInOptions& options, PlugInOutput answers, const Rows& rows) {
+Eigen::MatrixXd ask_in_batches(const PlugInTask& task, const PlugInQuestion& question,
+                               const PlugInOptions& options, PlugInOutput answers,
+                               const Rows& rows) {
   const Eigen::Index samples = Eigen::Index(question.commands.size());
-  Eigen::MatrixXd all(samples, columns(answers, task));
+  Eigen::MatrixXd all_rows(samples, columns(answers, task));
   long id = 0;
   for (Samples batch; batch.first < samples; batch.first += batch.count) {
     batch.count = std::min<Eigen::Index>(options.batch, samples - batch.first);
-    all.middleRows(batch.first, batch.count) =
+    all_rows.middleRows(batch.first, batch.count) =
         rows(batch, Expected{++id, answers, batch.count, task, options});
   }
-  return all;
+  return all_rows;
 }
 
 /// Throws ChildProcessError unless the answer of a function has the expected size and values.
-void check(const Eigen::MatrixXd& rows, const Expected& expected) {
-  const Eigen::Index wanted = columns(expected.answers, expected.task);
-  if (rows.rows() != expected.samples || rows.cols() != wanted)
-    throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, wanted),
+void check_response(const Eigen::MatrixXd& rows, const Expected& expected) {
+  const Eigen::Index column_count = columns(expected.answers, expected.task);
+  if (rows.rows() != expected.samples || rows.cols() != column_count)
+    throw ChildProcessError(fmt::format("{} rows of {} numbers", expected.samples, column_count),
                             fmt::format("{} of {}", rows.rows(), rows.cols()));
   for (Eigen::Index i = 0; i < rows.rows(); ++i)
-    for (Eigen::Index j = 0; j < wanted; ++j)
-      if (const auto instead = value_violation(rows(i, j), expected, j))
-        throw ChildProcessError(
-            *instead, fmt::format("{} in row {}, {}", rows(i, j), i + 1, column_name(expected, j)));
+    for (Eigen::Index j = 0; j < column_count; ++j)
+      if (const auto requirement = value_violation(rows(i, j), expected, j))
+        throw ChildProcessError(*requirement, fmt::format("{} in row {}, {}", rows(i, j), i + 1,
+                                                          column_name(expected, j)));
 }
 
 }  // namespace
 
 PlugInResponse ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
                    const PlugInOptions& options) {
-  check(question, options);
+  check_question(question, options);
   Conversation conversation(plug_in, options);
-  const Handshake ready = conversation.shake_hands(task, Eigen::Index(question.commands.size()));
-  PlugInResponse answer{as_utf8(ready.name), ready.answers, {}, {}};
-  answer.rows = in_batches(task, question, options, ready.answers,
-                           [&](Samples batch, const Expected& expected) {
-                             return conversation.answer(question, batch, expected);
-                           });
-  answer.said = conversation.end();
-  return answer;
+  const Handshake handshake =
+      conversation.exchange_handshake(task, Eigen::Index(question.commands.size()));
+  PlugInResponse response{replace_invalid_utf8(handshake.name), handshake.answers, {}, {}};
+  response.rows = ask_in_batches(task, question, options, handshake.answers,
+                                 [&](Samples batch, const Expected& expected) {
+                                   return conversation.ask_batch(question, batch, expected);
+                                 });
+  response.said = conversation.finish();
+  return response;
 }
 
 PlugInResponse ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
                    const PlugInQuestion& question, const PlugInOptions& options) {
-  check(question, options);
+  check_question(question, options);
   const auto rows = [&](Samples batch, const Expected& expected) {
-    // a function gets the same chance of an interrupt as a process
+    // A function can be interrupted between batches, as a process can.
     if (options.waiting) options.waiting();
-    Eigen::MatrixXd answered = function.rows(task, make_batch(task, question, batch));
+    Eigen::MatrixXd response = function.rows(task, make_batch(task, question, batch));
     try {
-      check(answered, expected);
-    } catch (const ChildProcessError& fault) {
-      throw PlugInFailure(as_utf8(fmt::format(
-          "{}: {}: {}", escaped(name), batch_label(expected.id, batch), escaped(fault.what()))));
+      check_response(response, expected);
+    } catch (const ChildProcessError& error) {
+      throw PlugInFailure(replace_invalid_utf8(fmt::format(
+          "{}: {}: {}", escaped(name), batch_label(expected.id, batch), escaped(error.what()))));
     }
-    return answered;
+    return response;
   };
-  return {name, function.answers, in_batches(task, question, options, function.answers, rows), {}};
+  return {
+      name, function.answers, ask_in_batches(task, question, options, function.answers, rows), {}};
 }
 
 }  // namespace abbe::sim::compensation

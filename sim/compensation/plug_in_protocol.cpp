@@ -59,11 +59,11 @@ std::string column_name(const Expected& expected, Index column) {
 
 std::optional<std::string> value_violation(double number, const Expected& expected, Index column) {
   if (!std::isfinite(number)) return "a finite number";
-  // beyond it a value has the wrong unit, such as um given as mm
-  const bool angle = is_angle(expected, column);
-  const double most = angle ? expected.options.max_rad : expected.options.max_mm;
-  if (std::abs(number) <= most) return std::nullopt;
-  return fmt::format("at most {} {} (units are mm and rad)", most, angle ? "rad" : "mm");
+  // A larger value probably has the wrong unit, such as um instead of mm.
+  const bool is_angle_column = is_angle(expected, column);
+  const double limit = is_angle_column ? expected.options.max_rad : expected.options.max_mm;
+  if (std::abs(number) <= limit) return std::nullopt;
+  return fmt::format("at most {} {} (units are mm and rad)", limit, is_angle_column ? "rad" : "mm");
 }
 
 std::string batch_label(long id, Samples samples) {
@@ -76,8 +76,8 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-// Returns the key of the numbers in the messages.
-const char* word(PlugInOutput answers) {
+/// Returns the key of the numbers in the messages.
+const char* enum_key(PlugInOutput answers) {
   return answers == PlugInOutput::Correction ? "correction" : "deviation";
 }
 
@@ -96,14 +96,14 @@ void append_numbers(std::string& line, Eigen::Index n, const Value& value) {
   append_list(line, n, [&](Eigen::Index i) { append_number(line, value(i)); });
 }
 
-// Bytes that are not UTF-8 are replaced, since a name of a tool may have any.
+// Bytes that are not UTF-8 are replaced, because the name of a tool may contain any.
 std::string text_line(const ordered_json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
 std::vector<double> numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-const char* word(kinematics::Motion motion) {
+const char* enum_key(kinematics::Motion motion) {
   switch (motion) {
     case kinematics::Motion::Linear:
       return "linear";
@@ -118,41 +118,41 @@ const char* word(kinematics::Motion motion) {
 ordered_json joint_message(const kinematics::Joint& joint) {
   return {{"name", std::string(1, joint.name)},
           {"side", joint.side == kinematics::Side::Workpiece ? "workpiece" : "tool"},
-          {"motion", word(joint.motion)},
+          {"motion", enum_key(joint.motion)},
           {"direction", numbers(joint.direction_b)},
           {"point", numbers(joint.point_b)},
           {"min", joint.min},
           {"max", joint.max}};
 }
 
-json message_of(const std::string& line) {
-  const auto refuse = [&](const char* why) {
+json parse_message(const std::string& line) {
+  const auto throw_input_error = [&](const char* why) {
     throw ChildProcessError("a JSON object on one line", in_quotes(line) + why);
   };
-  // checked first, since the parser recurses and a deep nesting would exhaust the stack
-  if (json_depth(line) > max_nesting) refuse(" that nests too deeply");
+  // The parser recurses, so deep nesting would exhaust the stack.
+  if (json_depth(line) > max_nesting) throw_input_error(" that nests too deeply");
   json message;
   try {
     message = json::parse(line);
   } catch (const json::out_of_range&) {
-    refuse(" with a number that is too large");
+    throw_input_error(" with a number that is too large");
   } catch (const json::exception&) {
-    // Python writes NaN and Infinity, which JSON does not have; they get a message of their own.
-    const bool not_finite = line.find("NaN") != std::string::npos ||
-                            line.find("nan") != std::string::npos ||
-                            line.find("Infinity") != std::string::npos;
-    refuse(not_finite ? " with a number that is not finite"
-                      : " (messages for people go to stderr)");
+    // Python writes NaN and Infinity, which are not JSON; they have a message of their own.
+    const bool has_non_finite = line.find("NaN") != std::string::npos ||
+                                line.find("nan") != std::string::npos ||
+                                line.find("Infinity") != std::string::npos;
+    throw_input_error(has_non_finite ? " with a number that is not finite"
+                                     : " (messages for people go to stderr)");
   }
-  if (!message.is_object()) refuse("");
+  if (!message.is_object()) throw_input_error("");
   if (const auto error = message.find("error"); error != message.end() && !error->is_null())
     throw ChildProcessError("no error",
                             error->is_string() ? error->get<std::string>() : error->dump());
   return message;
 }
 
-/// Returns a value as an error message shows it.
-std::string seen(const json& object, const char* key) {
+/// Returns the text of a value for an error message.
+std::string shown_value(const json& object, const char* key) {
   const auto value = object.find(key);
   if (value == object.end()) return "none";
   return shown(value->dump(-1, ' ', true, json::error_handler_t::replace));
@@ -160,15 +160,16 @@ std::string seen(const json& object, const char* key) {
 
 double read_number(const json& value, const Expected& expected, Eigen::Index row,
                    Eigen::Index column) {
-  const auto refuse = [&](const std::string& wanted) {
+  const auto throw_input_error = [&](const std::string& requirement) {
     throw ChildProcessError(
-        wanted, fmt::format("{} in row {}, {}",
-                            shown(value.dump(-1, ' ', true, json::error_handler_t::replace)),
-                            row + 1, column_name(expected, column)));
+        requirement, fmt::format("{} in row {}, {}",
+                                 shown(value.dump(-1, ' ', true, json::error_handler_t::replace)),
+                                 row + 1, column_name(expected, column)));
   };
-  if (!value.is_number()) refuse("a finite number");
+  if (!value.is_number()) throw_input_error("a finite number");
   const double number = value.get<double>();
-  if (const auto wanted = value_violation(number, expected, column)) refuse(*wanted);
+  if (const auto requirement = value_violation(number, expected, column))
+    throw_input_error(*requirement);
   return number;
 }
 
@@ -214,17 +215,17 @@ std::string ask_line(const PlugInBatch& batch, long id) {
   const Eigen::Index samples = batch.time_s.size();
   const auto size = std::size_t(batch.q.cols() + batch.direction.cols() + batch.readings.cols());
   std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
-  // an upper estimate of the length, which saves copies of a line of megabytes
+  // An upper estimate of the length avoids copies of a line of megabytes.
   line.reserve(std::size_t(samples) * (300 + 10 * size));
-  const auto append = [&](const char* key, const auto& value) {
+  const auto append_entry = [&](const char* key, const auto& value) {
     line += fmt::format(",\"{}\":", key);
     append_list(line, samples, value);
   };
   const auto append_column = [&](const char* key, const Eigen::VectorXd& column) {
-    append(key, [&](Eigen::Index i) { append_number(line, column[i]); });
+    append_entry(key, [&](Eigen::Index i) { append_number(line, column[i]); });
   };
   const auto append_rows = [&](const char* key, const PlugInBatch::Rows& rows) {
-    append(key, [&](Eigen::Index i) {
+    append_entry(key, [&](Eigen::Index i) {
       append_numbers(line, rows.cols(), [&](Eigen::Index j) { return rows(i, j); });
     });
   };
@@ -238,38 +239,38 @@ std::string ask_line(const PlugInBatch& batch, long id) {
 }
 
 Handshake read_handshake(const std::string& line) {
-  const json message = message_of(line);
-  if (seen(message, "abbe") != std::to_string(protocol_version))
+  const json message = parse_message(line);
+  if (shown_value(message, "abbe") != std::to_string(protocol_version))
     throw ChildProcessError(
         fmt::format("\"abbe\":{}, the version of the protocol", protocol_version),
-        seen(message, "abbe"));
-  if (seen(message, "kind") != "\"ready\"")
-    throw ChildProcessError("\"kind\":\"ready\"", seen(message, "kind"));
-  Handshake ready;
-  const std::string answers = seen(message, "answers");
+        shown_value(message, "abbe"));
+  if (shown_value(message, "kind") != "\"ready\"")
+    throw ChildProcessError("\"kind\":\"ready\"", shown_value(message, "kind"));
+  Handshake handshake;
+  const std::string answers = shown_value(message, "answers");
   if (answers == "\"deviation\"")
-    ready.answers = PlugInOutput::Deviation;
+    handshake.answers = PlugInOutput::Deviation;
   else if (answers != "\"correction\"")
     throw ChildProcessError(R"("answers":"correction" or "answers":"deviation")", answers);
   if (const auto name = message.find("name"); name != message.end() && name->is_string())
-    ready.name = name->get<std::string>();
-  return ready;
+    handshake.name = name->get<std::string>();
+  return handshake;
 }
 
 Eigen::MatrixXd read_response(const std::string& line, const Expected& expected) {
-  const json message = message_of(line);
-  if (seen(message, "id") != std::to_string(expected.id))
-    throw ChildProcessError(fmt::format("\"id\":{}", expected.id), seen(message, "id"));
-  const auto found = message.find(word(expected.answers));
-  if (found == message.end() || !found->is_array())
-    throw ChildProcessError(fmt::format("\"{}\":[...]", word(expected.answers)),
-                            seen(message, word(expected.answers)));
-  if (found->size() != std::size_t(expected.samples))
+  const json message = parse_message(line);
+  if (shown_value(message, "id") != std::to_string(expected.id))
+    throw ChildProcessError(fmt::format("\"id\":{}", expected.id), shown_value(message, "id"));
+  const auto rows_json = message.find(enum_key(expected.answers));
+  if (rows_json == message.end() || !rows_json->is_array())
+    throw ChildProcessError(fmt::format("\"{}\":[...]", enum_key(expected.answers)),
+                            shown_value(message, enum_key(expected.answers)));
+  if (rows_json->size() != std::size_t(expected.samples))
     throw ChildProcessError(fmt::format("{} rows, one a sample", expected.samples),
-                            std::to_string(found->size()));
+                            std::to_string(rows_json->size()));
   Eigen::MatrixXd rows(expected.samples, columns(expected.answers, expected.task));
   for (Eigen::Index i = 0; i < rows.rows(); ++i) {
-    const json& row = (*found)[std::size_t(i)];
+    const json& row = (*rows_json)[std::size_t(i)];
     if (!row.is_array() || row.size() != std::size_t(rows.cols()))
       throw ChildProcessError(fmt::format("{} numbers a row", rows.cols()),
                               row.is_array() ? fmt::format("{} in row {}", row.size(), i + 1)

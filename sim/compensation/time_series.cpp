@@ -13,43 +13,43 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// 0.4 GB
-constexpr std::size_t max_numbers = 50'000'000;
+constexpr std::size_t max_numbers = 50'000'000;  // 0.4 GB
 
 /// Returns the value between two knots; `next` is the first knot after the time.
-double value_before(const TimeSeries& course, Index next, double time_s, Index column) {
-  const Index n = course.time_s.size();
-  if (next == 0) return course.value(0, column);
-  if (next == n) return course.value(n - 1, column);
-  const double t0 = course.time_s[next - 1], t1 = course.time_s[next];
-  const double v0 = course.value(next - 1, column), v1 = course.value(next, column);
+double interpolate(const TimeSeries& series, Index next, double time_s, Index column) {
+  const Index n = series.time_s.size();
+  if (next == 0) return series.value(0, column);
+  if (next == n) return series.value(n - 1, column);
+  const double t0 = series.time_s[next - 1], t1 = series.time_s[next];
+  const double v0 = series.value(next - 1, column), v1 = series.value(next, column);
   return v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0));
 }
 
-VectorXd row_before(const TimeSeries& course, Index next, double time_s) {
-  VectorXd row(course.value.cols());
-  for (Index j = 0; j < row.size(); ++j) row[j] = value_before(course, next, time_s, j);
+VectorXd interpolate_row(const TimeSeries& series, Index next, double time_s) {
+  VectorXd row(series.value.cols());
+  for (Index j = 0; j < row.size(); ++j) row[j] = interpolate(series, next, time_s, j);
   return row;
 }
 
-/// Returns the knots that count: the first and the last of every time.
-std::vector<Index> shown_knots(const VectorXd& time_s) {
-  std::vector<Index> shown;
+/// Returns the indices of the first and the last knot at every time.
+std::vector<Index> distinct_knot_indices(const VectorXd& time_s) {
+  std::vector<Index> distinct_knots;
   const Index n = time_s.size();
   for (Index i = 0; i < n; ++i)
     if (i == 0 || i + 1 == n || time_s[i] != time_s[i - 1] || time_s[i] != time_s[i + 1])
-      shown.push_back(i);
-  return shown;
+      distinct_knots.push_back(i);
+  return distinct_knots;
 }
 
-/// The slopes with which a line from the anchor passes every knot since within the tolerance.
-struct Cone {
+/// The slopes with which a line from the last kept knot passes every later knot within the
+/// tolerance.
+struct SlopeRange {
   VectorXd low, high;
 
-  explicit Cone(Index columns)
+  explicit SlopeRange(Index columns)
       : low(VectorXd::Constant(columns, -std::numeric_limits<double>::infinity())), high(-low) {}
 
-  bool holds(const VectorXd& rise, double run) const {
+  bool contains(const VectorXd& rise, double run) const {
     if (run == 0.0) return true;
     const auto slope = (rise / run).array();
     return (slope >= low.array()).all() && (slope <= high.array()).all();
@@ -61,86 +61,88 @@ struct Cone {
   }
 };
 
-TimeSeries chosen(const TimeSeries& course, const std::vector<Index>& knots) {
+TimeSeries select_knots(const TimeSeries& series, const std::vector<Index>& knots) {
   TimeSeries result;
-  result.time_s = course.time_s(knots);
-  result.value = course.value(knots, Eigen::all);
+  result.time_s = series.time_s(knots);
+  result.value = series.value(knots, Eigen::all);
   return result;
 }
 
 }  // namespace
 
-void validate(const TimeSeries& course, const char* what) {
-  const auto refuse = [&](const std::string& why) {
+void validate(const TimeSeries& series, const char* what) {
+  const auto throw_input_error = [&](const std::string& why) {
     throw std::invalid_argument(std::string(what) + ": " + why);
   };
-  const Index n = course.time_s.size();
-  if (n == 0) refuse("a course needs at least one knot");
-  if (course.value.rows() != n)
-    refuse("a course needs a row of values for each of its " + std::to_string(n) + " knots, seen " +
-           std::to_string(course.value.rows()));
-  if (!course.time_s.allFinite() || !course.value.allFinite())
-    refuse("the times and values of a course must be finite");
+  const Index n = series.time_s.size();
+  if (n == 0) throw_input_error("a course needs at least one knot");
+  if (series.value.rows() != n)
+    throw_input_error("a course needs a row of values for each of its " + std::to_string(n) +
+                      " knots, seen " + std::to_string(series.value.rows()));
+  if (!series.time_s.allFinite() || !series.value.allFinite())
+    throw_input_error("the times and values of a course must be finite");
   for (Index i = 1; i < n; ++i)
-    if (course.time_s[i] < course.time_s[i - 1])
-      refuse("the times of a course must not decrease, knot " + std::to_string(i + 1) + " does");
+    if (series.time_s[i] < series.time_s[i - 1])
+      throw_input_error("the times of a course must not decrease, knot " + std::to_string(i + 1) +
+                        " does");
 }
 
-VectorXd value_at(const TimeSeries& course, double time_s) {
-  if (course.time_s.size() == 0 || course.value.rows() != course.time_s.size())
+VectorXd value_at(const TimeSeries& series, double time_s) {
+  if (series.time_s.size() == 0 || series.value.rows() != series.time_s.size())
     throw std::invalid_argument("value_at: a course needs a knot, and a row of values for each");
   if (std::isnan(time_s)) throw std::invalid_argument("value_at: the instant is not a number");
-  const double* first = course.time_s.data();
-  const double* last = first + course.time_s.size();
-  return row_before(course, std::upper_bound(first, last, time_s) - first, time_s);
+  const double* first = series.time_s.data();
+  const double* last = first + series.time_s.size();
+  return interpolate_row(series, std::upper_bound(first, last, time_s) - first, time_s);
 }
 
 void TimeSeriesReader::advance(double time_s) {
-  while (next_ < course_->time_s.size() && course_->time_s[next_] <= time_s) ++next_;
+  while (next_ < series_->time_s.size() && series_->time_s[next_] <= time_s) ++next_;
 }
 
 double TimeSeriesReader::at(double time_s, Index column) {
   advance(time_s);
-  return value_before(*course_, next_, time_s, column);
+  return interpolate(*series_, next_, time_s, column);
 }
 
 VectorXd TimeSeriesReader::at(double time_s) {
   advance(time_s);
-  return row_before(*course_, next_, time_s);
+  return interpolate_row(*series_, next_, time_s);
 }
 
-TimeSeries thinned(const TimeSeries& course, const VectorXd& tolerance) {
-  validate(course, "thinned");
-  if (tolerance.size() != course.value.cols() || !(tolerance.array() > 0.0).all())
+TimeSeries thinned(const TimeSeries& series, const VectorXd& tolerance) {
+  validate(series, "thinned");
+  if (tolerance.size() != series.value.cols() || !(tolerance.array() > 0.0).all())
     throw std::invalid_argument("thinned: expected a tolerance above 0 for each column");
 
-  const std::vector<Index> shown = shown_knots(course.time_s);
-  std::vector<Index> kept = {shown.front()};
-  Cone cone(course.value.cols());
-  // The knots left out since the last kept one can always be spanned by a line to `previous`.
-  Index previous = shown.front();
-  for (std::size_t i = 1; i < shown.size(); ++i) {
-    const Index k = shown[i];
-    const VectorXd step = (course.value.row(k) - course.value.row(previous)).transpose();
-    const bool jumps = course.time_s[k] == course.time_s[previous] &&
-                       (step.cwiseAbs().array() > tolerance.array()).any();
-    const auto rise_of = [&](Index knot) -> VectorXd {
-      return (course.value.row(knot) - course.value.row(kept.back())).transpose();
+  const std::vector<Index> distinct_knots = distinct_knot_indices(series.time_s);
+  std::vector<Index> kept_knots = {distinct_knots.front()};
+  SlopeRange slopes(series.value.cols());
+  // A line from the last kept knot to `previous` always passes the knots between them within the
+  // tolerance.
+  Index previous = distinct_knots.front();
+  for (std::size_t i = 1; i < distinct_knots.size(); ++i) {
+    const Index k = distinct_knots[i];
+    const VectorXd jump = (series.value.row(k) - series.value.row(previous)).transpose();
+    const bool is_jump = series.time_s[k] == series.time_s[previous] &&
+                         (jump.cwiseAbs().array() > tolerance.array()).any();
+    const auto rise_to = [&](Index knot) -> VectorXd {
+      return (series.value.row(knot) - series.value.row(kept_knots.back())).transpose();
     };
-    const auto grid_run = [&](Index knot) {
-      return course.time_s[knot] - course.time_s[kept.back()];
+    const auto run_to = [&](Index knot) {
+      return series.time_s[knot] - series.time_s[kept_knots.back()];
     };
-    // The line ends at `previous` if it cannot be continued to this knot.
-    if (jumps || !cone.holds(rise_of(k), grid_run(k))) {
-      if (kept.back() != previous) kept.push_back(previous);
-      if (jumps) kept.push_back(k);
-      cone = Cone(course.value.cols());
+    // The line must end at `previous` if it cannot be continued to this knot.
+    if (is_jump || !slopes.contains(rise_to(k), run_to(k))) {
+      if (kept_knots.back() != previous) kept_knots.push_back(previous);
+      if (is_jump) kept_knots.push_back(k);
+      slopes = SlopeRange(series.value.cols());
     }
-    if (!jumps) cone.narrow(rise_of(k), grid_run(k), tolerance);
+    if (!is_jump) slopes.narrow(rise_to(k), run_to(k), tolerance);
     previous = k;
   }
-  if (kept.back() != previous) kept.push_back(previous);
-  return chosen(course, kept);
+  if (kept_knots.back() != previous) kept_knots.push_back(previous);
+  return select_knots(series, kept_knots);
 }
 
 void Knots::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
@@ -152,25 +154,25 @@ void Knots::add(double time_s, const Eigen::Ref<const VectorXd>& value) {
   rows_.insert(rows_.end(), value.data(), value.data() + columns_);
 }
 
-TimeSeries Knots::course() const {
+TimeSeries Knots::series() const {
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  TimeSeries course;
-  course.time_s = Eigen::Map<const VectorXd>(time_s_.data(), size());
-  course.value = Eigen::Map<const RowMajor>(rows_.data(), size(), columns_);
-  return course;
+  TimeSeries series;
+  series.time_s = Eigen::Map<const VectorXd>(time_s_.data(), size());
+  series.value = Eigen::Map<const RowMajor>(rows_.data(), size(), columns_);
+  return series;
 }
 
 Eigen::VectorXd column(const ControlLog& log, const std::string& name) {
-  const auto found = std::find(log.names.begin(), log.names.end(), name);
-  if (found == log.names.end()) {
-    std::string there;
-    for (const std::string& other : log.names) there += (there.empty() ? "" : ", ") + other;
+  const auto position = std::find(log.names.begin(), log.names.end(), name);
+  if (position == log.names.end()) {
+    std::string names;
+    for (const std::string& other : log.names) names += (names.empty() ? "" : ", ") + other;
     throw std::invalid_argument("the control reads no \"" + name + "\", it reads " +
-                                (there.empty() ? "nothing" : there));
+                                (names.empty() ? "nothing" : names));
   }
   if (log.values.cols() != Eigen::Index(log.names.size()) || log.values.rows() != log.time_s.size())
     throw std::invalid_argument("a control log needs a value for each of its names and instants");
-  return log.values.col(found - log.names.begin());
+  return log.values.col(position - log.names.begin());
 }
 
 Eigen::Index row_at(const ControlLog& log, double time_s) {
@@ -180,7 +182,7 @@ Eigen::Index row_at(const ControlLog& log, double time_s) {
   return row_at(log.time_s, time_s);
 }
 
-// readings are held until the next one
+// A reading holds until the next one.
 Eigen::Index row_at(const Eigen::VectorXd& time_s, double instant_s) {
   const double* first = time_s.data();
   const double* after = std::upper_bound(first, first + time_s.size(), instant_s);

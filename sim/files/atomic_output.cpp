@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view unfinished_prefix = ".unfinished-";
 
-/// Returns true for ".unfinished-", a number, a dash and more: no one else's hidden file.
+/// Returns true for a name of the form ".unfinished-NUMBER-NAME", which only abbe uses.
 bool is_unfinished_name(std::string_view name) {
   if (!name.starts_with(unfinished_prefix)) return false;
   name.remove_prefix(unfinished_prefix.size());
@@ -42,64 +42,66 @@ bool has_same_inode(const fs::path& path, int descriptor) {
          open_file.st_dev == named_file.st_dev && open_file.st_ino == named_file.st_ino;
 }
 
-/// Returns false if another process holds the lock. Without locks in the file system no one does.
+/// Returns false if another process holds the lock. A file system without locks counts as locked by
+/// us, since the name is unique to this process anyway.
 bool lock_unfinished(int descriptor) {
   return ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
 /// Paths of the unfinished files of this process.
-struct OwnFiles {
+struct UnfinishedFiles {
   std::mutex mutex;
   std::set<fs::path> paths;
 };
 
-OwnFiles& own_files() {
-  static auto& files = *new OwnFiles;  // never destroyed: the thread that removes the files may
-                                       // outlive static objects
+UnfinishedFiles& unfinished_files() {
+  static auto& files = *new UnfinishedFiles;  // never destroyed: the thread that removes the files
+                                              // may outlive static objects
   return files;
 }
 
-[[noreturn]] void throw_write_failure(const fs::path& file, int reason) {
-  throw OutputFailure(escaped(file.string()) + ": cannot be written: " + std::strerror(reason));
-}
-
 }  // namespace
+
+void throw_output_failure(const fs::path& file, const std::string& reason) {
+  throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
+}
 
 UnfinishedFile::UnfinishedFile(const fs::path& folder, const std::string& name) {
   // Another process may use the same number in a shared folder, so numbers are tried in turn.
   for (int k = 0;; ++k) {
     path_ = folder / fmt::format("{}{}-{}-{}", unfinished_prefix, ::getpid(), k, name);
     lock_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-    if (lock_ < 0 && errno != EEXIST) throw_write_failure(folder / name, errno);
+    if (lock_ < 0 && errno != EEXIST)
+      throw_output_failure(folder / name,
+                           std::string("cannot be written: ") + std::strerror(errno));
     if (lock_ < 0) continue;
     // Another process may have taken the file for abandoned and removed it before it was locked.
     if (lock_unfinished(lock_) && has_same_inode(path_, lock_)) break;
     ::close(lock_);
   }
-  const std::lock_guard lock(own_files().mutex);
-  own_files().paths.insert(path_);
+  const std::lock_guard lock(unfinished_files().mutex);
+  unfinished_files().paths.insert(path_);
 }
 
 UnfinishedFile::~UnfinishedFile() {
   std::error_code ignored;
-  const std::lock_guard lock(own_files().mutex);
-  if (own_files().paths.erase(path_) > 0) fs::remove(path_, ignored);
+  const std::lock_guard lock(unfinished_files().mutex);
+  if (unfinished_files().paths.erase(path_) > 0) fs::remove(path_, ignored);
   ::close(lock_);
 }
 
 void UnfinishedFile::rename(const fs::path& path) {
   std::error_code error;
-  const std::lock_guard lock(own_files().mutex);
+  const std::lock_guard lock(unfinished_files().mutex);
   fs::rename(path_, path, error);
-  if (error)
-    throw OutputFailure(escaped(path.string()) + ": cannot be written: " + error.message());
-  own_files().paths.erase(path_);
+  if (error) throw_output_failure(path, "cannot be written: " + error.message());
+  unfinished_files().paths.erase(path_);
 }
 
 void remove_own_unfinished_files() {
   std::error_code ignored;
-  const std::lock_guard lock(own_files().mutex);
-  for (const fs::path& path : own_files().paths) fs::remove(path, ignored);
+  const std::lock_guard lock(unfinished_files().mutex);
+  for (const fs::path& path : unfinished_files().paths) fs::remove(path, ignored);
 }
 
 void remove_abandoned_files(const fs::path& folder) {
@@ -121,53 +123,51 @@ void remove_abandoned_files(const fs::path& folder) {
 
 namespace {
 
-[[noreturn]] void refuse_new(const fs::path& file, const std::string& reason) {
-  throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
-}
-
 /// Creates a file that must not exist; a link of that name is not followed.
-void create(const fs::path& file, const std::string& text) {
+void create_file(const fs::path& file, const std::string& text) {
   const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, 0666);
-  if (descriptor < 0) refuse_new(file, "cannot be written: " + std::string(std::strerror(errno)));
-  int failed = 0;
+  if (descriptor < 0)
+    throw_output_failure(file, "cannot be written: " + std::string(std::strerror(errno)));
+  int error_number = 0;
   // write may write less than requested, for example when a signal arrives.
-  for (std::string_view rest = text; failed == 0 && !rest.empty();) {
-    const ssize_t written = ::write(descriptor, rest.data(), rest.size());
-    if (written < 0)
-      failed = errno;
+  for (std::string_view remaining_text = text; error_number == 0 && !remaining_text.empty();) {
+    const ssize_t bytes_written = ::write(descriptor, remaining_text.data(), remaining_text.size());
+    if (bytes_written < 0)
+      error_number = errno;
     else
-      rest.remove_prefix(std::size_t(written));
+      remaining_text.remove_prefix(std::size_t(bytes_written));
   }
   // Network file systems report a full disk only at close.
-  if (::close(descriptor) != 0 && failed == 0) failed = errno;
-  if (failed == 0) return;
+  if (::close(descriptor) != 0 && error_number == 0) error_number = errno;
+  if (error_number == 0) return;
   std::error_code ignored;
   fs::remove(file, ignored);
-  refuse_new(file, "cannot be written: " + std::string(std::strerror(failed)));
+  throw_output_failure(file, "cannot be written: " + std::string(std::strerror(error_number)));
 }
 
-/// Files and folders made so far, removed again unless they are kept.
-class Made {
+/// Paths created so far. The destructor removes them, unless `keep` was called.
+class CreatedPaths {
  public:
-  ~Made() {
+  ~CreatedPaths() {
     std::error_code ignored;
-    // In reverse order, so that folders are empty when their turn comes.
-    for (auto one = all_.rbegin(); one != all_.rend(); ++one) fs::remove(*one, ignored);
+    // Files stand after their folders, so in reverse order every folder is empty when it is
+    // removed.
+    for (auto path = paths_.rbegin(); path != paths_.rend(); ++path) fs::remove(*path, ignored);
   }
-  void add(const fs::path& one) { all_.push_back(one); }
-  void keep() { all_.clear(); }
+  void add(const fs::path& path) { paths_.push_back(path); }
+  void keep() { paths_.clear(); }
 
  private:
-  std::vector<fs::path> all_;
+  std::vector<fs::path> paths_;
 };
 
-void make_folders(const fs::path& folder, Made& made) {
+void create_folders(const fs::path& folder, CreatedPaths& created) {
   std::error_code failure;
   if (folder.empty() || fs::is_directory(folder, failure)) return;
-  make_folders(folder.parent_path(), made);
+  create_folders(folder.parent_path(), created);
   failure.clear();
-  if (fs::create_directory(folder, failure)) made.add(folder);
-  if (failure) refuse_new(folder, "cannot be made: " + failure.message());
+  if (fs::create_directory(folder, failure)) created.add(folder);
+  if (failure) throw_output_failure(folder, "cannot be made: " + failure.message());
 }
 
 }  // namespace
@@ -175,30 +175,32 @@ void make_folders(const fs::path& folder, Made& made) {
 void check_new_folder(const fs::path& folder) {
   std::error_code failure;
   if (!fs::exists(fs::symlink_status(folder, failure))) return;
-  if (!fs::is_directory(folder, failure)) refuse_new(folder, "expected a folder, seen a file");
-  std::string first;
-  int others = 0;
+  if (!fs::is_directory(folder, failure))
+    throw_output_failure(folder, "expected a folder, seen a file");
+  std::string first_name;
+  int files = 0;
   for (const auto& entry : fs::directory_iterator(folder, failure)) {
     const std::string name = entry.path().filename().string();
-    // Hidden files such as .git do not make a folder a used one.
+    // A folder with only hidden files, such as .git, counts as empty.
     if (name.starts_with('.')) continue;
-    if (++others == 1 || name < first) first = name;
+    if (++files == 1 || name < first_name) first_name = name;
   }
-  if (failure) refuse_new(folder, "cannot be read: " + failure.message());
-  if (others > 0)
-    refuse_new(folder, fmt::format("expected a new or empty folder, seen one with {}{}", first,
-                                   others > 1 ? fmt::format(" and {} more", others - 1) : ""));
+  if (failure) throw_output_failure(folder, "cannot be read: " + failure.message());
+  if (files > 0)
+    throw_output_failure(
+        folder, fmt::format("expected a new or empty folder, seen one with {}{}", first_name,
+                            files > 1 ? fmt::format(" and {} more", files - 1) : ""));
 }
 
 void write_new_folder(const fs::path& folder, const std::vector<NewFile>& files) {
   check_new_folder(folder);
-  Made made;
-  make_folders(folder.has_filename() ? folder : folder.parent_path(), made);
-  for (const NewFile& one : files) {
-    create(folder / one.name, one.text);
-    made.add(folder / one.name);
+  CreatedPaths created;
+  create_folders(folder.has_filename() ? folder : folder.parent_path(), created);
+  for (const NewFile& file : files) {
+    create_file(folder / file.name, file.text);
+    created.add(folder / file.name);
   }
-  made.keep();
+  created.keep();
 }
 
 }  // namespace abbe::sim

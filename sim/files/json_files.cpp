@@ -20,8 +20,7 @@ ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 void read_saved_json(
     const std::filesystem::path& file, const std::string& expected,
-    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make) {
-  using nlohmann::ordered_json;
+    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& parse) {
   const std::string text = read_text(file, max_saved_bytes);
   // nlohmann's parser recurses: deep nesting would overflow the stack.
   if (json_depth(text) > max_nesting)
@@ -30,11 +29,11 @@ void read_saved_json(
   const ordered_json json = ordered_json::parse(text, nullptr, false);
   if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
   try {
-    make(json, text);
-  } catch (const ordered_json::exception& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
+    parse(json, text);
+  } catch (const ordered_json::exception& error) {
+    throw BadInput(file.string(), 0, 0, expected, error.what());
+  } catch (const std::invalid_argument& error) {
+    throw BadInput(file.string(), 0, 0, expected, error.what());
   }
 }
 

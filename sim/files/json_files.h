@@ -13,23 +13,24 @@
 
 namespace abbe::sim {
 
-/// Returns the number in a unit; null if there is none.
+/// Returns `value` in the given unit as a JSON number; null if there is no value.
 nlohmann::ordered_json number(const std::optional<double>& value, double unit = 1.0);
 
-/// Returns [x, y, z].
+/// Returns the vector as the JSON array [x, y, z].
 nlohmann::ordered_json numbers(const Eigen::Vector3d& v);
 
 inline constexpr std::size_t max_saved_bytes = std::size_t(256) << 20;
 
-/// Reads JSON that a command of abbe wrote and passes it to `make`.
-/// @param make  may throw an exception of nlohmann or std::invalid_argument if the JSON is
+/// Reads a JSON file that a command of abbe wrote and passes its contents to `parse`.
+/// @param parse  may throw an exception of nlohmann or std::invalid_argument if the JSON is
 /// incomplete
-/// @throws BadInput naming the file, what was expected, and what is missing
+/// @throws BadInput naming the file, `expected`, and what is missing
 void read_saved_json(
     const std::filesystem::path& file, const std::string& expected,
-    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make);
+    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& parse);
 
-/// Returns all files in a folder and below, except where permission is denied.
+/// Returns all regular files in a folder and its subfolders; folders without read permission are
+/// skipped.
 std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

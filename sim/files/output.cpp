@@ -34,16 +34,16 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 /// Larger manifests are ignored; a line takes about 100 bytes.
-constexpr std::size_t max_mark_bytes = std::size_t(64) << 20;
+constexpr std::size_t max_manifest_bytes = std::size_t(64) << 20;
 
 bool is_plain_file(const fs::path& file) {
-  std::error_code none;
-  return fs::symlink_status(file, none).type() == fs::file_type::regular;
+  std::error_code ignored_error;
+  return fs::symlink_status(file, ignored_error).type() == fs::file_type::regular;
 }
 
 std::string text_at(const json& line, const char* key) {
-  const auto found = line.find(key);
-  return found != line.end() && found->is_string() ? found->get<std::string>() : "";
+  const auto value = line.find(key);
+  return value != line.end() && value->is_string() ? value->get<std::string>() : "";
 }
 
 /// Returns true if the file begins like an SQLite database: a journal that was killed early has no
@@ -54,9 +54,9 @@ bool is_database(const fs::path& file) {
          head == std::string("SQLite format 3\0", 16);
 }
 
-/// Returns the checksum of a line. The sum is written as 16 hexadecimal digits, because many JSON
-/// readers do not hold 64-bit integers.
-std::optional<FileChecksum> print_in(const json& line) {
+/// Returns the checksum in a line of the manifest. The sum is written as 16 hexadecimal digits,
+/// because many JSON readers cannot represent 64-bit integers.
+std::optional<FileChecksum> checksum_in(const json& line) {
   const std::string sum = text_at(line, "sum");
   const auto size = line.find("size");
   if (size == line.end() || !size->is_number_unsigned() || sum.size() != 16 ||
@@ -65,7 +65,7 @@ std::optional<FileChecksum> print_in(const json& line) {
   return FileChecksum{size->get<std::uintmax_t>(), std::stoull(sum, nullptr, 16)};
 }
 
-/// The manifest while it is written; other processes wait.
+/// The manifest of a folder, open and locked for writing; other processes wait for the lock.
 class LockedManifest {
  public:
   explicit LockedManifest(const fs::path& folder)
@@ -80,19 +80,20 @@ class LockedManifest {
   LockedManifest(const LockedManifest&) = delete;
   LockedManifest& operator=(const LockedManifest&) = delete;
 
-  /// Appends a line of its own, also after an unfinished one.
+  /// Appends a line. Starts a new line first if a killed process left an unfinished one.
   void append(std::string line) const {
-    char last = '\n';
+    char last_char = '\n';
     const ::off_t end = ::lseek(descriptor_, 0, SEEK_END);
-    if (end > 0 && ::pread(descriptor_, &last, 1, end - 1) == 1 && last != '\n') line = "\n" + line;
+    if (end > 0 && ::pread(descriptor_, &last_char, 1, end - 1) == 1 && last_char != '\n')
+      line = "\n" + line;
     line += "\n";
-    const auto written = ::write(descriptor_, line.data(), line.size());
-    if (written != ::ssize_t(line.size())) fail(written < 0 ? errno : ENOSPC);
+    const auto bytes_written = ::write(descriptor_, line.data(), line.size());
+    if (bytes_written != ::ssize_t(line.size())) fail(bytes_written < 0 ? errno : ENOSPC);
   }
 
  private:
   [[noreturn]] void fail(int reason) const {
-    throw OutputFailure(escaped(file_.string()) + ": cannot be written: " + std::strerror(reason));
+    throw_output_failure(file_, std::string("cannot be written: ") + std::strerror(reason));
   }
 
   fs::path file_;
@@ -105,76 +106,79 @@ std::optional<FileChecksum> file_checksum(const fs::path& file) {
   if (!is_plain_file(file)) return std::nullopt;
   std::ifstream in(file, std::ios::binary);
   if (!in) return std::nullopt;
-  FileChecksum print{0, fnv_1a_basis};
+  FileChecksum checksum{0, fnv_1a_basis};
   std::array<char, 1 << 16> buffer;
   while (in.read(buffer.data(), buffer.size()), in.gcount() > 0) {
     const std::string_view bytes(buffer.data(), std::size_t(in.gcount()));
-    print.sum = fnv_1a(bytes, print.sum);
-    print.size += bytes.size();
+    checksum.sum = fnv_1a(bytes, checksum.sum);
+    checksum.size += bytes.size();
   }
-  return in.bad() ? std::nullopt : std::optional(print);
+  return in.bad() ? std::nullopt : std::optional(checksum);
 }
 
 Mark read_manifest(const fs::path& folder) {
-  Mark mark;
+  Mark manifest;
   const fs::path file = folder / manifest_name;
-  std::error_code none;
-  if (!is_plain_file(file) || fs::file_size(file, none) > max_mark_bytes) return mark;
+  std::error_code ignored_error;
+  if (!is_plain_file(file) || fs::file_size(file, ignored_error) > max_manifest_bytes)
+    return manifest;
   std::ifstream in(file, std::ios::binary);
   for (std::string text; std::getline(in, text);) {
     const json line = json::parse(text, nullptr, false);
     // A damaged line, such as one that was cut off, is skipped.
     if (!line.is_object()) continue;
-    if (line.contains("folder") && line["folder"] == true) mark.folder = true;
+    if (line.contains("folder") && line["folder"] == true) manifest.folder = true;
     if (line.contains("file") && line["file"].is_string())
-      mark.files[line["file"].get<std::string>()].push_back({print_in(line), text_at(line, "by")});
+      manifest.files[line["file"].get<std::string>()].push_back(
+          {checksum_in(line), text_at(line, "by")});
   }
-  return mark;
+  return manifest;
 }
 
-std::optional<std::string> writing_command(const Mark& mark, const fs::path& file) {
-  const auto lines = mark.files.find(escaped(file.filename().string()));
-  if (lines == mark.files.end()) return std::nullopt;
-  const std::optional<FileChecksum> print = file_checksum(file);
-  if (!print) return std::nullopt;
-  const auto last =
-      std::find_if(lines->second.rbegin(), lines->second.rend(), [&](const Mark::Line& line) {
-        return line.print ? *line.print == *print : print->size == 0 || is_database(file);
+std::optional<std::string> writing_command(const Mark& manifest, const fs::path& file) {
+  const auto entries = manifest.files.find(escaped(file.filename().string()));
+  if (entries == manifest.files.end()) return std::nullopt;
+  const std::optional<FileChecksum> checksum = file_checksum(file);
+  if (!checksum) return std::nullopt;
+  const auto latest =
+      std::find_if(entries->second.rbegin(), entries->second.rend(), [&](const Mark::Line& line) {
+        return line.checksum ? *line.checksum == *checksum
+                             : checksum->size == 0 || is_database(file);
       });
-  return last == lines->second.rend() ? std::nullopt : std::optional(last->by);
+  return latest == entries->second.rend() ? std::nullopt : std::optional(latest->by);
 }
 
-bool says(const Mark& mark, const Written& written) {
-  const auto lines = mark.files.find(escaped(written.name));
-  if (lines == mark.files.end()) return false;
-  const auto last =
-      std::find_if(lines->second.rbegin(), lines->second.rend(),
-                   [&](const Mark::Line& line) { return line.print == written.print; });
-  return last != lines->second.rend() && last->by == written.by;
+bool is_latest_entry(const Mark& manifest, const FileEntry& entry) {
+  const auto entries = manifest.files.find(escaped(entry.name));
+  if (entries == manifest.files.end()) return false;
+  const auto latest =
+      std::find_if(entries->second.rbegin(), entries->second.rend(),
+                   [&](const Mark::Line& line) { return line.checksum == entry.checksum; });
+  return latest != entries->second.rend() && latest->by == entry.by;
 }
 
 std::string subcommand_name(const std::string& command_line) {
-  std::istringstream words(command_line);
+  std::istringstream in(command_line);
   std::string program, command;
-  words >> program >> command;
+  in >> program >> command;
   return command;
 }
 
 void append_to_manifest(const fs::path& folder,
                         const std::optional<FolderDeclaration>& folder_declaration,
-                        const std::optional<Written>& written) {
+                        const std::optional<FileEntry>& entry) {
   ordered_json line;
   if (folder_declaration) {
     if (folder_declaration->whole) line["folder"] = true;
     line["command"] = folder_declaration->command_line;
     line["version"] = versions()["abbe"];
   }
-  if (written) {
-    line["file"] = escaped(written->name);  // JSON holds UTF-8 only
-    line["by"] = written->by;
-    if (written->print) {
-      line["size"] = written->print->size;
-      line["sum"] = fmt::format("{:016x}", written->print->sum);
+  if (entry) {
+    line["file"] = escaped(entry->name);  // JSON holds UTF-8 only
+    line["by"] = entry->by;
+    if (entry->checksum) {
+      line["size"] = entry->checksum->size;
+      line["sum"] = fmt::format("{:016x}", entry->checksum->sum);
     }
   }
   const auto replace = ordered_json::error_handler_t::replace;
@@ -183,25 +187,17 @@ void append_to_manifest(const fs::path& folder,
 
 namespace {
 
-[[noreturn]] void fail(const fs::path& file, const std::string& reason) {
-  throw OutputFailure(escaped(file.string()) + ": cannot be written: " + escaped(reason));
+bool path_exists(const fs::path& file) {
+  std::error_code ignored_error;
+  return fs::exists(fs::symlink_status(file, ignored_error));
 }
 
-[[noreturn]] void refuse(const fs::path& file, const std::string& reason) {
-  throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
-}
-
-bool is_there(const fs::path& file) {
-  std::error_code none;
-  return fs::exists(fs::symlink_status(file, none));
-}
-
-fs::path plain(const fs::path& file) { return fs::absolute(file).lexically_normal(); }
+fs::path normalized(const fs::path& file) { return fs::absolute(file).lexically_normal(); }
 
 /// Returns true if two paths lead to one file, whatever names, links or letter cases they use.
 bool is_same(const fs::path& a, const fs::path& b) {
-  std::error_code none;
-  return fs::equivalent(a, b, none) || plain(a) == plain(b);
+  std::error_code ignored_error;
+  return fs::equivalent(a, b, ignored_error) || normalized(a) == normalized(b);
 }
 
 bool is_input(const fs::path& file, const Writer& writer) {
@@ -210,26 +206,26 @@ bool is_input(const fs::path& file, const Writer& writer) {
 }
 
 bool is_below_folder(const fs::path& file, const fs::path& folder) {
-  std::error_code none;
-  for (fs::path at = file; at.has_relative_path(); at = at.parent_path())
-    if (fs::equivalent(at.parent_path(), folder, none)) return true;
+  std::error_code ignored_error;
+  for (fs::path path = file; path.has_relative_path(); path = path.parent_path())
+    if (fs::equivalent(path.parent_path(), folder, ignored_error)) return true;
   return false;
 }
 
 /// Returns an input in the folder or below, by its own name or by the target of its link.
 std::optional<fs::path> input_inside(const fs::path& folder, const Writer& writer) {
-  std::error_code none;
+  std::error_code ignored_error;
   for (const fs::path& input : writer.inputs)
-    if (is_below_folder(plain(input), folder) ||
-        is_below_folder(fs::weakly_canonical(input, none), folder))
+    if (is_below_folder(normalized(input), folder) ||
+        is_below_folder(fs::weakly_canonical(input, ignored_error), folder))
       return input;
   return std::nullopt;
 }
 
 /// Returns an --out for a subfolder that does not exist yet.
-std::string another(const fs::path& folder) {
+std::string unused_out_option(const fs::path& folder) {
   fs::path name = (folder / "result").lexically_normal();
-  for (int k = 2; is_there(name); ++k)
+  for (int k = 2; path_exists(name); ++k)
     name = (folder / fmt::format("result-{}", k)).lexically_normal();
   return "--out " + name.string();
 }
@@ -237,8 +233,8 @@ std::string another(const fs::path& folder) {
 /// Returns true for a journal of a study, which has the application id of abbe in its SQLite
 /// header.
 bool is_journal(const fs::path& file) {
-  std::error_code none;
-  if (fs::symlink_status(file, none).type() != fs::file_type::regular) return false;
+  std::error_code ignored_error;
+  if (fs::symlink_status(file, ignored_error).type() != fs::file_type::regular) return false;
   std::ifstream in(file, std::ios::binary);
   // The application id is at bytes 68 to 71 of the header.
   std::string head(72, '\0');
@@ -246,7 +242,7 @@ bool is_journal(const fs::path& file) {
   return in && head.starts_with("SQLite format 3") && head.ends_with("abbe");
 }
 
-/// Returns true for a journal, or for a file that SQLite and its lock keep beside it.
+/// Returns true for a journal and for the files that SQLite and its lock create beside one.
 bool is_journal_file(const fs::path& file) {
   std::string name = file.string();
   for (const std::string_view ending : {"-lock", "-wal", "-shm"})
@@ -254,59 +250,60 @@ bool is_journal_file(const fs::path& file) {
   return is_journal(name);
 }
 
-/// Returns true for files such as .gitkeep, which only keep a folder; abbe writes none and is not
-/// hindered by them.
+/// Returns true for hidden files such as .gitkeep. They do not count as foreign: abbe never writes
+/// a file of such a name.
 bool is_hidden(const fs::directory_entry& entry) {
-  std::error_code none;
+  std::error_code ignored_error;
   const std::string name = entry.path().filename().string();
-  return name.starts_with('.') && name != manifest_name && !entry.is_symlink(none) &&
-         entry.is_regular_file(none);
+  return name.starts_with('.') && name != manifest_name && !entry.is_symlink(ignored_error) &&
+         entry.is_regular_file(ignored_error);
 }
 
 bool has_foreign_files(const fs::path& folder);
 
-/// Returns true if an entry of a folder with this manifest is not abbe's: neither listed as it is,
-/// nor a journal, nor a folder in which everything is abbe's.
-bool is_foreign_entry(const Mark& mark, const fs::directory_entry& entry) {
-  std::error_code none;
-  if (entry.path().filename() == manifest_name && !mark.files.empty()) return false;
+/// Returns true if an entry of a folder with this manifest is not abbe's. Files listed with their
+/// present checksum, journals, and folders whose files are all abbe's belong to abbe.
+bool is_foreign_entry(const Mark& manifest, const fs::directory_entry& entry) {
+  std::error_code ignored_error;
+  if (entry.path().filename() == manifest_name && !manifest.files.empty()) return false;
   if (is_hidden(entry) || is_journal_file(entry.path())) return false;
-  if (writing_command(mark, entry.path())) return false;
-  return entry.is_symlink(none) || !entry.is_directory(none) || has_foreign_files(entry.path());
+  if (writing_command(manifest, entry.path())) return false;
+  return entry.is_symlink(ignored_error) || !entry.is_directory(ignored_error) ||
+         has_foreign_files(entry.path());
 }
 
 /// Returns true if a folder holds files that are not abbe's. A failed run may leave empty folders
 /// without a manifest; they hold nothing that a later run could damage.
 bool has_foreign_files(const fs::path& folder) {
-  const Mark mark = read_manifest(folder);
-  if (mark.folder) return false;
-  std::error_code unreadable;
-  const fs::directory_iterator entries(folder, unreadable);
-  return unreadable || std::any_of(begin(entries), end(entries), [&](const auto& entry) {
-           return is_foreign_entry(mark, entry);
+  const Mark manifest = read_manifest(folder);
+  if (manifest.folder) return false;
+  std::error_code read_error;
+  const fs::directory_iterator entries(folder, read_error);
+  return read_error || std::any_of(begin(entries), end(entries), [&](const auto& entry) {
+           return is_foreign_entry(manifest, entry);
          });
 }
 
-/// Entries of a folder that are not abbe's.
-struct Others {
+/// The entries of a folder that are not abbe's.
+struct ForeignFiles {
   std::size_t count = 0;
   std::string first;  ///< first by name
 };
 
-Others foreign_files(const fs::path& folder) {
-  Others others;
-  std::error_code none;
-  const Mark mark = read_manifest(folder);
-  for (const auto& entry : fs::directory_iterator(folder, none)) {
-    if (!is_foreign_entry(mark, entry)) continue;
+ForeignFiles find_foreign_files(const fs::path& folder) {
+  ForeignFiles foreign;
+  std::error_code ignored_error;
+  const Mark manifest = read_manifest(folder);
+  for (const auto& entry : fs::directory_iterator(folder, ignored_error)) {
+    if (!is_foreign_entry(manifest, entry)) continue;
     const std::string name = entry.path().filename().string();
-    if (++others.count == 1 || name < others.first) others.first = name;
+    if (++foreign.count == 1 || name < foreign.first) foreign.first = name;
   }
-  return others;
+  return foreign;
 }
 
-/// Returns the command under which files are listed: `run` and `compare` write the same files of a
-/// case.
+/// Returns the command that owns the files written by `command`: `run` owns those of `compare` too,
+/// because both write the same files of a case.
 std::string canonical_command(const std::string& command) {
   return command == "compare" ? "run" : command;
 }
@@ -318,19 +315,19 @@ std::string canonical_command(const std::string& command) {
 void write_text(const fs::path& file, std::string_view text) {
   std::FILE* stream = std::fopen(file.c_str(), "wb");
   if (stream == nullptr) throw_errno(errno);
-  const bool written = std::fwrite(text.data(), 1, text.size(), stream) == text.size();
-  const int reason = errno;
-  if (std::fclose(stream) != 0 || !written) throw_errno(written ? errno : reason);
+  const bool is_written = std::fwrite(text.data(), 1, text.size(), stream) == text.size();
+  const int write_errno = errno;
+  if (std::fclose(stream) != 0 || !is_written) throw_errno(is_written ? errno : write_errno);
 }
 
-/// Flushes a file to disk: a full disk may be reported only here. EINVAL and EROFS mean that the
-/// file cannot be flushed, such as a pipe.
+/// Flushes a file to disk, because a full disk may be reported only then. EINVAL and EROFS are
+/// ignored: they mean that the file, such as a pipe, cannot be flushed.
 void flush(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY);
   if (descriptor < 0) throw_errno(errno);
-  const int failed = ::fsync(descriptor) != 0 ? errno : 0;
+  const int sync_errno = ::fsync(descriptor) != 0 ? errno : 0;
   ::close(descriptor);
-  if (failed != 0 && failed != EINVAL && failed != EROFS) throw_errno(failed);
+  if (sync_errno != 0 && sync_errno != EINVAL && sync_errno != EROFS) throw_errno(sync_errno);
 }
 
 /// Creates the folder and tests that a file can be written in it.
@@ -340,14 +337,14 @@ void prepare_folder(const fs::path& folder) {
     remove_abandoned_files(folder);
     write_text(UnfinishedFile(folder, "probe").path(), "probe\n");
   } catch (const std::system_error& failure) {
-    fail(folder, failure.code().message());
+    throw_output_failure(folder, "cannot be written: " + failure.code().message());
   }
 }
 
 }  // namespace
 
-/// A folder for files, with its state.
-struct ResultFile::Place {
+/// A folder for result files, and what is declared about it so far.
+struct ResultFile::Directory {
   fs::path folder;  ///< never empty
   Writer writer;
   bool whole = false;               ///< the folder as a whole becomes a result
@@ -355,61 +352,66 @@ struct ResultFile::Place {
 };
 
 fs::path ResultFile::path() const {
-  return place_->folder == "." ? fs::path(name_) : place_->folder / name_;
+  return directory_->folder == "." ? fs::path(name_) : directory_->folder / name_;
 }
 
 void check_folder(const fs::path& folder, const Writer& writer) {
-  if (!is_there(folder)) return;
-  std::error_code none;
-  if (!fs::is_directory(folder, none)) refuse(folder, "expected a folder for results, seen a file");
+  if (!path_exists(folder)) return;
+  std::error_code ignored_error;
+  if (!fs::is_directory(folder, ignored_error))
+    throw_output_failure(folder, "expected a folder for results, seen a file");
   if (writer.permissions.force) return;
   if (const auto input = writer.beside_inputs ? std::nullopt : input_inside(folder, writer))
-    refuse(folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
-                               "choose another, such as {}",
-                               input->string(), another(folder)));
+    throw_output_failure(
+        folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
+                            "choose another, such as {}",
+                            input->string(), unused_out_option(folder)));
   if (read_manifest(folder).folder) return;
-  // Files of another run that appeared meanwhile are listed in the manifest before they appear.
-  if (const Others others = foreign_files(folder);
-      others.count > 0 && !read_manifest(folder).folder)
-    refuse(folder,
-           fmt::format("expected a new or empty folder, or one of results ({}), seen one "
-                       "that abbe did not make, with {}{}; choose another, such as {}, or "
-                       "say --force",
-                       manifest_name, others.first,
-                       others.count > 1 ? fmt::format(" and {} more", others.count - 1) : "",
-                       another(folder)));
+  // The manifest is read again: another run lists its files there before it creates them.
+  if (const ForeignFiles foreign = find_foreign_files(folder);
+      foreign.count > 0 && !read_manifest(folder).folder)
+    throw_output_failure(
+        folder, fmt::format("expected a new or empty folder, or one of results ({}), seen one "
+                            "that abbe did not make, with {}{}; choose another, such as {}, or "
+                            "say --force",
+                            manifest_name, foreign.first,
+                            foreign.count > 1 ? fmt::format(" and {} more", foreign.count - 1) : "",
+                            unused_out_option(folder)));
 }
 
 ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
-  const fs::path named = folder.empty() ? fs::path(".") : folder;
-  check_folder(named, writer);
-  // A folder taken by --force remains the user's as a whole.
-  const bool whole = read_manifest(named).folder || foreign_files(named).count == 0 ||
-                     read_manifest(named).folder;  // another run may have written its manifest in
-                                                   // between
-  prepare_folder(named);
-  place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
+  const fs::path result_folder = folder.empty() ? fs::path(".") : folder;
+  check_folder(result_folder, writer);
+  // A folder with the user's files, accepted by --force, does not become abbe's as a whole.
+  const bool whole = read_manifest(result_folder).folder ||
+                     find_foreign_files(result_folder).count == 0 ||
+                     read_manifest(result_folder).folder;  // another run may have written its
+                                                           // manifest in between
+  prepare_folder(result_folder);
+  directory_ = std::make_shared<ResultFile::Directory>(
+      ResultFile::Directory{result_folder, writer, whole, false});
 }
 
 ResultFile ResultFolder::operator/(const fs::path& name) const {
   if (name.empty() || name.has_parent_path())
     throw std::invalid_argument("expected the name of one file, seen " + name.string());
-  return {place_, name.string()};
+  return {directory_, name.string()};
 }
 
 ResultFolder ResultFolder::inside(const std::string& name) const {
-  return name.empty() ? *this : ResultFolder(place_->folder / name, place_->writer);
+  return name.empty() ? *this : ResultFolder(directory_->folder / name, directory_->writer);
 }
 
-const fs::path& ResultFolder::path() const { return place_->folder; }
+const fs::path& ResultFolder::path() const { return directory_->folder; }
 
 ResultFile ResultFile::unchecked_file(const fs::path& file, const Writer& writer) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-  std::error_code none;
-  if (fs::is_directory(file, none)) refuse(file, "expected a file to write to, seen a folder");
-  if (is_there(folder) && !fs::is_directory(folder, none))
-    refuse(folder, "expected a folder, seen a file");
-  ResultFile result(std::make_shared<Place>(Place{folder, writer, false, false}),
+  std::error_code ignored_error;
+  if (fs::is_directory(file, ignored_error))
+    throw_output_failure(file, "expected a file to write to, seen a folder");
+  if (path_exists(folder) && !fs::is_directory(folder, ignored_error))
+    throw_output_failure(folder, "expected a folder, seen a file");
+  ResultFile result(std::make_shared<Directory>(Directory{folder, writer, false, false}),
                     file.filename().string());
   check_file(result);
   return result;
@@ -417,7 +419,7 @@ ResultFile ResultFile::unchecked_file(const fs::path& file, const Writer& writer
 
 ResultFile result_file(const fs::path& file, const Writer& writer) {
   ResultFile result = ResultFile::unchecked_file(file, writer);
-  prepare_folder(result.place_->folder);
+  prepare_folder(result.directory_->folder);
   return result;
 }
 
@@ -426,39 +428,42 @@ void check_file(const fs::path& file, const Writer& writer) {
 }
 
 void check_file(const ResultFile& file) {
-  const ResultFile::Place& place = *file.place_;
+  const ResultFile::Directory& directory = *file.directory_;
   const fs::path path = file.path();
-  if (!is_there(path)) return;
-  if (is_input(path, place.writer))
-    refuse(path, "this run reads it, and what is read is never written over; choose another --out");
-  if (place.writer.permissions.force || is_journal(path)) return;
-  const Mark mark = read_manifest(place.folder);  // read again: other processes may have changed it
-  if (writing_command(mark, path)) return;
-  refuse(path,
-         fmt::format("a file that {} stands there; move it, choose another --out, or say "
-                     "--force",
-                     mark.files.contains(escaped(file.name_)) ? "was changed since abbe wrote it"
-                                                              : "abbe did not make"));
+  if (!path_exists(path)) return;
+  if (is_input(path, directory.writer))
+    throw_output_failure(
+        path, "this run reads it, and what is read is never written over; choose another --out");
+  if (directory.writer.permissions.force || is_journal(path)) return;
+  const Mark manifest =
+      read_manifest(directory.folder);  // read again: other processes may have changed it
+  if (writing_command(manifest, path)) return;
+  throw_output_failure(
+      path,
+      fmt::format("a file that {} stands there; move it, choose another --out, or say "
+                  "--force",
+                  manifest.files.contains(escaped(file.name_)) ? "was changed since abbe wrote it"
+                                                               : "abbe did not make"));
 }
 
-void ResultFile::note(const std::optional<FileChecksum>& print) const {
-  static std::mutex noting;  // several threads write files of one folder
-  const std::lock_guard lock(noting);
-  const std::string& command_line = place_->writer.permissions.command;
-  const Written written{name_, subcommand_name(command_line), print};
-  const bool known = says(read_manifest(place_->folder), written);
-  if (known && place_->folder_declaration) return;
-  append_to_manifest(place_->folder,
-                     place_->folder_declaration
+void ResultFile::add_to_manifest(const std::optional<FileChecksum>& checksum) const {
+  static std::mutex manifest_mutex;  // several threads write files of one folder
+  const std::lock_guard lock(manifest_mutex);
+  const std::string& command_line = directory_->writer.permissions.command;
+  const FileEntry entry{name_, subcommand_name(command_line), checksum};
+  const bool is_listed = is_latest_entry(read_manifest(directory_->folder), entry);
+  if (is_listed && directory_->folder_declaration) return;
+  append_to_manifest(directory_->folder,
+                     directory_->folder_declaration
                          ? std::nullopt
-                         : std::optional(FolderDeclaration{place_->whole, command_line}),
-                     known ? std::nullopt : std::optional(written));
-  place_->folder_declaration = true;
+                         : std::optional(FolderDeclaration{directory_->whole, command_line}),
+                     is_listed ? std::nullopt : std::optional(entry));
+  directory_->folder_declaration = true;
 }
 
 void reserve_file(const ResultFile& file) {
   check_file(file);
-  file.note(std::nullopt);
+  file.add_to_manifest(std::nullopt);
 }
 
 void write_file(const ResultFile& file, const std::function<void(const fs::path&)>& write) {
@@ -469,16 +474,18 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
     write(unfinished.path());
     flush(unfinished.path());
     check_file(file);  // again, because writing took time
-    file.note(file_checksum(unfinished.path()));
+    file.add_to_manifest(file_checksum(unfinished.path()));
     unfinished.rename(path);
   } catch (const OutputFailure&) {
     throw;
   } catch (const Interrupted&) {
     throw;
   } catch (const std::system_error& failure) {
-    fail(path, failure.code().message());  // the text of the exception names the temporary file
+    throw_output_failure(
+        path, "cannot be written: " +
+                  failure.code().message());  // the text of the exception names the temporary file
   } catch (const std::exception& failure) {
-    fail(path, failure.what());
+    throw_output_failure(path, std::string("cannot be written: ") + failure.what());
   }
 }
 
@@ -496,16 +503,15 @@ void write_json(const ResultFile& file, const nlohmann::ordered_json& json) {
 
 void remove_file(const ResultFile& file) {
   const fs::path path = file.path();
-  const Writer& writer = file.place_->writer;
-  if (!is_there(path) || is_input(path, writer)) return;
-  const auto wrote = writing_command(read_manifest(file.place_->folder), path);
-  if (!wrote ||
-      canonical_command(*wrote) != canonical_command(subcommand_name(writer.permissions.command)))
+  const Writer& writer = file.directory_->writer;
+  if (!path_exists(path) || is_input(path, writer)) return;
+  const auto author = writing_command(read_manifest(file.directory_->folder), path);
+  if (!author ||
+      canonical_command(*author) != canonical_command(subcommand_name(writer.permissions.command)))
     return;
   std::error_code error;
   fs::remove(path, error);
-  if (error)
-    throw OutputFailure(escaped(path.string()) + ": cannot be removed: " + error.message());
+  if (error) throw_output_failure(path, "cannot be removed: " + error.message());
 }
 
 std::string json_text(const nlohmann::ordered_json& json) {

@@ -15,18 +15,18 @@ namespace abbe::sim {
 namespace {
 
 /// Thrown by a task whose result is no longer needed because another task failed.
-struct Stopped {};
+struct TaskCancelled {};
 
 class TaskRunner {
  public:
   TaskRunner(const std::vector<Task>& tasks, ProgressLine& line)
       : tasks_(tasks),
         line_(line),
-        kept_(tasks.size()),
+        pending_reports_(tasks.size()),
         waiting_(tasks.size()),
-        is_begun_(tasks.size(), false),
-        is_over_(tasks.size(), false),
-        failed_(tasks.size()) {
+        is_started_(tasks.size(), false),
+        is_finished_(tasks.size(), false),
+        failed_task_(tasks.size()) {
     std::iota(waiting_.begin(), waiting_.end(), std::size_t(0));
   }
 
@@ -37,80 +37,82 @@ class TaskRunner {
     });
   }
 
-  /// Runs task after task until none is left to begin.
-  void work() {
-    while (const std::optional<std::size_t> task = next()) {
+  /// Runs waiting tasks one after the other until none is left; called in each worker thread.
+  void run_waiting_tasks() {
+    while (const std::optional<std::size_t> task = take_next_task()) {
       try {
-        show();
-        tasks_[*task].work(progress_of(*task));
-        finish(*task);
+        show_started_tasks();
+        tasks_[*task].work(task_progress(*task));
+        mark_finished(*task);
       } catch (...) {
-        fail(*task, std::current_exception());
+        record_failure(*task, std::current_exception());
       }
     }
   }
 
-  void rethrow_first() const {
-    if (fault_) std::rethrow_exception(fault_);
+  void rethrow_first_failure() const {
+    if (first_failure_) std::rethrow_exception(first_failure_);
   }
 
  private:
-  /// Returns the next task to begin. Tasks after a failed one are dropped. Those before it still
-  /// run, because one of them might fail too, and the first failure is the one to report.
-  std::optional<std::size_t> next() {
+  /// Returns the next task to start. Tasks after a failed one are dropped. Those before it still
+  /// run, because one of them might fail too, and the first failure in order is the one to report.
+  std::optional<std::size_t> take_next_task() {
     const std::lock_guard lock(mutex_);
-    std::erase_if(waiting_, [&](std::size_t task) { return task > failed_; });
+    std::erase_if(waiting_, [&](std::size_t task) { return task > failed_task_; });
     if (waiting_.empty()) return std::nullopt;
     const std::size_t task = waiting_.front();
     waiting_.erase(waiting_.begin());
-    is_begun_[task] = true;
+    is_started_[task] = true;
     return task;
   }
 
-  Progress progress_of(std::size_t task) {
+  Progress task_progress(std::size_t task) {
     return [this, task](const std::string& stage, double fraction) {
       // The failure of an earlier task makes this one pointless.
-      if (task > failed_) throw Stopped();
+      if (task > failed_task_) throw TaskCancelled();
       stop_if_interrupted();
-      if (fraction < 0.0 || shows_progress(task, stage, fraction)) line_.report(stage, fraction);
+      if (fraction < 0.0 || is_shown_now(task, stage, fraction)) line_.report(stage, fraction);
     };
   }
 
-  /// Returns true if the report is to be shown now, i.e. comes from the current task. Otherwise
-  /// keeps the last report of each stage for later.
-  bool shows_progress(std::size_t task, const std::string& stage, double fraction) {
+  /// Returns true if the report comes from the current task and is to be shown now. Otherwise keeps
+  /// the last report of each stage for later.
+  bool is_shown_now(std::size_t task, const std::string& stage, double fraction) {
     const std::lock_guard lock(mutex_);
-    if (task + 1 == named_) return true;
-    std::vector<Report>& reports = kept_[task];
+    if (task + 1 == shown_count_) return true;
+    std::vector<Report>& reports = pending_reports_[task];
     if (reports.empty() || reports.back().stage != stage) reports.push_back({stage, 0.0});
     reports.back().fraction = fraction;
     return false;
   }
 
-  void finish(std::size_t task) {
+  void mark_finished(std::size_t task) {
     {
       const std::lock_guard lock(mutex_);
-      is_over_[task] = true;
+      is_finished_[task] = true;
     }
-    show();
+    show_started_tasks();
   }
 
-  /// Announces tasks in order, up to the first that is not finished, and passes on the reports that
-  /// were kept for them.
-  void show() {
+  /// Announces tasks in order, up to the first that is not finished, and shows their pending
+  /// reports.
+  void show_started_tasks() {
     const std::lock_guard lock(mutex_);
-    while (named_ < tasks_.size() && is_begun_[named_] && (named_ == 0 || is_over_[named_ - 1])) {
-      const std::size_t task = named_++;
+    while (shown_count_ < tasks_.size() && is_started_[shown_count_] &&
+           (shown_count_ == 0 || is_finished_[shown_count_ - 1])) {
+      const std::size_t task = shown_count_++;
       line_.begin(tasks_[task].name);
-      for (const Report& report : kept_[task]) line_.report(report.stage, report.fraction);
+      for (const Report& report : pending_reports_[task])
+        line_.report(report.stage, report.fraction);
     }
   }
 
-  void fail(std::size_t task, const std::exception_ptr& fault) {
+  void record_failure(std::size_t task, const std::exception_ptr& failure) {
     const std::lock_guard lock(mutex_);
-    if (task > failed_) return;
-    failed_ = task;
-    fault_ = fault;
+    if (task > failed_task_) return;
+    failed_task_ = task;
+    first_failure_ = failure;
   }
 
   struct Report {
@@ -121,28 +123,30 @@ class TaskRunner {
   const std::vector<Task>& tasks_;
   ProgressLine& line_;
   std::mutex mutex_;
-  std::vector<std::vector<Report>> kept_;
-  std::vector<std::size_t> waiting_;  // tasks not begun, in the order in which they will be
-  std::vector<bool> is_begun_, is_over_;
-  std::size_t named_ = 0;  // number of tasks shown so far; the last of them is the current one
-  std::atomic<std::size_t> failed_;  // first task that failed; tasks_.size(): none
-  std::exception_ptr fault_;
+  std::vector<std::vector<Report>> pending_reports_;
+  std::vector<std::size_t> waiting_;  // tasks not started, in the order in which they will start
+  std::vector<bool> is_started_, is_finished_;
+  std::size_t shown_count_ = 0;           // tasks shown so far; the last of them is the current one
+  std::atomic<std::size_t> failed_task_;  // first task in order that failed; tasks_.size() if none
+  std::exception_ptr first_failure_;
 };
 
 }  // namespace
 
 void run_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) {
-  TaskRunner all(tasks, line);
+  TaskRunner runner(tasks, line);
   if (at_once > 1) {
-    all.start_longest_first();
+    runner.start_longest_first();
     // Isolated: a thread that waits for nested parallel work must not pick up another task
     // meanwhile.
-    const auto work = [&](int) { tbb::this_task_arena::isolate([&] { all.work(); }); };
-    tbb::parallel_for(0, std::min(at_once, int(tasks.size())), work, tbb::simple_partitioner());
+    const auto worker = [&](int) {
+      tbb::this_task_arena::isolate([&] { runner.run_waiting_tasks(); });
+    };
+    tbb::parallel_for(0, std::min(at_once, int(tasks.size())), worker, tbb::simple_partitioner());
   } else {
-    all.work();
+    runner.run_waiting_tasks();
   }
-  all.rethrow_first();
+  runner.rethrow_first_failure();
 }
 
 }  // namespace abbe::sim

@@ -8,23 +8,25 @@ namespace abbe::sim {
 
 namespace {
 
-std::filesystem::path& named() {
+std::filesystem::path& configured_program_file() {
   static std::filesystem::path file;
   return file;
 }
 
 }  // namespace
 
-/// /proc/self/exe leads to the running executable even after its file was replaced.
-std::filesystem::path program_file() { return named().empty() ? "/proc/self/exe" : named(); }
+// /proc/self/exe leads to the running executable even after its file was replaced.
+std::filesystem::path program_file() {
+  return configured_program_file().empty() ? "/proc/self/exe" : configured_program_file();
+}
 
 std::filesystem::path program_folder() {
-  if (!named().empty()) return named().parent_path();
+  if (!configured_program_file().empty()) return configured_program_file().parent_path();
   std::error_code failure;
   return std::filesystem::read_symlink("/proc/self/exe", failure).parent_path();
 }
 
-void name_program_file(const std::filesystem::path& file) { named() = file; }
+void name_program_file(const std::filesystem::path& file) { configured_program_file() = file; }
 
 std::string version() { return ABBE_VERSION; }
 

@@ -19,14 +19,15 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr double plan_weight_s = 0.5;  // s of measured work to which the prediction of the plan is
-                                       // equivalent
-constexpr double own_kind = 0.1;  // weight of the pace of all work beside the measured work of the
-                                  // same kind, as a fraction of the planned stage
-constexpr double min_self_timing_fraction = 0.3;  // completed fraction of a stage from which on
-                                                  // only its own pace counts
-constexpr double min_learning_s = 0.02;  // completed fraction (not s) of a stage below which its
-                                         // own pace is too uncertain to be used
+// The prediction of the plan counts as much as this many seconds of measured work.
+constexpr double plan_weight_s = 0.5;
+// Weight of the pace of all work against that of work of the same kind, as a fraction of the
+// planned time of the stage.
+constexpr double all_work_weight = 0.1;
+// Completed fraction of a stage above which only its own pace counts.
+constexpr double min_self_timing_fraction = 0.3;
+// Completed fraction of a stage below which its own pace is too uncertain to be used.
+constexpr double min_learning_fraction = 0.02;
 
 }  // namespace
 
@@ -35,9 +36,9 @@ RemainingTime::RemainingTime(std::vector<Stage> plan, double now_s)
   if (plan_.empty()) plan_.push_back({});
 }
 
-void RemainingTime::replan(std::vector<Stage> rest) {
+void RemainingTime::replan(std::vector<Stage> next_stages) {
   plan_.erase(plan_.begin() + std::ptrdiff_t(running_) + 1, plan_.end());
-  std::move(rest.begin(), rest.end(), std::back_inserter(plan_));
+  std::move(next_stages.begin(), next_stages.end(), std::back_inserter(plan_));
 }
 
 int RemainingTime::parts_before(std::size_t stages) const {
@@ -47,7 +48,7 @@ int RemainingTime::parts_before(std::size_t stages) const {
 }
 
 void RemainingTime::move_to(std::size_t stage, double now_s) {
-  Measured& kind = measured_[plan_[running_].kind];
+  Pace& kind = paces_[plan_[running_].kind];
   kind.took += now_s - stage_start_s_;
   kind.predicted += plan_[running_].seconds;
   running_ = stage;
@@ -71,30 +72,32 @@ void RemainingTime::report(const std::string& kind, double fraction, double now_
   if (plan_[running_].kind == kind) fraction_ = std::clamp(fraction, fraction_, 1.0);
 }
 
-RemainingTime::Measured RemainingTime::measured_rate_of_running(double now_s) const {
-  if (fraction_ < min_learning_s) return {};
+RemainingTime::Pace RemainingTime::running_pace(double now_s) const {
+  if (fraction_ < min_learning_fraction) return {};
   return {now_s - stage_start_s_, fraction_ * plan_[running_].seconds};
 }
 
 /// Returns the time that a stage will take, s: its planned time scaled by the measured pace of work
 /// of its kind, blended with the pace of all work while little of its kind was measured.
 double RemainingTime::predicted(const Stage& stage, double now_s) const {
-  Measured all{plan_weight_s, plan_weight_s}, own;
-  const auto add = [&](const std::string& kind, const Measured& one) {
-    all.took += one.took;
-    all.predicted += one.predicted;
+  Pace overall{plan_weight_s, plan_weight_s}, same_kind;
+  const auto add = [&](const std::string& kind, const Pace& pace) {
+    overall.took += pace.took;
+    overall.predicted += pace.predicted;
     if (kind != stage.kind) return;
-    own.took += one.took;
-    own.predicted += one.predicted;
+    same_kind.took += pace.took;
+    same_kind.predicted += pace.predicted;
   };
-  for (const auto& [kind, one] : measured_) add(kind, one);
-  add(plan_[running_].kind, measured_rate_of_running(now_s));
-  const double weight = own_kind * stage.seconds, speed = all.took / all.predicted;
-  const double total = own.predicted + weight;
-  return total > 0.0 ? stage.seconds * (own.took + weight * speed) / total : 0.0;
+  for (const auto& [kind, pace] : paces_) add(kind, pace);
+  add(plan_[running_].kind, running_pace(now_s));
+  const double weight = all_work_weight * stage.seconds, speed = overall.took / overall.predicted;
+  const double weighted_prediction = same_kind.predicted + weight;
+  return weighted_prediction > 0.0
+             ? stage.seconds * (same_kind.took + weight * speed) / weighted_prediction
+             : 0.0;
 }
 
-double RemainingTime::remaining_of_running(double now_s) const {
+double RemainingTime::running_remaining_s(double now_s) const {
   const double elapsed = now_s - stage_start_s_;
   const double planned = predicted(plan_[running_], now_s);
   // An overdue stage without reports is assumed to need at least a tenth of its time so far.
@@ -106,42 +109,42 @@ double RemainingTime::remaining_of_running(double now_s) const {
 }
 
 double RemainingTime::remaining_s(double now_s) const {
-  double left = remaining_of_running(now_s);
-  for (std::size_t i = running_ + 1; i < plan_.size(); ++i) left += predicted(plan_[i], now_s);
-  return left;
+  double remaining = running_remaining_s(now_s);
+  for (std::size_t i = running_ + 1; i < plan_.size(); ++i) remaining += predicted(plan_[i], now_s);
+  return remaining;
 }
 
-double RemainingTime::done(double now_s) const {
-  const double spent = now_s - start_s_, left = remaining_s(now_s);
-  return spent + left > 0.0 ? spent / (spent + left) : 0.0;
+double RemainingTime::completed_fraction(double now_s) const {
+  const double spent = now_s - start_s_, remaining = remaining_s(now_s);
+  return spent + remaining > 0.0 ? spent / (spent + remaining) : 0.0;
 }
 
 std::string duration_text(double seconds) {
-  const auto whole = [](double value) { return std::lround(std::max(0.0, value)); };
-  if (whole(seconds) < 90) return fmt::format("{} s", whole(seconds));
-  const long minutes = whole(seconds / 60.0);
+  const auto rounded = [](double value) { return std::lround(std::max(0.0, value)); };
+  if (rounded(seconds) < 90) return fmt::format("{} s", rounded(seconds));
+  const long minutes = rounded(seconds / 60.0);
   if (minutes < 90) return fmt::format("{} min", minutes);
   return fmt::format("{} h {} min", minutes / 60, minutes % 60);
 }
 
 namespace {
 
-volatile std::sig_atomic_t interrupted = 0;
+volatile std::sig_atomic_t is_interrupted = 0;
 
-constexpr double settled_s = 1.0;  // the remaining time is not shown earlier
-constexpr std::chrono::milliseconds tick(500), min_between(100);
+constexpr double estimate_delay_s = 1.0;  // the remaining time is shown only after this time
+constexpr std::chrono::milliseconds redraw_interval(500), min_redraw_interval(100);
 
-/// Time in which work that checks for interrupts can end cleanly, files included. Together with the
-/// rest of the shutdown it stays below a second for the user.
+/// Time in which work that checks for interrupts can end cleanly and close its files. Together with
+/// the rest of the shutdown, the user waits for less than a second.
 constexpr std::chrono::milliseconds stop_grace_period(700);
 
 ::sem_t interruption;
 
-// Only async-signal-safe calls are allowed here; the thread of end_after_interruption does the
+// Only async-signal-safe calls are allowed here, so the thread of end_after_interruption does the
 // rest.
 extern "C" void on_interrupt(int) {
-  if (interrupted != 0) ::_exit(130);
-  interrupted = 1;
+  if (is_interrupted != 0) ::_exit(130);
+  is_interrupted = 1;
   ::sem_post(&interruption);
 }
 
@@ -166,22 +169,23 @@ void watch_interrupts() {
 }
 
 void stop_if_interrupted() {
-  if (interrupted != 0) throw Interrupted();
+  if (is_interrupted != 0) throw Interrupted();
 }
 
-ProgressLine::ProgressLine(std::vector<Stage> plan, Progress instead)
+ProgressLine::ProgressLine(std::vector<Stage> plan, Progress observer)
     : remaining_time_(std::move(plan)),
-      instead_(std::move(instead)),
-      terminal_(!instead_ && ::isatty(STDERR_FILENO) != 0) {
-  if (!terminal_) return;
+      observer_(std::move(observer)),
+      is_terminal_(!observer_ && ::isatty(STDERR_FILENO) != 0) {
+  if (!is_terminal_) return;
   ticker_ = std::jthread([this](const std::stop_token& end) {
     std::unique_lock lock(mutex_);
-    while (!ends_.wait_for(lock, end, tick, [&] { return end.stop_requested(); })) draw_state();
+    while (!stopping_.wait_for(lock, end, redraw_interval, [&] { return end.stop_requested(); }))
+      draw_progress();
   });
 }
 
 ProgressLine::~ProgressLine() {
-  if (!terminal_) return;
+  if (!is_terminal_) return;
   ticker_ = {};
   std::fputs("\r\x1b[K", stderr);
 }
@@ -190,61 +194,58 @@ double ProgressLine::now_s() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
-/// Returns the completed fraction of all work: time spent over time spent and left.
-double ProgressLine::share() const {
-  const double spent = now_s(), left = remaining_time_.remaining_s(spent);
-  return spent + left > 0.0 ? std::clamp(spent / (spent + left), 0.0, 1.0) : 0.0;
-}
-
 void ProgressLine::draw(const std::string& text) {
   std::fputs(("\r\x1b[K" + escaped(text)).c_str(), stderr);
   std::fflush(stderr);
 }
 
-void ProgressLine::replan(std::vector<Stage> rest) {
+void ProgressLine::replan(std::vector<Stage> next_stages) {
   const std::lock_guard lock(mutex_);
-  remaining_time_.replan(std::move(rest));
+  remaining_time_.replan(std::move(next_stages));
 }
 
 void ProgressLine::begin(const std::string& part) {
-  if (interrupted != 0) throw Interrupted();
+  if (is_interrupted != 0) throw Interrupted();
   const std::lock_guard lock(mutex_);
-  if (begun_) remaining_time_.begin(part, now_s());
-  begun_ = true;
+  if (has_begun_) remaining_time_.begin(part, now_s());
+  has_begun_ = true;
   part_ = part;
   stage_.clear();
-  if (instead_)
-    instead_(part_, share());
-  else if (!terminal_)
+  if (observer_)
+    observer_(part_, remaining_time_.completed_fraction(now_s()));
+  else if (!is_terminal_)
     print(stderr, "[{}/{}] {}\n", remaining_time_.part(), remaining_time_.parts(), part_);
 }
 
 void ProgressLine::report(const std::string& stage, double fraction) {
-  if (interrupted != 0) throw Interrupted();
+  if (is_interrupted != 0) throw Interrupted();
   const std::lock_guard lock(mutex_);
   if (fraction < 0.0) {
-    if (instead_) return instead_(stage, fraction);
-    if (terminal_) draw("");
+    if (observer_) return observer_(stage, fraction);
+    if (is_terminal_) draw("");
     print(stderr, "{}\n", stage);
     return;
   }
   remaining_time_.report(stage, fraction, now_s());
-  const bool next = stage != stage_;
+  const bool is_new_stage = stage != stage_;
   stage_ = stage;
   fraction_ = fraction;
-  if (instead_) return instead_(part_ + ": " + stage_, share());
-  if (terminal_ && (next || std::chrono::steady_clock::now() - drawn_ >= min_between)) draw_state();
+  if (observer_)
+    return observer_(part_ + ": " + stage_, remaining_time_.completed_fraction(now_s()));
+  if (is_terminal_ &&
+      (is_new_stage || std::chrono::steady_clock::now() - last_drawn_ >= min_redraw_interval))
+    draw_progress();
 }
 
-void ProgressLine::draw_state() {
-  if (!begun_ || stage_.empty()) return;
-  drawn_ = std::chrono::steady_clock::now();
-  const double spent = now_s();
+void ProgressLine::draw_progress() {
+  if (!has_begun_ || stage_.empty()) return;
+  last_drawn_ = std::chrono::steady_clock::now();
+  const double elapsed = now_s();
   std::string text =
       fmt::format("[{}/{}] {}: {}", remaining_time_.part(), remaining_time_.parts(), part_, stage_);
   if (fraction_ > 0.0) text += fmt::format(" {:.0f} %", 100.0 * std::min(fraction_, 1.0));
-  if (spent >= settled_s)
-    text += ", " + duration_text(remaining_time_.remaining_s(spent)) + " left";
+  if (elapsed >= estimate_delay_s)
+    text += ", " + duration_text(remaining_time_.remaining_s(elapsed)) + " left";
   draw(text);
 }
 

@@ -14,51 +14,51 @@ namespace abbe::sim {
 
 /// A planned stage of work.
 struct Stage {
-  std::string part;  ///< part to which it belongs, such as a case
-  std::string kind;  ///< name of the stage in its reports; stages of one kind take comparable time
+  std::string part;      ///< part of the work to which it belongs, such as a case
+  std::string kind;      ///< its name in reports; stages of one kind run at a comparable pace
   double seconds = 0.0;  ///< prediction for an average computer
 };
 
-/// Estimates the remaining time of planned stages. Predictions give the ratios between stages; the
-/// speed of this computer for each kind of work is measured on the finished stages and on the
-/// running one. It has no clock: times, s, are passed in and must not decrease.
+/// Estimates the remaining time of planned stages. The plan gives the ratios between stages; the
+/// pace of this computer for each kind of work is measured on the finished stages and on the
+/// running one. The class has no clock: callers pass the time, s, which must not decrease.
 class RemainingTime {
  public:
   explicit RemainingTime(std::vector<Stage> plan, double now_s = 0.0);
 
   /// Replaces the stages after the running one; measurements are kept.
-  void replan(std::vector<Stage> rest);
-  /// Ends the running stage and begins the next one of that part; stages in between are skipped.
+  void replan(std::vector<Stage> next_stages);
+  /// Ends the running stage and begins the first stage of the part; stages in between are skipped.
   void begin(const std::string& part, double now_s);
   /// Reports the progress of a stage of the running part; a stage of another kind begins with its
   /// first report. A kind that is not planned counts for the running stage.
   void report(const std::string& kind, double fraction, double now_s);
 
-  /// Return the number of the running part, from 1, and the number of parts; consecutive stages of
-  /// one part count once.
+  /// Returns the number of the running part, from 1.
   int part() const { return parts_before(running_ + 1); }
+  /// Returns the number of parts; consecutive stages of one part count once.
   int parts() const { return parts_before(plan_.size()); }
 
   double remaining_s(double now_s) const;
-  /// Returns the completed fraction of all work by the present predictions.
-  double done(double now_s) const;
+  /// Returns the completed fraction of all work, by time: elapsed over elapsed and remaining.
+  double completed_fraction(double now_s) const;
 
  private:
-  /// Time taken by work of one kind, and its prediction.
-  struct Measured {
+  /// Time taken by work of one kind, s, and the time that was predicted for it, s.
+  struct Pace {
     double took = 0.0, predicted = 0.0;
   };
   int parts_before(std::size_t stages) const;
   void move_to(std::size_t stage, double now_s);
-  Measured measured_rate_of_running(double now_s) const;
+  Pace running_pace(double now_s) const;
   double predicted(const Stage& stage, double now_s) const;
-  double remaining_of_running(double now_s) const;
+  double running_remaining_s(double now_s) const;
 
   std::vector<Stage> plan_;
   std::size_t running_ = 0;
   double start_s_, stage_start_s_;
   double fraction_ = 0.0;
-  std::map<std::string, Measured> measured_;
+  std::map<std::string, Pace> paces_;
 };
 
 /// Returns "12 s", "3 min", "2 h 10 min".
@@ -77,25 +77,25 @@ void watch_interrupts();
 /// @throws Interrupted if Ctrl-C was pressed
 void stop_if_interrupted();
 
-/// Called from time to time with the progress of the named stage, fraction in [0, 1]; a negative
-/// fraction marks the text as a remark, which is printed on a line of its own.
+/// Receives the progress of the named stage as a fraction in [0, 1]. A negative fraction marks the
+/// text as a remark, which is printed on a line of its own.
 using Progress = std::function<void(const std::string& stage, double fraction)>;
 
-/// Shows the progress of long work on stderr: on a terminal one line with the remaining time,
-/// redrawn twice a second and at reports; otherwise a plain line for every part that begins.
+/// Shows the progress of long work on stderr: on a terminal as one line with the remaining time,
+/// redrawn twice a second and at reports; otherwise as a plain line for every part that begins.
 /// Thread-safe.
 class ProgressLine {
  public:
   /// @param plan     stages of the work in order
-  /// @param instead  if given, called with the part and its stage and the completed fraction of all
-  /// work, and nothing is printed; remarks have a negative fraction, as those of a stage
-  explicit ProgressLine(std::vector<Stage> plan, Progress instead = {});
+  /// @param observer  if given, is called with the part, its stage and the completed fraction of
+  /// all work, and nothing is printed; remarks have a negative fraction, as in Progress
+  explicit ProgressLine(std::vector<Stage> plan, Progress observer = {});
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// Replaces the stages after the running part when more is known about the work.
-  void replan(std::vector<Stage> rest);
+  /// Replaces the stages after the running one when more is known about the work.
+  void replan(std::vector<Stage> next_stages);
   /// Begins the next part.
   /// @throws Interrupted
   void begin(const std::string& part);
@@ -106,20 +106,19 @@ class ProgressLine {
 
  private:
   double now_s() const;
-  double share() const;
   void draw(const std::string& text);
-  void draw_state();
+  void draw_progress();
 
   std::mutex mutex_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  std::chrono::steady_clock::time_point drawn_{};
+  std::chrono::steady_clock::time_point last_drawn_{};
   RemainingTime remaining_time_;
   std::string part_, stage_;
   double fraction_ = 0.0;  ///< of the stage, as reported
-  bool begun_ = false;
-  Progress instead_;
-  bool terminal_;
-  std::condition_variable_any ends_;
+  bool has_begun_ = false;
+  Progress observer_;
+  bool is_terminal_;
+  std::condition_variable_any stopping_;
   std::jthread ticker_;  ///< redraws while nothing is reported; on a terminal only
 };
 

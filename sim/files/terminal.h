@@ -11,17 +11,17 @@
 
 #include "kinematics/bad_input.h"
 
-/// Functions that print to the terminal: every text is printed on one line, with control characters
-/// spelt out.
+/// Functions that print to the terminal. Every text is printed on one line, with control characters
+/// escaped.
 namespace abbe::sim {
 
-/// A text of abbe's own that has several lines; foreign texts in it must be on one line each
-/// (single_lined, escaped). Only its line ends and tabs reach the terminal unchanged.
+/// A text that abbe composed of several lines. Texts from elsewhere in it must be escaped to one
+/// line each (single_lined, escaped). Of its control characters only newlines and tabs are printed.
 struct Lines {
   std::string text;
 };
 
-/// Returns an argument as it is printed.
+/// Returns an argument in the form in which `print` shows it.
 template <typename Argument>
 auto shown(const Argument& argument) {
   if constexpr (std::is_same_v<Argument, Lines>)
@@ -35,10 +35,10 @@ template <typename Argument>
 using Shown = decltype(shown(std::declval<const std::remove_cvref_t<Argument>&>()));
 
 template <typename... Arguments>
-void print(std::FILE* to, fmt::format_string<Shown<Arguments>...> format,
+void print(std::FILE* stream, fmt::format_string<Shown<Arguments>...> format,
            const Arguments&... arguments) {
   const std::string text = fmt::format(format, shown(arguments)...);
-  std::fwrite(text.data(), 1, text.size(), to);
+  std::fwrite(text.data(), 1, text.size(), stream);
 }
 
 template <typename... Arguments>
@@ -46,17 +46,17 @@ void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... a
   sim::print(stdout, format, arguments...);
 }
 
-/// Makes every failed write return an error: a standard stream that the shell closed is replaced by
-/// /dev/null, so that no file opened later gets its number, and exceeding the limit on file sizes
-/// (`ulimit -f`) raises no signal.
+/// Makes every failed write return an error. A standard stream that the shell closed is replaced by
+/// /dev/null, so that no file opened later gets its descriptor; exceeding the limit on file sizes
+/// (`ulimit -f`) no longer raises a signal.
 void enable_write_errors();
 
 /// Flushes standard output.
 /// @throws OutputFailure if any output was lost
 void flush_output();
 
-/// Returns the JSON with every text and key on one line, as `escaped` does, for reports, so that no
-/// foreign text can begin a line of its own.
+/// Returns the JSON with every string and key escaped to one line, so that no text from elsewhere
+/// can begin a line in a report.
 nlohmann::ordered_json single_lined(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

@@ -27,35 +27,40 @@ errors::Load predicted_load(const program::Samples& samples, const PredictedRun&
   return load;
 }
 
-/// Returns the steps of a process without its stock, which is large and not needed here.
-Process steps_of(const Process& process) { return {process.steps, {}, {}, {}}; }
+/// Returns a process with its steps only. The stock is large and not needed here.
+Process without_stock(const Process& process) { return {process.steps, {}, {}, {}}; }
 
 }  // namespace
 
 compensation::Belief perfect_belief(const Job& job, PredictedRun run) {
-  return [known = without_random(job.truth), &job, run = std::move(run)](const AxisState& state) {
-    return tool_in_workpiece(known, state, predicted_load(job.samples, run, state.time_s));
+  return [expected_truth = without_random(job.truth), &job,
+          run = std::move(run)](const AxisState& state) {
+    return tool_in_workpiece(expected_truth, state, predicted_load(job.samples, run, state.time_s));
   };
 }
 
-// A perfect belief knows the effect of its own corrections. In the first round the masses press as
-// in the nominal program and the cut pushes as on the rigid machine; then both follow the corrected
-// commands. Each round changes them by some hundredths of the round before.
+// A perfect belief knows the effect of its own corrections. The first iteration has the inertial
+// forces of the nominal program and the cutting forces of the rigid machine. In the next ones both
+// follow the corrected commands. Each iteration changes them by some hundredths of the previous
+// change.
 Corrector perfect_corrector(const Job& job, const ControlView& view,
                             const CaseDescription& compensator) {
-  constexpr int rounds = 3;
-  PredictedRun run{steps_of(job.nominal_process), job.accelerations};
+  constexpr int max_iterations = 3;
+  PredictedRun run{without_stock(job.nominal_process), job.accelerations};
   Corrector corrector = belief_corrector(view, compensator, perfect_belief(job, run));
-  const bool bends = job.truth.compliance && !job.nominal_process.steps.empty();
-  const bool presses = !job.accelerations.empty();
-  if (!bends && !presses) return corrector;
+  const bool has_bending = job.truth.compliance && !job.nominal_process.steps.empty();
+  const bool has_inertia = !job.accelerations.empty();
+  if (!has_bending && !has_inertia) return corrector;
   Commands commands = uncompensated_commands(job);
   const std::vector<AxisState> uncorrected = commands.samples.states;
-  for (int round = presses ? 0 : rounds - 1; round < rounds; ++round) {
+  for (int iteration = has_inertia ? 0 : max_iterations - 1; iteration < max_iterations;
+       ++iteration) {
     commands.samples.states = corrector(uncorrected, job.T_wt_nominal).states;
-    if (presses) run.accelerations = accelerations(commands.samples);
-    // The simulated cut takes most of the time, so it is repeated once, with nearly final commands.
-    if (bends && round + 1 == rounds) run.process = steps_of(cut_process(job, commands));
+    if (has_inertia) run.accelerations = accelerations(commands.samples);
+    // The simulated cut takes most of the time, so it is repeated only once, with nearly final
+    // commands.
+    if (has_bending && iteration + 1 == max_iterations)
+      run.process = without_stock(cut_process(job, commands));
     corrector = belief_corrector(view, compensator, perfect_belief(job, run));
   }
   return corrector;
@@ -66,12 +71,12 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// One row a minute of the history: heat changes in minutes.
+// One row per minute of the thermal history suffices, since temperatures change in minutes.
 constexpr double history_interval_s = 60.0;
 
-/// Returns true if a control can read a column of the signals. True deviations and temperatures of
-/// nodes are excluded.
-bool readable(const Scene& scene, const std::string& column) {
+/// Returns true if a control can read a column of the signals. It cannot read true deviations and
+/// temperatures of nodes.
+bool is_readable(const Scene& scene, const std::string& column) {
   if (column == "spindle_rpm" || column == "current_A") return true;
   if (column.ends_with("_encoder_mm") || column.ends_with("_encoder_deg") ||
       column.ends_with("_dynamometer_N"))
@@ -82,40 +87,43 @@ bool readable(const Scene& scene, const std::string& column) {
                      [&](const auto& sensor) { return column == sensor.name + "_C"; });
 }
 
-// Returns the description of an instrument that measures the part, by its name.
+/// Returns the description of the instrument of that name, which must measure the part.
 PartInstrumentDescription part_instrument(const Scene& scene, const std::string& name) {
   if (auto instrument = find_part_instrument(scene, name)) return *std::move(instrument);
   throw BadInput(scene.file.string(), 0, 0, "an [[instrument]] that measures the part",
                  "\"" + name + "\"");
 }
 
+/// Cuts the part and measures it with the instrument of the belief `part`.
 MeasuredPart cut_and_measure(const Job& job, const Commands& commands, int pass) {
   PartInstrumentDescription instrument =
       part_instrument(job.scene, job.scene.belief.part->instrument);
-  // the pass is part of the name, so that each pass has noise of its own
+  // The name seeds the noise. With the index of the pass in it, each pass has noise of its own.
   instrument.name += fmt::format(" {}", pass + 1);
   return {measured_part(job, cut(job, commands), instrument).readings, instrument.spacing};
 }
 
+/// Cuts and measures the training part of a force belief.
 TrainingRun training_run(const BeliefDescription::Force& force,
                          const std::vector<std::filesystem::path>& trusted) {
   Scene scene = read_scene(force.training);
   scene.trusted = trusted;
   const PartInstrumentDescription instrument = part_instrument(scene, force.instrument);
   const Job job = prepare(scene);
-  const Cut made = cut(job);
-  // Times of the nominal program.
+  const Cut training_cut = cut(job);
+  // The times are those of the error-free cut, since a control knows only the nominal program.
   const VectorXd cut_time_s = cut_error_free(job).surface.cut_time_s;
-  const errors::metrology::PartReadings part = measured_part(job, made, instrument).readings;
+  const errors::metrology::PartReadings part =
+      measured_part(job, training_cut, instrument).readings;
   compensation::CurrentTraining training{VectorXd(part.deviation.size()), part.deviation};
   for (Index i = 0; i < part.deviation.size(); ++i)
     training.time_s[i] = cut_time_s[nearest_vertex(job.design_w.vertices, part.points_w.row(i))];
-  return {control_log(job, uncompensated_commands(job), made.process), std::move(training)};
+  return {control_log(job, uncompensated_commands(job), training_cut.process), std::move(training)};
 }
 
-// Returns the load of the cut as simulated on the believed machine, from the design and the nominal
-// tool.
-compensation::LoadSeries computed_load(const Job& job, const Commands& commands,
+/// Returns the load of the cut, simulated on a believed machine with the design and the nominal
+/// tool.
+compensation::LoadSeries simulate_load(const Job& job, const Commands& commands,
                                        const BelievedPose& pose) {
   const Scene& scene = job.scene;
   const auto& T_wt = target_poses(job, commands);
@@ -123,42 +131,43 @@ compensation::LoadSeries computed_load(const Job& job, const Commands& commands,
       scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
       {commands.samples, path_of(job, commands), T_wt, pose, job.machine.control,
        scene.tool.nominal});
-  compensation::LoadSeries course{VectorXd(Index(process.steps.size())), {}};
+  compensation::LoadSeries series{VectorXd(Index(process.steps.size())), {}};
   for (std::size_t i = 0; i < process.steps.size(); ++i) {
-    course.time_s[Index(i)] = process.steps[i].time_s;
-    course.loads.push_back(process.steps[i].load);
+    series.time_s[Index(i)] = process.steps[i].time_s;
+    series.loads.push_back(process.steps[i].load);
   }
-  return course;
+  return series;
 }
 
-/// Throws BadInput if a job with several tools uses something that follows one tool only.
-/// @param wants  true if the case uses it
-void check_single_tool(const Job& job, const CaseDescription& compensator, bool wants,
-                       const char* what) {
-  if (!job.stretches.empty() && wants)
+/// Throws BadInput if a job with several tools uses a function that is limited to one tool.
+/// @param is_used  true if the case uses the function
+/// @param what     the function, for the message
+void require_single_tool(const Job& job, const CaseDescription& compensator, bool is_used,
+                         const char* what) {
+  if (!job.stretches.empty() && is_used)
     throw BadInput(job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
                    fmt::format("{} tools and the case {}", 1 + job.scene.additional_tools.size(),
                                compensator.name));
 }
 
-/// Checks the channel and the beliefs of a case that follow one tool only.
-void check_several(const Job& job, const CaseDescription& compensator) {
+/// Checks the channel and the beliefs of a case that are limited to one tool.
+void check_tool_count(const Job& job, const CaseDescription& compensator) {
   using Belief = CaseDescription::Belief;
   using Channel = CaseDescription::Channel;
-  const BeliefDescription& given = job.scene.belief;
-  const bool own = !compensator.plug_in.empty();
-  const Channel channel = own ? job.scene.compensation.plug_in.channel : compensator.channel;
-  const auto wants = [&](Belief kind) {
-    return !own && is_belief_enabled(given, compensator.belief, kind);
+  const BeliefDescription& beliefs = job.scene.belief;
+  const bool is_plug_in = !compensator.plug_in.empty();
+  const Channel channel = is_plug_in ? job.scene.compensation.plug_in.channel : compensator.channel;
+  const auto is_used = [&](Belief kind) {
+    return !is_plug_in && is_belief_enabled(beliefs, compensator.belief, kind);
   };
-  check_single_tool(job, compensator, channel == Channel::Program,
-                    "the channel program, which writes the program of one");
-  check_single_tool(job, compensator, channel == Channel::Table,
-                    "the channel table, whose tables hold for the tip of one");
-  check_single_tool(job, compensator, wants(Belief::Part),
-                    "the belief part, which the tool that cut it is corrected by");
-  check_single_tool(job, compensator, wants(Belief::Force),
-                    "the belief force, which follows the cut of one");
+  require_single_tool(job, compensator, channel == Channel::Program,
+                      "the channel program, which writes the program of one");
+  require_single_tool(job, compensator, channel == Channel::Table,
+                      "the channel table, whose tables hold for the tip of one");
+  require_single_tool(job, compensator, is_used(Belief::Part),
+                      "the belief part, which the tool that cut it is corrected by");
+  require_single_tool(job, compensator, is_used(Belief::Force),
+                      "the belief force, which follows the cut of one");
 }
 
 }  // namespace
@@ -197,8 +206,8 @@ MachineAccess make_machine_access(const Job& job) {
     return training_run(*job.scene.belief.force, job.scene.trusted);
   };
   machine_access.error_free = [&job] { return cut_error_free(job).surface; };
-  machine_access.computed_load = [&job](const Commands& commands, const BelievedPose& pose) {
-    return computed_load(job, commands, pose);
+  machine_access.simulate_load = [&job](const Commands& commands, const BelievedPose& pose) {
+    return simulate_load(job, commands, pose);
   };
   machine_access.perfect = [&job](const ControlView& view, const CaseDescription& compensator) {
     return perfect_corrector(job, view, compensator);
@@ -212,59 +221,61 @@ MachineAccess make_machine_access(const Job& job) {
 compensation::ControlLog control_log(const Job& job, const Commands& commands,
                                      const Process& process) {
   Scene scene = job.scene;
-  // The control reads the same, whatever the scene reports.
+  // The control reads the same history for any interval that the scene reports.
   if (!(scene.signals.history_interval > 0.0 &&
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;
   std::vector<errors::Load> loads;
   const auto& T_wt = target_poses(job, commands);
-  const Signals all =
+  const Signals recorded =
       signals(scene, job.machine, job.truth, {commands.samples, T_wt, process, loads});
   compensation::ControlLog log;
   std::vector<Index> columns;
-  for (std::size_t k = 0; k < all.columns.size(); ++k) {
-    if (all.columns[k] == "time_s") log.time_s = all.rows.col(Index(k));
-    if (!readable(job.scene, all.columns[k])) continue;
-    // a sensor with the name of a node's column comes after it, and only the sensor can be read
-    if (const auto twin = std::find(log.names.begin(), log.names.end(), all.columns[k]);
-        twin != log.names.end()) {
-      columns[std::size_t(twin - log.names.begin())] = Index(k);
+  for (std::size_t k = 0; k < recorded.columns.size(); ++k) {
+    if (recorded.columns[k] == "time_s") log.time_s = recorded.rows.col(Index(k));
+    if (!is_readable(job.scene, recorded.columns[k])) continue;
+    // If a sensor and a node have columns of the same name, the sensor's comes later. Only the
+    // sensor can be read.
+    if (const auto same_name = std::find(log.names.begin(), log.names.end(), recorded.columns[k]);
+        same_name != log.names.end()) {
+      columns[std::size_t(same_name - log.names.begin())] = Index(k);
       continue;
     }
-    log.names.push_back(all.columns[k]);
+    log.names.push_back(recorded.columns[k]);
     columns.push_back(Index(k));
   }
-  log.values = all.rows(Eigen::all, columns);
+  log.values = recorded.rows(Eigen::all, columns);
   return log;
 }
 
 LearnedCorrection learned_correction(const Job& job, const CaseDescription& compensator,
                                      const Progress& progress) {
-  check_single_tool(job, compensator, true, "what tables hold, for the tip of one tool");
+  require_single_tool(job, compensator, true, "what tables hold, for the tip of one tool");
   return learned_correction(make_control_view(job), make_machine_access(job), compensator,
                             progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  check_several(job, compensator);
-  std::vector<Commands> parts;
-  for (const Job& part : parts_of(job))
-    parts.push_back(
-        compensated(make_control_view(part), make_machine_access(part), compensator, progress));
-  return joined(std::move(parts));
+  check_tool_count(job, compensator);
+  std::vector<Commands> part_commands;
+  for (const Job& job_part : parts_of(job))
+    part_commands.push_back(compensated(make_control_view(job_part), make_machine_access(job_part),
+                                        compensator, progress));
+  return joined(std::move(part_commands));
 }
 
 namespace {
 
-/// Cuts a job in windows. The correction is learned once and applied to every window.
+/// Cuts a job in windows. The correction is learned once and is applied to every window.
 Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
   const ControlView view = make_control_view(job);
-  const LearnedCorrection known =
+  const LearnedCorrection correction =
       learned_correction(view, make_machine_access(job), compensator, progress);
   Cut result = cut_in_windows(
       job,
-      [&](const Job& part) {
-        return compensated(make_control_view(part), make_machine_access(part), compensator, known);
+      [&](const Job& job_part) {
+        return compensated(make_control_view(job_part), make_machine_access(job_part), compensator,
+                           correction);
       },
       progress);
   result.name = result.case_name = compensator.name;
@@ -276,7 +287,7 @@ Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Pro
 std::string find_windows_obstacle(const Scene& scene,
                                   const std::optional<CaseDescription>& compensator) {
   // Each of these needs the samples of the whole program at once: stock, heat and wear depend on
-  // all that came before a sample, a channel on its neighbours.
+  // all earlier samples, a channel on neighbouring ones.
   using Belief = CaseDescription::Belief;
   if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
   if (!scene.additional_tools.empty()) return "several tools";
@@ -289,9 +300,9 @@ std::string find_windows_obstacle(const Scene& scene,
   if (!compensator) return {};
   if (!compensator->plug_in.empty() || compensator->function) return "a compensator of your own";
   if (compensator->channel != CaseDescription::Channel::Ideal) return "a channel other than ideal";
-  const bool still =
+  const bool is_static =
       compensator->belief == Belief::Perfect || compensator->belief == Belief::Identified;
-  return still ? "" : "a belief that learns from the program";
+  return is_static ? "" : "a belief that learns from the program";
 }
 
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const Progress& progress,

@@ -23,17 +23,17 @@
 /// include the truth; tests/architecture_test.cpp follows every include.
 namespace abbe::sim {
 
-/// The tool as ordered.
+/// Nominal tool.
 struct NominalTool {
   const std::string& name;
   double length = 0.0;  ///< mm, from the nose s to the tip t
   const std::variant<cutting::Cutter, cutting::Nose>& shape;
 };
 
-/// A job as the control and the shop floor see it: machine and tool as ordered, the program, and
-/// the beliefs of the scene. Refers to the job, which must outlive it.
+/// View of a job that its control has: nominal machine and tool, the program, and the beliefs of
+/// the scene. It refers to the job, which must outlive it.
 struct ControlView {
-  const std::filesystem::path& file;  ///< of the scene, for messages
+  const std::filesystem::path& file;  ///< scene file, for messages
   const Machine& machine;
   NominalTool tool;
   const DatumDescription& datum;
@@ -41,8 +41,8 @@ struct ControlView {
   const CompensationDescription& compensation;
   std::uint64_t seed = 1;
   double chord_tolerance = 0.0;  ///< mm
-  bool is_cut = false;           ///< the scene has a blank, so there is a force to read
-  program::NcOptions control;    ///< what the control knows before it reads a program
+  bool is_cut = false;           ///< true: the scene has a blank, so forces can be read
+  program::NcOptions control;    ///< state of the control before it reads a program
   program::SampleOptions sampling;
   const program::Path& path;
   const program::Samples& samples;
@@ -50,27 +50,27 @@ struct ControlView {
   const cutting::Design& design_w;
 };
 
-/// Returns the believed pose of the tool at a sample under a cutting load.
+/// Function that returns the believed pose of the tool in the workpiece at a sample under a load.
 using BelievedPose = std::function<kinematics::Pose(std::size_t sample, const errors::Load&)>;
 
-/// The readings of a part that was cut and measured.
+/// Readings of a part that was cut and measured.
 struct MeasuredPart {
   errors::metrology::PartReadings readings;
   double spacing = 0.0;  ///< mm, approximate distance between points
 };
 
-/// The readings of a part from which a current law is learned.
+/// Readings of a training part, from which a current law is learned.
 struct TrainingRun {
   compensation::ControlLog log;
   compensation::CurrentTraining training;
 };
 
-/// Operations a compensator may request from the machine. Those that run it return noisy readings,
-/// never the true errors; only `perfect` knows the truth.
+/// Operations that a compensator may request from the machine. Operations that run the machine
+/// return noisy readings, never the true errors. Only `perfect` knows the truth.
 struct MachineAccess {
-  /// Measures the datum and returns its shift, mm, while a corrector acts (none: uncorrected).
+  /// Measures the datum while a corrector acts (empty: no correction). Returns its shift, mm.
   std::function<Eigen::Vector3d(const Corrector&)> touch_off;
-  /// Runs commands, in air or through the blank, and returns what the control reads.
+  /// Runs commands in air or through the blank. Returns the signals that the control reads.
   std::function<compensation::ControlLog(const Commands&, bool through_blank)> run;
   /// Cuts a part with commands and measures it with the instrument of the belief `part`.
   std::function<MeasuredPart(const Commands&, int pass)> measured_part;
@@ -79,11 +79,10 @@ struct MachineAccess {
   /// Returns the part as the error-free machine cuts it.
   std::function<cutting::Surface()> error_free;
   /// Returns the load of the cut, simulated on a believed machine.
-  std::function<compensation::LoadSeries(const Commands&, const BelievedPose&)> computed_load;
-  /// Returns the corrector with the truth without its random parts; only the `perfect` belief uses
-  /// it.
+  std::function<compensation::LoadSeries(const Commands&, const BelievedPose&)> simulate_load;
+  /// Returns the corrector of the belief `perfect`: it knows the truth without its random parts.
   std::function<Corrector(const ControlView&, const CaseDescription&)> perfect;
-  /// Throws BadInput unless the user allows this program to run.
+  /// Throws BadInput unless the user has allowed this program to run.
   std::function<void(const std::filesystem::path& program)> check_trusted;
 };
 

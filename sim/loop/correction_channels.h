@@ -2,17 +2,17 @@
 
 #include "sim/loop/control_view.h"
 
-/// Channels by which a correction reaches the machine: the rewritten program, and those that act
-/// while it runs.
+/// Channels by which a correction reaches the machine: a rewritten program, and channels that act
+/// while the program runs.
 namespace abbe::sim {
 
-/// Returns the commands of a program with the correction written into it, in the same dialect, as
-/// the control reads and runs it. The corrected path is known at the samples of the program; the
-/// rewritten program keeps as many points as its blocks need to pass all others, tip and tool axis
-/// up to the shaping height, within the path tolerance of the scene (if none is stated: one step of
-/// a number, 1 nm for a PVT program). Numbers are rounded in addition.
+/// Returns the commands of a program that contains the correction, rewritten in the same dialect,
+/// as the control reads and runs it. The corrected path is known at the samples of the program. The
+/// rewritten program has as many of these points as necessary to pass all others within the path
+/// tolerance of the scene, for the tip and for the tool axis up to the shaping height. The default
+/// tolerance is the rounding of a value, 1 nm for a PVT program. Values are rounded in addition.
 /// @param expected_w  mm, shift of the datum that the corrector expects the control to measure and
-///     add
+/// add
 /// @param found_w     mm, shift that the control measures
 Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
                                const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w);
@@ -23,16 +23,16 @@ double path_tolerance(const CompensationDescription& compensation, const program
 /// Returns true if a program consists of positions, velocities and times.
 bool is_pvt(const program::Path& path);
 
-/// Returns the axes of the nominal machine at fraction u of a block, without a shift of the datum.
+/// Returns the axis positions of the nominal machine at fraction u of a block, without shift of the
+/// datum.
 kinematics::AxisVector nominal_axes(const Machine& machine, const program::Path& path,
                                     const program::Block& block, double u);
 
-/// Returns the commands with a correction that reaches the axes while the program runs: the ideal
-/// correction as the channel of the case transmits it in its own cycle, then as the position loops
-/// follow. Samples are added where the correction bends between those of the program, so that it is
-/// followed within a tenth of the chord tolerance.
-/// @param commanded  (samples) of the program, uncorrected
-/// @param ideal      (samples) corrected
+/// Returns the commands with a correction that reaches the axes while the program runs. The channel
+/// of the case transmits the ideal correction in its cycle, and the position loops follow it.
+/// Additional samples represent the correction within a tenth of the chord tolerance.
+/// @param commanded  (samples) uncorrected states of the program
+/// @param ideal      (samples) corrected states
 /// @throws BadInput naming the scene if the channel is not valid
 Commands apply_real_time_channel(const ControlView& view, CaseDescription::Channel channel,
                                  const std::vector<kinematics::AxisState>& commanded,

@@ -22,13 +22,13 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using Kind = CaseDescription::Belief;
 
-[[noreturn]] void refuse(const ControlView& view, const std::string& expected,
-                         const std::string& found) {
-  throw BadInput(view.file.string(), 0, 0, expected, found);
+[[noreturn]] void throw_input_error(const ControlView& view, const std::string& expected,
+                                    const std::string& actual) {
+  throw BadInput(view.file.string(), 0, 0, expected, actual);
 }
 
-// Returns true if the scene has a belief of a kind.
-bool gives(const BeliefDescription& belief, Kind kind) {
+/// Returns true if the scene has a belief of a kind.
+bool has_belief(const BeliefDescription& belief, Kind kind) {
   switch (kind) {
     case Kind::Identified:
       return belief.identified.has_value();
@@ -43,25 +43,25 @@ bool gives(const BeliefDescription& belief, Kind kind) {
   }
 }
 
-// Adds the belief about force from its source: the law of the current, a model, or the dynamometer.
+/// Adds the belief about force from its source: the current law, a model, or the dynamometer.
 void add_force(compensation::MachineBelief& belief, const ControlView& view,
                const Evidence& evidence) {
-  using From = BeliefDescription::Force::From;
+  using ForceSource = BeliefDescription::Force::From;
   const BeliefDescription::Force& force = *view.belief.force;
-  if (force.from == From::Current) {
+  if (force.from == ForceSource::Current) {
     if (evidence.law) belief.bending = compensation::bending(*evidence.law, evidence.log);
     return;
   }
   compensation::LoadSeries load;
-  if (force.from == From::Model)
+  if (force.from == ForceSource::Model)
     load = evidence.model_load.value_or(compensation::LoadSeries{});
   else
     load = compensation::load_of_dynamometer(evidence.log, force.smoothing_s);
   belief.force = {errors::bind(force.compliance, view.machine.control), std::move(load)};
 }
 
-/// Returns the number of rapids before each time: the cut between two rapids is one pass.
-Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
+/// Returns the number of rapids before each time. The motion between two rapids is one tool pass.
+Eigen::VectorXi rapid_counts(const program::Path& path, const VectorXd& time_s) {
   std::vector<double> rapids_s;
   for (const program::Block& block : path.blocks)
     if (block.interpolation == program::Interpolation::Rapid) rapids_s.push_back(block.end_s);
@@ -70,8 +70,8 @@ Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
   });
 }
 
-/// Returns the rotation of the workpiece carriage relative to the spindle at zero.
-Eigen::Matrix3d turned_by_spindle(const ControlView& view, double time_s) {
+/// Returns the rotation of the workpiece by its spindle at a time, relative to the spindle at zero.
+Eigen::Matrix3d spindle_rotation(const ControlView& view, double time_s) {
   const int spindle = *view.machine.workpiece_spindle;
   const auto& states = view.samples.states;
   const std::size_t i = sample_at(view.samples, time_s);
@@ -80,15 +80,15 @@ Eigen::Matrix3d turned_by_spindle(const ControlView& view, double time_s) {
     const double u = (time_s - states[i - 1].time_s) / (states[i].time_s - states[i - 1].time_s);
     q = states[i - 1].q + u * (states[i].q - states[i - 1].q);
   }
-  const Eigen::Matrix3d R_now = view.machine.nominal.workpiece_in_bed(q).linear();
+  const Eigen::Matrix3d R_at_time = view.machine.nominal.workpiece_in_bed(q).linear();
   q[spindle] = 0.0;
-  return view.machine.nominal.workpiece_in_bed(q).linear().transpose() * R_now;
+  return view.machine.nominal.workpiece_in_bed(q).linear().transpose() * R_at_time;
 }
 
 }  // namespace
 
-bool is_belief_enabled(const BeliefDescription& given, Kind belief, Kind kind) {
-  if (belief == Kind::Fused) return gives(given, kind);
+bool is_belief_enabled(const BeliefDescription& beliefs, Kind belief, Kind kind) {
+  if (belief == Kind::Fused) return has_belief(beliefs, kind);
   if (belief == Kind::Composite) return kind == Kind::Identified || kind == Kind::Thermal;
   return belief == kind;
 }
@@ -96,35 +96,36 @@ bool is_belief_enabled(const BeliefDescription& given, Kind belief, Kind kind) {
 compensation::MachineBelief machine_belief(const ControlView& view,
                                            const CaseDescription& compensator,
                                            const Evidence& evidence) {
-  const BeliefDescription& given = view.belief;
-  const auto wants = [&](Kind kind, const char* section) {
-    if (!is_belief_enabled(given, compensator.belief, kind)) return false;
-    if (!gives(given, kind))
-      refuse(view, fmt::format("{} in [belief] for the case {}", section, compensator.name),
-             "none");
+  const BeliefDescription& beliefs = view.belief;
+  const auto uses_belief = [&](Kind kind, const char* section) {
+    if (!is_belief_enabled(beliefs, compensator.belief, kind)) return false;
+    if (!has_belief(beliefs, kind))
+      throw_input_error(
+          view, fmt::format("{} in [belief] for the case {}", section, compensator.name), "none");
     return true;
   };
   compensation::MachineBelief belief{
       view.machine.control, view.machine.workpiece_spindle, {}, {}, {}, {}, {}};
   try {
-    // The sources add up; a kind that the case names must be in the scene.
-    if (wants(Kind::Identified, "identified"))
+    // The kinds add up. A kind that the case names must be in the scene.
+    if (uses_belief(Kind::Identified, "identified"))
       belief.geometric =
-          errors::scaled(errors::bind(*given.identified, view.machine.control), given.scale);
-    if (wants(Kind::Thermal, "thermal")) {
+          errors::scaled(errors::bind(*beliefs.identified, view.machine.control), beliefs.scale);
+    if (uses_belief(Kind::Thermal, "thermal")) {
       belief.thermal =
-          compensation::thermal_series(*given.thermal, evidence.log, view.machine.control);
-      belief.thermal->value *= given.scale;
+          compensation::thermal_series(*beliefs.thermal, evidence.log, view.machine.control);
+      belief.thermal->value *= beliefs.scale;
     }
-    if (wants(Kind::Force, "force")) add_force(belief, view, evidence);
-    if (wants(Kind::Part, "part")) belief.part = evidence.part;
-  } catch (const std::invalid_argument& fault) {
-    refuse(view, "a belief that fits the machine and what it reads", fault.what());
+    if (uses_belief(Kind::Force, "force")) add_force(belief, view, evidence);
+    if (uses_belief(Kind::Part, "part")) belief.part = evidence.part;
+  } catch (const std::invalid_argument& exception) {
+    throw_input_error(view, "a belief that fits the machine and what it reads", exception.what());
   }
-  // A fused belief takes whatever the scene has, but at least one.
+  // A fused belief contains all kinds that the scene has. It needs at least one.
   if (!belief.geometric && !belief.thermal && !belief.force && !belief.bending && !belief.part &&
-      compensator.belief == Kind::Fused && !given.part)
-    refuse(view, "something to believe in [belief] for the case " + compensator.name, "nothing");
+      compensator.belief == Kind::Fused && !beliefs.part)
+    throw_input_error(view, "something to believe in [belief] for the case " + compensator.name,
+                      "nothing");
   return belief;
 }
 
@@ -136,13 +137,13 @@ Index nearest_vertex(const cutting::Points& vertices, const Eigen::RowVector3d& 
 
 Eigen::VectorXd program_residuals(const ControlView& view, const cutting::Surface& error_free,
                                   const Eigen::MatrixX3d& points_w) {
-  VectorXd left(points_w.rows());
-  for (Index i = 0; i < left.size(); ++i) {
+  VectorXd residuals(points_w.rows());
+  for (Index i = 0; i < residuals.size(); ++i) {
     const Index vertex = nearest_vertex(view.design_w.vertices, points_w.row(i));
     const bool is_cut = error_free.status[std::size_t(vertex)] == cutting::VertexStatus::Cut;
-    left[i] = is_cut ? error_free.residual[vertex] : 0.0;
+    residuals[i] = is_cut ? error_free.residual[vertex] : 0.0;
   }
-  return left;
+  return residuals;
 }
 
 compensation::DisplacementSeries part_series(const ControlView& view,
@@ -153,12 +154,12 @@ compensation::DisplacementSeries part_series(const ControlView& view,
     if (error_free.status[i] == cutting::VertexStatus::Cut) rows.push_back(Index(i));
   compensation::PartDeviations part{view.design_w.normals(rows, Eigen::all), total(rows),
                                     error_free.cut_time_s(rows),
-                                    passes_at(view.path, error_free.cut_time_s(rows))};
-  // Displacements of the tool are smooth in the bed frame, not on the turning part.
+                                    rapid_counts(view.path, error_free.cut_time_s(rows))};
+  // Displacements of the tool are smooth in the bed frame, not on a rotating part.
   if (view.machine.workpiece_spindle)
     for (Index i = 0; i < part.time_s.size(); ++i)
       part.normals.row(i) =
-          part.normals.row(i) * turned_by_spindle(view, part.time_s[i]).transpose();
+          part.normals.row(i) * spindle_rotation(view, part.time_s[i]).transpose();
   return compensation::explain_deviation(part);
 }
 
@@ -182,20 +183,22 @@ compensation::CorrectOptions correct_options(const ControlView& view,
   options.rotary_bound = view.compensation.rotary_bound;
   options.functional_height = functional_height(view.tool);
   using Channel = CaseDescription::Channel;
-  // origin shifts and a piezo act on slides only
+  // Origin shifts and a piezo act on slides only.
   const bool slides_only =
       compensator.channel == Channel::Origin || compensator.channel == Channel::Piezo;
   for (int i = 0; i < view.machine.control.size(); ++i) {
-    const bool turns =
+    const bool is_rotary =
         view.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
-    if (is_spindle(view.machine, i) || (slides_only && turns)) options.still.set(std::size_t(i));
+    if (is_spindle(view.machine, i) || (slides_only && is_rotary))
+      options.still.set(std::size_t(i));
   }
   return options;
 }
 
-/// Returns the belief at one sample of many.
+/// Function that returns the belief at a sample.
 using BeliefAt = std::function<compensation::Belief(std::size_t sample)>;
 
+/// Corrects all commands, in parallel.
 CorrectedCommands corrected(const kinematics::Chain& control,
                             const compensation::CorrectOptions& options,
                             const std::vector<AxisState>& commanded,
@@ -205,7 +208,7 @@ CorrectedCommands corrected(const kinematics::Chain& control,
     corrections[i] =
         compensation::correct(control, belief_at(i), T_wt_nominal[i], commanded[i], options);
   });
-  // summed in order after the parallel part, so that the result does not depend on threads
+  // Results are combined in order after the parallel part, so they do not depend on the threads.
   CorrectedCommands result{commanded, 0.0, 0.0, 0};
   for (std::size_t i = 0; i < commanded.size(); ++i) {
     result.states[i].q = corrections[i].q;
@@ -216,13 +219,13 @@ CorrectedCommands corrected(const kinematics::Chain& control,
   return result;
 }
 
-/// Range of the axes in a program.
-struct Extent {
+/// Range of the axis positions in a program.
+struct AxisExtent {
   AxisVector low, high;
 };
 
-Extent extent_of(const program::Samples& samples) {
-  Extent extent{samples.states.front().q, samples.states.front().q};
+AxisExtent program_extent(const program::Samples& samples) {
+  AxisExtent extent{samples.states.front().q, samples.states.front().q};
   for (const AxisState& state : samples.states) {
     extent.low = extent.low.cwiseMin(state.q);
     extent.high = extent.high.cwiseMax(state.q);
@@ -230,22 +233,23 @@ Extent extent_of(const program::Samples& samples) {
   return extent;
 }
 
-/// Returns the positions of the axes that a table does not depend on: as stated, or else the middle
-/// of the program.
-AxisVector reference_of(const ControlView& view) {
+/// Returns the positions of the axes on which a table does not depend: the stated ones, or the
+/// centre of the range of the program.
+AxisVector table_reference(const ControlView& view) {
   if (view.compensation.table.reference) return *view.compensation.table.reference;
-  const Extent extent = extent_of(view.samples);
-  AxisVector middle = 0.5 * (extent.low + extent.high);
-  for (int i = 0; i < middle.size(); ++i)
-    if (is_spindle(view.machine, i)) middle[i] = 0.0;
-  return middle;
+  const AxisExtent extent = program_extent(view.samples);
+  AxisVector centre = 0.5 * (extent.low + extent.high);
+  for (int i = 0; i < centre.size(); ++i)
+    if (is_spindle(view.machine, i)) centre[i] = 0.0;
+  return centre;
 }
 
-[[noreturn]] void throw_tables_error(const ControlView& view, const std::logic_error& fault) {
-  throw BadInput(view.file.string(), 0, 0, "a correction that tables can hold", fault.what());
+[[noreturn]] void throw_tables_error(const ControlView& view, const std::logic_error& exception) {
+  throw BadInput(view.file.string(), 0, 0, "a correction that tables can hold", exception.what());
 }
 
-Corrector tables_act(compensation::ParameterTables tables) {
+/// Returns a corrector that adds the corrections of tables.
+Corrector apply_tables(compensation::ParameterTables tables) {
   return [tables = std::move(tables)](const std::vector<AxisState>& commanded,
                                       const std::vector<Pose>&) {
     CorrectedCommands result{commanded, 0.0, 0.0, 0};
@@ -278,17 +282,17 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
   return [&control = view.machine.control, options = correct_options(view, compensator),
           task = std::move(task), file = compensator.plug_in, function = compensator.function](
              const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
-    compensation::PlugInOptions asking;
-    asking.waiting = stop_if_interrupted;
-    // a shared library runs in a process of this program
-    asking.host = program_file();
+    compensation::PlugInOptions plug_in_options;
+    plug_in_options.waiting = stop_if_interrupted;
+    // A shared library runs in a separate process of this program.
+    plug_in_options.host = program_file();
     const compensation::PlugInQuestion question{commanded, T_wt_nominal};
-    const compensation::PlugInResponse answer =
-        function ? compensation::ask(file.string(), *function, task, question, asking)
-                 : compensation::ask(file, task, question, asking);
-    if (answer.answers == compensation::PlugInOutput::Deviation) {
+    const compensation::PlugInResponse response =
+        function ? compensation::ask(file.string(), *function, task, question, plug_in_options)
+                 : compensation::ask(file, task, question, plug_in_options);
+    if (response.answers == compensation::PlugInOutput::Deviation) {
       return corrected(control, options, commanded, T_wt_nominal, [&](std::size_t i) {
-        const kinematics::Deviation E = answer.rows.row(Eigen::Index(i)).transpose();
+        const kinematics::Deviation E = response.rows.row(Eigen::Index(i)).transpose();
         return [&control, E](const AxisState& state) -> Pose {
           return control.tool_in_workpiece(state.q) *
                  kinematics::motion(E, Eigen::Vector3d::Zero());
@@ -297,24 +301,24 @@ Corrector plug_in_corrector(const ControlView& view, const CaseDescription& comp
     }
     CorrectedCommands result{commanded, 0.0, 0.0, 0};
     for (std::size_t i = 0; i < commanded.size(); ++i)
-      result.states[i].q += answer.rows.row(Eigen::Index(i)).transpose();
+      result.states[i].q += response.rows.row(Eigen::Index(i)).transpose();
     return result;
   };
 }
 
 compensation::TableOptions table_options(const ControlView& view) {
-  constexpr double endless = 1e8;  // mm; limit of an axis that states none
+  constexpr double unlimited = 1e8;  // mm; limits as wide as this mean that none are stated
   compensation::TableOptions options = view.compensation.table.options;
   const auto& joints = view.machine.control.joints();
-  const Extent extent = extent_of(view.samples);
+  const AxisExtent extent = program_extent(view.samples);
   options.range.emplace();
   for (int i = 0; i < view.machine.control.size(); ++i) {
     const kinematics::Joint& joint = joints[std::size_t(i)];
     // A table has too few points for more than one turn.
-    const double most = joint.motion == kinematics::Motion::Linear ? endless : 2 * pi;
-    const bool whole = joint.max - joint.min <= most;
-    options.range->col(i) << (whole ? joint.min : extent.low[i]),
-        (whole ? joint.max : extent.high[i]);
+    const double max_travel = joint.motion == kinematics::Motion::Linear ? unlimited : 2 * pi;
+    const bool has_travel_limits = joint.max - joint.min <= max_travel;
+    options.range->col(i) << (has_travel_limits ? joint.min : extent.low[i]),
+        (has_travel_limits ? joint.max : extent.high[i]);
     if (is_spindle(view.machine, i)) options.range->col(i).setZero();
   }
   return options;
@@ -322,16 +326,20 @@ compensation::TableOptions table_options(const ControlView& view) {
 
 compensation::ParameterTables tables_of(const ControlView& view, const Corrector& corrector) {
   const auto correction = [&](const AxisState& state) -> AxisVector {
-    AxisState at = state;
-    // Tables hold no time, so they are made for the start of the program.
-    at.time_s = view.samples.states.front().time_s;
-    return corrector({at}, {view.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
+    AxisState at_start = state;
+    // Tables do not depend on time, so they are made for the start of the program.
+    at_start.time_s = view.samples.states.front().time_s;
+    return corrector({at_start}, {view.machine.nominal.tool_in_workpiece(at_start.q)})
+               .states.front()
+               .q -
+           at_start.q;
   };
   try {
-    return compensation::tabulate(correction, view.machine.control, reference_of(view),
+    return compensation::tabulate(correction, view.machine.control, table_reference(view),
                                   table_options(view));
-  } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    throw_tables_error(view, fault);
+  } catch (const std::logic_error&
+               exception) {  // including out_of_range, if a table of the belief ends too soon
+    throw_tables_error(view, exception);
   }
 }
 
@@ -340,35 +348,40 @@ TableCorrector table_corrector(const ControlView& view, const Corrector& correct
   const CompensationDescription::Table& table = view.compensation.table;
   const kinematics::Chain& control = view.machine.control;
   try {
-    if (!table.format) return {tables_act(tables_of(view, corrector)), {}};
+    if (!table.format) return {apply_tables(tables_of(view, corrector)), {}};
     if (*table.format != compensation::ControlFormat::Isg) {
-      compensation::Export out =
-          // The tables are read back from the control's files, so that rounding and limits of the
-          // format act too.
+      // The tables are read back from the control's files, so that rounding and limits of the
+      // format have their effect.
+      compensation::Export exported =
           compensation::to_control(tables_of(view, corrector), control, *table.format);
-      return {tables_act(compensation::read_control_tables(out.files, control, *table.format)),
-              std::move(out.left_out)};
+      return {
+          apply_tables(compensation::read_control_tables(exported.files, control, *table.format)),
+          std::move(exported.left_out)};
     }
-    // A volumetric table holds deviations of the axes; the control corrects the position from them.
+    // A volumetric table contains deviations of the axes, from which the control corrects the
+    // position.
     if (!believed)
       throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
-    compensation::Export out = compensation::to_volumetric(*believed, control, table_options(view));
+    compensation::Export exported =
+        compensation::to_volumetric(*believed, control, table_options(view));
     CaseDescription position;
     position.strategy = compensation::Strategy::Position;
-    const compensation::MachineBelief read{
+    const compensation::MachineBelief table_belief{
         control,
         view.machine.workpiece_spindle,
-        errors::bind(compensation::read_volumetric_deviations(out.files, control), control),
+        errors::bind(compensation::read_volumetric_deviations(exported.files, control), control),
         {},
         {},
         {},
         {}};
-    return {
-        belief_corrector(view, position,
-                         [read](const AxisState& state) { return tool_in_workpiece(read, state); }),
-        std::move(out.left_out)};
-  } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    throw_tables_error(view, fault);
+    return {belief_corrector(view, position,
+                             [table_belief](const AxisState& state) {
+                               return tool_in_workpiece(table_belief, state);
+                             }),
+            std::move(exported.left_out)};
+  } catch (const std::logic_error&
+               exception) {  // including out_of_range, if a table of the belief ends too soon
+    throw_tables_error(view, exception);
   }
 }
 

@@ -24,19 +24,20 @@ std::vector<AxisState> uncorrected(const ControlView& view, const Eigen::Vector3
   return commanded(view.machine.control, view.path, view.samples, view.machine.nominal, offset_w);
 }
 
-/// Input of a corrector: commands, and the pose to which each should bring the tool.
-struct Aim {
+/// Input of a corrector: commands, and the poses of the tool that they should reach.
+struct CorrectionTargets {
   std::vector<AxisState> commanded;
   std::vector<Pose> T_wt;
 };
 
-/// Returns the program with the datum measured while the corrector acts. A perfect belief knows the
-/// absolute pose of the tool; any other knows it only relative to the datum, so its targets move
-/// with the measured shift.
-Aim aim(const ControlView& view, const MachineAccess& machine_access, const Corrector& at_datum,
-        bool absolute) {
-  if (absolute) return {uncorrected(view, machine_access.touch_off({})), view.T_wt_nominal};
-  Aim result{uncorrected(view, Eigen::Vector3d::Zero()), view.T_wt_nominal};
+/// Returns the commands and targets of the program after the datum was measured while the corrector
+/// acts. A perfect belief knows the absolute pose of the tool. All others know it relative to the
+/// datum only, so their targets move with the measured shift.
+CorrectionTargets targets_at_datum(const ControlView& view, const MachineAccess& machine_access,
+                                   const Corrector& at_datum, bool knows_absolute_pose) {
+  if (knows_absolute_pose)
+    return {uncorrected(view, machine_access.touch_off({})), view.T_wt_nominal};
+  CorrectionTargets result{uncorrected(view, Eigen::Vector3d::Zero()), view.T_wt_nominal};
   const Eigen::Vector3d offset_w = machine_access.touch_off(at_datum);
   if (offset_w.isZero(0.0)) return result;
   std::vector<AxisState> shifted = uncorrected(view, offset_w);
@@ -57,32 +58,36 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
     TableCorrector tables =
         table_corrector(view, learned_correction.corrector, learned_correction.geometric);
     learned_correction.corrector = std::move(tables.corrector);
-    learned_correction.at_datum = {};  // tables always act
-    for (const std::string& one : tables.left_out)
-      learned_correction.warnings.push_back("table: " + one);
+    learned_correction.at_datum = {};  // tables are always active
+    for (const std::string& omission : tables.left_out)
+      learned_correction.warnings.push_back("table: " + omission);
   }
   const Corrector& corrector = learned_correction.corrector;
   const Corrector& at_datum = learned_correction.at_datum ? learned_correction.at_datum : corrector;
-  // tables act while the datum is measured, whatever belief they were made from
-  const bool absolute = compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
-                        compensator.channel != Channel::Table;
+  // Tables are active while the datum is measured, for every belief.
+  const bool knows_absolute_pose = compensator.plug_in.empty() &&
+                                   compensator.belief == Kind::Perfect &&
+                                   compensator.channel != Channel::Table;
   Commands result;
   if (compensator.channel == Channel::Program) {
-    const Eigen::Vector3d found_w = machine_access.touch_off({});
-    result = apply_program_channel(
-        view, corrector, absolute ? found_w : expected_offset(view.datum, view.machine, at_datum),
-        found_w);
+    const Eigen::Vector3d measured_offset_w = machine_access.touch_off({});
+    result = apply_program_channel(view, corrector,
+                                   knows_absolute_pose
+                                       ? measured_offset_w
+                                       : expected_offset(view.datum, view.machine, at_datum),
+                                   measured_offset_w);
   } else {
-    const Aim asked = aim(view, machine_access, at_datum, absolute);
-    CorrectedCommands ideal = corrector(asked.commanded, asked.T_wt);
+    const CorrectionTargets targets =
+        targets_at_datum(view, machine_access, at_datum, knows_absolute_pose);
+    CorrectedCommands ideal = corrector(targets.commanded, targets.T_wt);
     if (compensator.channel == Channel::Ideal || compensator.channel == Channel::Table) {
       result.samples = view.samples;
       if (compensator.channel == Channel::Table)
         for (std::size_t i = 0; i < ideal.states.size(); ++i)
-          result.correction.push_back(ideal.states[i].q - asked.commanded[i].q);
+          result.correction.push_back(ideal.states[i].q - targets.commanded[i].q);
       result.samples.states = std::move(ideal.states);
     } else {
-      result = apply_real_time_channel(view, compensator.channel, asked.commanded, ideal.states);
+      result = apply_real_time_channel(view, compensator.channel, targets.commanded, ideal.states);
     }
     result.point_left = ideal.point_left;
     result.direction_left = ideal.direction_left;
@@ -92,13 +97,12 @@ Commands deliver_correction(const ControlView& view, const MachineAccess& machin
   return result;
 }
 
-/// Returns the load of the cut as the compensator computes it: on its believed machine, with the
-/// commands as corrected so far.
-compensation::LoadSeries computed_load(const ControlView& view, const MachineAccess& machine_access,
+/// Returns the load of the cut, simulated on the believed machine with the present commands.
+compensation::LoadSeries believed_load(const ControlView& view, const MachineAccess& machine_access,
                                        const Commands& commands,
                                        compensation::MachineBelief believed) {
   believed.force = {errors::bind(view.belief.force->compliance, view.machine.control), {}};
-  return machine_access.computed_load(commands, [&](std::size_t i, const errors::Load& load) {
+  return machine_access.simulate_load(commands, [&](std::size_t i, const errors::Load& load) {
     Pose tool = tool_in_workpiece(believed, commands.samples.states[i], load);
     if (const auto& piezo = commands.piezo)
       tool.translation() +=
@@ -107,7 +111,7 @@ compensation::LoadSeries computed_load(const ControlView& view, const MachineAcc
   });
 }
 
-/// Collects the evidence of the passes in which a compensator learns.
+/// Collector of evidence over the passes in which a compensator learns.
 class CorrectionLearner {
  public:
   CorrectionLearner(const ControlView& view, const MachineAccess& machine_access,
@@ -115,16 +119,19 @@ class CorrectionLearner {
 
   int passes() const { return passes_; }
   const Evidence& evidence() const { return evidence_; }
-  /// Runs the present commands and learns from what the control reads.
+  /// Runs the present commands and learns from the signals that the control reads.
   void read(const Commands& commands);
   /// Cuts with the present commands, measures the part and learns from it.
   void measure_part(const Commands& commands, int pass);
-  bool measures(int pass) const;
-  /// Returns true if the belief includes more than the measured part.
-  bool has_more_evidence() const;
+  /// Returns true if the part of a pass is measured.
+  bool measures_part(int pass) const;
+  /// Returns true if the case uses other beliefs than the measured part.
+  bool has_other_beliefs() const;
 
  private:
-  bool wants(Kind kind) const { return is_belief_enabled(view_.belief, compensator_.belief, kind); }
+  bool uses_belief(Kind kind) const {
+    return is_belief_enabled(view_.belief, compensator_.belief, kind);
+  }
 
   const ControlView& view_;
   const MachineAccess& machine_access_;
@@ -139,78 +146,80 @@ CorrectionLearner::CorrectionLearner(const ControlView& view, const MachineAcces
                                      const CaseDescription& compensator)
     : view_(view), machine_access_(machine_access), compensator_(compensator) {
   if (!compensator.plug_in.empty()) {
-    passes_ = 1;  // it gets the readings of the uncorrected program
+    passes_ = 1;  // a plug-in gets the readings of the uncorrected program
     return;
   }
-  const BeliefDescription& given = view.belief;
-  if (wants(Kind::Thermal)) passes_ = 1;
-  if (wants(Kind::Force) && given.force) passes_ = std::max(passes_, given.force->passes);
-  if (wants(Kind::Part) && given.part) passes_ = std::max(passes_, given.part->passes);
+  const BeliefDescription& beliefs = view.belief;
+  if (uses_belief(Kind::Thermal)) passes_ = 1;
+  if (uses_belief(Kind::Force) && beliefs.force) passes_ = std::max(passes_, beliefs.force->passes);
+  if (uses_belief(Kind::Part) && beliefs.part) passes_ = std::max(passes_, beliefs.part->passes);
 }
 
-bool CorrectionLearner::measures(int pass) const {
-  const BeliefDescription& given = view_.belief;
-  return compensator_.plug_in.empty() && wants(Kind::Part) && given.part &&
-         pass < given.part->passes;
+bool CorrectionLearner::measures_part(int pass) const {
+  const BeliefDescription& beliefs = view_.belief;
+  return compensator_.plug_in.empty() && uses_belief(Kind::Part) && beliefs.part &&
+         pass < beliefs.part->passes;
 }
 
-bool CorrectionLearner::has_more_evidence() const {
-  return wants(Kind::Identified) || wants(Kind::Thermal) || wants(Kind::Force);
+bool CorrectionLearner::has_other_beliefs() const {
+  return uses_belief(Kind::Identified) || uses_belief(Kind::Thermal) || uses_belief(Kind::Force);
 }
 
-compensation::CurrentLaw trained_law(const MachineAccess& machine_access,
-                                     const BeliefDescription::Force& force) {
+compensation::CurrentLaw train_law(const MachineAccess& machine_access,
+                                   const BeliefDescription::Force& force) {
   const TrainingRun run = machine_access.training();
   try {
     return compensation::fit_current_law(run.log, run.training, force.smoothing_s);
-  } catch (const std::invalid_argument& fault) {
+  } catch (const std::invalid_argument& exception) {
     throw BadInput(force.training.string(), 0, 0, "a part from which the current can be learnt",
-                   fault.what());
+                   exception.what());
   }
 }
 
 void CorrectionLearner::read(const Commands& commands) {
   using From = BeliefDescription::Force::From;
-  const BeliefDescription& given = view_.belief;
-  const bool plugged = !compensator_.plug_in.empty();
-  const bool force = !plugged && wants(Kind::Force) && given.force;
-  // in air there is no force, so the blank is used only if the force is read
-  const bool reads_force = (force && given.force->from != From::Model) || (plugged && view_.is_cut);
-  if (reads_force || plugged || wants(Kind::Thermal))
-    evidence_.log = machine_access_.run(commands, reads_force);
-  if (!force) return;
-  if (given.force->from == From::Current && !evidence_.law)
-    evidence_.law = trained_law(machine_access_, *given.force);
-  // the model uses the other beliefs, so it comes after the log
-  if (given.force->from == From::Model)
-    evidence_.model_load = computed_load(view_, machine_access_, commands,
+  const BeliefDescription& beliefs = view_.belief;
+  const bool is_plug_in = !compensator_.plug_in.empty();
+  const bool uses_force = !is_plug_in && uses_belief(Kind::Force) && beliefs.force;
+  // There is no force in air, so the blank is cut if the force is read.
+  const bool cuts_blank =
+      (uses_force && beliefs.force->from != From::Model) || (is_plug_in && view_.is_cut);
+  if (cuts_blank || is_plug_in || uses_belief(Kind::Thermal))
+    evidence_.log = machine_access_.run(commands, cuts_blank);
+  if (!uses_force) return;
+  if (beliefs.force->from == From::Current && !evidence_.law)
+    evidence_.law = train_law(machine_access_, *beliefs.force);
+  // The model uses the other beliefs, so it follows the log.
+  if (beliefs.force->from == From::Model)
+    evidence_.model_load = believed_load(view_, machine_access_, commands,
                                          machine_belief(view_, compensator_, evidence_));
 }
 
 void CorrectionLearner::measure_part(const Commands& commands, int pass) {
   if (!error_free_) error_free_ = machine_access_.error_free();
   const auto [readings, spacing] = machine_access_.measured_part(commands, pass);
-  // Cusps are intended, and no correction of the tool removes them.
+  // Cusps are intended, and corrections of the tool cannot remove them.
   const Eigen::VectorXd machine_deviation =
       readings.deviation - program_residuals(view_, *error_free_, readings.points_w);
-  const Eigen::VectorXd here = compensation::interpolate_readings(
-      // beyond five spacings from any reading nothing was measured
+  // The deviation is unknown farther than five spacings from every reading.
+  const Eigen::VectorXd interpolated_deviation = compensation::interpolate_readings(
       readings.points_w, machine_deviation, view_.design_w.vertices, 5.0 * spacing);
-  // a measured part was corrected by the earlier readings, so its deviation adds to them
-  total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
+  // The part was cut with the correction by earlier readings, so its deviation adds to theirs.
+  total_ = total_.size() == 0 ? interpolated_deviation
+                              : Eigen::VectorXd(total_ + interpolated_deviation);
   evidence_.part = part_series(view_, *error_free_, total_);
 }
 
-/// Returns warnings about terms of a thermal belief that are larger than heat can be.
+/// Returns warnings about terms of a thermal belief that are larger than heat can cause.
 std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief,
-                                       const compensation::ThermalSeries& course) {
-  constexpr double large_mm = 1.0, large_rad = 0.01;  // of a slope: over 1 m or 1 rad of travel
+                                       const compensation::ThermalSeries& series) {
+  constexpr double large_mm = 1.0, large_rad = 0.01;  // slopes: over 1 m or 1 rad of travel
   std::vector<std::string> warnings;
-  for (std::size_t k = 0; k < course.terms.size() && course.value.rows() > 0; ++k) {
+  for (std::size_t k = 0; k < series.terms.size() && series.value.rows() > 0; ++k) {
     const compensation::ThermalBelief::Term& term = belief.terms[k];
     const bool is_slide = std::string_view("XYZUVW").find(term.name.axis) != std::string_view::npos;
     const double travel = term.slope && is_slide ? 1000.0 : 1.0;
-    const double size = travel * course.value.col(Eigen::Index(k)).cwiseAbs().maxCoeff();
+    const double size = travel * series.value.col(Eigen::Index(k)).cwiseAbs().maxCoeff();
     if (size < (term.name.is_angle() ? large_rad : large_mm)) continue;
     warnings.push_back(fmt::format(
         "belief.thermal: {} {} comes to {:.4g} {}{}, and heat moves no machine that far: another "
@@ -222,9 +231,9 @@ std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief
   return warnings;
 }
 
-/// Returns the corrector from the evidence so far.
-LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& machine_access,
-                               const CaseDescription& compensator, const Evidence& evidence) {
+/// Returns the correction by the evidence so far.
+LearnedCorrection evidence_corrector(const ControlView& view, const MachineAccess& machine_access,
+                                     const CaseDescription& compensator, const Evidence& evidence) {
   if (!compensator.plug_in.empty()) {
     if (!compensator.function) machine_access.check_trusted(compensator.plug_in);
     return {plug_in_corrector(view, compensator, evidence.log), {}, {}, {}};
@@ -245,7 +254,8 @@ LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& mac
       return tool_in_workpiece(believed, state);
     });
   };
-  // The part was cut from the datum, so what it showed must not shift the datum.
+  // The deviations of the part are relative to the datum, so their correction must not shift the
+  // datum.
   if (belief.part) {
     compensation::MachineBelief without_part = belief;
     without_part.part.reset();
@@ -255,8 +265,8 @@ LearnedCorrection corrector_of(const ControlView& view, const MachineAccess& mac
   return learned_correction;
 }
 
-/// Returns the case; a plug-in has the strategy and channel of the scene.
-CaseDescription resolved(const ControlView& view, CaseDescription compensator) {
+/// Returns the case; that of a plug-in gets the strategy and the channel of the scene.
+CaseDescription with_plug_in_settings(const ControlView& view, CaseDescription compensator) {
   if (compensator.plug_in.empty()) return compensator;
   compensator.strategy = view.compensation.plug_in.strategy;
   compensator.channel = view.compensation.plug_in.channel;
@@ -266,64 +276,68 @@ CaseDescription resolved(const ControlView& view, CaseDescription compensator) {
 }  // namespace
 
 LearnedCorrection learned_correction(const ControlView& view, const MachineAccess& machine_access,
-                                     const CaseDescription& described, const Progress& progress) {
-  const CaseDescription compensator = resolved(view, described);
-  CorrectionLearner learning(view, machine_access, compensator);
-  const auto so_far = [&] {
-    return corrector_of(view, machine_access, compensator, learning.evidence());
+                                     const CaseDescription& description, const Progress& progress) {
+  const CaseDescription compensator = with_plug_in_settings(view, description);
+  CorrectionLearner learner(view, machine_access, compensator);
+  const auto current_corrector = [&] {
+    return evidence_corrector(view, machine_access, compensator, learner.evidence());
   };
-  if (learning.passes() == 0) return so_far();
+  if (learner.passes() == 0) return current_corrector();
   Commands commands =
       uncompensated_commands(view.machine, view.path, view.samples, machine_access.touch_off({}));
-  // The program runs uncorrected in the first pass, and with the correction so far in later ones.
-  for (int pass = 0; pass < learning.passes(); ++pass) {
-    if (progress) progress("learn", double(pass) / learning.passes());
-    if (pass > 0) commands = deliver_correction(view, machine_access, compensator, so_far());
-    learning.read(commands);
-    if (!learning.measures(pass)) continue;
-    // A part shows the remaining error, so the other beliefs correct it first; otherwise they would
-    // be corrected twice.
-    if (pass == 0 && learning.has_more_evidence())
-      commands = deliver_correction(view, machine_access, compensator, so_far());
-    learning.measure_part(commands, pass);
+  // The program runs uncorrected in the first pass, and with the present correction in later
+  // passes.
+  for (int pass = 0; pass < learner.passes(); ++pass) {
+    if (progress) progress("learn", double(pass) / learner.passes());
+    if (pass > 0)
+      commands = deliver_correction(view, machine_access, compensator, current_corrector());
+    learner.read(commands);
+    if (!learner.measures_part(pass)) continue;
+    // A part shows the remaining error, so the other beliefs are applied before it is cut;
+    // otherwise the same errors would be corrected twice.
+    if (pass == 0 && learner.has_other_beliefs())
+      commands = deliver_correction(view, machine_access, compensator, current_corrector());
+    learner.measure_part(commands, pass);
   }
-  return so_far();
+  return current_corrector();
 }
 
 namespace {
 
-/// Calls `answer` and turns its exceptions into an input error that names the compensator.
-template <class Answer>
-auto fitting(const ControlView& view, const CaseDescription& described, const Answer& answer) {
-  const auto refusal = [&](const std::string& found) {
+/// Calls `compute` and converts its exceptions into input errors that name the compensator.
+template <class Computation>
+auto with_input_errors(const ControlView& view, const CaseDescription& description,
+                       const Computation& compute) {
+  const auto input_error = [&](const std::string& actual) {
     return BadInput(view.file.string(), 0, 0,
-                    "a compensator that fits this program: " + described.name, found);
+                    "a compensator that fits this program: " + description.name, actual);
   };
   try {
-    return answer();
-  } catch (const std::out_of_range& fault) {  // outside a table of the belief
-    throw refusal(fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw refusal(fault.what());
+    return compute();
+  } catch (const std::out_of_range& exception) {  // outside a table of the belief
+    throw input_error(exception.what());
+  } catch (const std::invalid_argument& exception) {
+    throw input_error(exception.what());
   }
 }
 
 }  // namespace
 
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& described, const Progress& progress) {
-  const LearnedCorrection known = fitting(view, described, [&] {
-    return learned_correction(view, machine_access, described, progress);
+                     const CaseDescription& description, const Progress& progress) {
+  const LearnedCorrection correction = with_input_errors(view, description, [&] {
+    return learned_correction(view, machine_access, description, progress);
   });
   if (progress) progress("correct", 0.0);
-  return compensated(view, machine_access, described, known);
+  return compensated(view, machine_access, description, correction);
 }
 
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
-                     const CaseDescription& described,
+                     const CaseDescription& description,
                      const LearnedCorrection& learned_correction) {
-  return fitting(view, described, [&] {
-    return deliver_correction(view, machine_access, resolved(view, described), learned_correction);
+  return with_input_errors(view, description, [&] {
+    return deliver_correction(view, machine_access, with_plug_in_settings(view, description),
+                              learned_correction);
   });
 }
 

@@ -6,13 +6,13 @@
 /// Learning of a correction in passes, and its application through a channel.
 namespace abbe::sim {
 
-/// The correction of a case, after all passes in which it learns.
+/// Correction of a case, after all passes in which it learns.
 struct LearnedCorrection {
   Corrector corrector;
-  /// Acts while the datum is measured; none: `corrector`. The deviation of a measured part is
-  /// relative to the datum it was cut from, so it must not move the datum.
+  /// Corrector that acts while the datum is measured; empty: `corrector`. The deviation of a
+  /// measured part is relative to the datum from which it was cut, so it must not shift the datum.
   Corrector at_datum;
-  std::optional<errors::GeometricModel> geometric;  ///< the geometric belief alone
+  std::optional<errors::GeometricModel> geometric;  ///< geometric belief alone
   std::vector<std::string> warnings;
 };
 
@@ -28,7 +28,7 @@ LearnedCorrection learned_correction(const ControlView& view, const MachineAcces
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
                      const CaseDescription& compensator, const Progress& progress = {});
 
-/// Returns the commands of a case with a correction learned before.
+/// Returns the commands of a case with a given correction.
 /// @throws BadInput if the correction does not cover the program
 Commands compensated(const ControlView& view, const MachineAccess& machine_access,
                      const CaseDescription& compensator,

@@ -20,8 +20,8 @@ namespace {
 
 using kinematics::AxisVector;
 
-// At 1e6 mm the spacing of doubles is 1.2e-10 mm, still below the 1e-9 mm at which an axis counts
-// as moved.
+// At 1e6 mm the spacing of doubles is 1.2e-10 mm, which is still below the 1e-9 mm at which an axis
+// counts as moved.
 constexpr double max_position_mm = 1e6;
 constexpr double max_position_rad = 1e7;
 // mm or rad; smaller motion is the rounding of a change of coordinates
@@ -29,7 +29,7 @@ constexpr double min_motion = 1e-11;
 
 }  // namespace
 
-void Target::put(int joint, double value, const Cause& cause, bool step) {
+void Target::set_value(int joint, double value, const Cause& cause, bool step) {
   const std::uint32_t bit = 1u << joint;
   given_ |= bit;
   step_ = step ? step_ | bit : step_ & ~bit;
@@ -44,12 +44,12 @@ Canon::Canon(const std::string& file, const NcOptions& options)
       joint_of_(joints_by_letter(options.axes)),
       spindle_(find_spindle(options.axes)),
       xyz_{joint_of('X'), joint_of('Y'), joint_of('Z')},
-      at_(start_of(options)),
+      position_(start_of(options)),
       chain_(options.control ? &*options.control : nullptr),
       zero_(program_zero(options)) {
   path_.file = file;
   for (const AxisVector& offset : options.work_offset)
-    if (offset.size() != 0 && offset.size() != at_.size())
+    if (offset.size() != 0 && offset.size() != position_.size())
       throw std::invalid_argument("expected one work offset for every axis");
   frame_.shift = options.work_offset[0];
   for (std::size_t j = 0; j < options.axes.size(); ++j) rollover_[j] = options.axes[j].rollover;
@@ -71,7 +71,7 @@ void Canon::set_frame(int number, Frame frame) {
   frame_ = std::move(frame);
 }
 
-// An origin at slide positions is dropped again: it would not be a point of the workpiece.
+// An origin of slide positions is dropped, because it is not a point of the workpiece.
 void Canon::count_from_workpiece() {
   if (zero_) return;
   zero_ = known_zero(options_);
@@ -86,74 +86,77 @@ void Canon::go_to(Coordinates coordinates, const Cause& cause) {
   coordinates_ = coordinates;
   const auto [x, y, z] = xyz_;
   if (coordinates == Coordinates::Tip) {
-    const Eigen::Vector3d tip_w = chain_->tool_in_workpiece(at_).translation();
-    at_[x] = tip_w.x();
-    at_[y] = tip_w.y();
-    at_[z] = tip_w.z();
+    const Eigen::Vector3d tip_w = chain_->tool_in_workpiece(position_).translation();
+    position_[x] = tip_w.x();
+    position_[y] = tip_w.y();
+    position_[z] = tip_w.z();
   } else {
-    const auto q = slides_for_tip(*chain_, at_, {at_[x], at_[y], at_[z]});
+    const auto q = slides_for_tip(*chain_, position_, {position_[x], position_[y], position_[z]});
     if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
-    at_ = *q;
+    position_ = *q;
   }
 }
 
-// The axes do not move, so the tip of the new tool is at another point: the position is converted
-// by the old chain first.
+// The axes stay where they are while the tip changes, so the position is first converted to axis
+// positions by the old chain.
 void Canon::select_length(int number, const Cause& cause) {
   length_number_ = number;
-  const auto own = options_.control_of_h.find(number);
-  if (own == options_.control_of_h.end() || chain_ == &own->second) return;
+  const auto tool_chain = options_.control_of_h.find(number);
+  if (tool_chain == options_.control_of_h.end() || chain_ == &tool_chain->second) return;
   go_to(Coordinates::Axis, cause);
-  chain_ = &own->second;
+  chain_ = &tool_chain->second;
 }
 
 void Canon::set_tip_mode(bool on, const Cause& cause) {
   if (on) {
-    const std::string word = std::string(cause.text.empty() ? "the tip mode" : shown(cause.text));
+    const std::string tip_mode_name =
+        std::string(cause.text.empty() ? "the tip mode" : shown(cause.text));
     for (const int joint : xyz_)
       if (joint < 0)
-        refuse(cause, "a machine with the axes X Y Z beside " + word, "one with " + letters());
-    if (chain_ == nullptr) refuse(cause, "a control that knows its kinematics beside " + word);
+        refuse(cause, "a machine with the axes X Y Z beside " + tip_mode_name,
+               "one with " + letters());
+    if (chain_ == nullptr)
+      refuse(cause, "a control that knows its kinematics beside " + tip_mode_name);
   }
   tip_mode_ = on;
   go_to(on ? Coordinates::Tip : Coordinates::Axis, cause);
 }
 
-// Inverse of `placed`: the operations are undone in reverse order.
+// Undoes the operations of `placed` in reverse order.
 AxisVector Canon::unplaced(AxisVector p) const {
   if (tool_shift_.size() > 0) p -= tool_shift_;
   const auto [x, y, z] = xyz_;
   if (zero_) {
-    const Eigen::Vector3d more = shift_correction();
-    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] -= more[k];
+    const Eigen::Vector3d correction = shift_correction();
+    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] -= correction[k];
   }
   if (frame_.shift.size() > 0) p -= frame_.shift;
   if (!frame_.rotation) return p;
-  const Eigen::Vector3d turned = frame_.rotation->transpose() * Eigen::Vector3d(p[x], p[y], p[z]);
-  p[x] = turned.x();
-  p[y] = turned.y();
-  p[z] = turned.z();
+  const Eigen::Vector3d rotated = frame_.rotation->transpose() * Eigen::Vector3d(p[x], p[y], p[z]);
+  p[x] = rotated.x();
+  p[y] = rotated.y();
+  p[z] = rotated.z();
   return p;
 }
 
 AxisVector Canon::placed(AxisVector p) const {
   if (frame_.rotation) {
     const auto [x, y, z] = xyz_;
-    const Eigen::Vector3d turned = *frame_.rotation * Eigen::Vector3d(p[x], p[y], p[z]);
-    p[x] = turned.x();
-    p[y] = turned.y();
-    p[z] = turned.z();
+    const Eigen::Vector3d rotated = *frame_.rotation * Eigen::Vector3d(p[x], p[y], p[z]);
+    p[x] = rotated.x();
+    p[y] = rotated.y();
+    p[z] = rotated.z();
   }
   if (frame_.shift.size() > 0) p += frame_.shift;
   if (zero_) {
-    const Eigen::Vector3d more = shift_correction();
-    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] += more[k];
+    const Eigen::Vector3d correction = shift_correction();
+    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] += correction[k];
   }
   if (tool_shift_.size() > 0) p += tool_shift_;
   return p;
 }
 
-// Only axes whose travel exceeds two turns roll over; others have to unwind.
+// Only an axis whose travel exceeds two turns rolls over; any other has to unwind.
 bool Canon::is_endless(int joint) const {
   constexpr double two_turns = 4 * pi * (1 + 1e-9);  // limits of +-360 deg are exactly two turns
   if (!options_.control || options_.axes[std::size_t(joint)].motion != kinematics::Motion::Rotary)
@@ -168,43 +171,44 @@ void Canon::enable_table_rollover() {
       rollover_[std::size_t(j)] = Rollover::Shortest;
 }
 
-// A whole number of turns is subtracted, so that a position that needs none keeps its bits.
+// Subtracts a whole number of turns, so that a position that needs no change keeps its bits.
 double Canon::apply_rollover(int joint, double from, const Target& target, double to) {
-  constexpr double turn = 2 * pi, there = 1e-9;  // rad, rounding of a position given in degrees
+  constexpr double turn = 2 * pi, rounding = 1e-9;  // rad, rounding of a position given in degrees
   const Rollover rule = rollover_[std::size_t(joint)];
   const bool by_control = options_.axes[std::size_t(joint)].rollover == Rollover::ByControl;
   if (rule == Rollover::None || (rule == Rollover::ByControl && !is_endless(joint))) return to;
   const double turns = (to - from) / turn;
-  // Half a turn is rounded towards zero: of two equal directions that of the difference is kept.
-  double whole = std::copysign(std::ceil(std::abs(turns) - 0.5 - there), turns);
+  // Half a turn is rounded towards zero: if both directions are equally long, that of the
+  // difference of positions is kept.
+  double whole_turns = std::copysign(std::ceil(std::abs(turns) - 0.5 - rounding), turns);
   if (rule == Rollover::Sign)
     // The sign of -0 counts: it states a direction as well.
-    whole =
-        std::signbit(target.value(joint)) ? std::ceil(turns - there) : std::floor(turns + there);
-  if (whole == 0.0) return to;
-  const double rolled = to - whole * turn;
+    whole_turns = std::signbit(target.value(joint)) ? std::ceil(turns - rounding)
+                                                    : std::floor(turns + rounding);
+  if (whole_turns == 0.0) return to;
+  const double rolled = to - whole_turns * turn;
   // Reported once for each axis, and only if the machine leaves the rule to the control.
-  if (by_control && !((rollover_noted_ >> joint) & 1u)) {
-    rollover_noted_ |= 1u << joint;
+  if (by_control && !((rollover_reported_ >> joint) & 1u)) {
+    rollover_reported_ |= 1u << joint;
     const char axis = options_.axes[std::size_t(joint)].name;
-    const double other = (to - from) / units::deg, taken = (rolled - from) / units::deg;
+    const double direct_deg = (to - from) / units::deg, rolled_deg = (rolled - from) / units::deg;
     assume(
         rule == Rollover::ByControl
             ? Assumption{fmt::format("{} turns by the difference of its positions, by {:.6g} deg; "
                                      "a control with roll-over turns it by {:.6g}",
-                                     axis, other, taken + 0.0),
+                                     axis, direct_deg, rolled_deg + 0.0),
                          fmt::format("machine.axis.{}.rollover", axis)}
             : Assumption{fmt::format("{} rolls over and goes the short way, by {:.6g} deg; a "
                                      "control without roll-over turns it by {:.6g}",
-                                     axis, taken + 0.0, other),
+                                     axis, rolled_deg + 0.0, direct_deg),
                          fmt::format("machine.axis.{}.rollover", axis)});
   }
   return rule == Rollover::ByControl ? to : rolled;
 }
 
-// Machine coordinates without a stated zero count from the zero of each axis; reported once for
-// each axis.
-void Canon::note_machine_zero(const Target& target) {
+// Without a stated zero, machine coordinates count from the zero of each axis. That is reported
+// once for each axis.
+void Canon::record_machine_zero_assumption(const Target& target) {
   if (options_.machine_zero.size() > 0) return;
   for (int j = 0; j < int(options_.axes.size()); ++j) {
     if (!target.has(j) || !is_linear(j)) continue;
@@ -224,31 +228,34 @@ void Canon::note_machine_zero(const Target& target) {
 // Joints that are neither programmed nor rotated keep their bits, and the sum of offsets is always
 // formed in the same order; otherwise equal programs would differ in the last digit.
 AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) {
-  if (machine) note_machine_zero(target);
+  if (machine) record_machine_zero_assumption(target);
   AxisVector end = start;
-  const bool turned = frame_.rotation && !machine &&
-                      (target.has(xyz_[0]) || target.has(xyz_[1]) || target.has(xyz_[2]));
-  if (turned) {
+  const bool is_rotated = frame_.rotation && !machine &&
+                          (target.has(xyz_[0]) || target.has(xyz_[1]) || target.has(xyz_[2]));
+  if (is_rotated) {
     AxisVector p = unplaced(start);
     for (const int j : xyz_)
       if (target.has(j)) p[j] = target.is_step(j) ? p[j] + target.value(j) : target.value(j);
     p = placed(std::move(p));
     for (const int j : xyz_) end[j] = p[j];
   }
-  const Eigen::Vector3d more = shift_correction();
-  const auto zero_of = [&](int j) {
-    return j == xyz_[0] ? more.x() : j == xyz_[1] ? more.y() : j == xyz_[2] ? more.z() : 0.0;
+  const Eigen::Vector3d correction = shift_correction();
+  const auto origin_shift = [&](int j) {
+    return j == xyz_[0]   ? correction.x()
+           : j == xyz_[1] ? correction.y()
+           : j == xyz_[2] ? correction.z()
+                          : 0.0;
   };
   for (int j = 0; j < int(end.size()); ++j) {
     if (!target.has(j)) continue;
     const double value = target.value(j);
-    if (turned && (j == xyz_[0] || j == xyz_[1] || j == xyz_[2])) {
+    if (is_rotated && (j == xyz_[0] || j == xyz_[1] || j == xyz_[2])) {
     } else if (machine) {
       end[j] = value + (options_.machine_zero.size() > 0 ? options_.machine_zero[j] : 0.0);
     } else if (target.is_step(j)) {
       end[j] += value;
     } else {
-      end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) + zero_of(j) +
+      end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) + origin_shift(j) +
                (tool_shift_.size() > 0 ? tool_shift_[j] : 0.0);
     }
     if (!is_linear(j) && !target.is_step(j) && !target.is_decided(j))
@@ -264,26 +271,28 @@ std::size_t Canon::kept_bytes() const {
   return path_.blocks.size() * sizeof(Block) + path_.arcs.size() * sizeof(Arc);
 }
 
-void Canon::refuse_more(double moves, const Cause& cause, const std::string& expected) const {
+void Canon::throw_limit_exceeded(double moves, const Cause& cause,
+                                 const std::string& expected) const {
   throw ProgramLimitExceeded(
       file_name(), line_, cause.column, expected,
       fmt::format("{:.4g} moves: pecks, repeats or a loop without end", moves));
 }
 
-void Canon::check_moves(double more, const Cause& cause) const {
-  const double moves = double(blocks()) + more;
+void Canon::check_moves(double more_moves, const Cause& cause) const {
+  const double moves = double(blocks()) + more_moves;
   if (moves > double(options_.max_moves))
-    refuse_more(moves, cause, fmt::format("at most {} moves (max_moves)", options_.max_moves));
+    throw_limit_exceeded(moves, cause,
+                         fmt::format("at most {} moves (max_moves)", options_.max_moves));
 }
 
-void Canon::check_memory(double more, const Cause& cause) const {
-  if (double(kept_bytes()) + more * sizeof(Block) > double(options_.max_move_bytes))
-    refuse_more(double(blocks()) + more, cause,
-                fmt::format("moves of at most {} MB, which the memory holds",
-                            options_.max_move_bytes / 1'000'000));
+void Canon::check_memory(double more_moves, const Cause& cause) const {
+  if (double(kept_bytes()) + more_moves * sizeof(Block) > double(options_.max_move_bytes))
+    throw_limit_exceeded(double(blocks()) + more_moves, cause,
+                         fmt::format("moves of at most {} MB, which the memory holds",
+                                     options_.max_move_bytes / 1'000'000));
 }
 
-// Limits are checked before memory is taken.
+// The limits are checked before memory is allocated.
 void Canon::append(Block block, double seconds) {
   check_moves(1.0, {});
   check_memory(1.0, {});
@@ -291,8 +300,8 @@ void Canon::append(Block block, double seconds) {
   block.file = std::uint16_t(file_);
   block.inch = inch_;
   block.inverse_time = feed_mode_ == FeedMode::InverseTime;
-  // -1 marks a block that no work offset moves (G53); it must not get the number of the offset in
-  // force.
+  // -1 marks a block that no work offset moves (G53), so it must not get the number of the offset
+  // in force.
   if (block.work_offset >= 0) block.work_offset = std::int16_t(offset_number_);
   block.tool_length = length_number_;
   block.start_s = time_s_;
@@ -300,11 +309,11 @@ void Canon::append(Block block, double seconds) {
   // The spindle turns on in every block, dwells and rapids included.
   if (spindle_ >= 0) {
     const double speed = spindle_turns_ * spindle_rpm_ * units::rpm;
-    block.start[spindle_] = at_[spindle_];
-    block.end[spindle_] = at_[spindle_] + speed * seconds;
+    block.start[spindle_] = position_[spindle_];
+    block.end[spindle_] = position_[spindle_] + speed * seconds;
   }
   time_s_ = block.end_s;
-  at_ = block.end;
+  position_ = block.end;
   if (block.interpolation != Interpolation::Dwell) ++path_.motion_blocks;
   path_.blocks.push_back(std::move(block));
 }
@@ -312,111 +321,114 @@ void Canon::append(Block block, double seconds) {
 void Canon::dwell(double seconds, const Cause& cause) {
   if (!(seconds >= 0.0 && seconds <= max_dwell_s)) refuse(cause, "0 to 1e6 seconds");
   if (seconds == 0.0) return;
-  Block still;
-  still.interpolation = Interpolation::Dwell;
-  still.coordinates = coordinates_;
-  still.start = still.end = at_;
-  append(std::move(still), seconds);
+  Block dwell_block;
+  dwell_block.interpolation = Interpolation::Dwell;
+  dwell_block.coordinates = coordinates_;
+  dwell_block.start = dwell_block.end = position_;
+  append(std::move(dwell_block), seconds);
 }
 
-// Rapids take the length of their path at the rapid speed. At feed, inverse time is 1/F minutes
-// whatever the length, and a feed in degrees per minute is not scaled by inches.
+// A rapid takes the length of its path divided by the rapid speed. At feed, inverse time is 1/F
+// minutes whatever the length, and a feed in degrees per minute is not scaled by inches.
 double Canon::duration(const Block& block, const Cause& cause) const {
   if (block.interpolation == Interpolation::Rapid) {
-    const SquaredDistance way = squared_distances(options_.axes, block.start, block.end);
-    const double mm = std::sqrt(way.xyz + way.uvw);
-    return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
+    const SquaredDistance distance = squared_distances(options_.axes, block.start, block.end);
+    const double mm = std::sqrt(distance.xyz + distance.uvw);
+    return mm > 0.0 ? mm / options_.rapid_speed
+                    : std::sqrt(distance.rotation) / options_.rapid_turn;
   }
-  const auto refuse_or_suppress = [&](bool follows, const char* expected, const char* seen) {
-    if (!follows) refuse(cause, expected, seen);
+  const auto throw_error = [&](bool is_consequence, const char* expected, const char* seen) {
+    if (!is_consequence) refuse(cause, expected, seen);
     throw FollowingError(file_name(), line_, cause.column, expected, seen);
   };
   if (!feed_)
     // Under G93 every block needs its own F, so an earlier error cannot be the cause of a missing
     // one.
-    refuse_or_suppress(feed_is_uncertain_ && feed_mode_ != FeedMode::InverseTime,
-                       feed_mode_ == FeedMode::InverseTime
-                           ? "F in every block of motion under G93"
-                           : "F before or in the first block of feed",
-                       "none");
+    throw_error(feed_is_uncertain_ && feed_mode_ != FeedMode::InverseTime,
+                feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
+                                                    : "F before or in the first block of feed",
+                "none");
   if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
   const Arc* arc = block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr;
-  const bool turned = arc != nullptr && arc->turned >= 0;
-  const Way way = feed_distance(options_.axes, block.start, block.end, arc,
-                                turned ? &path_.turns[std::size_t(arc->turned)] : nullptr);
-  const double unit = way.linear ? feed_->unit : 1.0;
-  if (feed_mode_ == FeedMode::PerMinute) return way.length * 60.0 / (feed_->word * unit);
+  const bool is_rotated = arc != nullptr && arc->plane_rotation >= 0;
+  const FeedLength distance =
+      feed_length(options_.axes, block.start, block.end, arc,
+                  is_rotated ? &path_.plane_rotations[std::size_t(arc->plane_rotation)] : nullptr);
+  const double unit = distance.linear ? feed_->unit : 1.0;
+  if (feed_mode_ == FeedMode::PerMinute) return distance.length * 60.0 / (feed_->word * unit);
   if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
-    refuse_or_suppress(spindle_is_uncertain_, "a spindle that turns under a feed per turn",
-                       "one that stands");
-  return way.length * 60.0 / (feed_->word * unit * spindle_rpm_);
+    throw_error(spindle_is_uncertain_, "a spindle that turns under a feed per turn",
+                "one that stands");
+  return distance.length * 60.0 / (feed_->word * unit * spindle_rpm_);
 }
 
-// Sets the axes to the programmed end on errors, and marks errors of arcs that may follow from an
-// earlier one.
-template <typename Make>
-auto Canon::made(const AxisVector& end, const Make& make) {
+// After an error the axes are set to the programmed end. Errors of arcs that may follow from an
+// earlier error are marked.
+template <typename Compute>
+auto Canon::with_end_on_error(const AxisVector& end, const Compute& compute) {
   try {
-    return make();
-  } catch (BadGeometry& fault) {
-    fault.is_uncertain = uncertain_joints_ != 0;
-    at_ = end;
+    return compute();
+  } catch (BadGeometry& error) {
+    error.is_uncertain = uncertain_joints_ != 0;
+    position_ = end;
     throw;
   } catch (const BadInput&) {
-    at_ = end;
+    position_ = end;
     throw;
   }
 }
 
-// Constant surface speed: one spindle speed for the block, see `mean_spindle_speed`.
+// Under constant surface speed a block has one spindle speed, see `mean_spindle_speed`.
 void Canon::turn_at_surface_speed(const Block& block, bool feed) {
   if (!surface_speed_) return;
   constexpr double max_finite_rpm = 1e6;  // keeps every speed finite, on the axis too
   const int x = xyz_[0];
   const double from = programmed()[x];
-  RadialMove move{from, from + block.end[x] - at_[x]};
+  RadialMove move{from, from + block.end[x] - position_[x]};
   if (block.interpolation == Interpolation::Arc) {
     const Arc& arc = path_.arcs[block.shape];
     const bool first = arc.first == x;
-    if (arc.turned < 0 && (first || arc.second == x))
+    if (arc.plane_rotation < 0 && (first || arc.second == x))
       // Only an arc of the XZ plane changes the radius along a circle. In a rotated plane the
       // change is taken as linear.
-      move.arc =
-          RadialMove::Arc{from + arc.centre[first ? 0 : 1] - at_[x], arc.radius + 0.5 * arc.growth,
-                          // Angles of RadialMove::Arc count from the direction of X; if X is the
-                          // second axis of the plane, that is a quarter turn later.
-                          arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
+      move.arc = RadialMove::Arc{from + arc.centre[first ? 0 : 1] - position_[x],
+                                 arc.radius + 0.5 * arc.growth,
+                                 // Angles of RadialMove::Arc count from the direction of X; if X is
+                                 // the second axis of the plane, that is a quarter turn later.
+                                 arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
   }
   const auto& stated = surface_speed_->max_rpm;
-  const auto& of_machine = options_.max_spindle_rpm;
+  const auto& machine_max_rpm = options_.max_spindle_rpm;
   const double limit =
-      std::min(stated.value_or(max_finite_rpm), of_machine.value_or(max_finite_rpm));
+      std::min(stated.value_or(max_finite_rpm), machine_max_rpm.value_or(max_finite_rpm));
   spindle_rpm_ = mean_spindle_speed(move, surface_speed_->m_per_min, limit);
   const double radius = min_radius(move);
-  // Recorded for the warning that such a program needs a speed limit; rapids cut nothing.
-  if (feed && !stated && !of_machine && (!unlimited_speed_ || radius < unlimited_speed_->radius))
+  // Recorded for the warning that such a program needs a speed limit. Rapids cut nothing.
+  if (feed && !stated && !machine_max_rpm &&
+      (!unlimited_speed_ || radius < unlimited_speed_->radius))
     unlimited_speed_ = UnlimitedSpeed{radius, line_, file_};
 }
 
-void Canon::go(Straight move, Interpolation interpolation) {
+void Canon::add_straight(Straight move, Interpolation interpolation) {
   Block straight;
   straight.interpolation = interpolation;
   straight.coordinates = coordinates_;
-  straight.start = at_;
+  straight.start = position_;
   straight.end = std::move(move.end);
   if (move.without_offset) straight.work_offset = -1;
   turn_at_surface_speed(straight, interpolation != Interpolation::Rapid);
   uncertain_joints_ &= ~move.stated;
-  note_positions(straight, move.stated);
-  const double seconds = made(straight.end, [&] { return duration(straight, move.cause); });
-  // Blocks without motion are dropped: they take no time and would be samples at one instant.
+  record_known_positions(straight, move.stated);
+  const double seconds =
+      with_end_on_error(straight.end, [&] { return duration(straight, move.cause); });
+  // Blocks without motion take no time and would be samples at one instant, so they are dropped.
   if ((straight.end - straight.start).cwiseAbs().maxCoeff() > min_motion)
     append(std::move(straight), seconds);
 }
 
-// A rotary axis that moves without being programmed was moved by the control, as when swivelling to
-// a plane; its position counts as known.
-void Canon::note_positions(const Block& block, std::uint32_t stated) {
+// The position of a rotary axis that moves without being programmed counts as known: the control
+// moved it, for example to swivel to a plane.
+void Canon::record_known_positions(const Block& block, std::uint32_t stated) {
   known_ |= stated;
   std::string positions;
   for (std::size_t j = 0; j < options_.axes.size(); ++j) {
@@ -429,8 +441,8 @@ void Canon::note_positions(const Block& block, std::uint32_t stated) {
                              start_of(options_)[at] / (is_linear(int(j)) ? 1.0 : units::deg) + 0.0);
   }
   // Rapids before the first feed may still bring the axes to known positions.
-  if (fed_ || block.interpolation == Interpolation::Rapid) return;
-  fed_ = true;
+  if (has_fed_ || block.interpolation == Interpolation::Rapid) return;
+  has_fed_ = true;
   if (!positions.empty())
     assume({"no word before this first feed says where these axes stand, taken from the start:" +
                 positions,
@@ -438,15 +450,15 @@ void Canon::note_positions(const Block& block, std::uint32_t stated) {
 }
 
 void Canon::straight(Straight move, bool rapid) {
-  go(std::move(move), rapid ? Interpolation::Rapid : Interpolation::Line);
+  add_straight(std::move(move), rapid ? Interpolation::Rapid : Interpolation::Line);
 }
 
-void Canon::traverse(Straight move) { go(std::move(move), Interpolation::Rapid); }
+void Canon::traverse(Straight move) { add_straight(std::move(move), Interpolation::Rapid); }
 
-void Canon::straight_feed(Straight move) { go(std::move(move), Interpolation::Line); }
+void Canon::straight_feed(Straight move) { add_straight(std::move(move), Interpolation::Line); }
 
-// Permutes the frame's rotation into the order of the joints of the arc.
-std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) const {
+// The rotation of the frame is permuted into the order of the joints of the arc.
+std::optional<Eigen::Matrix3d> Canon::arc_plane_rotation(const ArcMove& move, int third) const {
   const bool turns = move.radius || move.placed_centre.size() > 0;
   if (!frame_.rotation || !turns) return std::nullopt;
   const std::array<int, 3> order{move.first, move.second, third};
@@ -458,79 +470,79 @@ std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) co
       };
       R(Eigen::Index(i), Eigen::Index(k)) = (*frame_.rotation)(at(order[i]), at(order[k]));
     }
-  // 1 - cos = tilt^2 / 2, a tilt of 1.4e-7 rad: rotated about its normal only
-  constexpr double one_plane = 1e-14;
-  if (R(2, 2) > 1.0 - one_plane) return std::nullopt;
+  // A smaller tilt than 1.4e-7 rad (1 - cos = tilt^2 / 2) is a rotation about the normal only.
+  constexpr double min_one_minus_cosine = 1e-14;
+  if (R(2, 2) > 1.0 - min_one_minus_cosine) return std::nullopt;
   return R;
 }
 
-Arc Canon::arc_of(const ArcMove& move) {
+Arc Canon::compute_arc(const ArcMove& move) {
   const int third = xyz_[0] + xyz_[1] + xyz_[2] - move.first - move.second;
-  const auto turn = turn_of(move, third);
+  const auto turn = arc_plane_rotation(move, third);
   const auto in_plane = [&](const AxisVector& q) -> Eigen::Vector2d {
     if (!turn) return {q[move.first], q[move.second]};
     return (turn->transpose() * Eigen::Vector3d(q[move.first], q[move.second], q[third])).head<2>();
   };
-  ArcGeometry words{in_plane(at_), in_plane(move.end), move.centre, move.clockwise};
+  ArcGeometry geometry{in_plane(position_), in_plane(move.end), move.centre, move.clockwise};
   if (move.radius)
-    words.centre = centre_by_radius(words, *move.radius, place(), move.named);
+    geometry.centre = centre_by_radius(geometry, *move.radius, place(), move.named);
   else if (move.placed_centre.size() > 0)
-    words.centre = in_plane(move.placed_centre);
-  Arc arc = checked_arc(words, move.turns, place(), move.named);
+    geometry.centre = in_plane(move.placed_centre);
+  Arc arc = checked_arc(geometry, move.turns, place(), move.named);
   arc.first = move.first;
   arc.second = move.second;
   if (!turn) return arc;
   arc.third = third;
   // Consecutive arcs of one tilted plane share their rotation.
-  if (path_.turns.empty() || path_.turns.back() != *turn) path_.turns.push_back(*turn);
-  arc.turned = int(path_.turns.size()) - 1;
+  if (path_.plane_rotations.empty() || path_.plane_rotations.back() != *turn)
+    path_.plane_rotations.push_back(*turn);
+  arc.plane_rotation = int(path_.plane_rotations.size()) - 1;
   return arc;
 }
 
 void Canon::arc(ArcMove move) {
-  Block round;
-  round.interpolation = Interpolation::Arc;
-  round.coordinates = coordinates_;
-  round.shape = std::uint32_t(path_.arcs.size());
-  round.start = at_;
-  round.end = move.end;
-  const double seconds = made(round.end, [&] {
-    path_.arcs.push_back(arc_of(move));
-    turn_at_surface_speed(round, true);
-    return duration(round, move.cause);
+  Block arc_block;
+  arc_block.interpolation = Interpolation::Arc;
+  arc_block.coordinates = coordinates_;
+  arc_block.shape = std::uint32_t(path_.arcs.size());
+  arc_block.start = position_;
+  arc_block.end = move.end;
+  const double seconds = with_end_on_error(arc_block.end, [&] {
+    path_.arcs.push_back(compute_arc(move));
+    turn_at_surface_speed(arc_block, true);
+    return duration(arc_block, move.cause);
   });
   uncertain_joints_ &= ~move.stated;
-  note_positions(round, move.stated);
-  append(std::move(round), seconds);
+  record_known_positions(arc_block, move.stated);
+  append(std::move(arc_block), seconds);
 }
 
 namespace {
 
-CutterData in_mm(CutterData words, double unit_mm) {
-  words.diameter *= unit_mm;
-  if (words.corner_radius) *words.corner_radius *= unit_mm;
-  words.unit_mm = unit_mm;
-  return words;
+CutterData in_mm(CutterData data, double unit_mm) {
+  data.diameter *= unit_mm;
+  if (data.corner_radius) *data.corner_radius *= unit_mm;
+  data.unit_mm = unit_mm;
+  return data;
 }
 
-double unit_of(const UnitWord& word) { return word.inch ? units::inch : 1.0; }
+double unit_of(const UnitWord& unit_word) { return unit_word.inch ? units::inch : 1.0; }
 
 }  // namespace
 
 void Canon::comment(std::string_view text) {
-  auto words = parse_cutter_comment(text);
-  if (!words) return;
-  // Without a unit in the comment that of the program applies; before any G20 or G21 it is added by
-  // `set_inch`.
-  if (!words->unit_mm && !path_.unit_words.empty())
-    words->unit_mm = unit_of(path_.unit_words.back());
-  if (words->unit_mm) words = in_mm(*words, *words->unit_mm);
-  path_.tool_comments.push_back({line_, std::string(text), *words, blocks()});
+  auto data = parse_cutter_comment(text);
+  if (!data) return;
+  // A comment without a unit is in the unit of the program. Before any G20 or G21 that unit is
+  // unknown, and `set_inch` adds it later.
+  if (!data->unit_mm && !path_.unit_words.empty()) data->unit_mm = unit_of(path_.unit_words.back());
+  if (data->unit_mm) data = in_mm(*data, *data->unit_mm);
+  path_.tool_comments.push_back({line_, std::string(text), *data, blocks()});
 }
 
 void Canon::assume(Assumption assumption) {
-  const auto same = [&](const Assumption& known) { return known.text == assumption.text; };
-  if (std::any_of(path_.assumptions.begin(), path_.assumptions.end(), same)) return;
+  const auto has_same_text = [&](const Assumption& known) { return known.text == assumption.text; };
+  if (std::any_of(path_.assumptions.begin(), path_.assumptions.end(), has_same_text)) return;
   if (assumption.line == 0) {
     assumption.line = line_;
     if (file_ > 0) assumption.file = file_name();
@@ -538,19 +550,18 @@ void Canon::assume(Assumption assumption) {
   path_.assumptions.push_back(std::move(assumption));
 }
 
-void Canon::cutter(std::string_view word, const CutterData& words) {
-  path_.tool_comments.push_back({line_, std::string(word), words, blocks()});
+void Canon::cutter(std::string_view text, const CutterData& cutter_data) {
+  path_.tool_comments.push_back({line_, std::string(text), cutter_data, blocks()});
 }
 
-// A unit is recorded only where it changes. The first one also applies to comments that stand above
-// it.
+// A unit is recorded only where it changes. The first one also applies to comments above it.
 void Canon::set_inch(bool inch) {
   inch_ = inch;
   if (!path_.unit_words.empty() && path_.unit_words.back().inch == inch) return;
-  const UnitWord word{line_, inch};
-  path_.unit_words.push_back(word);
+  const UnitWord unit_word{line_, inch};
+  path_.unit_words.push_back(unit_word);
   for (ToolComment& comment : path_.tool_comments)
-    if (!comment.words.unit_mm) comment.words = in_mm(comment.words, unit_of(word));
+    if (!comment.words.unit_mm) comment.words = in_mm(comment.words, unit_of(unit_word));
 }
 
 void Canon::call_tool(double number, bool changes) {
@@ -560,17 +571,18 @@ void Canon::call_tool(double number, bool changes) {
 
 // Block numbers of auxiliary words count within the path that is handed over.
 Path Canon::hand_over() {
-  Path piece;
-  piece.file = path_.file;
-  piece.more_files = path_.more_files;
-  piece.motion_blocks = std::exchange(path_.motion_blocks, 0);
-  piece.auxiliary_words.swap(path_.auxiliary_words);
-  for (AuxiliaryWord& aside : piece.auxiliary_words) aside.before -= handed_over_;
+  Path segment;
+  segment.file = path_.file;
+  segment.more_files = path_.more_files;
+  segment.motion_blocks = std::exchange(path_.motion_blocks, 0);
+  segment.auxiliary_words.swap(path_.auxiliary_words);
+  for (AuxiliaryWord& auxiliary_word : segment.auxiliary_words)
+    auxiliary_word.before -= handed_over_;
   handed_over_ += path_.blocks.size();
-  piece.blocks.swap(path_.blocks);
-  piece.arcs.swap(path_.arcs);
-  piece.turns.swap(path_.turns);
-  return piece;
+  segment.blocks.swap(path_.blocks);
+  segment.arcs.swap(path_.arcs);
+  segment.plane_rotations.swap(path_.plane_rotations);
+  return segment;
 }
 
 void Canon::aside(std::string text) {

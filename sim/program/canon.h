@@ -13,21 +13,23 @@
 #include "sim/program/nc_options.h"
 #include "sim/program/path.h"
 
-/// Canonical moves in the sense of NIST RS274/NGC: the interface through which every front end
-/// issues motion.
+/// Canonical moves in the sense of NIST RS274/NGC: the interface through which the reader of every
+/// dialect issues motion.
 namespace abbe::sim::program {
 
 /// The longest dwell that is accepted, s.
 inline constexpr double max_dwell_s = 1e6;
 
-/// The end of a move, joint by joint, as programmed. Joints that the block does not mention stay
-/// where they are.
+/// The programmed end of a move, joint by joint. Joints that the block does not mention stay where
+/// they are.
 class Target {
  public:
-  void to(int joint, double value, const Cause& cause) { put(joint, value, cause, false); }
-  void by(int joint, double value, const Cause& cause) { put(joint, value, cause, true); }
-  /// Same as `to` for a rotary axis whose direction of rotation is already decided: no roll-over
-  /// rule applies.
+  /// Sets an absolute value, mm or rad.
+  void to(int joint, double value, const Cause& cause) { set_value(joint, value, cause, false); }
+  /// Sets an increment, mm or rad.
+  void by(int joint, double value, const Cause& cause) { set_value(joint, value, cause, true); }
+  /// Sets an absolute value of a rotary axis whose direction of rotation is already decided, so
+  /// that no roll-over rule applies.
   void turn_to(int joint, double value, const Cause& cause) {
     to(joint, value, cause);
     decided_ |= 1u << joint;
@@ -45,7 +47,7 @@ class Target {
   std::uint32_t stated() const { return given_ & ~step_; }
 
  private:
-  void put(int joint, double value, const Cause& cause, bool step);
+  void set_value(int joint, double value, const Cause& cause, bool step);
 
   std::uint32_t given_ = 0, step_ = 0, decided_ = 0;  ///< one bit per joint
   std::array<double, kinematics::max_joints> value_;
@@ -75,12 +77,12 @@ struct UnlimitedSpeed {
   int line = 0, file = 0;
 };
 
-/// A straight move in the coordinates in force.
+/// A straight move in the current coordinates.
 struct Straight {
   kinematics::AxisVector end;   ///< (axes), offsets included
   Cause cause = {};             ///< location for error messages
-  bool without_offset = false;  ///< G53: the block is recorded as independent of any work offset
-  std::uint32_t stated = 0;     ///< `Target::stated`: these joints are no longer uncertain
+  bool without_offset = false;  ///< G53: the block is recorded as independent of work offsets
+  std::uint32_t stated = 0;     ///< `Target::stated`; these joints are no longer uncertain
 };
 
 /// A circular or helical move. Its plane is spanned by two joints; a positive rotation goes from
@@ -98,14 +100,14 @@ struct ArcMove {
   bool clockwise = false;
   int turns = 1;             ///< number of turns begun: 1 is at most one whole turn, 2 at most two
   Cause cause = {};          ///< the block
-  Cause named = {};          ///< location for errors about the radii
+  Cause named = {};          ///< the word at which errors about the radii are reported
   std::uint32_t stated = 0;  ///< as in `Straight`
 };
 
-/// Receives canonical moves as a control executes them (mm, rad, seconds) and records them as a
-/// `Path`: geometry, time, position limits, and the data that rewriting needs. A front end reports
-/// the line of every move (`set_line`) and reads back the axis positions. The front end itself
-/// keeps the modal state of its language.
+/// Receives canonical moves (mm, rad, s) in the order in which a control executes them and records
+/// them as a `Path`: geometry, time, position limits, and the data that rewriting needs. The reader
+/// of a dialect reports the line of every move (`set_line`), reads back the axis positions, and
+/// keeps the modal state of its language itself.
 class Canon {
  public:
   /// `options` must outlive the object. Throws std::invalid_argument if the offsets or the start do
@@ -139,12 +141,12 @@ class Canon {
   std::string letters() const { return axis_letter_list(options_.axes); }
 
   /// Records G20 or G21 for rewriting and for comments. Numbers passed to this class are in mm
-  /// regardless.
+  /// under either.
   void set_inch(bool inch);
   bool inch() const { return inch_; }
   void set_feed_mode(FeedMode mode) { feed_mode_ = mode; }
   FeedMode feed_mode() const { return feed_mode_; }
-  /// Sets the feed. Without one, the next move at feed is an input error.
+  /// Sets the feed. After an empty value the next move at feed is an input error.
   void set_feed(std::optional<Feed> feed) {
     feed_ = feed;
     if (feed) feed_is_uncertain_ = false;
@@ -152,22 +154,23 @@ class Canon {
   const std::optional<Feed>& feed() const { return feed_; }
   void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
   double spindle_speed() const { return spindle_rpm_; }  ///< rpm
-  /// Sets constant surface speed: each following block sets the spindle speed by the programmed X,
-  /// which is taken as a radius. Each block runs at one speed, `mean_spindle_speed`. Requires an X
-  /// axis. An empty value keeps the spindle at its last speed.
+  /// Sets constant surface speed: the programmed X, taken as a radius, gives each following block
+  /// one spindle speed, `mean_spindle_speed`. Requires an X axis. An empty value ends constant
+  /// surface speed and keeps the last spindle speed.
   void set_surface_speed(std::optional<SurfaceSpeed> speed) { surface_speed_ = speed; }
-  /// Returns the move at feed that came nearest to the spindle axis while neither the program nor
-  /// the machine limited the spindle speed. Returns nothing if a limit was always in force.
+  /// Returns the nearest approach to the spindle axis at feed while neither the program nor the
+  /// machine limited the spindle speed. Returns nothing if a limit was always in force.
   const std::optional<UnlimitedSpeed>& unlimited_speed() const { return unlimited_speed_; }
   void turn_spindle(int direction) { spindle_turns_ = direction; }  ///< +1 M3, -1 M4, 0 M5
   int spindle_direction() const { return spindle_turns_; }
 
-  /// Returns the origin of frame shifts, see `program_zero`.
+  /// Returns the origin to which frame shifts refer, see `program_zero`.
   const std::optional<ProgramZero>& zero() const { return zero_; }
-  /// Counts offsets as points in the workpiece from here on, on a machine with rotary axes, even if
+  /// From here on, treats offsets as points in the workpiece on a machine with rotary axes, even if
   /// the scene states no offset.
   void count_from_workpiece();
-  /// Returns what the origin adds to a shift of X Y Z in the coordinates in force, mm.
+  /// Returns the correction, mm, that the origin adds to a shift of X Y Z in the current
+  /// coordinates.
   Eigen::Vector3d shift_correction() const { return offset_correction(zero_, coordinates_); }
   /// `number` is recorded with each block: 0 .. 5 for G54 .. G59, more for other systems.
   void set_frame(int number, Frame frame);
@@ -179,33 +182,35 @@ class Canon {
   /// Selects the tool whose length applies (H), -1 for none. The tip mode uses the chain of this
   /// tool. Throws BadInput if the slides cannot reach the tip at the current position.
   void select_length(int number, const Cause& cause);
-  /// Switches the tip mode: X Y Z are the tip in the workpiece (G43.4, TRAORI, M128), or axes
-  /// again. Throws BadInput on a machine without X Y Z or without known kinematics.
+  /// Switches the tip mode (G43.4, TRAORI, M128), in which X Y Z are the tip in the workpiece.
+  /// Throws BadInput on a machine without X Y Z or without known kinematics.
   void set_tip_mode(bool on, const Cause& cause);
   bool tip_mode() const { return tip_mode_; }
-  /// Makes every axis with `Rollover::ByControl` take the shorter direction from here on, if it
+  /// From here on, makes every axis with `Rollover::ByControl` take the shorter direction if it
   /// carries the workpiece and its travel exceeds two turns.
   void enable_table_rollover();
-  /// Returns the chain that the tip mode uses. There must be one.
+  /// Returns the chain that the tip mode uses. Requires that the control knows its kinematics.
   const kinematics::Chain& chain() const { return *chain_; }
-  /// Sets the meaning of X Y Z for the next move, for example axes for one block of G53 in a tip
-  /// mode.
+  /// Sets the meaning of X Y Z for the next move, for example axis positions for one block of G53
+  /// under a tip mode.
   void go_to(Coordinates coordinates, const Cause& cause);
   Coordinates coordinates() const { return coordinates_; }
 
-  /// Returns the current position, (axes) in the coordinates in force, spindles included.
-  const kinematics::AxisVector& position() const { return at_; }
+  /// Returns the current position, (axes) in the current coordinates, spindles included.
+  const kinematics::AxisVector& position() const { return position_; }
   /// Returns the current position in program coordinates, without frame and tool length.
-  kinematics::AxisVector programmed() const { return unplaced(at_); }
+  kinematics::AxisVector programmed() const { return unplaced(position_); }
+  /// Converts coordinates of the axes or the tip to program coordinates.
   kinematics::AxisVector unplaced(kinematics::AxisVector position) const;
-  /// Converts program coordinates to coordinates of the axes or the tip.
+  /// Converts program coordinates to coordinates of the axes or the tip, by frame and tool length.
   kinematics::AxisVector placed(kinematics::AxisVector programmed) const;
-  /// Returns the end of a move through frame and tool length. With `machine` the values are axis
-  /// positions. Throws BadInput at a value that leads beyond 1e6 mm or 1e7 rad.
+  /// Returns the end of a move from the current position, with frame and tool length applied. If
+  /// `machine` is true, the values are axis positions. Throws BadInput at a value that leads beyond
+  /// 1e6 mm or 1e7 rad.
   kinematics::AxisVector end_of(const Target& target, bool machine = false) {
-    return end_from(at_, target, machine);
+    return end_from(position_, target, machine);
   }
-  /// Same for a move that begins at `start`.
+  /// Returns the end of a move from `start`.
   kinematics::AxisVector end_from(const kinematics::AxisVector& start, const Target& target,
                                   bool machine);
   double time_s() const { return time_s_; }
@@ -221,18 +226,19 @@ class Canon {
   /// Throws BadInput outside 0 to 1e6 s.
   void dwell(double seconds, const Cause& cause);
 
-  /// Records words that cause no motion, for rewriting: T, M0 M1 M6 M7 M8 M9.
+  /// Records a word that causes no motion (T, M0 M1 M6 M7 M8 M9), for rewriting.
   void aside(std::string text);
-  /// Records T with or without M6, or M6 alone (number -1: the tool of the last T).
+  /// Records T, with M6 if `changes` is true; number -1 means M6 alone, with the tool of the last
+  /// T.
   void call_tool(double number, bool changes);
-  /// Records a comment if it gives the diameter of a tool. A diameter without a unit is in the unit
-  /// of the program.
+  /// Records a comment if it gives the diameter of a tool. Without a unit the diameter is in the
+  /// unit of the program.
   void comment(std::string_view text);
-  /// Records a cutter that a statement of the program describes, in mm.
+  /// Records a cutter, mm, that a statement of the program describes.
   void cutter(std::string_view word, const CutterData& words);
 
-  /// Records an assumption, each text once, at the current line unless the assumption names
-  /// another.
+  /// Records an assumption at its own line, or at the current one if it has none. A text is
+  /// recorded only once.
   void assume(Assumption assumption);
 
   /// Marks the position of every joint as uncertain after an input error: until a joint is stated
@@ -245,14 +251,14 @@ class Canon {
 
   /// Throws ProgramLimitExceeded if `more` further moves would exceed `NcOptions::max_moves`.
   void check_moves(double more, const Cause& cause) const;
-  /// Throws ProgramLimitExceeded if `more` further moves, all kept, would take more than
+  /// Throws ProgramLimitExceeded if `more` further moves would bring the kept moves above
   /// `NcOptions::max_move_bytes`.
   void check_memory(double more, const Cause& cause) const;
   std::size_t blocks() const { return handed_over_ + path_.blocks.size(); }
-  /// Returns the number of blocks that have not been handed over.
+  /// Returns the number of blocks that were not handed over yet.
   std::size_t kept() const { return path_.blocks.size(); }
-  /// Moves the kept blocks out as a path of their own, with their arcs and auxiliary words. Tool
-  /// calls stay here; their block numbers count from the start of the whole program.
+  /// Moves the kept blocks into a path, with their arcs and auxiliary words. Tool calls stay here;
+  /// their block numbers count from the start of the whole program.
   Path hand_over();
   Path take() { return std::move(path_); }
 
@@ -260,26 +266,26 @@ class Canon {
   const std::string& file_name() const {
     return file_ == 0 ? path_.file : more_files_[std::size_t(file_ - 1)];
   }
-  void go(Straight move, Interpolation interpolation);
+  void add_straight(Straight move, Interpolation interpolation);
   void turn_at_surface_speed(const Block& block, bool feed);
   double apply_rollover(int joint, double from, const Target& target, double to);
   bool is_endless(int joint) const;
-  void note_machine_zero(const Target& target);
-  void note_positions(const Block& block, std::uint32_t stated);
+  void record_machine_zero_assumption(const Target& target);
+  void record_known_positions(const Block& block, std::uint32_t stated);
   double duration(const Block& block, const Cause& cause) const;
   void append(Block block, double seconds);
   std::size_t kept_bytes() const;
-  [[noreturn]] void refuse_more(double moves, const Cause& cause,
-                                const std::string& expected) const;
-  /// Returns the arc of a move in the coordinates in force.
-  Arc arc_of(const ArcMove& move);
-  /// Returns the rotation of the plane of an arc, in the order of its joints. Returns nothing if
-  /// the plane is that of the joints.
-  std::optional<Eigen::Matrix3d> turn_of(const ArcMove& move, int third) const;
-  /// Returns `make()`. If it throws, the axes are first set to the programmed `end`, so that the
+  [[noreturn]] void throw_limit_exceeded(double moves, const Cause& cause,
+                                         const std::string& expected) const;
+  /// Returns the arc of a move in the current coordinates.
+  Arc compute_arc(const ArcMove& move);
+  /// Returns the rotation of the plane of an arc, in the order of its joints; nothing if the plane
+  /// is that of the joints.
+  std::optional<Eigen::Matrix3d> arc_plane_rotation(const ArcMove& move, int third) const;
+  /// Returns `compute()`. If it throws, sets the axes to the programmed `end` first, so that the
   /// next move is checked independently of this one.
-  template <typename Make>
-  auto made(const kinematics::AxisVector& end, const Make& make);
+  template <typename Compute>
+  auto with_end_on_error(const kinematics::AxisVector& end, const Compute& compute);
 
   const NcOptions& options_;
   Path path_;
@@ -289,13 +295,13 @@ class Canon {
   int line_ = 0, file_ = 0;
   const std::array<int, 26> joint_of_;
   const int spindle_;
-  std::array<int, 3> xyz_;     ///< joints; -1 where the machine lacks one
-  kinematics::AxisVector at_;  ///< current position in `coordinates_`, offsets included
+  std::array<int, 3> xyz_;           ///< joints of X Y Z; -1 for an axis that the machine lacks
+  kinematics::AxisVector position_;  ///< current position in `coordinates_`, offsets included
   Coordinates coordinates_ = Coordinates::Axis;
   double time_s_ = 0.0;
   bool tip_mode_ = false;
   bool inch_ = false;
-  const kinematics::Chain* chain_;  ///< chain that the tip mode uses; null: none
+  const kinematics::Chain* chain_;  ///< chain that the tip mode uses, or null
   int length_number_ = -1;
   int offset_number_ = 0;
   std::optional<ProgramZero> zero_;
@@ -311,9 +317,9 @@ class Canon {
   std::uint32_t uncertain_joints_ = 0;  ///< one bit per joint
   bool feed_is_uncertain_ = false, spindle_is_uncertain_ = false;
   std::array<Rollover, kinematics::max_joints> rollover_{};
-  std::uint32_t rollover_noted_ = 0;  ///< one bit per joint
-  std::uint32_t known_ = 0;           ///< one bit per joint: the program has stated its position
-  bool fed_ = false;                  ///< a move at feed has been made
+  std::uint32_t rollover_reported_ = 0;  ///< one bit per joint
+  std::uint32_t known_ = 0;              ///< one bit per joint: the program has stated its position
+  bool has_fed_ = false;                 ///< a move at feed has been made
 };
 
 }  // namespace abbe::sim::program

@@ -18,75 +18,79 @@ using kinematics::AxisVector;
 using kinematics::Motion;
 using kinematics::Reach;
 
-// Writes passes as NC text and counts what the machine cannot reach.
-class Writer {
+/// Writes passes as NC text and counts the poses that the machine cannot reach.
+class MillingTextWriter {
  public:
-  Writer(const MillingTextOptions& options, const GeneratorContext& context, double safe_z)
+  MillingTextWriter(const MillingTextOptions& options, const GeneratorContext& context,
+                    double safe_z)
       : options_(options),
         context_(context),
-        five_axis_(has_rotary_axes(context.control)),
+        is_five_axis_(has_rotary_axes(context.control)),
         safe_z_(safe_z) {
     axes_ = AxisVector::Zero(context.control.size());
     // Rounded to 1e-6 mm/min: a feed of 1000 mm/min, converted from mm/s, is then written as 1000.
     feed_ = std::round(options.feed * 60.0 * 1e6) / 1e6;
   }
 
-  void head();
+  void write_header();
   void pass(const Pass& pass);
   MillingProgram program();
 
  private:
-  Reach reach(const Posture& posture);
-  void leave_out(const Posture& posture, Reach why);
-  AxisVector words(const Eigen::Vector3d& tip_w) const;
-  void rapid(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{true, words(tip_w), 0.0}); }
-  void cut(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{false, words(tip_w), feed_}); }
+  Reach reach(const CutterPose& pose);
+  void record_unreached(const CutterPose& pose, Reach why);
+  AxisVector axis_words(const Eigen::Vector3d& tip_w) const;
+  void rapid(const Eigen::Vector3d& tip_w) {
+    items_.push_back(NcMove{true, axis_words(tip_w), 0.0});
+  }
+  void cut(const Eigen::Vector3d& tip_w) {
+    items_.push_back(NcMove{false, axis_words(tip_w), feed_});
+  }
   Eigen::Vector3d above(const Eigen::Vector3d& tip_w) const {
     return {tip_w.x(), tip_w.y(), safe_z_};
   }
-  Eigen::Vector3d clearance_point(const Posture& posture) const {
-    return posture.tip_w + options_.clearance * posture.retreat_w;
+  Eigen::Vector3d clearance_point(const CutterPose& pose) const {
+    return pose.tip_w + options_.clearance * pose.retract_w;
   }
-  void enter(const Posture& posture);
-  void leave(const Posture& posture);
+  void enter(const CutterPose& pose);
+  void leave(const CutterPose& pose);
 
   const MillingTextOptions& options_;
   const GeneratorContext& context_;
-  const bool five_axis_;
+  const bool is_five_axis_;
   const double safe_z_;
   double feed_ = 0.0;
-  AxisVector axes_;  ///< axes of the last posture reached; start of the next inverse kinematics
-  /// Point clear of the part where the tip rests between passes.
-  std::optional<Eigen::Vector3d> at_;
-  bool cuts_ = false;
+  AxisVector axes_;  ///< at the last pose reached; start of the next inverse kinematics
+  /// Position of the tip, clear of the part, between passes; empty before the first pass.
+  std::optional<Eigen::Vector3d> rest_point_w_;
+  bool has_cut_ = false;
   std::vector<NcItem> items_;
   Unreached unreached_;
 };
 
-Reach Writer::reach(const Posture& posture) {
-  const auto result =
-      kinematics::inverse(context_.control, {posture.tip_w, posture.direction_w}, axes_);
+Reach MillingTextWriter::reach(const CutterPose& pose) {
+  const auto result = kinematics::inverse(context_.control, {pose.tip_w, pose.direction_w}, axes_);
   if (!result.branches.empty()) axes_ = result.branches.front();
   return result.reach;
 }
 
-// `whole` programs must not lose a pose; others record the first one lost for the message.
-void Writer::leave_out(const Posture& posture, Reach why) {
-  if (options_.whole)
+// Only the first unreached pose is recorded in full, for the message.
+void MillingTextWriter::record_unreached(const CutterPose& pose, Reach why) {
+  if (options_.must_reach_all)
     throw std::invalid_argument(fmt::format(
         "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
         "workpiece",
-        posture.tip_w.x(), posture.tip_w.y(), posture.tip_w.z()));
+        pose.tip_w.x(), pose.tip_w.y(), pose.tip_w.z()));
   if (unreached_.points++ > 0) return;
   unreached_.first_pass = unreached_.all_passes;
   unreached_.why = why;
-  unreached_.tip_w = posture.tip_w;
+  unreached_.tip_w = pose.tip_w;
 }
 
-AxisVector Writer::words(const Eigen::Vector3d& tip_w) const {
+AxisVector MillingTextWriter::axis_words(const Eigen::Vector3d& tip_w) const {
   AxisVector q = axes_;
-  // With rotary axes G43.4 is in force and the words are tip coordinates.
-  if (five_axis_) {
+  // With rotary axes G43.4 is in force, so the words are tip coordinates.
+  if (is_five_axis_) {
     q[*context_.control.find('X')] = tip_w.x();
     q[*context_.control.find('Y')] = tip_w.y();
     q[*context_.control.find('Z')] = tip_w.z();
@@ -97,70 +101,72 @@ AxisVector Writer::words(const Eigen::Vector3d& tip_w) const {
   return *slides;
 }
 
-void Writer::head() {
+void MillingTextWriter::write_header() {
   items_.push_back("(" + options_.title + ")");
   items_.push_back("G17 G21 G90 G94 G54");
-  items_.push_back(five_axis_ ? fmt::format("G43.4 H{}", context_.h_number) : "G49");
+  items_.push_back(is_five_axis_ ? fmt::format("G43.4 H{}", context_.h_number) : "G49");
   items_.push_back(fmt::format("S{} M3", nc_number(options_.speed_rpm, 3)));
 }
 
-/// Moves to the clearance point of a posture whose axes have been computed already.
-void Writer::enter(const Posture& posture) {
-  const Eigen::Vector3d clear = clearance_point(posture);
-  const bool near = at_ && (*at_ - clear).norm() <= options_.neighbour;
+/// Moves to the clearance point of a pose and on to its tip. `reach` must have computed its axes.
+void MillingTextWriter::enter(const CutterPose& pose) {
+  const Eigen::Vector3d clearance = clearance_point(pose);
+  const bool is_near =
+      rest_point_w_ && (*rest_point_w_ - clearance).norm() <= options_.max_link_distance;
   // The first move lifts Z alone, because the position of the machine is unknown.
-  if (!at_)
-    items_.push_back(fmt::format(
-        "G0 Z{}",
-        nc_number(words(above(clear))[*context_.control.find('Z')], options_.format.decimals_mm)));
-  if (!near) rapid(above(clear));
-  rapid(clear);
-  cut(posture.tip_w);
+  if (!rest_point_w_)
+    items_.push_back(
+        fmt::format("G0 Z{}", nc_number(axis_words(above(clearance))[*context_.control.find('Z')],
+                                        options_.format.decimals_mm)));
+  if (!is_near) rapid(above(clearance));
+  rapid(clearance);
+  cut(pose.tip_w);
 }
 
-void Writer::leave(const Posture& posture) {
-  at_ = clearance_point(posture);
-  rapid(*at_);
+void MillingTextWriter::leave(const CutterPose& pose) {
+  rest_point_w_ = clearance_point(pose);
+  rapid(*rest_point_w_);
 }
 
-void Writer::pass(const Pass& pass) {
-  const Posture* last = nullptr;
+void MillingTextWriter::pass(const Pass& pass) {
+  const CutterPose* last_pose = nullptr;
   ++unreached_.all_passes;
   unreached_.all_points += int(pass.size());
   int reached_points = 0;
-  for (const Posture& posture : pass) {
-    const AxisVector before = axes_;
-    const Reach reach_of_it = reach(posture);
-    if (reach_of_it == Reach::OutOfLimits || reach_of_it == Reach::Unreachable) {
-      leave_out(posture, reach_of_it);
-      if (last) leave(*last);
-      last = nullptr;
+  for (const CutterPose& pose : pass) {
+    const AxisVector axes_before = axes_;
+    const Reach pose_reach = reach(pose);
+    if (pose_reach == Reach::OutOfLimits || pose_reach == Reach::Unreachable) {
+      record_unreached(pose, pose_reach);
+      if (last_pose) leave(*last_pose);
+      last_pose = nullptr;
       continue;
     }
     ++reached_points;
-    if (last) {
-      cut(posture.tip_w);
+    if (last_pose) {
+      cut(pose.tip_w);
     } else {
       // The retraction from the previous pass keeps the rotary axes of that pass.
-      const AxisVector reached = axes_;
-      const bool far = at_ && (*at_ - clearance_point(posture)).norm() > options_.neighbour;
-      axes_ = before;
-      if (far) rapid(above(*at_));
-      axes_ = reached;
-      enter(posture);
+      const AxisVector axes_reached = axes_;
+      const bool is_far = rest_point_w_ && (*rest_point_w_ - clearance_point(pose)).norm() >
+                                               options_.max_link_distance;
+      axes_ = axes_before;
+      if (is_far) rapid(above(*rest_point_w_));
+      axes_ = axes_reached;
+      enter(pose);
     }
-    cuts_ = true;
-    last = &posture;
+    has_cut_ = true;
+    last_pose = &pose;
   }
-  if (last) leave(*last);
+  if (last_pose) leave(*last_pose);
   if (reached_points == 0) ++unreached_.passes;
   if (reached_points > 0 && reached_points < int(pass.size())) ++unreached_.broken_passes;
 }
 
-MillingProgram Writer::program() {
-  if (!cuts_) throw NoReachablePose(unreached_);
+MillingProgram MillingTextWriter::program() {
+  if (!has_cut_) throw NoReachablePose(unreached_);
   // The last move ends above the part.
-  rapid(above(*at_));
+  rapid(above(*rest_point_w_));
   items_.push_back("M5");
   items_.push_back("M2");
   const std::vector<ControlledAxis> axes = controlled_axes(context_.control);
@@ -176,23 +182,19 @@ bool has_rotary_axes(const kinematics::Chain& chain) {
                      });
 }
 
-std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain) {
-  std::vector<ControlledAxis> axes;
-  for (const kinematics::Joint& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
-  return axes;
-}
-
 MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
                             const GeneratorContext& context) {
   for (const char letter : {'X', 'Y', 'Z'})
     if (!context.control.find(letter))
       throw std::invalid_argument("expected a machine with the axes X Y Z");
-  double highest = -std::numeric_limits<double>::infinity();
+  double max_tip_z = -std::numeric_limits<double>::infinity();
   for (const Pass& pass : passes)
-    for (const Posture& posture : pass) highest = std::max(highest, posture.tip_w.z());
-  // The rim of a tilted cutter reaches below its tip by up to its radius; twice that is the margin.
-  Writer writer(options, context, highest + options.clearance + 2 * options.cutter_radius);
-  writer.head();
+    for (const CutterPose& pose : pass) max_tip_z = std::max(max_tip_z, pose.tip_w.z());
+  // The rim of a tilted cutter reaches below its tip by up to its radius; a second radius is
+  // margin.
+  MillingTextWriter writer(options, context,
+                           max_tip_z + options.clearance + 2 * options.cutter_radius);
+  writer.write_header();
   for (const Pass& pass : passes) writer.pass(pass);
   return writer.program();
 }
@@ -202,13 +204,13 @@ namespace {
 /// A section of the design by a vertical plane parallel to x or y of the part frame.
 struct Section {
   const ContactField& design;
-  int axis = 0;        ///< 0 runs along x, 1 along y
-  double other = 0.0;  ///< mm, the constant coordinate
+  int axis = 0;                      ///< 0: along x; 1: along y
+  double constant_coordinate = 0.0;  ///< mm, the constant coordinate
 
   std::optional<cutting::Contact> at(double a) const {
-    return axis == 0 ? design(a, other) : design(other, a);
+    return axis == 0 ? design(a, constant_coordinate) : design(constant_coordinate, a);
   }
-  /// Change of the coordinate per arc length; 1 where there is no design.
+  /// Returns the change of the coordinate per arc length; 1 where there is no design.
   double rate(double a) const {
     const auto contact = at(a);
     if (!contact) return 1.0;
@@ -238,7 +240,7 @@ struct Section {
   }
 };
 
-/// Coordinates of the passes across y, equally spaced on the design from the middle outwards.
+/// Returns the y coordinates of the passes, equally spaced on the design from the middle outwards.
 std::vector<double> pass_positions(const Raster& raster, const Section& section, double lower,
                                    double upper) {
   // A step over is usually a small fraction of the radius: (1/8)^4 reduces the error by 4000.
@@ -246,13 +248,13 @@ std::vector<double> pass_positions(const Raster& raster, const Section& section,
   const double middle = 0.5 * (lower + upper);
   std::vector<double> y{middle};
   for (const double sign : {1.0, -1.0}) {
-    double at = middle;
+    double position = middle;
     while (true) {
-      const double next = section.advance(at, sign * raster.step_over, steps);
-      const bool stuck =
-          std::abs(next - at) < 1e-6 * raster.step_over;  // the design is vertical here
-      if (stuck || next > upper + 1e-9 || next < lower - 1e-9) break;
-      y.push_back(at = next);
+      const double next = section.advance(position, sign * raster.step_over, steps);
+      const bool is_vertical =
+          std::abs(next - position) < 1e-6 * raster.step_over;  // the design is vertical here
+      if (is_vertical || next > upper + 1e-9 || next < lower - 1e-9) break;
+      y.push_back(position = next);
     }
   }
   std::sort(y.begin(), y.end());
@@ -263,41 +265,43 @@ struct Interval {
   double from = 0.0, to = 0.0;
 };
 
-/// Intervals in which the section runs over the design. A gap narrower than `step` may be missed.
-std::vector<Interval> stretches(const Section& section, double lower, double upper, double step) {
-  std::vector<Interval> found;
+/// Returns the intervals in which the section runs over the design. May miss a gap narrower than
+/// `step`.
+std::vector<Interval> find_intervals(const Section& section, double lower, double upper,
+                                     double step) {
+  std::vector<Interval> intervals;
   const int n = std::max(1, int(std::ceil((upper - lower) / step)));
   bool inside = false;
-  double begin = lower, last = lower;
+  double interval_start = lower, previous = lower;
   for (int i = 0; i <= n; ++i) {
     const double a = i == n ? upper : lower + (upper - lower) * i / n;
-    const bool here = section.at(a).has_value();
-    if (here && !inside) begin = i == 0 ? a : section.rim(a, last);
-    if (!here && inside) found.push_back({begin, section.rim(last, a)});
-    inside = here;
-    last = a;
+    const bool has_design = section.at(a).has_value();
+    if (has_design && !inside) interval_start = i == 0 ? a : section.rim(a, previous);
+    if (!has_design && inside) intervals.push_back({interval_start, section.rim(previous, a)});
+    inside = has_design;
+    previous = a;
   }
-  if (inside) found.push_back({begin, upper});
-  return found;
+  if (inside) intervals.push_back({interval_start, upper});
+  return intervals;
 }
 
-std::vector<double> points_along(const Section& section, const Interval& stretch, double step) {
-  std::vector<double> x{stretch.from};
+std::vector<double> points_along(const Section& section, const Interval& interval, double step) {
+  std::vector<double> x{interval.from};
   while (true) {
     const double next = section.advance(x.back(), step, 2);
     // A last step of less than a millionth is rounding, not a point.
-    if (!(next < stretch.to) || next - x.back() < 1e-6 * step) break;
+    if (!(next < interval.to) || next - x.back() < 1e-6 * step) break;
     x.push_back(next);
   }
-  if (stretch.to - x.back() > 1e-6 * step) x.push_back(stretch.to);
+  if (interval.to - x.back() > 1e-6 * step) x.push_back(interval.to);
   return x;
 }
 
-/// Positions the cutter on a contact: its axis leans from the normal by `lead` towards the feed and
-/// by `tilt` about it.
-Posture posture(const Raster& raster, const cutting::Cutter& cutter,
-                const cutting::Contact& contact, const Eigen::Vector3d& feed,
-                const std::optional<Eigen::Vector3d>& fixed_axis) {
+/// Returns the pose of the cutter at a contact: its axis leans from the normal by `lead` towards
+/// the feed and by `tilt` about it.
+CutterPose raster_pose(const Raster& raster, const cutting::Cutter& cutter,
+                       const cutting::Contact& contact, const Eigen::Vector3d& feed,
+                       const std::optional<Eigen::Vector3d>& fixed_axis) {
   const Eigen::Vector3d& n = contact.normal;
   Eigen::Vector3d u = std::cos(raster.lead) * n + std::sin(raster.lead) * feed;
   u = Eigen::AngleAxisd(raster.tilt, feed) * u;
@@ -306,10 +310,10 @@ Posture posture(const Raster& raster, const cutting::Cutter& cutter,
   const Eigen::Vector3d inward = n - n.dot(u) * u;
   const double sine = inward.norm();
   if (cutter.outline) {
-    const Eigen::Vector2d touching = cutting::support_point(*cutter.outline, -n.dot(u), sine);
-    Eigen::Vector3d tip = contact.point - touching.y() * u;
+    const Eigen::Vector2d contact_offset = cutting::support_point(*cutter.outline, -n.dot(u), sine);
+    Eigen::Vector3d tip = contact.point - contact_offset.y() * u;
     // An upright axis has no inward direction: the tip is then below the contact point.
-    if (sine > 1e-12) tip += touching.x() * (inward / sine);
+    if (sine > 1e-12) tip += contact_offset.x() * (inward / sine);
     return {tip, u, u};
   }
   const double r = cutter.corner_radius;
@@ -329,8 +333,8 @@ Pass raster_pass(const Raster& raster, const cutting::Cutter& cutter, const Sect
     if (!contact) continue;
     const Eigen::Vector3d& n = contact->normal;
     const Eigen::Vector3d along = Eigen::Vector3d(n.z(), 0.0, -n.x()).normalized();
-    pass.push_back(
-        posture(raster, cutter, *contact, backwards ? Eigen::Vector3d(-along) : along, fixed_axis));
+    pass.push_back(raster_pose(raster, cutter, *contact,
+                               backwards ? Eigen::Vector3d(-along) : along, fixed_axis));
   }
   return pass;
 }
@@ -374,18 +378,18 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
       pass_positions(raster, {design, 1, x_section}, context.lower.y(), context.upper.y());
   std::vector<Pass> passes;
   bool backwards = false;
-  for (const double at : y) {
-    const Section section{design, 0, at};
-    std::vector<Interval> parts =
-        stretches(section, context.lower.x(), context.upper.x(), raster.step);
-    if (backwards) std::reverse(parts.begin(), parts.end());
-    for (const Interval& part : parts) {
-      Pass pass = raster_pass(raster, cutter, section, points_along(section, part, raster.step),
+  for (const double pass_y : y) {
+    const Section section{design, 0, pass_y};
+    std::vector<Interval> intervals =
+        find_intervals(section, context.lower.x(), context.upper.x(), raster.step);
+    if (backwards) std::reverse(intervals.begin(), intervals.end());
+    for (const Interval& interval : intervals) {
+      Pass pass = raster_pass(raster, cutter, section, points_along(section, interval, raster.step),
                               fixed_axis, backwards);
-      for (Posture& p : pass) {
+      for (CutterPose& p : pass) {
         p.tip_w = context.T_wm * p.tip_w;
         p.direction_w = context.T_wm.linear() * p.direction_w;
-        p.retreat_w = context.T_wm.linear() * p.retreat_w;
+        p.retract_w = context.T_wm.linear() * p.retract_w;
       }
       if (!pass.empty()) passes.push_back(std::move(pass));
     }
@@ -401,18 +405,21 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
                        .cutter_radius = cutter.radius,
                        // Zigzag passes end beside the start of the next, so up to four steps over
                        // are linked at clearance.
-                       .neighbour = raster.zigzag ? 4 * raster.step_over : 0.0,
-                       .whole = false,
+                       .max_link_distance = raster.zigzag ? 4 * raster.step_over : 0.0,
+                       .must_reach_all = false,
                        .format = raster.format},
                       context);
 }
 
 namespace {
 
-constexpr int overlap = 2;  // steps beyond the full turn, which remove the mark of the entry
-// Posture of the flank along the generator of the cone at one azimuth.
-Posture posture(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
-                double azimuth) {
+// Steps beyond the full turn, which remove the mark of the entry.
+constexpr int overlap_steps = 2;
+
+/// Returns the pose in which the flank of the cutter lies along the generator of the cone at one
+/// azimuth.
+CutterPose flank_pose(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
+                      double azimuth) {
   const double c = std::cos(cone.half_apex_angle), s = std::sin(cone.half_apex_angle);
   const Eigen::Vector3d out(std::cos(azimuth), std::sin(azimuth), 0.0);
   const Eigen::Vector3d normal = c * out + s * Eigen::Vector3d::UnitZ();
@@ -423,25 +430,24 @@ Posture posture(const Flank& flank, const cutting::Cone& cone, const cutting::Cu
 
 Pass flank_pass(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
                 const GeneratorContext& context, double start, double sign) {
-  const double circle = 2 * std::numbers::pi;
-  const int n = int(std::ceil(circle * cone.base_radius / flank.step));
+  const int n = int(std::ceil(2 * std::numbers::pi * cone.base_radius / flank.step));
   Pass pass;
-  for (int k = 0; k <= n + overlap; ++k) {
-    Posture p = posture(flank, cone, cutter, start + sign * circle * k / n);
+  for (int k = 0; k <= n + overlap_steps; ++k) {
+    CutterPose p = flank_pose(flank, cone, cutter, start + sign * 2 * std::numbers::pi * k / n);
     pass.push_back({context.T_wm * p.tip_w, context.T_wm.linear() * p.direction_w,
-                    context.T_wm.linear() * p.retreat_w});
+                    context.T_wm.linear() * p.retract_w});
   }
   return pass;
 }
 
 void check(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter) {
-  const bool sizes = flank.step > 0 && flank.feed > 0 && flank.clearance > 0 &&
-                     cone.base_radius > 0 && cutter.radius > 0 && cone.half_apex_angle > 0 &&
-                     cone.half_apex_angle < std::numbers::pi / 2;
+  const bool are_sizes_positive =
+      flank.step > 0 && flank.feed > 0 && flank.clearance > 0 && cone.base_radius > 0 &&
+      cutter.radius > 0 && cone.half_apex_angle > 0 && cone.half_apex_angle < std::numbers::pi / 2;
   if (cutter.outline)
     throw std::invalid_argument(
         "expected a cutter with a cylinder as its flank, a ball, bull or flat end");
-  if (!sizes || !std::isfinite(flank.tip_below))
+  if (!are_sizes_positive || !std::isfinite(flank.tip_below))
     throw std::invalid_argument(
         "expected positive sizes of the cone, the cutter, step, feed and clearance");
   if (2 * std::numbers::pi * cone.base_radius / flank.step > max_points)
@@ -458,8 +464,8 @@ std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
                                    .clearance = flank.clearance,
                                    .speed_rpm = flank.speed_rpm,
                                    .cutter_radius = cutter.radius,
-                                   .neighbour = 0.0,
-                                   .whole = true,
+                                   .max_link_distance = 0.0,
+                                   .must_reach_all = true,
                                    .format = flank.format};
   // A rotary axis with limited travel may still complete the turn from another start or in the
   // other direction. Climb milling is tried first.

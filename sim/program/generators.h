@@ -16,13 +16,13 @@ namespace abbe::sim::program {
 
 inline constexpr double max_points = 2e7;  ///< points of a generated program
 
-/// A function that returns the surface point of the design above (x, y) of the part frame, if any.
+/// Returns the surface point of the design above (x, y) of the part frame; nothing if there is
+/// none.
 using ContactField = std::function<std::optional<cutting::Contact>(double x, double y)>;
 
-/// Options of finishing in parallel passes, each in a plane y = const of the part frame. The
-/// distance between passes is `step_over`, measured as arc length along the section x = 0 of the
-/// design (on a dome they are at equal steps of latitude); that between points of a pass is `step`
-/// of its arc length.
+/// Options of finishing in parallel passes, each in a plane y = const of the part frame.
+/// `step_over` is the arc length between passes along the section x = 0 of the design (equal steps
+/// of latitude on a dome); `step` is the arc length between points of a pass.
 struct Raster {
   double step_over = 0.3;       ///< mm
   double step = 0.3;            ///< mm
@@ -37,7 +37,7 @@ struct Raster {
 };
 
 /// Options of flank milling of a cone frustum: the flank of the cutter lies along the generatrix
-/// and goes once around.
+/// while the cutter goes around once.
 struct Flank {
   double step = 0.5;            ///< mm of arc along the base, between points
   double feed = 1000.0 / 60.0;  ///< mm/s
@@ -47,9 +47,9 @@ struct Flank {
   NcFormat format;
 };
 
-/// Options of face turning along a spiral: the spindle turns at constant speed, and the tool nose
+/// Options of face turning along a spiral: the spindle turns at constant speed while the tool nose
 /// follows the design from outside its rim to the axis at a constant feed per revolution. The path
-/// is corrected for the nose radius.
+/// compensates the nose radius.
 struct Spiral {
   double spindle_speed = 150.0 / 60.0 * 6.283185307179586;  ///< rad/s
   double feed_per_revolution = 0.02;                        ///< mm
@@ -60,7 +60,7 @@ struct Spiral {
   NcFormat format;
 };
 
-/// Input of a generator besides its own options: the machine and the range to cut.
+/// Input common to all generators: the machine and the range to cut.
 struct GeneratorContext {
   kinematics::Chain control;                             ///< the machine as the control models it
   kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece
@@ -68,19 +68,20 @@ struct GeneratorContext {
   int h_number = 1;                                      ///< H number that selects the tool length
 };
 
-/// How much of a tool path a generator left out because the machine cannot reach it.
+/// The passes and points of a tool path that a generator omitted because the machine cannot reach
+/// them.
 struct Unreached {
-  int passes = 0;         ///< passes left out altogether
-  int broken_passes = 0;  ///< passes of which only a part is cut
+  int passes = 0;         ///< passes omitted completely
+  int broken_passes = 0;  ///< passes of which some points are omitted
   int all_passes = 0;     ///< planned passes
-  int points = 0;         ///< points left out, of all passes
+  int points = 0;         ///< omitted points of all passes
   int all_points = 0;     ///< planned points of all passes
   int first_pass = 0;     ///< first incomplete pass, from 1; 0: all are complete
-  kinematics::Reach why = kinematics::Reach::Reached;  ///< reason at the first point left out
+  kinematics::Reach why = kinematics::Reach::Reached;  ///< reason at the first omitted point
   Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();     ///< mm, tip at that point
 };
 
-/// A generated program, and what it leaves out because the machine cannot reach it.
+/// A generated program, and the points that it omits because the machine cannot reach them.
 struct MillingProgram {
   std::string text;
   Unreached unreached;
@@ -94,7 +95,7 @@ MillingProgram generate_raster(const Raster& raster, const ContactField& design,
                                const cutting::Cutter& cutter, const GeneratorContext& context);
 
 /// Returns five-axis NC text of flank milling. Starting point and direction are chosen such that
-/// the machine reaches every pose; throws std::invalid_argument if none of them allows that.
+/// the machine reaches every pose; throws std::invalid_argument if no choice allows that.
 std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
                            const cutting::Cutter& cutter, const GeneratorContext& context);
 
@@ -104,12 +105,12 @@ std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& desi
                             const cutting::Nose& nose, const GeneratorContext& context);
 
 /// Position and orientation of a milling cutter.
-struct Posture {
+struct CutterPose {
   Eigen::Vector3d tip_w;
   Eigen::Vector3d direction_w;  ///< unit, from the tip towards the spindle
-  Eigen::Vector3d retreat_w;    ///< unit, direction in which the cutter retracts
+  Eigen::Vector3d retract_w;    ///< unit, direction in which the cutter retracts
 };
-using Pass = std::vector<Posture>;
+using Pass = std::vector<CutterPose>;
 
 /// Options of NC text for milling passes.
 struct MillingTextOptions {
@@ -118,10 +119,11 @@ struct MillingTextOptions {
   double clearance = 5.0;       ///< mm
   double speed_rpm = 10000.0;   ///< of the spindle
   double cutter_radius = 5.0;   ///< mm, bounds how far a tilted cutter reaches below its tip
-  /// mm; the link to a pass closer than this stays at clearance, other links go above the part
-  double neighbour = 0.0;
-  /// True: an unreachable posture is an error; false: it ends its pass and is counted.
-  bool whole = false;
+  /// mm; the link to a pass that is closer than this stays at clearance; other links go above the
+  /// part
+  double max_link_distance = 0.0;
+  /// True: an unreachable pose is an error; false: it ends its pass and is counted.
+  bool must_reach_all = false;
   NcFormat format;
 };
 
@@ -138,10 +140,7 @@ struct NoReachablePose : std::invalid_argument {
 MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
                             const GeneratorContext& context);
 
-/// Returns true if the machine has a rotary axis other than the spindle S.
+/// Returns true if the machine has a rotary axis besides the spindle S.
 bool has_rotary_axes(const kinematics::Chain& chain);
-
-/// Returns all joints as the readers of programs take them.
-std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain);
 
 }  // namespace abbe::sim::program

@@ -16,24 +16,24 @@ struct NcLocation {
   int line = 0;
 };
 
-/// The part of a line that an error message points at: its column, from 1, and its text.
+/// The text in a line that causes an error message, with its column, from 1.
 struct Cause {
   int column = 0;
   std::string_view text;
 };
 
 /// Throws BadInput at `cause`. `seen` defaults to the text of the cause.
-[[noreturn]] void refuse(const NcLocation& place, const Cause& cause, std::string expected,
+[[noreturn]] void refuse(const NcLocation& location, const Cause& cause, std::string expected,
                          std::optional<std::string> seen = {});
 
-// Input errors that are handled differently from others.
+// Input errors that readers handle differently from others.
 
-/// Thrown when a limit of the program is exceeded: reading ends there.
+/// Thrown when a limit of the program is exceeded. Reading ends there.
 struct ProgramLimitExceeded : BadInput {
   using BadInput::BadInput;
 };
 
-/// Thrown for an error that is a consequence of one reported before; it is not reported.
+/// Thrown for an error that is a consequence of an earlier one. It is not reported.
 struct FollowingError : BadInput {
   using BadInput::BadInput;
 };
@@ -47,7 +47,7 @@ struct NcWord {
   operator Cause() const { return {column, text}; }
 };
 
-/// One line of an RS274/NGC program split into tokens, not yet interpreted.
+/// The tokens of one line of an RS274/NGC program, not yet interpreted.
 struct NcBlock {
   int line = 0;
   bool percent = false;          ///< the line is a % mark
@@ -60,8 +60,8 @@ struct NcBlock {
   bool empty() const;
 };
 
-/// Parses a line. `reused` is the block of an earlier line; its memory is reused. Throws BadInput
-/// on anything but tokens, comments, blanks, a line number and the marks / and %.
-NcBlock parse_block(std::string_view text, const NcLocation& place, NcBlock reused);
+/// Parses a line. Reuses the memory of `reused`, the block of an earlier line. Throws BadInput on
+/// anything but tokens, comments, blanks, a line number and the marks / and %.
+NcBlock parse_block(std::string_view text, const NcLocation& location, NcBlock reused);
 
 }  // namespace abbe::sim::program

@@ -29,6 +29,12 @@ void for_each_positioned_axis(const std::vector<ControlledAxis>& axes, const Vis
 
 }  // namespace
 
+std::vector<ControlledAxis> controlled_axes(const Chain& chain) {
+  std::vector<ControlledAxis> axes;
+  for (const kinematics::Joint& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
+  return axes;
+}
+
 // A rotary S carries the workpiece and has precedence: on a lathe S and M3 turn the work.
 int find_spindle(const std::vector<ControlledAxis>& axes) {
   int nose = -1;
@@ -66,38 +72,41 @@ SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes, const
                                   const AxisVector& end) {
   SquaredDistance squared;
   for_each_positioned_axis(axes, [&](int j, const ControlledAxis& axis) {
-    const double way = end[j] - start[j];
-    double& sum = axis.motion != Motion::Linear ? squared.turns
+    const double displacement = end[j] - start[j];
+    double& sum = axis.motion != Motion::Linear ? squared.rotation
                   : axis.name >= 'X'            ? squared.xyz  // U V W sort before X
                                                 : squared.uvw;
-    sum += way * way;
+    sum += displacement * displacement;
   });
   return squared;
 }
 
-Way feed_distance(const std::vector<ControlledAxis>& axes, const AxisVector& start,
-                  const AxisVector& end, const Arc* arc, const Eigen::Matrix3d* turn) {
+FeedLength feed_length(const std::vector<ControlledAxis>& axes, const AxisVector& start,
+                       const AxisVector& end, const Arc* arc,
+                       const Eigen::Matrix3d* plane_rotation) {
   SquaredDistance squared = squared_distances(axes, start, end);
-  // A tilted arc: its chord within the plane is replaced by the arc length, the part along the
-  // normal stays (helix).
-  if (arc != nullptr && turn != nullptr) {
-    const Eigen::Vector3d way(end[arc->first] - start[arc->first],
-                              end[arc->second] - start[arc->second],
-                              end[arc->third] - start[arc->third]);
-    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
-    squared.xyz = squared.xyz - (turn->transpose() * way).head<2>().squaredNorm() + round * round;
+  // In a rotated plane the chord is replaced by the arc length; the displacement along the normal
+  // (helix) stays.
+  if (arc != nullptr && plane_rotation != nullptr) {
+    const Eigen::Vector3d displacement(end[arc->first] - start[arc->first],
+                                       end[arc->second] - start[arc->second],
+                                       end[arc->third] - start[arc->third]);
+    const double arc_length = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz -
+                  (plane_rotation->transpose() * displacement).head<2>().squaredNorm() +
+                  arc_length * arc_length;
   } else if (arc != nullptr) {
     const double chord =
         (end[arc->first] - start[arc->first]) * (end[arc->first] - start[arc->first]) +
         (end[arc->second] - start[arc->second]) * (end[arc->second] - start[arc->second]);
-    // The mean radius times the sweep: growth is spread evenly over the arc.
-    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
-    squared.xyz = squared.xyz - chord + round * round;
+    // The radius grows evenly over the arc, so the length is the mean radius times the sweep.
+    const double arc_length = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz - chord + arc_length * arc_length;
   }
   const double mm = std::sqrt(squared.xyz > 0.0 ? squared.xyz : squared.uvw);
   if (mm > 0.0) return {mm, true};
   // F in degrees per minute if nothing moves linearly.
-  return {std::sqrt(squared.turns) / units::deg, false};
+  return {std::sqrt(squared.rotation) / units::deg, false};
 }
 
 std::optional<BlockSkip> parse_block_skip(std::string_view text) {
@@ -127,8 +136,8 @@ const AxisVector& work_offset(const NcOptions& options, int system) {
   static const AxisVector none;
   if (system >= 1 && system <= int(options.work_offset.size()))
     return options.work_offset[std::size_t(system - 1)];
-  const auto found = options.more_offset.find(system);
-  return found == options.more_offset.end() ? none : found->second;
+  const auto offset = options.more_offset.find(system);
+  return offset == options.more_offset.end() ? none : offset->second;
 }
 
 bool knows_tool(const NcOptions& options, int number) {
@@ -157,29 +166,28 @@ AxisVector reference_of(const NcOptions& options) {
 }
 
 std::optional<Vector3d> tip_at_zero(const Chain& chain) {
-  constexpr double along = 1e-9;  // mm per mm
+  constexpr double max_misalignment = 1e-9;  // mm per mm
   std::array<int, 3> xyz{-1, -1, -1};
   for (int j = 0; j < chain.size(); ++j) {
     const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
     if (joint.name >= 'X' && joint.name <= 'Z' && joint.motion == kinematics::Motion::Linear)
       xyz[std::size_t(joint.name - 'X')] = j;
   }
-  // The tip at zero, and its displacement by 1 mm of each axis, which must be along x, y or z of
-  // the workpiece.
+  // A displacement of each axis by 1 mm must move the tip by 1 mm along x, y or z of the workpiece.
   const AxisVector zero = AxisVector::Zero(chain.size());
   const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
   for (int k = 0; k < 3; ++k) {
     if (xyz[std::size_t(k)] < 0) return std::nullopt;
     AxisVector q = zero;
     q[xyz[std::size_t(k)]] = 1.0;
-    const Vector3d way = chain.tool_in_workpiece(q).translation() - tip_w;
-    if ((way - Vector3d::Unit(k)).norm() > along) return std::nullopt;
+    const Vector3d displacement_w = chain.tool_in_workpiece(q).translation() - tip_w;
+    if ((displacement_w - Vector3d::Unit(k)).norm() > max_misalignment) return std::nullopt;
   }
   return tip_w;
 }
 
 std::optional<AxisVector> tip_shift(const Chain& chain) {
-  constexpr double right_angle = 1e-9;  // cosine of the angle between two slides
+  constexpr double max_cosine = 1e-9;  // of the angle between two perpendicular slides
   const AxisVector zero = AxisVector::Zero(chain.size());
   const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
   AxisVector shift = zero;
@@ -190,13 +198,12 @@ std::optional<AxisVector> tip_shift(const Chain& chain) {
       continue;
     AxisVector q = zero;
     q[j] = 1.0;
-    const Vector3d way_w = chain.tool_in_workpiece(q).translation() - tip_w;
-    for (const Vector3d& other : directions)
-      if (std::abs(other.dot(way_w)) > right_angle) return std::nullopt;
-    directions.push_back(way_w);
-    // Projection of the tip position onto the slide, which makes the tip stand at the programmed
-    // position.
-    shift[j] = -way_w.dot(tip_w);
+    const Vector3d displacement_w = chain.tool_in_workpiece(q).translation() - tip_w;
+    for (const Vector3d& direction_w : directions)
+      if (std::abs(direction_w.dot(displacement_w)) > max_cosine) return std::nullopt;
+    directions.push_back(displacement_w);
+    // Subtracting the tip position along the slide puts the tip at the programmed position.
+    shift[j] = -displacement_w.dot(tip_w);
   }
   return shift;
 }
@@ -204,35 +211,35 @@ std::optional<AxisVector> tip_shift(const Chain& chain) {
 // G43 adds the length along Z, so the nose lies above the tip by that much in Z, whatever the
 // direction of the tool with all axes at zero.
 std::optional<ProgramZero> known_zero(const NcOptions& options) {
-  const bool several = !options.control_of_h.empty();
-  if (!several && !options.control) return std::nullopt;
-  const Chain& chain = several ? options.control_of_h.begin()->second : *options.control;
-  auto length = options.tool_length.find(several ? options.control_of_h.begin()->first : 1);
+  const bool has_tool_chains = !options.control_of_h.empty();
+  if (!has_tool_chains && !options.control) return std::nullopt;
+  const Chain& chain = has_tool_chains ? options.control_of_h.begin()->second : *options.control;
+  auto length = options.tool_length.find(has_tool_chains ? options.control_of_h.begin()->first : 1);
   // H1 is the usual register of the only tool; without it the first one counts.
   if (length == options.tool_length.end()) length = options.tool_length.begin();
   const auto tip_w = tip_at_zero(chain);
   if (!tip_w) return std::nullopt;
   const double mm = length == options.tool_length.end() ? 0.0 : length->second;
   const auto& joints = chain.joints();
-  const bool turns = std::any_of(joints.begin(), joints.end(), [](const kinematics::Joint& joint) {
-    return joint.motion == kinematics::Motion::Rotary;
-  });
-  return ProgramZero{*tip_w + mm * Vector3d::UnitZ(), turns};
+  const bool has_rotary_axis = std::any_of(
+      joints.begin(), joints.end(),
+      [](const kinematics::Joint& joint) { return joint.motion == kinematics::Motion::Rotary; });
+  return ProgramZero{*tip_w + mm * Vector3d::UnitZ(), has_rotary_axis};
 }
 
 std::optional<ProgramZero> program_zero(const NcOptions& options) {
   const auto& offsets = options.work_offset;
-  const bool stated = !options.more_offset.empty() ||
-                      std::any_of(offsets.begin(), offsets.end(),
-                                  [](const AxisVector& offset) { return offset.size() > 0; });
-  return stated ? known_zero(options) : std::nullopt;
+  const bool has_offsets = !options.more_offset.empty() ||
+                           std::any_of(offsets.begin(), offsets.end(),
+                                       [](const AxisVector& offset) { return offset.size() > 0; });
+  return has_offsets ? known_zero(options) : std::nullopt;
 }
 
 Vector3d offset_correction(const std::optional<ProgramZero>& zero, Coordinates coordinates) {
   // Points under a tip mode and slide positions under axis coordinates need no correction; the
   // other two combinations differ by the nose position.
-  const bool differs = zero && zero->places == (coordinates == Coordinates::Axis);
-  if (!differs) return Vector3d::Zero();
+  const bool needs_correction = zero && zero->places == (coordinates == Coordinates::Axis);
+  if (!needs_correction) return Vector3d::Zero();
   return zero->places ? Vector3d(-zero->nose_w) : zero->nose_w;
 }
 

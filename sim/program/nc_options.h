@@ -16,14 +16,14 @@
 
 namespace abbe::sim::program {
 
-/// Rollover: how a control moves a rotary axis to an absolute position (Fanuc parameters 1008#0 ROA
-/// and #1 RAB). Incremental values are not affected.
+/// Roll-over rule: how a control moves a rotary axis to an absolute position (Fanuc parameters
+/// 1008#0 ROA and #1 RAB). Incremental values are not affected.
 enum class Rollover {
-  ByControl,  ///< as is usual for controls of the dialect
-  None,       ///< by the difference between the positions
-  /// Modulo whole turns, in the shorter direction; if both are equally long, in that of `None`.
+  ByControl,  ///< the usual rule of controls of the dialect
+  None,       ///< rotates by the difference between the positions
+  /// Rotates modulo whole turns in the shorter direction; if both are equally long, as `None`.
   Shortest,
-  Sign,  ///< modulo whole turns, in the direction of the sign of the value
+  Sign,  ///< rotates modulo whole turns in the direction of the sign of the value
 };
 
 /// A controlled axis; lists of them are in the order of the structural code.
@@ -33,42 +33,46 @@ struct ControlledAxis {
   Rollover rollover = Rollover::ByControl;
 };
 
-/// Returns the joint that S and M3 turn: the rotary S that carries the workpiece, else the tool
-/// spindle s; -1 for none.
+/// Returns the joints of a chain as controlled axes.
+std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain);
+
+/// Returns the joint that S and M3 turn: the rotary axis S that carries the workpiece, otherwise
+/// the tool spindle s; -1 if there is neither.
 int find_spindle(const std::vector<ControlledAxis>& axes);
 
-/// Returns true if a spindle turns the workpiece: a rotary axis S.
+/// Returns true if the machine has a spindle that turns the workpiece, i.e. a rotary axis S.
 bool turns_workpiece(const std::vector<ControlledAxis>& axes);
 
-/// Returns the joint that each letter addresses; -1 for none, also for the letter of a spindle.
+/// Returns the joint that each letter addresses; -1 for letters of spindles or of no axis.
 std::array<int, 26> joints_by_letter(const std::vector<ControlledAxis>& axes);
-/// Returns the names of the axes that NC words address, "X Y Z A C".
+/// Returns the names of the axes that NC words address, for example "X Y Z A C".
 std::string axis_letter_list(const std::vector<ControlledAxis>& axes);
 
-/// Squared displacements of a straight move, without spindles.
+/// Squared lengths of a straight move: of X Y Z, of U V W and of the rotary axes without spindles.
 struct SquaredDistance {
-  double xyz = 0.0, uvw = 0.0, turns = 0.0;  ///< mm^2, mm^2 and rad^2
+  double xyz = 0.0, uvw = 0.0, rotation = 0.0;  ///< mm^2, mm^2 and rad^2
 };
 SquaredDistance squared_distances(const std::vector<ControlledAxis>& axes,
                                   const kinematics::AxisVector& start,
                                   const kinematics::AxisVector& end);
 
-/// The length of a block as F counts it: mm of X Y Z, else of U V W, else degrees of rotation.
-struct Way {
+/// The length of a block to which F refers: mm of X Y Z; if they do not move, mm of U V W; if these
+/// do not move either, degrees of rotation.
+struct FeedLength {
   double length = 0.0;
-  bool linear = true;  ///< mm; else degrees
+  bool linear = true;  ///< true: mm; false: degrees
 };
-/// Returns that length of a block. `arc` is its arc in X Y Z, if any; `turn` is the rotation of the
-/// plane of the arc, if that is rotated.
-Way feed_distance(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
-                  const kinematics::AxisVector& end, const Arc* arc = nullptr,
-                  const Eigen::Matrix3d* turn = nullptr);
+/// Returns the length of a block to which F refers. `arc` is its arc in X Y Z or null;
+/// `plane_rotation` is the rotation of the plane of the arc, or null.
+FeedLength feed_length(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
+                       const kinematics::AxisVector& end, const Arc* arc = nullptr,
+                       const Eigen::Matrix3d* plane_rotation = nullptr);
 
 /// The block skip levels that are switched on. A plain / is level 0 on Siemens and level 1 on
 /// Fanuc.
 using BlockSkip = std::bitset<10>;
 
-/// Returns the levels stated by "on", "off" or digits such as "1 3"; empty for any other text.
+/// Parses "on", "off" or level digits such as "1 3". Returns nothing for any other text.
 std::optional<BlockSkip> parse_block_skip(std::string_view text);
 /// Returns the text that `parse_block_skip` parses.
 std::string to_text(const BlockSkip& levels);
@@ -93,17 +97,17 @@ struct NcOptions {
   double rapid_speed = 10000.0 / 60.0;                       ///< mm/s along the path
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s of a block that only rotates
   std::optional<double> max_spindle_rpm;                     ///< empty: unlimited
-  /// The control's own model of the machine, from which G43.4 knows where the tip is; without it
-  /// G43.4 is an input error.
+  /// The control's model of the machine, which gives the tip position for G43.4; without it G43.4
+  /// is an input error.
   std::optional<kinematics::Chain> control;
-  /// With several tools: the same for the tip of each, by H number.
+  /// With several tools: the control's model to the tip of each, by H number.
   std::map<int, kinematics::Chain> control_of_h;
   BlockSkip block_skip = BlockSkip().set();  ///< blocks with a / of these levels are skipped
   kinematics::AxisVector reference;          ///< (axes) reference position of G28; empty: `start`
   /// (axes) origin of G53, M91 and SUPA; empty: the zero of the axes.
   kinematics::AxisVector machine_zero;
   std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are an input error
-  /// Largest number of moves and dwells; those in loops and cycles count each time.
+  /// Limit on moves and dwells; those in loops and cycles count each time they are executed.
   std::size_t max_moves = 20'000'000;
   std::size_t max_move_bytes = std::size_t(4) << 30;  ///< memory of the moves that are kept
 };
@@ -112,11 +116,11 @@ struct NcOptions {
 /// for G54 to G59, or a key of `more_offset`.
 const kinematics::AxisVector& work_offset(const NcOptions& options, int system);
 
-/// Returns true if a tool can be called: 0, a tool of the table, or without a table any tool.
+/// Returns true if a tool can be called: tool 0 and the tools of the table; without a table, any.
 bool knows_tool(const NcOptions& options, int number);
 
-/// Returns the number of the only tool: that of the scene, or of a tool table with one line. Empty
-/// if there are several tools or none.
+/// Returns the number of the tool if there is exactly one: the tool of the scene, or that of a tool
+/// table with one line.
 std::optional<int> only_tool(const NcOptions& options);
 
 /// Returns the initial axis positions: zero unless stated. Throws std::invalid_argument if `start`
@@ -126,21 +130,21 @@ kinematics::AxisVector start_of(const NcOptions& options);
 /// Returns the reference position, (axes): the initial position unless it is stated.
 kinematics::AxisVector reference_of(const NcOptions& options);
 
-// Program zero: what X Y Z of a work offset refer to.
+// Program zero: the point to which X Y Z of a work offset refer.
 
-/// Returns the position of the tip in the workpiece with all axes at zero, mm. Empty if X, Y or Z
-/// is missing or not parallel (to 1e-9) to x, y and z of the workpiece there.
+/// Returns the position of the tip in the workpiece with all axes at zero, mm. Returns nothing if
+/// X, Y or Z is missing or not parallel (to 1e-9) to x, y and z of the workpiece at that position.
 std::optional<Eigen::Vector3d> tip_at_zero(const kinematics::Chain& chain);
 
-/// Returns the shift of X Y Z, (axes), with which programmed positions are those of the tip of a
-/// turning tool in the workpiece, with X0 on the spindle axis. Empty if these slides are not
-/// perpendicular to each other (to 1e-9).
+/// Returns the shift of X Y Z, (axes), by which programmed positions become positions of the tip of
+/// a turning tool in the workpiece, with X0 on the spindle axis. Returns nothing if the slides are
+/// not perpendicular to each other (to 1e-9).
 std::optional<kinematics::AxisVector> tip_shift(const kinematics::Chain& chain);
 
 /// Origin of work offsets on a machine for which `tip_at_zero` is not empty.
 struct ProgramZero {
-  /// mm, position of the spindle nose in the workpiece with all axes at zero: above the tip by the
-  /// length of the tool at whose tip the chain of the control ends.
+  /// mm, position of the spindle nose in the workpiece with all axes at zero. It is above the tip
+  /// by the length of the tool at whose tip the chain of the control ends.
   Eigen::Vector3d nose_w = {0, 0, 0};
   bool places = false;  ///< true: offsets are points in the workpiece; false: slide positions
 };
@@ -148,12 +152,12 @@ struct ProgramZero {
 /// Returns the origin of work offsets. On a machine with rotary axes an offset is the point of the
 /// workpiece to which X0 Y0 Z0 lead the tip, both with the tip commanded and, if the rotary axes
 /// are at zero and a tool length is in force, with the axes commanded. On any other machine an
-/// offset consists of the slide positions at which the nose is at that point. Empty if the
-/// kinematics are unknown or the scene states no offset; X0 Y0 Z0 is then the origin of the
+/// offset consists of the slide positions at which the nose is at that point. Returns nothing if
+/// the kinematics are unknown or the scene states no offset; X0 Y0 Z0 is then the origin of the
 /// workpiece under a tip mode, and the zero of the axes otherwise.
 std::optional<ProgramZero> program_zero(const NcOptions& options);
 
-/// Returns the same as `program_zero`, but also if no offset is stated, for controls on which
+/// Returns the origin of `program_zero` even if the scene states no offset, for controls on which
 /// offsets always have this origin.
 std::optional<ProgramZero> known_zero(const NcOptions& options);
 

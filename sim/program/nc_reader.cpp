@@ -51,18 +51,20 @@ struct Codes {
   const Code& operator[](CodeGroup group) const { return by_group[std::size_t(group)]; }
 };
 
-/// Throws BadInput at a code the control does not know, or at the second code of one group.
-Codes parse_codes(const NcBlock& block, const NcLocation& place);
+/// Sorts the codes of a block by modal group. Throws BadInput at a code that the control does not
+/// know and at the second code of a group.
+Codes parse_codes(const NcBlock& block, const NcLocation& location);
 
 namespace {
 
 /// Letters of a plane: its two axes, right-handed, and the centre offsets along the first, the
 /// second and the normal.
 struct PlaneLetters {
-  std::string_view axes, centre, pair;
+  std::string_view axes, centre;
+  std::string_view pair;  ///< the centre offsets in the plane, for messages
 };
 
-PlaneLetters plane_letter_pair(int plane) {
+PlaneLetters plane_letters(int plane) {
   if (plane == 18) return {"ZX", "KIJ", "I K"};
   if (plane == 19) return {"YZ", "JKI", "J K"};
   return {"XY", "IJK", "I J"};
@@ -71,35 +73,36 @@ PlaneLetters plane_letter_pair(int plane) {
 void find_centre(const Canon& canon, const ArcBlock& block, const PlaneLetters& letters,
                  ArcMove& arc) {
   const auto first = block.word(letters.centre[0]), second = block.word(letters.centre[1]);
-  if (const auto outside = block.word(letters.centre[2]))
-    canon.refuse(outside->cause, fmt::format("{} in the plane of G{}", letters.pair, block.plane));
+  if (const auto normal_offset = block.word(letters.centre[2]))
+    canon.refuse(normal_offset->cause,
+                 fmt::format("{} in the plane of G{}", letters.pair, block.plane));
   if (!first && !second)
     canon.refuse(block.cause,
                  fmt::format("{} or R beside {}", letters.pair, block.clockwise ? "G2" : "G3"),
                  "none");
   if (block.absolute_centre && (!first || !second))
     canon.refuse(block.cause, fmt::format("both {} under G90.1", letters.pair), "one");
-  const Vector2d words(first ? first->mm : 0.0, second ? second->mm : 0.0);
+  const Vector2d centre_words(first ? first->mm : 0.0, second ? second->mm : 0.0);
   const auto in_plane = [&](const AxisVector& q) { return Vector2d(q[arc.first], q[arc.second]); };
-  // Without rotation the centre is formed from joint positions directly: the detour through program
-  // coordinates would cost the last bit.
+  // Without rotation the centre is computed from joint positions directly. The conversion to
+  // program coordinates and back would change the last bit.
   if (!canon.frame().rotation) {
     const AxisVector zero = AxisVector::Zero(block.from.size());
-    arc.centre = words + in_plane(block.absolute_centre ? canon.placed(zero) : block.from);
+    arc.centre = centre_words + in_plane(block.absolute_centre ? canon.placed(zero) : block.from);
     return;
   }
   AxisVector p = canon.unplaced(block.from);
-  p[arc.first] = (block.absolute_centre ? 0.0 : p[arc.first]) + words.x();
-  p[arc.second] = (block.absolute_centre ? 0.0 : p[arc.second]) + words.y();
+  p[arc.first] = (block.absolute_centre ? 0.0 : p[arc.first]) + centre_words.x();
+  p[arc.second] = (block.absolute_centre ? 0.0 : p[arc.second]) + centre_words.y();
   arc.placed_centre = canon.placed(std::move(p));
   arc.centre = in_plane(arc.placed_centre);
 }
 
 }  // namespace
 
-// I J K and R are alternatives; R leaves the centre to `Canon`, which knows the rotated plane.
+// With R the centre is left to `Canon`, which knows the rotated plane.
 ArcMove arc_from_block(const Canon& canon, const ArcBlock& block) {
-  const PlaneLetters letters = plane_letter_pair(block.plane);
+  const PlaneLetters letters = plane_letters(block.plane);
   ArcMove arc{.first = canon.joint_of(letters.axes[0]),
               .second = canon.joint_of(letters.axes[1]),
               .end = block.end,
@@ -141,7 +144,7 @@ constexpr std::string_view group_names[] = {"that holds for one block (G4 G53)",
                                             "of tool change (M6)",
                                             "of coolant (M7 M8 M9)"};
 
-/// `code` is ten times the number.
+/// Returns the group of a G code; `code` is ten times its number.
 std::optional<CodeGroup> g_group(int code) {
   switch (code) {
     case 40:
@@ -187,6 +190,7 @@ std::optional<CodeGroup> g_group(int code) {
   }
 }
 
+/// Returns the group of an M code; `code` is ten times its number.
 std::optional<CodeGroup> m_group(int code) {
   switch (code) {
     case 0:
@@ -226,29 +230,31 @@ int parse_tenths(const NcWord& word) {
 
 }  // namespace
 
-Codes parse_codes(const NcBlock& block, const NcLocation& place) {
+Codes parse_codes(const NcBlock& block, const NcLocation& location) {
   Codes codes;
-  const auto put = [&](const NcWord& word, std::optional<CodeGroup> group, std::string_view known) {
-    if (!group) refuse(place, word, std::string(known));
+  const auto add_code = [&](const NcWord& word, std::optional<CodeGroup> group,
+                            std::string_view known_codes) {
+    if (!group) refuse(location, word, std::string(known_codes));
     Codes::Code& code = codes.by_group[std::size_t(*group)];
     if (code)
-      refuse(place, word, fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
+      refuse(location, word,
+             fmt::format("one code in a block {}", group_names[std::size_t(*group)]),
              fmt::format("{} after {}", shown(word.text), shown(code.word.text)));
     code = {parse_tenths(word), word};
   };
-  for (const NcWord& word : block.g) put(word, g_group(parse_tenths(word)), g_codes);
-  for (const NcWord& word : block.m) put(word, m_group(parse_tenths(word)), m_codes);
+  for (const NcWord& word : block.g) add_code(word, g_group(parse_tenths(word)), g_codes);
+  for (const NcWord& word : block.m) add_code(word, m_group(parse_tenths(word)), m_codes);
   return codes;
 }
 
 namespace {
 
-constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
+constexpr double min_feed_word = 1e-9;  // per minute, so that every duration is finite
 
-/// Interpreter of a plain NC program; holds the modal state.
-class Words {
+/// Executes the blocks of a plain NC program and holds the modal state.
+class NcInterpreter {
  public:
-  explicit Words(Canon& canon) : canon_(canon) {}
+  explicit NcInterpreter(Canon& canon) : canon_(canon) {}
 
   /// Returns false at the end of the program.
   bool execute(const NcBlock& block);
@@ -266,8 +272,8 @@ class Words {
   void set_spindle(const NcBlock& block, const Codes& codes);
   void set_feed(const NcBlock& block, const Codes& codes);
   void set_tool_length(const NcBlock& block, const Codes& codes);
-  void note_before_motion(const NcBlock& block, const Codes& codes);
-  void note_after_motion(const Codes& codes);
+  void record_words_before_motion(const NcBlock& block, const Codes& codes);
+  void record_words_after_motion(const Codes& codes);
   void dwell(const NcBlock& block, const NcWord& g4);
   void move(const NcBlock& block, const Codes& codes);
   Target target(const NcBlock& block, bool machine_coordinates) const;
@@ -277,30 +283,30 @@ class Words {
   double unit() const { return canon_.inch() ? units::inch : 1.0; }
 
   Canon& canon_;
-  int motion_ = -1;  ///< ten times the G number; -1: none
+  int motion_ = -1;  ///< ten times the number of the G code; -1: none yet
   int plane_ = 170;
   bool incremental_ = false;
   bool absolute_centre_ = false;
 };
 
-void Words::read_comments(const NcBlock& block) {
+void NcInterpreter::read_comments(const NcBlock& block) {
   canon_.set_line(block.line);
   for (const std::string_view text : block.comments) canon_.comment(text);
 }
 
-void Words::check_letters(const NcBlock& block) const {
-  static constexpr std::string_view others = "NFSTPHIJKR", axes = "XYZABCUVW";
+void NcInterpreter::check_letters(const NcBlock& block) const {
+  static constexpr std::string_view other_letters = "NFSTPHIJKR", axis_letters = "XYZABCUVW";
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
     const NcWord& word = block[letter];
-    if (!word || others.find(letter) != std::string_view::npos) continue;
+    if (!word || other_letters.find(letter) != std::string_view::npos) continue;
     if (canon_.joint_of(letter) >= 0) continue;
-    if (axes.find(letter) != std::string_view::npos)
+    if (axis_letters.find(letter) != std::string_view::npos)
       refuse(word, "an axis of this machine (" + canon_.letters() + ")");
     refuse(word, "a word of this control (N G " + canon_.letters() + " I J K R F S T M H P)");
   }
 }
 
-const NcWord& Words::first_axis_word(const NcBlock& block) const {
+const NcWord& NcInterpreter::first_axis_word(const NcBlock& block) const {
   static const NcWord none;
   const NcWord* first = &none;
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
@@ -311,34 +317,34 @@ const NcWord& Words::first_axis_word(const NcBlock& block) const {
   return *first;
 }
 
-/// Checks words that are valid only beside others.
-void Words::check_companions(const NcBlock& block, const Codes& codes) const {
-  const Codes::Code& once = codes[CodeGroup::OneBlock];
+/// Checks the words that are valid only together with others.
+void NcInterpreter::check_companions(const NcBlock& block, const Codes& codes) const {
+  const Codes::Code& one_block_code = codes[CodeGroup::OneBlock];
   const NcWord& axis = first_axis_word(block);
   const int motion = codes[CodeGroup::Motion] ? codes[CodeGroup::Motion].tenths : motion_;
-  const bool is_dwell = once && once.tenths == 40;
+  const bool is_dwell = one_block_code && one_block_code.tenths == 40;
   const bool is_arc = !is_dwell && (motion == 20 || motion == 30);
   if (is_dwell && axis) refuse(axis, "no axis word beside G4");
-  if (is_dwell && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
+  if (is_dwell && !block['P']) refuse(one_block_code.word, "P (seconds) beside G4", "none");
   if (block['P'] && !is_dwell) refuse(block['P'], "G4 beside P");
   for (const char letter : {'I', 'J', 'K', 'R'})
     if (block[letter] && !is_arc) refuse(block[letter], "G2 or G3 beside I J K R");
   const Codes::Code& length = codes[CodeGroup::ToolLength];
-  const bool calls = length && length.tenths != 490;
-  if (calls && !block['H'])
+  const bool calls_length = length && length.tenths != 490;
+  if (calls_length && !block['H'])
     refuse(length.word, "H (tool length) beside " + shown(length.word.text), "none");
-  if (block['H'] && !calls) refuse(block['H'], "G43 or G43.4 beside H");
+  if (block['H'] && !calls_length) refuse(block['H'], "G43 or G43.4 beside H");
   if (axis && (motion < 0 || motion == 800)) refuse(axis, "G0 G1 G2 or G3 before an axis word");
-  if (once && once.tenths == 530) {
-    if (!axis) refuse(once.word, "an axis word beside G53", "none");
-    if (is_arc) refuse(once.word, "G0 or G1 beside G53");
+  if (one_block_code && one_block_code.tenths == 530) {
+    if (!axis) refuse(one_block_code.word, "an axis word beside G53", "none");
+    if (is_arc) refuse(one_block_code.word, "G0 or G1 beside G53");
   }
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
     refuse(tool, "a whole tool number");
 }
 
-void Words::set_spindle(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::set_spindle(const NcBlock& block, const Codes& codes) {
   if (const NcWord& s = block['S']) {
     if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
     canon_.set_spindle_speed(s.value);
@@ -347,22 +353,22 @@ void Words::set_spindle(const NcBlock& block, const Codes& codes) {
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
 }
 
-void Words::set_feed(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::set_feed(const NcBlock& block, const Codes& codes) {
   if (const Codes::Code& code = codes[CodeGroup::FeedMode]) {
     const FeedMode mode = code.tenths == 930 ? FeedMode::InverseTime : FeedMode::PerMinute;
-    // F has another meaning after a change of mode, so the old value must not survive.
+    // After a change of mode F has another meaning, so the old value must not survive.
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
   // Under G93 F holds for its own block only.
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
-    if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
+    if (!(f.value >= min_feed_word)) refuse(f, "a feed above zero");
     canon_.set_feed(Feed{f.value, unit()});
   }
 }
 
-void Words::set_tool_length(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::set_tool_length(const NcBlock& block, const Codes& codes) {
   const Codes::Code& code = codes[CodeGroup::ToolLength];
   if (!code) return;
   if (code.tenths == 490) {
@@ -375,10 +381,10 @@ void Words::set_tool_length(const NcBlock& block, const Codes& codes) {
   const auto length =
       h.value == std::floor(h.value) && h.value >= 0 ? lengths.find(int(h.value)) : lengths.end();
   if (length == lengths.end()) {
-    std::string known;
-    for (const auto& [number, mm] : lengths) known += fmt::format(" H{}", number);
-    refuse(h,
-           "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
+    std::string known_lengths;
+    for (const auto& [number, mm] : lengths) known_lengths += fmt::format(" H{}", number);
+    refuse(h, "a tool length that is known (" +
+                  (known_lengths.empty() ? "none is" : known_lengths.substr(1)) + ")");
   }
   canon_.select_length(length->first, code.word);
   AxisVector shift;
@@ -392,7 +398,7 @@ void Words::set_tool_length(const NcBlock& block, const Codes& codes) {
   canon_.set_tip_mode(code.tenths == 434, code.word);
 }
 
-void Words::set_modes(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::set_modes(const NcBlock& block, const Codes& codes) {
   if (const auto& code = codes[CodeGroup::Units]) canon_.set_inch(code.tenths == 200);
   set_feed(block, codes);
   set_spindle(block, codes);
@@ -407,7 +413,7 @@ void Words::set_modes(const NcBlock& block, const Codes& codes) {
   if (const auto& code = codes[CodeGroup::Motion]) motion_ = code.tenths;
 }
 
-void Words::note_before_motion(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::record_words_before_motion(const NcBlock& block, const Codes& codes) {
   const bool changes = bool(codes[CodeGroup::ToolChange]);
   const NcWord& tool = block['T'];
   if (tool || changes) canon_.call_tool(tool ? tool.value : -1.0, changes);
@@ -418,21 +424,21 @@ void Words::note_before_motion(const NcBlock& block, const Codes& codes) {
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
-/// Records what a control executes after the motion of the block: M0 M1 M9.
-void Words::note_after_motion(const Codes& codes) {
+/// Records the words that a control executes after the motion of the block: M0 M1 M9.
+void NcInterpreter::record_words_after_motion(const Codes& codes) {
   const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
   if (coolant && coolant.tenths == 90) canon_.aside("M9");
   if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
 }
 
-// Range of the dwell is checked here for a message with the word G4.
-void Words::dwell(const NcBlock& block, const NcWord& g4) {
+// Canon checks the range too, but only here can the message name G4.
+void NcInterpreter::dwell(const NcBlock& block, const NcWord& g4) {
   const NcWord& p = block['P'];
   if (p.value < 0 || p.value > max_dwell_s) refuse(p, "0 to 1e6 seconds beside " + shown(g4.text));
   canon_.dwell(p.value, p);
 }
 
-Target Words::target(const NcBlock& block, bool machine_coordinates) const {
+Target NcInterpreter::target(const NcBlock& block, bool machine_coordinates) const {
   Target target;
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
     const NcWord& word = block[letter];
@@ -447,7 +453,7 @@ Target Words::target(const NcBlock& block, bool machine_coordinates) const {
   return target;
 }
 
-void Words::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
+void NcInterpreter::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
   canon_.arc(arc_from_block(canon_, {.plane = plane_ / 10,
                                      .clockwise = motion_ == 20,
                                      .absolute_centre = absolute_centre_,
@@ -461,20 +467,20 @@ void Words::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
                                      }}));
 }
 
-void Words::move(const NcBlock& block, const Codes& codes) {
+void NcInterpreter::move(const NcBlock& block, const Codes& codes) {
   const Codes::Code& code = codes[CodeGroup::Motion];
   const NcWord& axis = first_axis_word(block);
   const bool is_arc = motion_ == 20 || motion_ == 30;
-  const bool centre = block['I'] || block['J'] || block['K'] || block['R'];
-  if (!axis && !(is_arc && centre)) return;
-  // Without axis words I J K or R alone program a full circle.
+  const bool has_arc_words = block['I'] || block['J'] || block['K'] || block['R'];
+  if (!axis && !(is_arc && has_arc_words)) return;
+  // I J K or R without axis words program a full circle.
   const NcWord& cause = code         ? code.word
                         : axis       ? axis
                         : block['R'] ? block['R']
                         : block['I'] ? block['I']
                         : block['J'] ? block['J']
                                      : block['K'];
-  // G53 holds for one block: the coordinates are switched before and after the move.
+  // G53 holds for one block, so the coordinates are switched before the move and back after it.
   const bool machine_coordinates =
       codes[CodeGroup::OneBlock] && codes[CodeGroup::OneBlock].tenths == 530;
   if (machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
@@ -488,21 +494,21 @@ void Words::move(const NcBlock& block, const Codes& codes) {
   if (machine_coordinates && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
-// Order of execution of RS274/NGC: feed, spindle, tool, modes, then dwell or motion, then stops.
-bool Words::execute(const NcBlock& block) {
+// The order is that of RS274/NGC: feed, spindle, tool, modes, then dwell or motion, then stops.
+bool NcInterpreter::execute(const NcBlock& block) {
   canon_.set_line(block.line);
   const Codes codes = parse_codes(block, canon_.place());
   check_letters(block);
   check_companions(block, codes);
   set_modes(block, codes);
-  note_before_motion(block, codes);
-  const Codes::Code& once = codes[CodeGroup::OneBlock];
-  if (once && once.tenths == 40)
-    dwell(block, once.word);
+  record_words_before_motion(block, codes);
+  const Codes::Code& one_block_code = codes[CodeGroup::OneBlock];
+  if (one_block_code && one_block_code.tenths == 40)
+    dwell(block, one_block_code.word);
   else
     move(block, codes);
   const Codes::Code& stop = codes[CodeGroup::Stop];
-  note_after_motion(codes);
+  record_words_after_motion(codes);
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
@@ -518,19 +524,19 @@ Path read_nc(std::string_view text, const std::string& file, const NcOptions& op
 }
 
 void read_nc(std::string_view text, Canon& canon) {
-  Words words(canon);
+  NcInterpreter interpreter(canon);
   Lines lines(text);
   NcBlock block;
-  int percents = 0;
+  int percent_marks = 0;
   while (const auto line = lines.next()) {
     canon.set_line(lines.number());
     block = parse_block(*line, canon.place(), std::move(block));
     // The first % opens the tape, the second one ends it.
-    if (block.percent && ++percents == 2) break;
+    if (block.percent && ++percent_marks == 2) break;
     // The strict reader knows a single level of block skip.
     if (block.deleted && canon.options().block_skip.test(0)) continue;
-    if (!block.comments.empty()) words.read_comments(block);
-    if (!block.percent && !block.empty() && !words.execute(block)) break;
+    if (!block.comments.empty()) interpreter.read_comments(block);
+    if (!block.percent && !block.empty() && !interpreter.execute(block)) break;
   }
 }
 

@@ -17,7 +17,7 @@ struct LengthValue {
   Cause cause;
 };
 
-/// A G2 or G3 block of an RS274 control.
+/// The words of a G2 or G3 block of an RS274 control.
 struct ArcBlock {
   int plane = 17;  ///< G17, G18 or G19
   bool clockwise = false;
@@ -25,7 +25,7 @@ struct ArcBlock {
   kinematics::AxisVector from;   ///< (axes) current position, offsets included
   kinematics::AxisVector end;    ///< (axes), offsets included
   Cause cause;
-  std::uint32_t stated = 0;  ///< as in `ArcMove`
+  std::uint32_t stated = 0;  ///< see `ArcMove`
   /// Returns the value of I, J, K or R; nothing if the block does not have it.
   std::function<std::optional<LengthValue>(char letter)> word;
 };
@@ -38,7 +38,7 @@ ArcMove arc_from_block(const Canon& canon, const ArcBlock& block);
 /// Reads an RS274/NGC program strictly; the README of this folder lists the accepted words. Throws
 /// BadInput (file:line:column, the word, what was expected) on anything else.
 Path read_nc(std::string_view text, const std::string& file, const NcOptions& options);
-/// Reads a program on a control with a state, which is continued.
+/// Reads a program on a control whose state the program continues.
 void read_nc(std::string_view text, Canon& canon);
 Path read_nc_file(const std::filesystem::path& file, const NcOptions& options);
 

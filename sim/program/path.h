@@ -13,13 +13,13 @@
 
 namespace abbe::sim::program {
 
-/// A choice that a program leaves to its control or operator, as the reader made it. Readers report
-/// one with `Canon::assume` at the line that depends on it. `abbe program`, `check`, `run` and
-/// `compare` print each assumption once, and summary.json lists them under `assumptions`.
+/// A decision of the reader where the program leaves a choice to the control or the operator. A
+/// reader reports it with `Canon::assume` at the line that depends on it. `abbe program`, `check`,
+/// `run` and `compare` print each assumption once, and summary.json lists them under `assumptions`.
 struct Assumption {
   std::string text;  ///< the assumption and its effect on this program
   std::string key;   ///< scene key that changes it, for example "program.block_skip"
-  /// Option of `abbe program` that changes it, for example "--block-skip"; empty: none.
+  /// Option of `abbe program` that changes it, for example "--block-skip"; empty if there is none.
   std::string option = {};
   int line = 0;  ///< first line that depends on it; 0: the whole program
   /// File of that line if it is a subprogram file; empty: the program itself.
@@ -37,11 +37,11 @@ struct CutterData {
   double diameter = 0.0;      ///< > 0, in the unit of the comment
   std::optional<double> corner_radius;
   End end = End::Unspecified;
-  /// mm per unit if the comment names a unit; none: the unit of the program applies
+  /// mm per unit if the comment names a unit; otherwise the unit of the program applies
   std::optional<double> unit_mm;
 };
 
-/// A program comment that gives the diameter of a cutter.
+/// A comment of the program that gives the diameter of a cutter.
 struct ToolComment {
   int line = 0;
   std::string text;
@@ -60,7 +60,7 @@ std::optional<CutterData> parse_cutter_comment(std::string_view comment);
 /// Meaning of the programmed coordinates of a block.
 enum class Coordinates {
   Axis,  ///< positions of the axes
-  Tip,   ///< X Y Z are the tip in the workpiece frame (G43.4), the others axis positions
+  Tip,   ///< X Y Z: tip in the workpiece frame (G43.4); the other coordinates: axis positions
 };
 
 /// Motion type of a block.
@@ -72,7 +72,7 @@ enum class Interpolation {
   Dwell,  ///< G4, or a change of offset without motion
 };
 
-/// A circular arc in a plane of two joints, or in a plane that `turned` rotates.
+/// A circular arc in the plane of two joints, or in a rotated plane.
 struct Arc {
   int first = 0;  ///< joint indices that span the plane, right-handed: G17 X Y, G18 Z X, G19 Y Z
   int second = 1;
@@ -83,10 +83,11 @@ struct Arc {
   double growth = 0.0;
   double start_angle = 0.0;  ///< rad
   double sweep = 0.0;        ///< rad, signed: positive from the first to the second axis (G3)
-  int third = -1;            ///< joint normal to the plane, only of a turned arc
-  /// Index into Path::turns: first, second and third are X Y Z in some order, and the plane is
-  /// spanned by the first two axes of that rotation; -1: by the joints themselves.
-  int turned = -1;
+  int third = -1;            ///< joint normal to the plane; only for an arc in a rotated plane
+  /// Index into Path::plane_rotations; -1 for the plane of the joints. In a rotated plane first,
+  /// second and third are X Y Z in some order, and the first two axes of the rotation span the
+  /// plane.
+  int plane_rotation = -1;
 };
 
 /// Returns the point of the arc at fraction u of its sweep, mm, in the plane of the arc.
@@ -98,9 +99,9 @@ struct ArcGeometry {
   bool clockwise = false;
 };
 
-/// Returns the arc through the end points, of more than zero and at most one whole turn. An end
-/// within 1e-8 mm of the start makes a full circle. `first` and `second` are not set.
-Arc arc_through(const ArcGeometry& words);
+/// Returns the arc through the end points; its sweep is above zero and at most one whole turn. An
+/// end within 1e-8 mm of the start makes a full circle. `first` and `second` are not set.
+Arc arc_through(const ArcGeometry& geometry);
 
 /// End velocities of a Hermite cubic.
 struct Cubic {
@@ -108,8 +109,8 @@ struct Cubic {
   kinematics::AxisVector end_velocity;    ///< (joints) mm/s, rad/s
 };
 
-/// One block with its time. Programmed coordinates are given per joint in the order of the
-/// structural code, mm and rad, and include work offsets and tool length.
+/// One block with its start and end time. Programmed coordinates, mm and rad, have one entry for
+/// each joint in the order of the structural code. They include work offsets and tool length.
 struct Block {
   int line = 0;
   Interpolation interpolation = Interpolation::Line;
@@ -123,7 +124,7 @@ struct Block {
   bool inverse_time = false;  ///< programmed under G93
   /// 0 .. 5 for G54 .. G59, more for other systems; -1 for none (G53, PVT)
   std::int16_t work_offset = 0;
-  std::uint16_t file = 0;  ///< 0: the file of the path, else 1 + index into Path::more_files
+  std::uint16_t file = 0;  ///< 0: the file of the path; else 1 + index into Path::more_files
   int tool_length = -1;    ///< H number of the G43 or G43.4 in force; -1 for none
 };
 
@@ -152,26 +153,25 @@ struct UnitWord {
   bool inch = false;
 };
 
-/// A program after reading: the commanded motion, block by block, in time. Memory is linear in the
-/// number of blocks.
+/// A program after reading: the commanded motion over time, block by block. Its memory is
+/// proportional to the number of blocks.
 struct Path {
   std::string file;
   std::string read_as = {};  ///< dialect and the reason it was recognised; empty: nothing to report
   std::vector<std::string> more_files = {};  ///< files of subprograms outside the main file
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
-  std::vector<Eigen::Matrix3d> turns = {};  ///< rotations of arc planes that no two joints span
+  std::vector<Eigen::Matrix3d> plane_rotations = {};  ///< of arc planes that no two joints span
   std::vector<Cubic> cubics;
   std::vector<AuxiliaryWord> auxiliary_words;  ///< in program order
   std::vector<ToolCall> tool_calls;            ///< in program order
   std::vector<ToolComment> tool_comments;      ///< in program order
   std::vector<UnitWord> unit_words;            ///< in program order
-  std::vector<Assumption> assumptions;         ///< each once, in the order of first use
+  std::vector<Assumption> assumptions;         ///< without repeats, in the order of first use
   int motion_blocks = 0;  ///< number of blocks with motion, `moves` in the summary
 };
 
-/// Returns blocks `first` to `last` - 1 as a path of their own, with the auxiliary words that
-/// precede them.
+/// Returns a path of blocks `first` to `last` - 1 and the auxiliary words that precede them.
 Path stretch_of(const Path& path, std::size_t first, std::size_t last);
 
 /// Returns the programmed coordinates at fraction u in [0, 1] of the block's time. The values at u
@@ -179,10 +179,10 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last);
 kinematics::AxisVector position(const Path& path, const Block& block, double u);
 
 /// Returns the fractions of an arc block at which one of its axes reverses, in no particular order.
-std::vector<double> turning_points(const Path& path, const Block& block);
+std::vector<double> reversal_points(const Path& path, const Block& block);
 
-/// Returns the rate of the programmed coordinates at fraction u, mm/s and rad/s. Zero in a dwell
-/// except for a turning spindle.
+/// Returns the rate of the programmed coordinates at fraction u, mm/s and rad/s. In a dwell it is
+/// zero except for a turning spindle.
 kinematics::AxisVector velocity(const Path& path, const Block& block, double u);
 
 }  // namespace abbe::sim::program

@@ -18,31 +18,26 @@ using kinematics::Motion;
 
 namespace {
 
-constexpr double turn_threshold = 1e-9;  // rad; below it a move counts as one without rotation
-constexpr double one_place = 1e-9;       // mm or rad, rounding of a conversion between axes and tip
-constexpr double angle_within = 1e-8;    // tolerance of the minimisation, in u times the rotation
-constexpr double level = 1e-10;          // mm or rad; values that differ by less show no extreme
-constexpr double golden = 0.6180339887498949;  // ratio of the golden section search
+constexpr double min_rotation = 1e-9;  // rad; a move of less counts as one without rotation
+constexpr double min_gap_after_conversion =
+    1e-9;  // mm or rad, rounding of a conversion between axes and tip
+constexpr double search_tolerance = 1e-8;     // rad, of rotation at the minimum
+constexpr double min_extreme_height = 1e-10;  // mm or rad; a smaller difference is no extreme
+constexpr double golden_ratio = 0.6180339887498949;  // ratio of the golden section search
 
-std::vector<ControlledAxis> axes_named(const Chain& chain) {
-  std::vector<ControlledAxis> axes;
-  for (const auto& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
-  return axes;
-}
-
-/// Smallest singular value of the change of direction by two rotary axes, as an angle. The product
-/// of both singular values is the norm of the cross product.
-double min_change(const Vector3d& first, const Vector3d& second) {
+/// Returns the smallest singular value of the change of direction by two rotary axes, as an angle.
+/// The product of both singular values is the norm of the cross product.
+double min_direction_change(const Vector3d& first, const Vector3d& second) {
   const double a = first.squaredNorm(), b = second.squaredNorm(), c = first.dot(second);
   const double largest = 0.5 * (a + b + std::hypot(a - b, 2 * c));
   if (!(largest > 0.0)) return 0.0;
   return std::asin(std::min(1.0, first.cross(second).norm() / std::sqrt(largest)));
 }
 
-/// Number of parts in which path lengths are within the tolerance and no coordinate of an arc or
-/// cubic reverses twice, so that three consecutive points show every extreme.
+/// Returns the number of parts in which path lengths are within the tolerance and no coordinate of
+/// an arc or cubic reverses twice, so that three consecutive points show every extreme.
 std::size_t extreme_search_parts(const Path& path, const Block& block, const Chain& control) {
-  const std::size_t n = chords_of(path, block, control, path_meter_within);
+  const std::size_t n = chords_of(path, block, control, path_meter_tolerance);
   // A derivative of a cubic is a parabola: at most two reversals, which eight parts separate unless
   // they nearly coincide.
   if (block.interpolation == Interpolation::Cubic) return std::max<std::size_t>(n, 8);
@@ -59,7 +54,7 @@ PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
     : control_(&control),
       control_of_h_(control_of_h),
       limits_(limits),
-      spindle_(find_spindle(axes_named(control))) {
+      spindle_(find_spindle(controlled_axes(control))) {
   figures_.axes.resize(std::size_t(control.size()));
   for (int k = 0; k < 3; ++k) xyz_[std::size_t(k)] = control.find(char('X' + k)).value_or(-1);
   for (int j = 0; j < control.size(); ++j)
@@ -72,7 +67,7 @@ PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
   }
 }
 
-void PathMeter::note_radius() {
+void PathMeter::record_radius() {
   if (!spindle_line_w_) return;
   const double radius = spindle_line_w_->distance(tip_w_);
   auto& range = figures_.radius_at_feed;
@@ -84,7 +79,7 @@ double PathMeter::limit(int j) const {
   return motion(j) == Motion::Linear ? limits_.rapid_speed : limits_.rapid_turn;
 }
 
-void PathMeter::note_position(const Block& block, const AxisVector& q) {
+void PathMeter::record_position(const Block& block, const AxisVector& q) {
   for (int j = 0; j < control_->size(); ++j) {
     if (is_spindle(j)) continue;
     AxisFigures& axis = figures_.axes[std::size_t(j)];
@@ -94,28 +89,28 @@ void PathMeter::note_position(const Block& block, const AxisVector& q) {
   }
 }
 
-void PathMeter::note_speeds(const Block& block, const AxisVector& step, double seconds) {
+void PathMeter::record_speeds(const Block& block, const AxisVector& step, double seconds) {
   if (!(seconds > 0.0)) return;
   for (int j = 0; j < control_->size(); ++j) {
     if (is_spindle(j)) continue;
     const double speed = std::abs(step[j]) / seconds;
     AxisFigures& axis = figures_.axes[std::size_t(j)];
     if (speed > axis.fastest.value) axis.fastest = {speed, block.line, block.file};
-    if (speed / limit(j) > fastest_share_) {
-      fastest_share_ = speed / limit(j);
+    if (speed / limit(j) > max_speed_ratio_) {
+      max_speed_ratio_ = speed / limit(j);
       figures_.fastest_axis = j;
     }
   }
 }
 
-void PathMeter::note_slowed(const Block& block, double factor) {
+void PathMeter::record_slow_down(const Block& block, double factor) {
   constexpr double rounding = 1e-9;  // relative; a move at exactly the limit is not slowed
   if (!(factor > 1.0 + rounding)) return;
   ++figures_.slowed;
   if (factor > figures_.max_slowed.value) figures_.max_slowed = {factor, block.line, block.file};
 }
 
-MoveFigures& PathMeter::kind(const Block& block) {
+MoveFigures& PathMeter::figures_of_type(const Block& block) {
   switch (block.interpolation) {
     case Interpolation::Rapid:
       return figures_.rapids;
@@ -131,8 +126,8 @@ MoveFigures& PathMeter::kind(const Block& block) {
   return figures_.dwells;
 }
 
-/// Position of the tip; under a tip mode it is the programmed one, without the rounding of the
-/// slides.
+/// Returns the position of the tip. Under a tip mode it is the programmed one, which is free of the
+/// rounding of the slides.
 Vector3d PathMeter::tip_position(const Path& path, const Block& block, const AxisVector& q,
                                  double u) const {
   if (block.coordinates == Coordinates::Axis) return control_->tool_in_workpiece(q).translation();
@@ -140,25 +135,26 @@ Vector3d PathMeter::tip_position(const Path& path, const Block& block, const Axi
   return {programmed[xyz_[0]], programmed[xyz_[1]], programmed[xyz_[2]]};
 }
 
-/// Selects the chain to the tip of the tool whose length is in force, if it has one. Returns true
-/// if the chain changes.
-bool PathMeter::take_chain_of(const Block& block) {
+/// Selects the chain of the tool whose length is in force, if there is one. Returns true if the
+/// chain changes.
+bool PathMeter::select_chain(const Block& block) {
   if (control_of_h_ == nullptr) return false;
-  const auto own = control_of_h_->find(block.tool_length);
-  if (own == control_of_h_->end() || control_ == &own->second) return false;
-  control_ = &own->second;
+  const auto tool_chain = control_of_h_->find(block.tool_length);
+  if (tool_chain == control_of_h_->end() || control_ == &tool_chain->second) return false;
+  control_ = &tool_chain->second;
   return true;
 }
 
-/// Start of a block: the end of the previous one, unless the tool or the coordinates change.
+/// Begins a block at the end of the previous one, unless the tool or the coordinates change.
 void PathMeter::begin(const Path& path, const Block& block) {
-  const bool same_tool = !take_chain_of(block);
-  const bool goes_on = same_tool && figures_.blocks > 0 && block.coordinates == coordinates_ &&
-                       (block.start - programmed_).cwiseAbs().maxCoeff() < one_place;
-  if (!goes_on) {
+  const bool same_tool = !select_chain(block);
+  const bool continues_previous =
+      same_tool && figures_.blocks > 0 && block.coordinates == coordinates_ &&
+      (block.start - programmed_).cwiseAbs().maxCoeff() < min_gap_after_conversion;
+  if (!continues_previous) {
     q_ = axes_at(path, block, *control_, 0.0);
     tip_w_ = control_->tool_in_workpiece(q_).translation();
-    note_position(block, q_);
+    record_position(block, q_);
     // A gap is drawn as a rapid.
     if (on_tip_point) on_tip_point(tip_w_, true);
   }
@@ -166,20 +162,20 @@ void PathMeter::begin(const Path& path, const Block& block) {
   programmed_ = block.end;
 }
 
-PathMeter::MeterPoint PathMeter::place_at(const Path& path, const Block& block, double u) const {
-  MeterPoint place{u, axes_at(path, block, *control_, u), {}};
-  place.tip_w = tip_position(path, block, place.q, u);
-  return place;
+PathMeter::SampledPoint PathMeter::point_at(const Path& path, const Block& block, double u) const {
+  SampledPoint point{u, axes_at(path, block, *control_, u), {}};
+  point.tip_w = tip_position(path, block, point.q, u);
+  return point;
 }
 
-void PathMeter::note_point(const Block& block, const MeterPoint& place) {
-  note_position(block, place.q);
-  figures_.all_w.extend(place.tip_w);
-  if (block.interpolation != Interpolation::Rapid) figures_.feed_w.extend(place.tip_w);
+void PathMeter::record_point(const Block& block, const SampledPoint& point) {
+  record_position(block, point.q);
+  figures_.all_w.extend(point.tip_w);
+  if (block.interpolation != Interpolation::Rapid) figures_.feed_w.extend(point.tip_w);
 }
 
-double PathMeter::coordinate(const MeterPoint& place, int k) const {
-  return k < control_->size() ? place.q[k] : place.tip_w[k - control_->size()];
+double PathMeter::coordinate(const SampledPoint& point, int k) const {
+  return k < control_->size() ? point.q[k] : point.tip_w[k - control_->size()];
 }
 
 /// Returns true if coordinate k is not linear over the move. Called for arcs, cubics and moves with
@@ -194,7 +190,7 @@ bool PathMeter::is_curved(const Block& block, int k) const {
 
 /// Returns true if a curved coordinate may exceed all extremes so far close to an end of the move.
 bool PathMeter::has_extreme_near_end(const Path& path, const Block& block) const {
-  for (const MeterPoint& end : {place_at(path, block, 0.0), place_at(path, block, 1.0)})
+  for (const SampledPoint& end : {point_at(path, block, 0.0), point_at(path, block, 1.0)})
     for (int k = 0; k < control_->size() + 3; ++k)
       for (const double sign : {1.0, -1.0})
         if (is_curved(block, k) && can_be_new_extreme(block, coordinate(end, k), k, sign))
@@ -202,12 +198,12 @@ bool PathMeter::has_extreme_near_end(const Path& path, const Block& block) const
   return false;
 }
 
-/// Returns true if an extreme next to a point with that value of coordinate k may exceed all so
-/// far: chords miss an extreme by at most `path_meter_within`. `sign` is 1 for maxima, -1 for
-/// minima.
+/// Returns true if an extreme next to a point with that value of coordinate k may exceed all
+/// extremes so far: chords miss an extreme by at most `path_meter_tolerance`. `sign` is 1 for
+/// maxima, -1 for minima.
 bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, double sign) const {
   const auto exceeds = [&](double low, double high) {
-    return sign * value + path_meter_within > (sign > 0.0 ? high : -low);
+    return sign * value + path_meter_tolerance > (sign > 0.0 ? high : -low);
   };
   if (k < control_->size()) {
     const AxisFigures& axis = figures_.axes[std::size_t(k)];
@@ -219,114 +215,117 @@ bool PathMeter::can_be_new_extreme(const Block& block, double value, int k, doub
          (feeds && exceeds(figures_.feed_w.min()[i], figures_.feed_w.max()[i]));
 }
 
-/// Searches the extreme between three points whose middle one is beyond both others.
-void PathMeter::note_extremes(const Path& path, const Block& block,
-                              const std::array<MeterPoint, 3>& three) {
+/// Searches the extreme of every coordinate whose middle point of three is beyond both others.
+void PathMeter::search_extremes(const Path& path, const Block& block,
+                                const std::array<SampledPoint, 3>& triple) {
   for (int k = 0; k < control_->size() + 3; ++k)
     for (const double sign : {1.0, -1.0}) {
       if (!is_curved(block, k)) continue;
-      const double before = sign * coordinate(three[0], k), at = sign * coordinate(three[1], k),
-                   after = sign * coordinate(three[2], k);
-      if (at < before || at < after || std::max(at - before, at - after) < level) continue;
-      if (!can_be_new_extreme(block, sign * at, k, sign)) continue;
-      const auto value = [&](double u) { return sign * coordinate(place_at(path, block, u), k); };
-      double a = three[0].u, b = three[2].u;
+      const double before = sign * coordinate(triple[0], k),
+                   middle = sign * coordinate(triple[1], k),
+                   after = sign * coordinate(triple[2], k);
+      if (middle < before || middle < after ||
+          std::max(middle - before, middle - after) < min_extreme_height)
+        continue;
+      if (!can_be_new_extreme(block, sign * middle, k, sign)) continue;
+      const auto value = [&](double u) { return sign * coordinate(point_at(path, block, u), k); };
+      double a = triple[0].u, b = triple[2].u;
       // Golden section: one evaluation for each step, and no derivative is needed.
-      double c = b - golden * (b - a), d = a + golden * (b - a);
+      double c = b - golden_ratio * (b - a), d = a + golden_ratio * (b - a);
       double at_c = value(c), at_d = value(d);
       // Close to an extreme the value changes with the square of the distance: 44 steps leave 6e-10
       // of the interval, and 4e-19 of the second derivative.
       for (int step = 0; step < 44 && b > a; ++step)
         if (at_c > at_d) {
           b = d, d = c, at_d = at_c;
-          at_c = value(c = b - golden * (b - a));
+          at_c = value(c = b - golden_ratio * (b - a));
         } else {
           a = c, c = d, at_c = at_d;
-          at_d = value(d = a + golden * (b - a));
+          at_d = value(d = a + golden_ratio * (b - a));
         }
-      note_point(block, place_at(path, block, at_c > at_d ? c : d));
+      record_point(block, point_at(path, block, at_c > at_d ? c : d));
     }
 }
 
 /// Samples close to both ends reveal an extreme within the first or the last part.
-void PathMeter::note_all_extremes(const Path& path, const Block& block, std::size_t chords) {
-  // A thousandth of a part: far beyond rounding, and still close enough to show the slope at the
-  // end.
-  const double part = 1.0 / double(chords), little = 1e-3 * part;
-  std::array<MeterPoint, 3> three;
-  three[0] = place_at(path, block, 0.0);
-  three[1] = place_at(path, block, little);
-  const auto next = [&](double u) {
-    three[2] = place_at(path, block, u);
-    note_extremes(path, block, three);
-    three[0] = std::exchange(three[1], three[2]);
+void PathMeter::search_all_extremes(const Path& path, const Block& block, std::size_t chords) {
+  // A thousandth of a part is far above rounding and still close enough to the end to show the
+  // slope there.
+  const double part = 1.0 / double(chords), small_step = 1e-3 * part;
+  std::array<SampledPoint, 3> triple;
+  triple[0] = point_at(path, block, 0.0);
+  triple[1] = point_at(path, block, small_step);
+  const auto advance = [&](double u) {
+    triple[2] = point_at(path, block, u);
+    search_extremes(path, block, triple);
+    triple[0] = std::exchange(triple[1], triple[2]);
   };
-  for (std::size_t k = 1; k < chords; ++k) next(double(k) * part);
-  next(1.0 - little);
-  next(1.0);
+  for (std::size_t k = 1; k < chords; ++k) advance(double(k) * part);
+  advance(1.0 - small_step);
+  advance(1.0);
 }
 
 void PathMeter::move(const Path& path, const Block& block) {
   const bool rapid = block.interpolation == Interpolation::Rapid;
-  const double turn = rotary_turn_sum(path, block, *control_);
+  const double rotation = rotary_turn_sum(path, block, *control_);
   const std::size_t n = extreme_search_parts(path, block, *control_);
   const double seconds = (block.end_s - block.start_s) / double(n);
-  MoveFigures& moves = kind(block);
-  double limited = 0.0;
+  MoveFigures& moves = figures_of_type(block);
+  double limited_s = 0.0;
   figures_.all_w.extend(tip_w_);
   if (!rapid) figures_.feed_w.extend(tip_w_);
-  if (!rapid) note_radius();
+  if (!rapid) record_radius();
   for (std::size_t k = 1; k <= n; ++k) {
     const AxisVector q = axes_at(path, block, *control_, k == n ? 1.0 : double(k) / double(n));
     const AxisVector step = q - q_;
     // Time of the part at the speed limits; at feed it is never shorter than programmed.
-    double least = 0.0;
+    double min_seconds = 0.0;
     for (int j = 0; j < control_->size(); ++j)
-      if (!is_spindle(j)) least = std::max(least, std::abs(step[j]) / limit(j));
-    limited += rapid ? least : std::max(least, seconds);
-    if (!rapid) note_speeds(block, step, seconds);
-    if (!rapid && limits_.pole > 0.0) note_pole(block, q, seconds);
+      if (!is_spindle(j)) min_seconds = std::max(min_seconds, std::abs(step[j]) / limit(j));
+    limited_s += rapid ? min_seconds : std::max(min_seconds, seconds);
+    if (!rapid) record_speeds(block, step, seconds);
+    if (!rapid && limits_.pole > 0.0) record_pole(block, q, seconds);
     q_ = q;
-    const Vector3d at = tip_position(path, block, q, k == n ? 1.0 : double(k) / double(n));
-    moves.way += (at - tip_w_).norm();
-    tip_w_ = at;
-    note_position(block, q);
-    figures_.all_w.extend(at);
-    if (!rapid) figures_.feed_w.extend(at);
-    if (!rapid) note_radius();
-    if (on_tip_point) on_tip_point(at, rapid);
+    const Vector3d tip_w = tip_position(path, block, q, k == n ? 1.0 : double(k) / double(n));
+    moves.way += (tip_w - tip_w_).norm();
+    tip_w_ = tip_w;
+    record_position(block, q);
+    figures_.all_w.extend(tip_w);
+    if (!rapid) figures_.feed_w.extend(tip_w);
+    if (!rapid) record_radius();
+    if (on_tip_point) on_tip_point(tip_w, rapid);
   }
   // A single chord without rotation is a straight line and has no inner extreme.
-  if (n > 1 || (turn > turn_threshold && has_extreme_near_end(path, block)))
-    note_all_extremes(path, block, n);
-  moves.limited_s += limited;
+  if (n > 1 || (rotation > min_rotation && has_extreme_near_end(path, block)))
+    search_all_extremes(path, block, n);
+  moves.limited_s += limited_s;
   if (!rapid && block.end_s > block.start_s)
-    note_slowed(block, limited / (block.end_s - block.start_s));
-  if (!rapid && turn > turn_threshold && rotary_.size() == 2)
+    record_slow_down(block, limited_s / (block.end_s - block.start_s));
+  if (!rapid && rotation > min_rotation && rotary_.size() == 2)
     for (std::size_t k = 0; k < n; ++k)
-      note_singular(path, block, double(k) / double(n), double(k + 1) / double(n),
-                    turn / double(n));
+      search_singular_pose(path, block, double(k) / double(n), double(k + 1) / double(n),
+                           rotation / double(n));
 }
 
 /// Records the approach to a pole between the current position and `to`.
-void PathMeter::note_pole(const Block& block, const AxisVector& to, double seconds) {
+void PathMeter::record_pole(const Block& block, const AxisVector& to, double seconds) {
   if (block.coordinates != Coordinates::Tip || rotary_.size() != 2) return;
-  if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > turn_threshold)) return;
+  if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > min_rotation)) return;
   const auto pole = kinematics::nearest_pole(*control_, q_, to);
   if (!pole || pole->angle >= limits_.pole) return;
   const double turned = std::abs(to[pole->axis] - q_[pole->axis]);
   if (!figures_.pole) figures_.pole = NearPole{limits_.pole, pole->axis, pole->other};
-  NearPole& near = *figures_.pole;
-  if (pole->angle < near.angle) {
-    near.angle = pole->angle;
+  NearPole& closest = *figures_.pole;
+  if (pole->angle < closest.angle) {
+    closest.angle = pole->angle;
     // Poles repeat every half turn of the other axis; the one next to the programmed position is
     // reported.
-    near.at = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
-    near.line = block.line;
-    near.file = block.file;
+    closest.at = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
+    closest.line = block.line;
+    closest.file = block.file;
   }
-  near.turned += turned;
-  if (seconds > 0.0) near.fastest = std::max(near.fastest, turned / seconds);
+  closest.turned += turned;
+  if (seconds > 0.0) closest.fastest = std::max(closest.fastest, turned / seconds);
 }
 
 double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {
@@ -343,53 +342,54 @@ double PathMeter::singular_angle(const Path& path, const Block& block, double u)
     R = R * Eigen::AngleAxisd(q[j], direction);
   }
   const Vector3d tool = R * control_->T_bt_home().linear().col(2);
-  return min_change(axes[0].cross(tool), axes[1].cross(tool));
+  return min_direction_change(axes[0].cross(tool), axes[1].cross(tool));
 }
 
-void PathMeter::look_at(const Path& path, const Block& block, double u) {
+void PathMeter::record_singular_angle(const Path& path, const Block& block, double u) {
   const double angle = singular_angle(path, block, u);
   if (figures_.singular && angle >= figures_.singular->angle) return;
   figures_.singular = {angle, axes_at(path, block, *control_, u), block.line, block.file};
 }
 
-/// The angle changes by at most twice the rotation, so most moves cannot come nearer than the known
-/// minimum. Where one may, the minimum is searched if the angle falls at the beginning of the part
-/// and rises at its end.
-void PathMeter::note_singular(const Path& path, const Block& block, double from, double to,
-                              double turn) {
-  const double at_end = singular_angle(path, block, to);
-  if (figures_.singular && at_end - 2 * turn >= figures_.singular->angle) return;
-  if (from == 0.0) look_at(path, block, 0.0);
-  look_at(path, block, to);
-  const double little = 1e-3 * (to - from);
-  const auto at = [&](double u) { return singular_angle(path, block, u); };
-  if (at(from + little) >= at(from) || at(to - little) >= at_end) return;
+/// Searches the smallest singular angle between two fractions of a move. The angle changes by at
+/// most twice the rotation, so most moves cannot fall below the known minimum. If one may, the
+/// minimum is searched only if the angle falls at the beginning of the part and rises at its end.
+void PathMeter::search_singular_pose(const Path& path, const Block& block, double from, double to,
+                                     double rotation) {
+  const double angle_at_end = singular_angle(path, block, to);
+  if (figures_.singular && angle_at_end - 2 * rotation >= figures_.singular->angle) return;
+  if (from == 0.0) record_singular_angle(path, block, 0.0);
+  record_singular_angle(path, block, to);
+  const double small_step = 1e-3 * (to - from);
+  const auto angle_at = [&](double u) { return singular_angle(path, block, u); };
+  if (angle_at(from + small_step) >= angle_at(from) || angle_at(to - small_step) >= angle_at_end)
+    return;
   double a = from, b = to;
-  double c = b - golden * (b - a), d = a + golden * (b - a);
-  double at_c = at(c), at_d = at(d);
+  double c = b - golden_ratio * (b - a), d = a + golden_ratio * (b - a);
+  double at_c = angle_at(c), at_d = angle_at(d);
   // Stops once the remaining interval rotates the axes by less than 1e-8 rad.
-  while ((b - a) * turn > angle_within * (to - from)) {
+  while ((b - a) * rotation > search_tolerance * (to - from)) {
     if (at_c < at_d) {
       b = d, d = c, at_d = at_c;
-      at_c = at(c = b - golden * (b - a));
+      at_c = angle_at(c = b - golden_ratio * (b - a));
     } else {
       a = c, c = d, at_c = at_d;
-      at_d = at(d = a + golden * (b - a));
+      at_d = angle_at(d = a + golden_ratio * (b - a));
     }
   }
-  look_at(path, block, at_c < at_d ? c : d);
+  record_singular_angle(path, block, at_c < at_d ? c : d);
 }
 
-void PathMeter::add(const Path& piece) {
-  for (const Block& block : piece.blocks) {
-    begin(piece, block);
-    MoveFigures& moves = kind(block);
+void PathMeter::add(const Path& path) {
+  for (const Block& block : path.blocks) {
+    begin(path, block);
+    MoveFigures& moves = figures_of_type(block);
     ++moves.count;
     moves.seconds += block.end_s - block.start_s;
     if (block.interpolation == Interpolation::Dwell)
       moves.limited_s += block.end_s - block.start_s;
     else
-      move(piece, block);
+      move(path, block);
     ++figures_.blocks;
     ++figures_.offsets[block.work_offset];
     ++figures_.lengths[block.tool_length];

@@ -15,22 +15,22 @@
 
 namespace abbe::sim::program {
 
-/// Speed limits of the axes. Times are computed from speeds alone, since the description of a
+/// Speed limits of the axes. Times are computed from speeds alone, because the description of a
 /// machine has no accelerations.
 struct AxisLimits {
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s of every linear axis
   double rapid_turn = 1.0;              ///< rad/s of every rotary axis
-  double pole = 0.0;  ///< rad; an approach to a pole closer than this is recorded; 0: never
+  double pole = 0.0;  ///< rad; an approach to a pole below this angle is recorded; 0: none is
 };
 
 /// A value and the program line at which it occurs.
 struct ValueAtLine {
   double value = 0.0;
   int line = 0;
-  std::uint16_t file = 0;  ///< as in `Block`
+  std::uint16_t file = 0;  ///< see `Block`
 };
 
-/// Extent, speed and remaining travel of one axis, mm or rad.
+/// Range, speed and remaining travel of one axis, mm or rad.
 struct AxisFigures {
   bool positioned = false;  ///< the axis is no spindle and the program has blocks
   ValueAtLine least, most;  ///< extreme positions
@@ -40,19 +40,19 @@ struct AxisFigures {
 
 /// The pose nearest to a singularity in which a move at feed turns rotary axes.
 struct SingularPose {
-  /// rad: the smallest change of tool direction per rad of rotary axis motion, as an angle; 0 where
-  /// one axis does not change the direction
+  /// rad, smallest change of tool direction per rad of rotary axis motion, as an angle; 0 if some
+  /// rotation does not change the direction
   double angle = 0.0;
   kinematics::AxisVector q;
   int line = 0;
   std::uint16_t file = 0;
 };
 
-/// The closest approach to a pole at feed under a tip mode while the axis that is free at the pole
-/// rotates.
+/// The closest approach to a pole at feed under a tip mode. At a pole the position of one axis, the
+/// free axis, does not change the tool direction.
 struct NearPole {
   double angle = 0.0;    ///< rad, smallest angle between the tool and that axis
-  int axis = 0;          ///< joint that is free at the pole
+  int axis = 0;          ///< the free axis, a joint
   int other = 0;         ///< the other rotary joint
   double at = 0.0;       ///< rad, position of `other` at the nearest pole
   double turned = 0.0;   ///< rad, rotation of `axis` close to the pole
@@ -65,11 +65,11 @@ struct NearPole {
 struct MoveFigures {
   std::size_t count = 0;
   double seconds = 0.0;    ///< as programmed; rapids along their path at the rapid speed
-  double limited_s = 0.0;  ///< s, with no axis above its speed limit
+  double limited_s = 0.0;  ///< s, if no axis exceeds its speed limit
   double way = 0.0;        ///< mm, path length of the tip in the workpiece
 };
 
-/// Everything that `PathMeter` measures.
+/// The results of `PathMeter`.
 struct PathFigures {
   std::size_t blocks = 0;
   MoveFigures rapids, lines, arcs, cubics, dwells;
@@ -78,8 +78,8 @@ struct PathFigures {
   ValueAtLine max_slowed;         ///< largest factor by which a move is slowed
   int fastest_axis = -1;  ///< joint that comes nearest to its speed limit or exceeds it most
   Eigen::AlignedBox3d feed_w, all_w;  ///< extents of the tip in the workpiece, mm
-  /// Smallest and largest distance of the tip from the axis of the spindle that turns the
-  /// workpiece, at feed, mm. Empty if no spindle does.
+  /// Smallest and largest distance of the tip from the axis of the workpiece spindle, at feed, mm.
+  /// Empty if the machine has no such spindle.
   std::optional<std::array<double, 2>> radius_at_feed;
   std::optional<SingularPose> singular;  ///< empty if no move at feed turns a pair of rotary axes
   /// Empty if the tool is never near a pole or nothing rotates there.
@@ -89,16 +89,17 @@ struct PathFigures {
   std::size_t tip_blocks = 0;          ///< blocks under a tip mode
 };
 
-/// Chord error, mm, to which lengths, times and speeds of curved moves are computed.
-inline constexpr double path_meter_within = 0.01;
+/// Chord tolerance, mm, for lengths, times and speeds of curved moves.
+inline constexpr double path_meter_tolerance = 0.01;
 
 /// Measures a path block by block, as the axes of a machine run it, without keeping blocks.
 /// Positions and extents are those of the curves, within 1e-9 mm and rad: an extreme between the
-/// sampled points of a move is searched if it may exceed the extremes so far. An axis that reverses
-/// twice between two points, where slides follow rotary axes, may be missed by `path_meter_within`;
-/// on arcs, helices and cubics none is missed. The singular pose is found by minimising along each
-/// move that may come nearer, within 1e-7 rad. The rotation of an axis near a pole is summed over
-/// the parts of moves that come near, so it is at most one part too large at each end.
+/// sampled points of a move is searched if it may exceed the extremes so far. If an axis reverses
+/// twice between two points, as slides that follow rotary axes may, the extreme may be wrong by
+/// `path_meter_tolerance`; on arcs, helices and cubics none is missed. The singular pose is found
+/// by minimising along each move that may come nearer, within 1e-7 rad. The rotation of an axis
+/// near a pole is summed over the parts of moves that come near, so it is at most one part too
+/// large at each end.
 class PathMeter {
  public:
   /// `control` must outlive the object; its limits are the travel limits. `control_of_h`, which
@@ -107,12 +108,12 @@ class PathMeter {
             const std::map<int, kinematics::Chain>* control_of_h = nullptr);
 
   /// Processes the next blocks. Throws BadInput at the line where the slides do not reach a tip.
-  void add(const Path& piece);
+  void add(const Path& path);
   PathFigures figures() const;
   /// Returns the axis positions at the end of the last block.
   const kinematics::AxisVector& axes() const { return q_; }
 
-  /// Called with every sampled point of the tip, for example to draw it.
+  /// Is called with every sampled point of the tip, for example to draw the path.
   std::function<void(const Eigen::Vector3d& tip_w, bool rapid)> on_tip_point = {};
 
  private:
@@ -123,32 +124,34 @@ class PathMeter {
   double limit(int j) const;
   Eigen::Vector3d tip_position(const Path& path, const Block& block, const AxisVector& q,
                                double u) const;
-  bool take_chain_of(const Block& block);
+  bool select_chain(const Block& block);
   void begin(const Path& path, const Block& block);
   void move(const Path& path, const Block& block);
-  void note_position(const Block& block, const AxisVector& q);
+  void record_position(const Block& block, const AxisVector& q);
   /// A sampled point of a move: fraction, axes and tip.
-  struct MeterPoint {
+  struct SampledPoint {
     double u = 0.0;
     AxisVector q;
     Eigen::Vector3d tip_w;
   };
-  MeterPoint place_at(const Path& path, const Block& block, double u) const;
-  void note_point(const Block& block, const MeterPoint& place);
-  double coordinate(const MeterPoint& place, int k) const;
+  SampledPoint point_at(const Path& path, const Block& block, double u) const;
+  void record_point(const Block& block, const SampledPoint& point);
+  double coordinate(const SampledPoint& point, int k) const;
   bool is_curved(const Block& block, int k) const;
   bool has_extreme_near_end(const Path& path, const Block& block) const;
   bool can_be_new_extreme(const Block& block, double value, int k, double sign) const;
-  void note_extremes(const Path& path, const Block& block, const std::array<MeterPoint, 3>& three);
-  void note_all_extremes(const Path& path, const Block& block, std::size_t chords);
-  void note_speeds(const Block& block, const AxisVector& step, double seconds);
-  void note_slowed(const Block& block, double factor);
-  void note_singular(const Path& path, const Block& block, double from, double to, double turn);
-  void note_pole(const Block& block, const AxisVector& to, double seconds);
-  void look_at(const Path& path, const Block& block, double u);
+  void search_extremes(const Path& path, const Block& block,
+                       const std::array<SampledPoint, 3>& triple);
+  void search_all_extremes(const Path& path, const Block& block, std::size_t chords);
+  void record_speeds(const Block& block, const AxisVector& step, double seconds);
+  void record_slow_down(const Block& block, double factor);
+  void search_singular_pose(const Path& path, const Block& block, double from, double to,
+                            double rotation);
+  void record_pole(const Block& block, const AxisVector& to, double seconds);
+  void record_singular_angle(const Path& path, const Block& block, double u);
   double singular_angle(const Path& path, const Block& block, double u) const;
-  MoveFigures& kind(const Block& block);
-  void note_radius();
+  MoveFigures& figures_of_type(const Block& block);
+  void record_radius();
 
   const kinematics::Chain* control_;
   const std::map<int, kinematics::Chain>* control_of_h_;
@@ -163,11 +166,11 @@ class PathMeter {
   Eigen::Vector3d tip_w_ = Eigen::Vector3d::Zero();
   AxisVector programmed_;  ///< end of the last block, in `coordinates_`
   Coordinates coordinates_ = Coordinates::Axis;
-  double fastest_share_ = 0.0;
+  double max_speed_ratio_ = 0.0;
 };
 
-/// Returns "line 12", or "line 12 of FILE" for another file of the program. `more_files` is
-/// Path::more_files.
+/// Returns "line 12" for the first file of a program, "line 12 of FILE" for the others.
+/// `more_files` is Path::more_files.
 std::string line_text(const std::vector<std::string>& more_files, int line, std::uint16_t file);
 
 }  // namespace abbe::sim::program

@@ -15,25 +15,25 @@
 
 namespace abbe::sim::program {
 
-/// Numbers of decimals in an NC file.
+/// Numbers of decimals of the words in NC text.
 struct NcFormat {
   int decimals_mm = 7;
   int decimals_deg = 9;
 };
 
-/// A move to a point in NC text: G0, G1, G2 or G3.
+/// A G0, G1, G2 or G3 move in NC text.
 struct NcMove {
   bool rapid = false;
   /// (axes) programmed values, mm (inch under G20) and rad; spindles are not written
   kinematics::AxisVector to;
   /// F as written: mm/min, inch/min, deg/min or 1/min; ignored for a rapid
   double feed = 0.0;
-  struct Round {
+  struct ArcWords {
     bool clockwise = false;
     std::string letters;     ///< "IJ", "KI" or "JK", by the plane in force
     Eigen::Vector2d centre;  ///< mm (inch) relative to the start, in the order of the letters
   };
-  std::optional<Round> round = {};  ///< of an arc; empty: a straight line
+  std::optional<ArcWords> arc = {};  ///< empty for a straight line
 };
 
 /// A line of text that is written unchanged, or a move.
@@ -41,22 +41,23 @@ using NcItem = std::variant<std::string, NcMove>;
 
 struct NcWriteOptions {
   NcFormat format;
-  bool inverse_time = false;  ///< G93 is in force: every G1 carries F
-  int feed_digits = 0;        ///< significant digits of F; 0: as many as it takes to keep its bits
+  bool inverse_time = false;  ///< G93 is in force, so every G1 has an F
+  int feed_digits = 0;        ///< significant digits of F; 0: enough to keep its bits
 };
 
-/// Returns NC text with one line for each item. Values are rounded to the nearest. A word whose
-/// text has not changed is omitted, except in the first move after a line of text.
+/// Returns NC text with one line for each item. Values are rounded to nearest. A word is omitted if
+/// its text is the same as before, except in the first move after a line of text.
 std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
                      const NcWriteOptions& options = {});
 
-/// Returns a number as it stands in an NC word: without exponent, trailing zeros or "-0".
+/// Returns the text of a number in an NC word: without exponent, trailing zeros or "-0".
 std::string nc_number(double value, int decimals);
 
-/// Returns the same for a number rounded to `digits` significant digits.
+/// Returns the text of a number rounded to `digits` significant digits.
 std::string nc_significant(double value, int digits);
 
-/// Returns a number without exponent, with the fewest digits that read back as the same bits.
+/// Returns the text of a number without exponent, with the fewest digits that read back as the same
+/// bits.
 std::string nc_number(double value);
 
 /// Format and tolerance of cutter location output.
@@ -65,17 +66,17 @@ struct LocationOptions {
     Apt,    ///< statements: UNITS/MM, LOADTL, SPINDL, FEDRAT, RAPID, GOTO, MOVARC, DELAY
     Table,  ///< CSV: x,y,z,i,j,k,feed
   } kind = Kind::Apt;
-  /// mm, largest deviation of the output from a move that it can only approximate by points, i.e.
-  /// that is neither a line nor, in statements, an arc
+  /// mm, tolerance of moves that can only be approximated by points, i.e. moves that are neither
+  /// lines nor, in statements, arcs
   double within = 0.001;
   std::size_t max_bytes = 1'000'000'000;  ///< of the whole output
   int decimals_mm = 7;
   int decimals_vector = 10;
 };
 
-/// Writes a path as cutter locations, independent of the machine: the tip in the workpiece and the
-/// tool axis. How the rotary axes move between two points is left to the reader of the file. Read
-/// back on the same machine, the points agree to half a unit of the last decimal.
+/// Writes a path as cutter locations, which are independent of the machine: the tip in the
+/// workpiece and the tool axis. The file does not state how the rotary axes move between two
+/// points. Points read back on the same machine agree to half a unit of the last decimal.
 class LocationWriter {
  public:
   /// `control` must outlive the writer.
@@ -83,29 +84,31 @@ class LocationWriter {
 
   /// Appends the blocks of a path. Throws BadInput with the line at which the slides cannot reach a
   /// tip or the text exceeds `max_bytes`.
-  void add(const Path& piece);
-  /// Returns the text, which is moved out of the writer.
+  void add(const Path& path);
+  /// Moves the text out of the writer.
   std::string take();
 
-  /// Return the number of dwells and of auxiliary words omitted because a table cannot hold them.
+  /// Returns the number of dwells omitted because a table cannot hold them.
   std::size_t omitted_dwells() const { return dwells_; }
+  /// Returns the number of auxiliary words omitted because a table cannot hold them.
   std::size_t omitted_words() const { return words_; }
 
  private:
-  /// Tip and tool axis in the workpiece.
-  struct Place {
+  /// Tip, mm, and tool axis in the workpiece.
+  struct TipPose {
     Eigen::Vector3d tip, axis;
   };
-  Place place(const Path& path, const Block& block, double u) const;
+  TipPose tip_pose(const Path& path, const Block& block, double u) const;
   bool is_straight(const Path& path, const Block& block) const;
-  void write_auxiliary_words(const Path& path, std::size_t before, std::size_t& next);
+  void write_auxiliary_words(const Path& path, std::size_t block_index, std::size_t& next_word);
   void spindle(const Block& block);
   void block(const Path& path, const Block& block);
   bool arc(const Path& path, const Block& block);
-  void go(const Path& path, const Block& block, double from, double to);
-  void point(const Place& at);
+  void write_line(const Path& path, const Block& block, double from, double to);
+  void point(const TipPose& pose);
   void feed(const std::string& word);
-  std::string feed_of(const Path& path, const Block& block, double from, double to, double way);
+  std::string feed_word(const Path& path, const Block& block, double from, double to,
+                        double tip_travel);
   bool is_table() const { return options_.kind == LocationOptions::Kind::Table; }
 
   const kinematics::Chain& control_;

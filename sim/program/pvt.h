@@ -12,7 +12,7 @@
 
 namespace abbe::sim::program {
 
-/// Reads a position-velocity-time program: CSV with a header that names the columns and their
+/// Reads a position-velocity-time program. It is CSV with a header that names the columns and their
 /// units, `time_s,X_mm,Z_mm,S_deg,X_mm_per_s,Z_mm_per_s,S_deg_per_s`. Rotations may be in deg or
 /// rad. Axes without columns stay at the start. Motion between rows is cubic. Lines that start with
 /// # are comments. Throws BadInput.
@@ -26,10 +26,12 @@ struct PvtRow {
   kinematics::AxisVector velocity;  ///< (axes) mm/s, rad/s
 };
 
-/// Returns the rates of positions known at instants: the slope of the parabola through each row and
-/// its neighbours. Needs at least two rows; their velocities are not read. The result has one entry
-/// for each row.
-std::vector<kinematics::AxisVector> rates(std::span<const PvtRow> rows);
+/// Returns the velocity at each row as the slope of the parabola through the positions of the row
+/// and its neighbours. Needs at least two rows; ignores their velocities.
+std::vector<kinematics::AxisVector> parabola_rates(std::span<const PvtRow> rows);
+
+/// Returns the position on the Hermite cubic between two rows at fraction u of their time.
+kinematics::AxisVector hermite_position(const PvtRow& a, const PvtRow& b, double u);
 
 /// Returns rows as PVT text with the fewest digits that read back as the same bits. Rotations are
 /// in rad because a conversion to degrees would change the last bit. `columns` holds the indices of
@@ -43,7 +45,7 @@ std::vector<PvtRow> pvt_rows(const Path& path);
 
 /// Tolerance and limits of a conversion to PVT.
 struct PvtConversionOptions {
-  double within = 0.001;  ///< mm, tolerance of the path; a rotary axis counts with `lever`
+  double within = 0.001;  ///< mm, tolerance of the path; rotary axes count with `lever`
   double lever = 100.0;   ///< mm
   std::size_t max_rows = 20'000'000;
 };
@@ -55,10 +57,10 @@ struct PvtConversion {
   double off = 0.0;
 };
 
-/// Converts a path to positions, velocities and times. Rows stand close to the corners, where a
-/// cubic cannot change direction at once, and between them as densely as curved moves need. The
-/// deviation at a corner falls with the time to the adjacent rows. Throws BadInput for more rows
-/// than allowed, and where the slides do not reach a tip.
+/// Converts a path to positions, velocities and times. Rows are close to both sides of each corner,
+/// because a cubic cannot change direction at once, and between corners as dense as curved moves
+/// need. The deviation at a corner falls with the time to the adjacent rows. Throws BadInput if
+/// there are more rows than allowed or the slides do not reach a tip.
 PvtConversion convert_to_pvt(const Path& path, const kinematics::Chain& control,
                              const PvtConversionOptions& options = {});
 

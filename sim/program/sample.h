@@ -10,10 +10,10 @@
 
 namespace abbe::sim::program {
 
-/// State at the end of a sampled path, from which a following path continues.
+/// State at the end of a sampled path, from which the next path continues.
 struct SamplingState {
   kinematics::AxisState last;  ///< the last sample
-  /// (n) last position of each axis at which it was detected to move
+  /// (axes) last position of each axis at which it was detected to move
   kinematics::AxisVector moved;
 };
 
@@ -32,16 +32,17 @@ struct SampleOptions {
   std::optional<double> max_nose_turn;
   /// Joint whose rotation is excluded from the chord error (turning).
   std::optional<int> workpiece_spindle;
-  /// Directions and stroke counts of the axes at the start, for a path that continues another.
+  /// Directions and stroke counts of the axes at the start, for a path that continues another one.
   kinematics::AxisState before = {};
-  /// State to continue from if the first block is already sampled: that block yields only the last
-  /// sample again.
+  /// State to continue from if the first block is already sampled; of that block only the last
+  /// sample is repeated.
   std::optional<SamplingState> goes_on = {};
-  /// More is an input error, raised before memory is allocated.
+  /// More samples are an input error, which is raised before memory is allocated.
   std::size_t max_samples = 50'000'000;
 };
 
-/// Commanded axis positions at instants. An axis reversal is sampled twice, before and after.
+/// Commanded axis positions at instants. A reversal of an axis has two samples, before and after
+/// it.
 struct Samples {
   /// (n) commanded axis positions with time, direction and stroke of each axis and spindle speed
   std::vector<kinematics::AxisState> states;
@@ -61,26 +62,26 @@ struct TooManySamples : BadInput {
   using BadInput::BadInput;
 };
 
-/// Samples what the control commands the axes: programmed coordinates, converted under G43.4 to
-/// slide positions by the control's own chain. Throws BadInput at the line if the slides cannot
-/// reach a tip or there are too many samples.
+/// Samples the axis positions that the control commands: programmed coordinates, converted under
+/// G43.4 to slide positions by the chain of the control. Throws BadInput at the line if the slides
+/// cannot reach a tip or there are too many samples.
 Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});
 
-/// The largest number of samples of a path in windows; more would take days.
+/// Limit on the samples of a path in windows; more would take days.
 inline constexpr double max_in_windows = 1e9;
 
-/// Splits a path into windows, each ending with the block that brings it to `most` samples.
-/// Together the windows have the samples of the whole path, bit for bit, with the last sample of
-/// each repeated as the first of the next. Needs the memory of one window and 300 bytes for each
-/// window. Throws as `sample` does, and TooManySamples if one window has more than
-/// options.max_samples or all together more than `max_in_windows`.
+/// Splits a path into windows, each ending with the block that brings it to
+/// `max_samples_per_window` samples. Together the windows have the samples of the whole path, bit
+/// for bit, with the last sample of each repeated as the first of the next. Needs the memory of one
+/// window and 300 bytes for each window. Throws as `sample` does, and TooManySamples if one window
+/// has more than options.max_samples or all together more than `max_in_windows`.
 std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
-                            const SampleOptions& options, std::size_t most,
+                            const SampleOptions& options, std::size_t max_samples_per_window,
                             const std::function<void(double part)>& progress = {});
 
-/// Returns the blocks of a window as a path of its own; for all windows but the first it begins
-/// with the preceding block.
+/// Returns the blocks of a window as a path. Except for the first window it begins with the
+/// preceding block.
 Path path_of(const Path& path, const Window& window);
 
 }  // namespace abbe::sim::program

@@ -21,14 +21,14 @@ namespace abbe::python {
 
 namespace {
 
-std::string toml(const py::handle& value) {
-  // bool comes before int, since Python's bool is an int
+std::string to_toml(const py::handle& value) {
+  // In Python bool is a subclass of int, so it is tested first.
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
   if (py::isinstance<py::str>(value)) return sim::to_toml_value(value.cast<std::string>());
   if (py::isinstance<py::int_>(value)) return py::str(value);
   if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
     std::string text = "[";
-    for (const py::handle one : value) text += (text.size() > 1 ? ", " : "") + toml(one);
+    for (const py::handle element : value) text += (text.size() > 1 ? ", " : "") + to_toml(element);
     return text + "]";
   }
   if (py::hasattr(value, "__float__")) return sim::to_toml_value(value.cast<double>());
@@ -36,76 +36,77 @@ std::string toml(const py::handle& value) {
                                    std::string(py::str(py::type::of(value)))));
 }
 
-/// Returns the callback with a deleter that holds Python's lock, as the last owner may be a thread
-/// without it.
-std::shared_ptr<py::object> shared(const py::object& callback) {
-  return {new py::object(callback), [](py::object* held) {
+/// Returns a shared pointer to a callback. Its deleter acquires the GIL, because the last owner may
+/// be a thread without it.
+std::shared_ptr<py::object> share_with_gil(const py::object& callback) {
+  return {new py::object(callback), [](py::object* pointer) {
             const py::gil_scoped_acquire lock;
-            delete held;
+            delete pointer;
           }};
 }
 
-/// Reports from one thread at a time, at most 20 times a second.
+/// Passes reports to the callback, from one thread at a time and at most 20 times a second.
 struct Reporter {
   std::shared_ptr<py::object> callback;
   std::mutex mutex;
   std::string stage;
-  std::chrono::steady_clock::time_point said{};  // time of the last report
+  std::chrono::steady_clock::time_point last_report{};  // time of the last report
 
   void report(const std::string& text, double fraction) {
-    constexpr std::chrono::milliseconds min_between(50);
-    // A thread that waited here for Python's lock could block the thread that holds it, so a report
-    // is dropped instead.
+    constexpr std::chrono::milliseconds min_report_interval(50);
+    // If another thread is reporting, the report is dropped. A thread that waited here could hold
+    // the GIL for which the other one waits.
     const std::unique_lock lock(mutex, std::try_to_lock);
     if (!lock) return;
     const auto now = std::chrono::steady_clock::now();
-    // a new stage is always reported, a step of the same one only after the interval
-    if (fraction >= 0.0 && text == stage && now - said < min_between) return;
+    // A new stage is always reported, further progress of a stage only after the interval.
+    if (fraction >= 0.0 && text == stage && now - last_report < min_report_interval) return;
     if (fraction >= 0.0) stage = text;
-    said = now;
+    last_report = now;
     const py::gil_scoped_acquire python;
-    // Ctrl-C sets a flag in Python; it is checked here, where long work reports
+    // Ctrl-C only sets a flag in Python, which long work must check.
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     if (!callback->is_none()) (*callback)(text, fraction);
   }
 };
 
-/// Creates a Python exception whose class outlives the interpreter, as those of pybind11 do.
-PyObject* new_exception_class(py::module_& module, const char* name, PyObject* base,
+/// Adds an exception class to the module. Like those of pybind11 it outlives the interpreter.
+PyObject* add_exception_class(py::module_& module, const char* name, PyObject* base,
                               const char* text) {
-  PyObject* made =
+  PyObject* exception_class =
       PyErr_NewExceptionWithDoc((std::string("abbe.") + name).c_str(), text, base, nullptr);
-  module.add_object(name, made);
-  return made;
+  module.add_object(name, exception_class);
+  return exception_class;
 }
 
 PyObject *bad_input = nullptr, *bad_scene = nullptr, *output_failure = nullptr,
          *plug_in_failure = nullptr, *collision_stop = nullptr;
 
-py::object make_exception(const BadInput& fault) {
-  py::object made = py::handle(bad_input)(fault.what());
-  made.attr("file") = fault.file;
-  made.attr("line") = fault.line;
-  made.attr("column") = fault.column;
-  made.attr("expected") = fault.expected;
-  made.attr("seen") = fault.seen;
-  return made;
+py::object make_exception(const BadInput& error) {
+  py::object exception = py::handle(bad_input)(error.what());
+  exception.attr("file") = error.file;
+  exception.attr("line") = error.line;
+  exception.attr("column") = error.column;
+  exception.attr("expected") = error.expected;
+  exception.attr("seen") = error.seen;
+  return exception;
 }
 
-void translate(std::exception_ptr thrown) {
+void translate(std::exception_ptr exception) {
   try {
-    if (thrown) std::rethrow_exception(thrown);
-    // derived classes first, as the first handler that fits is taken
+    if (exception) std::rethrow_exception(exception);
+    // Derived classes come first, because the first matching handler is used.
   } catch (const sim::BadScene& input_errors) {
-    py::object made = py::handle(bad_scene)(input_errors.what());
-    py::list all;
-    for (const BadInput& fault : input_errors.input_errors) all.append(make_exception(fault));
-    made.attr("faults") = all;
+    py::object python_exception = py::handle(bad_scene)(input_errors.what());
+    py::list input_error_list;
+    for (const BadInput& error : input_errors.input_errors)
+      input_error_list.append(make_exception(error));
+    python_exception.attr("faults") = input_error_list;
     for (const char* key : {"file", "line", "column", "expected", "seen"})
-      made.attr(key) = all[0].attr(key);
-    PyErr_SetObject(bad_scene, made.ptr());
-  } catch (const BadInput& fault) {
-    PyErr_SetObject(bad_input, make_exception(fault).ptr());
+      python_exception.attr(key) = input_error_list[0].attr(key);
+    PyErr_SetObject(bad_scene, python_exception.ptr());
+  } catch (const BadInput& error) {
+    PyErr_SetObject(bad_input, make_exception(error).ptr());
   } catch (const sim::OutputFailure& failure) {
     PyErr_SetString(output_failure, failure.what());
   } catch (const sim::compensation::PlugInFailure& failure) {
@@ -120,28 +121,28 @@ void translate(std::exception_ptr thrown) {
 }  // namespace
 
 std::vector<sim::Override> overrides(const py::object& set) {
-  std::vector<sim::Override> all;
-  if (set.is_none()) return all;
+  std::vector<sim::Override> result;
+  if (set.is_none()) return result;
   const py::object pairs = py::isinstance<py::dict>(set) ? set.attr("items")() : set;
   for (const py::handle pair : pairs) {
-    // a text of two letters is a sequence of length 2 too
+    // A string of two letters is a sequence of length 2 too.
     if (!py::isinstance<py::sequence>(pair) || py::isinstance<py::str>(pair) || py::len(pair) != 2)
       throw py::type_error("set: expected a dict, or pairs such as (\"errors.scale\", 2), seen " +
                            std::string(py::repr(pair)));
     const auto [path, value] = pair.cast<std::pair<std::string, py::object>>();
-    all.push_back({path, toml(value)});
+    result.push_back({path, to_toml(value)});
   }
-  return all;
+  return result;
 }
 
 sim::Progress progress(const py::object& callback) {
   auto reporter = std::make_shared<Reporter>();
-  reporter->callback = shared(callback);
+  reporter->callback = share_with_gil(callback);
   return [reporter](const std::string& text, double fraction) { reporter->report(text, fraction); };
 }
 
 py::object to_python(const nlohmann::ordered_json& json) {
-  // as text: json.loads makes the same objects as reading the file would
+  // Converted as text, so that the objects equal those read from a file by json.load.
   return py::module_::import("json").attr("loads")(sim::json_text(json));
 }
 
@@ -151,16 +152,16 @@ std::filesystem::path scene_file(const std::filesystem::path& name) {
 
 void define_exceptions(py::module_& module) {
   bad_input =
-      new_exception_class(module, "BadInput", PyExc_ValueError,
+      add_exception_class(module, "BadInput", PyExc_ValueError,
                           "What came from outside is refused: file, line, column, expected, seen.");
-  bad_scene = new_exception_class(
+  bad_scene = add_exception_class(
       module, "BadScene", bad_input,
       "All faults of a scene at once, in faults; the first of them as BadInput.");
   output_failure =
-      new_exception_class(module, "OutputFailure", PyExc_OSError, "A file was not written.");
-  plug_in_failure = new_exception_class(module, "PlugInFailure", PyExc_RuntimeError,
+      add_exception_class(module, "OutputFailure", PyExc_OSError, "A file was not written.");
+  plug_in_failure = add_exception_class(module, "PlugInFailure", PyExc_RuntimeError,
                                         "A compensator did not answer.");
-  collision_stop = new_exception_class(module, "CollisionStop", PyExc_RuntimeError,
+  collision_stop = add_exception_class(module, "CollisionStop", PyExc_RuntimeError,
                                        "Bodies touch, and the scene stops there.");
   py::register_exception_translator(translate);
 }
@@ -171,13 +172,13 @@ using sim::compensation::PlugInBatch;
 using sim::compensation::PlugInFunction;
 using sim::compensation::PlugInTask;
 
-Eigen::MatrixXd answer(const py::function& function, const PlugInTask& task,
-                       const PlugInBatch& batch) {
-  // copies, since Python may keep them
-  const py::object answered =
+Eigen::MatrixXd call_function(const py::function& function, const PlugInTask& task,
+                              const PlugInBatch& batch) {
+  // Copies are passed, because Python may keep them.
+  const py::object returned =
       function(std::make_shared<PlugInTask>(task), std::make_shared<PlugInBatch>(batch));
   using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
-  const Rows rows = Rows::ensure(answered);
+  const Rows rows = Rows::ensure(returned);
   if (!rows) throw py::error_already_set();
   if (rows.ndim() != 2)
     throw py::value_error("expected an array with a row a sample, seen one of " +
@@ -185,7 +186,7 @@ Eigen::MatrixXd answer(const py::function& function, const PlugInTask& task,
   return Eigen::Map<const PlugInBatch::Rows>(rows.data(), rows.shape(0), rows.shape(1));
 }
 
-const char* word(kinematics::Motion motion) {
+const char* motion_name(kinematics::Motion motion) {
   return motion == kinematics::Motion::Linear   ? "linear"
          : motion == kinematics::Motion::Rotary ? "rotary"
                                                 : "spindle";
@@ -202,17 +203,18 @@ sim::CaseDescription compensator_case(const py::function& function, const std::s
                                ? function.attr("__name__").cast<std::string>()
                                : std::string(py::str(py::type::of(function).attr("__name__")));
   sim::CaseDescription description = sim::plug_in_case(name == "<lambda>" ? "lambda" : name);
-  description.plug_in = description.name;  // there is no file
-  // released with Python's lock held, as the last owner may be a thread without it
-  const std::shared_ptr<py::function> held(new py::function(function), [](py::function* one) {
-    const py::gil_scoped_acquire lock;
-    delete one;
-  });
+  description.plug_in = description.name;  // a function has no file
+  // The deleter acquires the GIL, because the last owner may be a thread without it.
+  const std::shared_ptr<py::function> shared_function(new py::function(function),
+                                                      [](py::function* pointer) {
+                                                        const py::gil_scoped_acquire lock;
+                                                        delete pointer;
+                                                      });
   description.function = std::make_shared<const PlugInFunction>(
       PlugInFunction{answers == "correction" ? PlugInOutput::Correction : PlugInOutput::Deviation,
-                     [held](const PlugInTask& task, const PlugInBatch& batch) {
+                     [shared_function](const PlugInTask& task, const PlugInBatch& batch) {
                        const py::gil_scoped_acquire lock;
-                       return answer(*held, task, batch);
+                       return call_function(*shared_function, task, batch);
                      }});
   return description;
 }
@@ -225,7 +227,7 @@ void define_compensators(py::module_& module) {
                              [](const Joint& j) {
                                return j.side == kinematics::Side::Workpiece ? "workpiece" : "tool";
                              })
-      .def_property_readonly("motion", [](const Joint& j) { return word(j.motion); })
+      .def_property_readonly("motion", [](const Joint& j) { return motion_name(j.motion); })
       .def_property_readonly(
           "direction",
           [](const py::object& self) { return view(self.cast<const Joint&>().direction_b, self); })
@@ -273,7 +275,7 @@ void define_compensators(py::module_& module) {
           [](const py::object& self) {
             const auto& T = self.cast<const PlugInBatch&>().T_wt;
             constexpr py::ssize_t size = sizeof(double);
-            // rows of 12 numbers seen as 3 x 4, without a copy
+            // A view of rows of 12 numbers as 3 x 4 matrices, without a copy.
             return view(T.data(), {T.rows(), 3, 4}, {12 * size, 4 * size, size}, self);
           },
           "(n, 3, 4) where the tool should be: tip [:, :, 3], axis [:, :, 2]")

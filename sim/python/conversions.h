@@ -13,11 +13,11 @@
 #include "sim/scene/cases.h"
 #include "sim/scene/document.h"
 
-/// Conversions between C++ and Python. Arrays are NumPy views of the memory of a result: nothing is
-/// copied or writable, and the owner lives as long as they do.
+/// Conversions between C++ and Python. Arrays are read-only NumPy views of the memory of a result.
+/// They copy nothing and keep the owner of the memory alive.
 namespace abbe::python {
 
-/// Returns a view of data in memory that `owner` keeps alive.
+/// Returns a read-only view of memory that `owner` keeps alive.
 template <typename T>
 pybind11::array view(const T* data, std::vector<pybind11::ssize_t> shape,
                      std::vector<pybind11::ssize_t> strides, pybind11::handle owner) {
@@ -26,7 +26,7 @@ pybind11::array view(const T* data, std::vector<pybind11::ssize_t> shape,
   return array;
 }
 
-/// Returns a view of (n) numbers.
+/// Returns a view of a vector, (n).
 template <typename T>
 pybind11::array view(const std::vector<T>& values, pybind11::handle owner) {
   return view(values.data(), {pybind11::ssize_t(values.size())}, {sizeof(T)}, owner);
@@ -55,29 +55,29 @@ inline pybind11::array view(const std::vector<kinematics::Pose>& poses, pybind11
               {sizeof(kinematics::Pose), size, 4 * size}, owner);
 }
 
-// Conversion of arguments and results
+// Conversion of arguments and results.
 
-/// Returns the overrides of a dict such as {"errors.scale": 2.0, "part.vertices": 20000}, or of a
-/// list of such pairs, as `--set` takes them.
-/// @throws pybind11::type_error for a value that TOML does not have
+/// Converts a dict such as {"errors.scale": 2.0, "part.vertices": 20000}, or a list of such pairs,
+/// to overrides, as `--set` does.
+/// @throws pybind11::type_error for a value that TOML cannot represent
 std::vector<sim::Override> overrides(const pybind11::object& set);
 
-/// Returns the progress function of a callback `progress(text, fraction)`, with a remark if the
-/// fraction is below zero, or of None. In both cases Ctrl-C ends the work, as does an exception of
-/// the callback.
+/// Converts a Python callback `progress(text, fraction)`, or None, to a progress function. A
+/// negative fraction marks the text as a remark. Ctrl-C or an exception of the callback ends the
+/// work.
 sim::Progress progress(const pybind11::object& callback);
 
-/// Returns a dict of dicts, lists and numbers.
+/// Converts JSON to Python dicts, lists, texts and numbers.
 pybind11::object to_python(const nlohmann::ordered_json& json);
 
-/// Returns the file of a name, which may be one of the library.
+/// Returns the path of a scene, which may be named `library:NAME`.
 std::filesystem::path scene_file(const std::filesystem::path& name);
 
-/// Registers the exceptions of abbe.
+/// Registers the exception classes of abbe.
 void define_exceptions(pybind11::module_& module);
 
-/// Returns a case computed by Python: `function(task, batch)` returns (samples x joints)
-/// corrections, or (samples x 6) deviations.
+/// Returns a case whose compensator is a Python function: `function(task, batch)` returns (samples
+/// x joints) corrections or (samples x 6) deviations.
 /// @param answers  "correction" or "deviation"
 /// @throws pybind11::value_error for any other value, or a function without a usable name
 sim::CaseDescription compensator_case(const pybind11::function& function,

@@ -32,8 +32,6 @@
 #include "sim/study/run_study.h"
 
 namespace py = pybind11;
-
-namespace py = pybind11;
 using std::filesystem::path;
 
 namespace abbe::python {
@@ -42,57 +40,59 @@ namespace {
 
 using sim::Retention;
 
-struct Compared {
+/// A comparison as Python sees it.
+struct PythonComparison {
   std::shared_ptr<const sim::CaseResults> cases;
   py::dict by_name() const {
-    py::dict all;
-    for (const sim::Compared& one : cases->cases)
-      all[py::str(one.verdict.cut.name)] =
-          Result{{cases, one.job}, {cases, &one.verdict}};  // each result keeps all of them alive
-    return all;
+    py::dict cases_by_name;
+    for (const sim::Compared& compared : cases->cases)
+      cases_by_name[py::str(compared.verdict.cut.name)] =
+          Result{{cases, compared.job},
+                 {cases, &compared.verdict}};  // each result keeps all of them alive
+    return cases_by_name;
   }
 };
 
-const cutting::Surface& surface_of(const py::object& self) {
+const cutting::Surface& surface(const py::object& self) {
   return self.cast<const Result&>().verdict->aligned.surface;
 }
 
-py::object figures_of(const Result& result) {
+py::object figures(const Result& result) {
   return to_python(sim::to_json(sim::summary(*result.job, *result.verdict)));
 }
 
 void save(const Result& result, const std::filesystem::path& folder,
           const std::vector<std::string>& formats, bool force) {
-  const auto known = sim::map_formats();
-  for (const std::string& one : formats)
-    if (std::ranges::find(known, one) == known.end())
-      throw py::value_error(
-          fmt::format("formats: expected some of {}, seen \"{}\"", fmt::join(known, ", "), one));
-  const bool tracked = result.verdict->cut.track.has_value();
-  // checked before the folder is made
-  if (sim::retention_for(formats) == Retention::Track && !tracked)
+  const auto known_formats = sim::map_formats();
+  for (const std::string& format : formats)
+    if (std::ranges::find(known_formats, format) == known_formats.end())
+      throw py::value_error(fmt::format("formats: expected some of {}, seen \"{}\"",
+                                        fmt::join(known_formats, ", "), format));
+  const bool is_tracked = result.verdict->cut.track.has_value();
+  // Checked before the folder is created.
+  if (sim::retention_for(formats) == Retention::Track && !is_tracked)
     throw py::value_error("expected a result cut with track=True to save its track");
-  // other Python threads run while files are written
-  const py::gil_scoped_release free;
+  // Other Python threads can run while files are written.
+  const py::gil_scoped_release release;
   sim::Permissions permissions;
   permissions.command = "import abbe";
   permissions.force = force;
-  const sim::ResultFolder into(folder, sim::make_writer(result.job->scene, permissions));
+  const sim::ResultFolder result_folder(folder, sim::make_writer(result.job->scene, permissions));
   sim::Verdict verdict = *result.verdict;
   verdict.stock = sim::stock_check(*result.job, verdict);
-  sim::write_program(into, *result.job);
-  sim::write_case(into, *result.job, verdict, formats);
+  sim::write_program(result_folder, *result.job);
+  sim::write_case(result_folder, *result.job, verdict, formats);
 }
 
 constexpr int picture_width = 900;  // px
 
-/// Returns the map as a PNG file; empty if abbe was built without pictures.
+/// Returns the map as a PNG file; nothing if abbe was built without pictures.
 py::bytes picture(const Result& result, int width) {
   if (width < 1 || width > 10000) throw py::value_error("width: expected 1 to 10000 pixels");
-  // the lock is released for the drawing and held again for the Python object
+  // The GIL is released while drawing, and held again to create the Python object.
   std::string png;
   {
-    const py::gil_scoped_release free;
+    const py::gil_scoped_release release;
     png = sim::map_png(*result.job, *result.verdict, width);
   }
   return py::bytes(png);
@@ -115,7 +115,7 @@ std::string image(const py::bytes& png) {
          text.cast<std::string>() + "\">";
 }
 
-std::string text_of(const Result& result) {
+std::string summary_text(const Result& result) {
   return sim::to_text(sim::summary(*result.job, *result.verdict));
 }
 
@@ -148,8 +148,7 @@ void define_result(py::module_& module) {
   py::class_<Result>(module, "Result", "One case: its map on the design, and its figures.")
       .def_property_readonly("name", [](const Result& r) { return r.verdict->cut.name; })
       .def_property_readonly(
-          "residual_mm",
-          [](const py::object& self) { return view(surface_of(self).residual, self); },
+          "residual_mm", [](const py::object& self) { return view(surface(self).residual, self); },
           "(n) along the outward normal, + material left, - gouged; NaN where not cut")
       .def_property_readonly(
           "form_mm",
@@ -160,38 +159,37 @@ void define_result(py::module_& module) {
       .def_property_readonly(
           "status",
           [](const py::object& self) {
-            const auto& status = surface_of(self).status;
+            const auto& status = surface(self).status;
             return view(reinterpret_cast<const std::uint8_t*>(status.data()),
                         {py::ssize_t(status.size())}, {1}, self);
           },
           "(n) 0 cut, 1 uncut, 2 not judged, 3 gouged deeper than the band")
       .def_property_readonly(
-          "cut_time_s",
-          [](const py::object& self) { return view(surface_of(self).cut_time_s, self); })
+          "cut_time_s", [](const py::object& self) { return view(surface(self).cut_time_s, self); })
       .def_property_readonly(
-          "cut_line", [](const py::object& self) { return view(surface_of(self).cut_line, self); },
+          "cut_line", [](const py::object& self) { return view(surface(self).cut_line, self); },
           "(n) line of the program that made the surface there, 0 where none did")
       .def_property_readonly(
           "signals",
           [](const py::object& self) {
             const sim::Signals& signals = self.cast<const Result&>().verdict->cut.signals;
-            py::dict all;
+            py::dict columns;
             for (std::size_t k = 0; k < signals.columns.size(); ++k)
-              all[py::str(signals.columns[k])] =
+              columns[py::str(signals.columns[k])] =
                   view(signals.rows.data() + Eigen::Index(k) * signals.rows.outerStride(),
                        {signals.rows.rows()}, {py::ssize_t(sizeof(double))}, self);
-            return all;
+            return columns;
           },
           "time lines by name, such as T_nut_C; empty without heat, force or channels")
       .def_property_readonly(
           "track",
           [](const Result& r) -> py::object {
             if (!r.verdict->cut.track) return py::none();
-            // a copy, since the view needs an owner of its own
+            // A copy, because the view needs an owner.
             return py::cast(std::make_shared<sim::ToolTrack>(*r.verdict->cut.track));
           },
           "where the tool was; None unless it was cut with track=True")
-      .def_property_readonly("figures", figures_of, "as summary.json has them")
+      .def_property_readonly("figures", figures, "as summary.json has them")
       .def_property_readonly(
           "warnings", [](const Result& r) { return sim::warnings_of(*r.job, r.verdict->cut); })
       .def_property_readonly("timing_s", [](const Result& r) { return r.verdict->cut.timing_s; })
@@ -199,19 +197,19 @@ void define_result(py::module_& module) {
            py::arg("force") = false,
            "Writes the files of the case, as `abbe run` does, with its map in these formats.")
       .def("picture", picture, py::arg("width") = picture_width, "The map as a PNG file, bytes.")
-      .def("__str__", text_of)
+      .def("__str__", summary_text)
       .def("__repr__",
            [](const Result& r) {
              return fmt::format("<abbe.Result {} of {}>", r.verdict->cut.name, r.job->scene.title);
            })
       .def("_repr_html_", [](const Result& r) {
-        return image(picture(r, picture_width)) + preformatted(text_of(r));
+        return image(picture(r, picture_width)) + preformatted(summary_text(r));
       });
 }
 
 }  // namespace
 
-Result judged(std::shared_ptr<const sim::Job> job, sim::Cut cut) {
+Result judge_cut(std::shared_ptr<const sim::Job> job, sim::Cut cut) {
   sim::check_cuts_part(*job, cut);
   sim::Verdict verdict = sim::judge(*job, std::move(cut), nullptr);
   return {std::move(job), std::make_shared<const sim::Verdict>(std::move(verdict))};
@@ -220,47 +218,50 @@ Result judged(std::shared_ptr<const sim::Job> job, sim::Cut cut) {
 void define_results(py::module_& module) {
   define_track(module);
   define_result(module);
-  py::class_<Compared>(module, "Comparison", "The cases of a scene beside each other.")
-      .def_property_readonly("cases", &Compared::by_name, "by name, in the order of the table")
+  py::class_<PythonComparison>(module, "Comparison", "The cases of a scene beside each other.")
+      .def_property_readonly("cases", &PythonComparison::by_name,
+                             "by name, in the order of the table")
       .def("__getitem__",
-           [](const Compared& c, const std::string& name) {
+           [](const PythonComparison& c, const std::string& name) {
              return c.by_name().attr("__getitem__")(name);
            })
       .def_property_readonly(
-          "figures", [](const Compared& c) { return to_python(sim::to_json(c.cases->comparison)); },
+          "figures",
+          [](const PythonComparison& c) { return to_python(sim::to_json(c.cases->comparison)); },
           "as comparison.json has them")
       .def_property_readonly("warnings",
-                             [](const Compared& c) { return c.cases->comparison.warnings; })
+                             [](const PythonComparison& c) { return c.cases->comparison.warnings; })
       .def_property_readonly(
           "failed",
-          [](const Compared& c) {
-            py::dict all;
-            for (const sim::FailedCase& one : c.cases->failed) all[py::str(one.name)] = one.reason;
-            return all;
+          [](const PythonComparison& c) {
+            py::dict reasons;
+            for (const sim::FailedCase& failure : c.cases->failed)
+              reasons[py::str(failure.name)] = failure.reason;
+            return reasons;
           },
           "why, of compensators that failed, by name")
-      .def("__str__", [](const Compared& c) { return sim::to_text(c.cases->comparison); })
-      .def("_repr_html_",
-           [](const Compared& c) { return preformatted(sim::to_text(c.cases->comparison)); });
+      .def("__str__", [](const PythonComparison& c) { return sim::to_text(c.cases->comparison); })
+      .def("_repr_html_", [](const PythonComparison& c) {
+        return preformatted(sim::to_text(c.cases->comparison));
+      });
 }
 
 py::object comparison_to_python(sim::CaseResults cases) {
-  return py::cast(Compared{std::make_shared<const sim::CaseResults>(std::move(cases))});
+  return py::cast(PythonComparison{std::make_shared<const sim::CaseResults>(std::move(cases))});
 }
 
 namespace {
 
 using sim::Job;
 
-/// A job and the changes to its scene, for machines with other errors.
+/// A job and the overrides of its scene, which `with_errors` extends.
 struct PreparedJob {
-  std::shared_ptr<Job> job;  ///< only read, except for plug-ins that the user typed and thereby
-                             ///< trusted
+  std::shared_ptr<Job> job;  ///< read only, except that plug-ins named by the user become trusted
   std::vector<sim::Override> overrides;
 };
 using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-sim::RunOptions options_of(const py::object& set, bool trust, const py::object& callback) {
+sim::RunOptions make_run_options(const py::object& set, bool trust, const py::object& callback) {
   sim::RunOptions options;
   options.overrides = overrides(set);
   options.permissions.trust = trust;
@@ -270,49 +271,51 @@ sim::RunOptions options_of(const py::object& set, bool trust, const py::object& 
 
 PreparedJob prepare(const std::filesystem::path& scene, const py::object& set, bool trust,
                     const py::object& callback) {
-  const sim::RunOptions options = options_of(set, trust, callback);
-  const py::gil_scoped_release free;
+  const sim::RunOptions options = make_run_options(set, trust, callback);
+  const py::gil_scoped_release release;
   return {std::make_shared<Job>(sim::job_of(scene_file(scene), options)), options.overrides};
 }
 
 PreparedJob replace_errors(const PreparedJob& prepared, const py::object& set) {
-  std::vector<sim::Override> all = prepared.overrides;
-  // a later value of a key replaces the earlier one
-  for (sim::Override& one : overrides(set)) {
-    std::erase_if(all, [&](const sim::Override& old) { return old.path == one.path; });
-    all.push_back(std::move(one));
+  std::vector<sim::Override> merged = prepared.overrides;
+  // A later value of a key replaces an earlier one.
+  for (sim::Override& new_override : overrides(set)) {
+    std::erase_if(
+        merged, [&](const sim::Override& existing) { return existing.path == new_override.path; });
+    merged.push_back(std::move(new_override));
   }
-  const py::gil_scoped_release free;
+  const py::gil_scoped_release release;
   const Job& job = *prepared.job;
-  sim::Scene scene = sim::read_scene(job.scene.file, all);
+  sim::Scene scene = sim::read_scene(job.scene.file, merged);
   scene.trusted = job.scene.trusted;
-  return {std::make_shared<Job>(sim::replace_errors(job, scene)), std::move(all)};
+  return {std::make_shared<Job>(sim::replace_errors(job, scene)), std::move(merged)};
 }
 
-Result cut(const PreparedJob& prepared, const py::object& which, const std::string& answers,
-           bool track, const py::object& callback) {
+Result cut(const PreparedJob& prepared, const py::object& case_or_function,
+           const std::string& answers, bool track, const py::object& callback) {
   const std::shared_ptr<Job>& job = prepared.job;
-  const Retention keep = track ? Retention::Track : Retention::Map;
+  const Retention retention = track ? Retention::Track : Retention::Map;
   const sim::Progress report = progress(callback);
-  // a function or callable object is a compensator; anything else is the name of a case
+  // A callable object is a compensator, any other argument the name of a case.
   std::optional<sim::CaseDescription> compensator;
-  bool error_free = false;
-  if (py::isinstance<py::function>(which) || PyCallable_Check(which.ptr()) != 0) {
-    compensator = compensator_case(py::reinterpret_borrow<py::function>(which), answers);
+  bool is_error_free = false;
+  if (py::isinstance<py::function>(case_or_function) ||
+      PyCallable_Check(case_or_function.ptr()) != 0) {
+    compensator = compensator_case(py::reinterpret_borrow<py::function>(case_or_function), answers);
   } else {
-    const std::string name = py::str(which);
-    error_free = name == "error_free";
-    if (!error_free && name != "uncompensated") compensator = sim::parse_case(name);
-    // a plug-in given by name was typed by the user, which is enough to trust it
+    const std::string name = py::str(case_or_function);
+    is_error_free = name == "error_free";
+    if (!is_error_free && name != "uncompensated") compensator = sim::parse_case(name);
+    // The user who names a plug-in trusts it.
     if (compensator) sim::trust(job->scene, *compensator);
   }
-  const py::gil_scoped_release free;
-  if (error_free) return judged(job, sim::cut_error_free(*job, report, keep));
-  return judged(job, sim::cut(*job, compensator, report, keep));
+  const py::gil_scoped_release release;
+  if (is_error_free) return judge_cut(job, sim::cut_error_free(*job, report, retention));
+  return judge_cut(job, sim::cut(*job, compensator, report, retention));
 }
 
-/// Returns (n x axes) positions from an array, or from a single row.
-Rows positions(const Rows& q, Eigen::Index axes) {
+/// Returns (n x axes) positions; a single row of positions becomes (1 x axes).
+Rows position_rows(const Rows& q, Eigen::Index axes) {
   if (q.ndim() == 1 && q.shape(0) == axes) return Rows(q.attr("reshape")(1, axes));
   if (q.ndim() != 2 || q.shape(1) != axes)
     throw py::value_error("q: expected (n, " + std::to_string(axes) + ") positions, mm and rad");
@@ -323,58 +326,59 @@ struct Poses {
   std::vector<kinematics::Pose> nominal, actual;
 };
 
-py::tuple poses(const std::filesystem::path& file, const Rows& given, const py::object& set,
+py::tuple poses(const std::filesystem::path& file, const Rows& requested_q, const py::object& set,
                 double time_s) {
-  const std::vector<sim::Override> all = overrides(set);
+  const std::vector<sim::Override> scene_overrides = overrides(set);
   std::unique_ptr<const sim::IdleMachine> idle;
   {
-    const py::gil_scoped_release free;
+    const py::gil_scoped_release release;
     idle = std::make_unique<const sim::IdleMachine>(
-        sim::idle_machine(sim::read_scene(scene_file(file), all)));
+        sim::idle_machine(sim::read_scene(scene_file(file), scene_overrides)));
   }
-  // checked with the lock held, as it touches Python objects
-  const Rows q = positions(given, idle->machine.nominal.size());
-  auto made = std::make_unique<Poses>();
+  // Checked while the GIL is held, because the check uses Python objects.
+  const Rows q = position_rows(requested_q, idle->machine.nominal.size());
+  auto computed = std::make_unique<Poses>();
   {
-    const py::gil_scoped_release free;
+    const py::gil_scoped_release release;
     for (py::ssize_t i = 0; i < q.shape(0); ++i) {
       kinematics::AxisState state;
       state.q = Eigen::Map<const Eigen::VectorXd>(q.data(i, 0), q.shape(1));
       state.time_s = time_s;
       const sim::TipPose pose = sim::tip_pose(*idle, state);
-      made->nominal.push_back(pose.nominal);
-      made->actual.push_back(pose.actual);
+      computed->nominal.push_back(pose.nominal);
+      computed->actual.push_back(pose.actual);
     }
   }
-  const Poses& both = *made;
-  // both arrays share one owner
-  const py::capsule owner(made.release(), [](void* held) { delete static_cast<Poses*>(held); });
-  return py::make_tuple(view(both.nominal, owner), view(both.actual, owner));
+  const Poses& result_poses = *computed;
+  // Both arrays share one owner.
+  const py::capsule owner(computed.release(),
+                          [](void* pointer) { delete static_cast<Poses*>(pointer); });
+  return py::make_tuple(view(result_poses.nominal, owner), view(result_poses.actual, owner));
 }
 
 py::object compare(const std::filesystem::path& scene, const py::object& set,
                    const std::vector<py::object>& compensators, const std::string& answers,
                    bool track, bool trust, const py::object& callback) {
-  sim::RunOptions options = options_of(set, trust, callback);
+  sim::RunOptions options = make_run_options(set, trust, callback);
   if (track) options.formats.emplace_back(sim::saved_track);
-  for (const py::object& one : compensators) {
-    // a path is a plug-in, anything else must be a function
-    if (py::isinstance<py::str>(one) || py::hasattr(one, "__fspath__"))
-      options.plug_ins.push_back(one.cast<std::filesystem::path>());
+  for (const py::object& compensator : compensators) {
+    // A path is a plug-in; any other object must be a function.
+    if (py::isinstance<py::str>(compensator) || py::hasattr(compensator, "__fspath__"))
+      options.plug_ins.push_back(compensator.cast<std::filesystem::path>());
     else
-      options.functions.push_back(compensator_case(py::function(one), answers));
+      options.functions.push_back(compensator_case(py::function(compensator), answers));
   }
-  std::optional<sim::CaseResults> made;
+  std::optional<sim::CaseResults> cases;
   {
-    const py::gil_scoped_release free;
-    made = sim::cut_scene_cases(scene_file(scene), options);
+    const py::gil_scoped_release release;
+    cases = sim::cut_scene_cases(scene_file(scene), options);
   }
-  return comparison_to_python(std::move(*made));
+  return comparison_to_python(std::move(*cases));
 }
 
 const Job& job_of(const py::object& self) { return *self.cast<const PreparedJob&>().job; }
 
-const cutting::Design& design_of(const py::object& self) { return job_of(self).design_w; }
+const cutting::Design& design(const py::object& self) { return job_of(self).design_w; }
 
 void define_job(py::module_& module) {
   py::class_<PreparedJob>(
@@ -387,19 +391,19 @@ void define_job(py::module_& module) {
       .def_property_readonly("cases",
                              [](const PreparedJob& p) {
                                std::vector<std::string> names{"error_free", "uncompensated"};
-                               for (const sim::CaseDescription& one : p.job->scene.cases)
-                                 names.push_back(one.name);
+                               for (const sim::CaseDescription& description : p.job->scene.cases)
+                                 names.push_back(description.name);
                                return names;
                              })
       .def_property_readonly(
-          "vertices", [](const py::object& self) { return view(design_of(self).vertices, self); },
+          "vertices", [](const py::object& self) { return view(design(self).vertices, self); },
           "(n, 3) mm, workpiece frame")
       .def_property_readonly(
-          "normals", [](const py::object& self) { return view(design_of(self).normals, self); })
+          "normals", [](const py::object& self) { return view(design(self).normals, self); })
       .def_property_readonly(
-          "triangles", [](const py::object& self) { return view(design_of(self).triangles, self); })
+          "triangles", [](const py::object& self) { return view(design(self).triangles, self); })
       .def_property_readonly(
-          "area_mm2", [](const py::object& self) { return view(design_of(self).area, self); },
+          "area_mm2", [](const py::object& self) { return view(design(self).area, self); },
           "(n) a third of the triangles around a vertex")
       .def_property_readonly(
           "q",
@@ -408,8 +412,7 @@ void define_job(py::module_& module) {
             const auto& states = job.samples.states;
             const double* data = states.empty() ? nullptr : states.front().q.data();
             return view(data, {py::ssize_t(states.size()), job.machine.nominal.size()},
-                        // a view with the stride of the sample, of which only the positions are
-                        // seen
+                        // The stride is that of the samples, of which the view shows the positions.
                         {sizeof(kinematics::AxisState), sizeof(double)}, self);
           },
           "(samples, axes) as the program commands them, mm and rad")
@@ -468,16 +471,16 @@ namespace {
 
 using Method = sim::IdentifyOptions::Method;
 
-Method method_of(const std::string& word) {
-  const std::map<std::string, Method> all = {{"chain", Method::Chain},
-                                             {"step_diagonal", Method::StepDiagonal},
-                                             {"composite", Method::Composite},
-                                             {"thermal", Method::Thermal}};
-  const auto found = all.find(word);
-  if (found == all.end())
+Method parse_method(const std::string& name) {
+  const std::map<std::string, Method> methods = {{"chain", Method::Chain},
+                                                 {"step_diagonal", Method::StepDiagonal},
+                                                 {"composite", Method::Composite},
+                                                 {"thermal", Method::Thermal}};
+  const auto entry = methods.find(name);
+  if (entry == methods.end())
     throw py::value_error("method: expected chain, step_diagonal, composite or thermal, seen \"" +
-                          word + "\"");
-  return found->second;
+                          name + "\"");
+  return entry->second;
 }
 
 py::object identify(const std::vector<path>& readings, const std::string& method,
@@ -488,7 +491,7 @@ py::object identify(const std::vector<path>& readings, const std::string& method
                     const py::object& callback) {
   if (readings.empty()) throw py::value_error("readings: expected one file at least");
   sim::IdentifyOptions options;
-  options.method = method_of(method);
+  options.method = parse_method(method);
   if (order) options.model.order = *order;
   options.choose_orders = choose_orders;
   for (const auto& [axis, mm] : pitch) {
@@ -501,8 +504,8 @@ py::object identify(const std::vector<path>& readings, const std::string& method
   const sim::Progress report = progress(callback);
   std::optional<nlohmann::ordered_json> json;
   {
-    const py::gil_scoped_release free;
-    // files are written only if `out` is named
+    const py::gil_scoped_release release;
+    // Files are written only if `out` is stated.
     json = sim::to_json(out ? sim::identify(readings, options, report)
                             : sim::identified(readings, options, report));
   }
@@ -517,12 +520,12 @@ py::object study(const path& file, const path& out, const py::object& set, bool 
   options.permissions.trust = trust;
   options.permissions.force = force;
   options.progress = progress(callback);
-  std::optional<sim::study::StudyResult> made;
+  std::optional<sim::study::StudyResult> result;
   {
-    const py::gil_scoped_release free;
-    made = sim::study::run_study(scene_file(file), options, {});
+    const py::gil_scoped_release release;
+    result = sim::study::run_study(scene_file(file), options, {});
   }
-  return to_python(made->json);
+  return to_python(result->json);
 }
 
 }  // namespace

@@ -11,14 +11,14 @@
 /// The classes and functions of the module.
 namespace abbe::python {
 
-/// A judged case with its job.
+/// A judged case and its job.
 struct Result {
   std::shared_ptr<const sim::Job> job;
   std::shared_ptr<const sim::Verdict> verdict;
 };
 
 /// Judges a single case, as `abbe run` does.
-Result judged(std::shared_ptr<const sim::Job> job, sim::Cut cut);
+Result judge_cut(std::shared_ptr<const sim::Job> job, sim::Cut cut);
 
 /// Registers Track, Result and Comparison.
 void define_results(pybind11::module_& module);

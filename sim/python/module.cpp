@@ -19,14 +19,14 @@ namespace py = pybind11;
 namespace abbe::python {
 namespace {
 
-/// Finds the program of this module: beside it in a build, otherwise where it is installed. It
-/// loads plug-ins in shared libraries.
-void find_program() {
-  Dl_info here{};
-  if (::dladdr(reinterpret_cast<const void*>(&find_program), &here) == 0) return;
+/// Finds the executable that belongs to this module: beside it in a build, otherwise at its
+/// installed path. The executable runs plug-ins in shared libraries.
+void find_executable() {
+  Dl_info info{};
+  if (::dladdr(reinterpret_cast<const void*>(&find_executable), &info) == 0) return;
   std::error_code failure;
-  const auto folder = std::filesystem::canonical(here.dli_fname, failure).parent_path();
-  // an installed module finds the program relative to its own folder
+  const auto folder = std::filesystem::canonical(info.dli_fname, failure).parent_path();
+  // The installed executable is found relative to the folder of the module.
   for (const auto& file : {folder / "abbe", folder / ABBE_PROGRAM_FROM_MODULE})
     if (std::filesystem::is_regular_file(file, failure))
       return sim::name_program_file(std::filesystem::canonical(file));
@@ -34,20 +34,20 @@ void find_program() {
 
 void limit(const std::optional<int>& threads, const std::optional<double>& memory_gb) {
   using tbb::global_control;
-  // TBB's limit lasts as long as the object does
-  static std::unique_ptr<global_control> held;
+  // The limit lasts as long as this object.
+  static std::unique_ptr<global_control> thread_limit;
   if (threads && *threads < 1) throw py::value_error("threads: expected at least 1");
   if (memory_gb && !(*memory_gb > 0.0)) throw py::value_error("memory_gb: expected more than 0");
   if (threads)
-    held = std::make_unique<global_control>(global_control::max_allowed_parallelism,
-                                            std::size_t(*threads));
+    thread_limit = std::make_unique<global_control>(global_control::max_allowed_parallelism,
+                                                    std::size_t(*threads));
   if (memory_gb) sim::limit_memory(*memory_gb * 1e9);
 }
 
 }  // namespace
 
 PYBIND11_MODULE(abbe, module) {
-  find_program();
+  find_executable();
   module.doc() =
       "A virtual five-axis machine tool that is wrong on purpose.\n\n"
       "job = abbe.prepare(\"scenes/gantry_dome.toml\")\n"

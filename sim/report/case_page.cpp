@@ -39,20 +39,14 @@ namespace abbe::sim {
 
 using std::filesystem::path;
 
-/// Returns the maps of cases as they were cut, with the regions of the part and the time intervals
-/// of the first case's program.
-/// @param cases    at least one
-/// @param figures  of the cases, as in comparison.json
-PartMaps compared_maps(const std::vector<Compared>& cases, const nlohmann::ordered_json& figures);
-
-/// A saved case: its figures, with its name, and the folder that may hold its map.
+/// A saved case: its figures, which contain its name, and the folder of its map.
 struct SavedCase {
   nlohmann::ordered_json figures;
   std::filesystem::path folder;
 };
 
-/// Returns the maps that `run` or `compare` wrote as residual.vtp. Such files hold no regions:
-/// regions of the scene are noted as an omission, and so are cases without a file.
+/// Returns the maps that `run` or `compare` wrote as residual.vtp. These files do not store
+/// regions: if the scene has regions, their omission is noted, as is every case without a file.
 /// @throws BadInput for a file that is damaged or holds more than a page can
 PartMaps saved_maps(const std::vector<SavedCase>& cases);
 
@@ -63,42 +57,42 @@ using nlohmann::ordered_json;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr double ms = 1e-3;
 
-/// Returns the time intervals in which the program runs each line.
-LineIntervals stretches_of(const Job& job) {
-  LineIntervals all;
-  for (const Job& part : parts_of(job)) {
-    const program::Samples& samples = part.samples;
+/// Returns the time intervals in which the program executes each line.
+LineIntervals line_intervals(const Job& job) {
+  LineIntervals intervals;
+  for (const Job& segment : parts_of(job)) {
+    const program::Samples& samples = segment.samples;
     for (std::size_t k = 0; k < samples.line.size(); ++k) {
       if (k > 0 && samples.line[k] == samples.line[k - 1]) continue;
-      all.line.push_back(samples.line[k]);
+      intervals.line.push_back(samples.line[k]);
       // A sample belongs to the line that ends there.
-      all.begin_ms.push_back(int(std::lround(samples.states[k > 0 ? k - 1 : 0].time_s / ms)));
+      intervals.begin_ms.push_back(int(std::lround(samples.states[k > 0 ? k - 1 : 0].time_s / ms)));
     }
   }
-  return all;
+  return intervals;
 }
 
-/// Returns the map of one region of the part, with the rest not judged.
-cutting::Surface within_region(const cutting::Surface& surface, const cutting::Triangles& triangles,
-                               const std::vector<int>& region, int number) {
-  cutting::Surface inside = surface;
-  std::vector<bool> is_out(region.size());
+/// Returns the map with all vertices outside one region excluded from the figures.
+cutting::Surface region_map(const cutting::Surface& surface, const cutting::Triangles& triangles,
+                            const std::vector<int>& region, int number) {
+  cutting::Surface map = surface;
+  std::vector<bool> is_outside(region.size());
   for (std::size_t k = 0; k < region.size(); ++k) {
-    is_out[k] = region[k] != number;
-    if (!is_out[k]) continue;
-    inside.status[k] = cutting::VertexStatus::Outside;
-    inside.residual[Eigen::Index(k)] = nan;
+    is_outside[k] = region[k] != number;
+    if (!is_outside[k]) continue;
+    map.status[k] = cutting::VertexStatus::Outside;
+    map.residual[Eigen::Index(k)] = nan;
   }
-  for (Eigen::Index t = 0; t < inside.within.size(); ++t)
-    // A triangle across the border of a region belongs to neither side.
+  for (Eigen::Index t = 0; t < map.within.size(); ++t)
+    // A triangle across the border of a region has vertices of two regions and counts for neither.
     for (const int corner : triangles.row(t))
-      if (is_out[std::size_t(corner)]) inside.within[t] = nan;
-  std::erase_if(inside.gouges,
-                [&](const cutting::Gouge& one) { return is_out[std::size_t(one.vertex)]; });
-  return inside;
+      if (is_outside[std::size_t(corner)]) map.within[t] = nan;
+  std::erase_if(map.gouges,
+                [&](const cutting::Gouge& gouge) { return is_outside[std::size_t(gouge.vertex)]; });
+  return map;
 }
 
-/// Returns the figures of one region, um; null where there are none.
+/// Returns the figures of one region in um, null for figures that do not exist.
 ordered_json region_statistics(const cutting::Statistics& s) {
   const auto um = [](const std::optional<double>& mm) {
     return mm ? ordered_json(*mm / units::um) : ordered_json();
@@ -114,23 +108,23 @@ ordered_json region_statistics(const cutting::Statistics& s) {
           {"in", s.conformance ? ordered_json(s.conformance->in) : ordered_json()}};
 }
 
-/// Adds the region of every vertex, and the figures of all regions for the cases among the maps.
+/// Adds the region of every vertex, and the figures of every region for the cases on the page.
 void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
                  const cutting::Design& design) {
   const Job& job = *cases.front()->job;
   const auto& regions = job.scene.part.regions;
   if (regions.empty()) return;
-  std::vector<int>& region = maps.region;
+  std::vector<int>& numbers = maps.region;
   for (Eigen::Index k = 0; k < design.vertices.rows(); ++k) {
-    const PartRegion* one = region_at(job.scene.part, job.face_groups, region_point(design, k));
-    region.push_back(one ? int(one - regions.data()) + 1 : 0);
+    const PartRegion* match = region_at(job.scene.part, job.face_groups, region_point(design, k));
+    numbers.push_back(match ? int(match - regions.data()) + 1 : 0);
   }
   for (std::size_t r = 0; r < regions.size(); ++r) {
     ordered_json figures = ordered_json::object();
-    for (const Compared* one : cases)
-      figures[one->verdict.cut.name] = region_statistics(cutting::statistics(
-          within_region(one->verdict.aligned.surface, design.triangles, region, int(r) + 1),
-          one->job->design_w, one->verdict.tolerance));
+    for (const Compared* compared : cases)
+      figures[compared->verdict.cut.name] = region_statistics(cutting::statistics(
+          region_map(compared->verdict.aligned.surface, design.triangles, numbers, int(r) + 1),
+          compared->job->design_w, compared->verdict.tolerance));
     const std::optional<Tolerance>& tolerance =
         regions[r].tolerance ? regions[r].tolerance : job.scene.part.tolerance;
     maps.regions.push_back({{"name", regions[r].name},
@@ -142,46 +136,48 @@ void add_regions(PartMaps& maps, const std::vector<const Compared*>& cases,
   }
 }
 
-}  // namespace
-
+/// Returns the maps of cases that were just cut, with the regions of the part and the time
+/// intervals of the first case's program.
+/// @param cases    at least one
+/// @param figures  of the cases, as in comparison.json
 PartMaps compared_maps(const std::vector<Compared>& cases, const ordered_json& figures) {
   PartMaps maps;
-  std::vector<const Compared*> shown;
+  std::vector<const Compared*> mapped_cases;
   for (std::size_t i = 0; i < cases.size(); ++i) {
     ResultMap map = result_map(*cases[i].job, cases[i].verdict);
-    CaseMap one{map.facts.case_name,     std::move(map.residual_um),
-                std::move(map.form_um),  std::move(map.cut_time_s),
-                std::move(map.cut_line), displayed_figures(figures.at(i))};
-    if (add_case(maps, map.design, std::move(one))) shown.push_back(&cases[i]);
+    CaseMap case_map{map.facts.case_name,     std::move(map.residual_um),
+                     std::move(map.form_um),  std::move(map.cut_time_s),
+                     std::move(map.cut_line), displayed_figures(figures.at(i))};
+    if (add_case(maps, map.design, std::move(case_map))) mapped_cases.push_back(&cases[i]);
   }
   const Job& job = *cases.front().job;
-  maps.stretches = stretches_of(job);
-  add_regions(maps, shown, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()));
+  maps.line_intervals = line_intervals(job);
+  add_regions(maps, mapped_cases,
+              cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()));
   return maps;
 }
 
-namespace {
-
 using namespace html;
 
-/// Returns a JSON value as text; null as a dash.
-std::string plain(const ordered_json& value) {
+/// Returns a JSON value as text; null becomes a dash.
+std::string plain_text(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.is_null() ? "–" : value.dump();
 }
 
-/// Adds the time series of every case that is among the maps.
+/// Adds the time series of every case that has a map on the page.
 void add_time_series(PageData& data, const std::vector<Compared>& cases) {
   for (std::size_t number = 0; number < data.index["cases"].size(); ++number)
-    for (const Compared& one : cases)
-      if (one.verdict.cut.name == data.index["cases"][number].at("name"))
-        add_case_time_series(data, one, number);
+    for (const Compared& compared : cases)
+      if (compared.verdict.cut.name == data.index["cases"][number].at("name"))
+        add_case_time_series(data, compared, number);
 }
 
-/// Returns a still picture of every map, for browsers that cannot turn one, and for print.
-std::string pictures(const std::vector<Compared>& cases) {
+/// Returns the section with a still picture of every map, for printing and for browsers without
+/// WebGL.
+std::string pictures_section(const std::vector<Compared>& cases) {
   constexpr int width_px = 900;
   std::vector<std::string> png(cases.size());
-  // One picture is prepared and another compressed while a third is drawn.
+  // Drawing is serial, but other pictures can be prepared and compressed meanwhile.
   tbb::parallel_for(std::size_t(0), cases.size(), [&](std::size_t i) {
     png[i] = map_png(*cases[i].job, cases[i].verdict, width_px);
   });
@@ -196,20 +192,20 @@ std::string pictures(const std::vector<Compared>& cases) {
   return text.empty() ? "" : "<section id=\"pictures\">" + text + "</section>";
 }
 
-/// Returns the verdicts on tolerances, and the limits that cases exceed, as a list.
-std::string verdicts(const std::vector<Compared>& cases) {
+/// Returns a list of the tolerance verdicts and of the limits that cases exceed.
+std::string verdict_list(const std::vector<Compared>& cases) {
   std::vector<std::string> lines;
-  for (const Compared& one : cases) {
+  for (const Compared& compared : cases) {
     const std::string verdict =
-        tolerance_verdict(one.verdict.residual.conformance, one.verdict.worst);
-    if (!verdict.empty()) lines.push_back(one.verdict.cut.name + ": " + verdict);
-    for (const std::string& limit : exceeded_limits(one.job->scene.limits, one.verdict))
+        tolerance_verdict(compared.verdict.residual.conformance, compared.verdict.worst);
+    if (!verdict.empty()) lines.push_back(compared.verdict.cut.name + ": " + verdict);
+    for (const std::string& limit : exceeded_limits(compared.job->scene.limits, compared.verdict))
       lines.push_back(limit);
   }
   return list(lines);
 }
 
-/// Returns direction and point of every axis as a list.
+/// Returns a list with the direction and a point of every axis.
 std::string machine_section(const Job& job) {
   std::vector<std::string> lines;
   for (const kinematics::Joint& joint : job.machine.nominal.joints()) {
@@ -222,58 +218,58 @@ std::string machine_section(const Job& job) {
   return list(lines);
 }
 
-/// Returns the text below the maps: request, axes, verdicts, warnings, versions and the command to
-/// repeat it.
-std::string words(const std::vector<Compared>& cases, const ordered_json& json,
-                  const std::vector<std::string>& left_out, const PageOptions& asked) {
+/// Returns the text below the maps: request, axes, verdicts, warnings, versions and the command
+/// that reproduces the page.
+std::string details_section(const std::vector<Compared>& cases, const ordered_json& json,
+                            const std::vector<std::string>& omissions, const PageOptions& options) {
   const Job& job = *cases.front().job;
   std::string text = label("asked", "h2") + "<dl>";
   for (const char* key :
        {"scene", "seed", "vertices", "moves", "datum", "alignment", "tolerance_um"})
-    text += row(key, plain(json.at(key)));
+    text += row(key, plain_text(json.at(key)));
   text += row("program", job.path.file) +
           row("duration",
               fmt::format("{:.1f}",
                           job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s)) +
           "</dl>" + label("machine_axes", "h2") + machine_section(job) + label("verdicts", "h2") +
-          verdicts(cases);
+          verdict_list(cases);
   std::vector<std::string> warnings = json.at("warnings").get<std::vector<std::string>>();
-  warnings.insert(warnings.end(), left_out.begin(), left_out.end());
+  warnings.insert(warnings.end(), omissions.begin(), omissions.end());
   text += label("warnings", "h2") + list(warnings);
   if (json.contains("failed")) {
     std::vector<std::string> failed;
-    for (const ordered_json& one : json.at("failed"))
-      failed.push_back(plain(one.at("name")) + ": " + plain(one.at("reason")));
+    for (const ordered_json& failure : json.at("failed"))
+      failed.push_back(plain_text(failure.at("name")) + ": " + plain_text(failure.at("reason")));
     text += label("failed", "h2") + list(failed);
   }
   text += label("packed", "p") + label("packed_motion", "p");
   text += label("versions", "h2") + "<dl>";
   for (const auto& [name, version] : json.at("versions").items())
-    text += "<dt>" + html_escaped(name) + "</dt><dd>" + html_escaped(plain(version)) + "</dd>";
-  return text + "</dl>" + label("repeat", "h2") + "<p><code>" + html_escaped(asked.command) +
+    text += "<dt>" + html_escaped(name) + "</dt><dd>" + html_escaped(plain_text(version)) + "</dd>";
+  return text + "</dl>" + label("repeat", "h2") + "<p><code>" + html_escaped(options.command) +
          "</code></p><p><a download=\"scene.toml\" href=\"data:application/toml;base64," +
          base64(job.scene.resolved) + "\">scene.toml</a> " + label("download") + "</p>";
 }
 
 }  // namespace
 
-/// Pictures and maps are made in parallel: both take seconds and share nothing but the cases.
+/// Draws the pictures and packs the maps in parallel: both take seconds and only read the cases.
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
-                       const PageOptions& asked) {
+                       const PageOptions& options) {
   const Job& job = *cases.front().job;
   const ordered_json json = to_json(comparison);
   HtmlReport report;
-  MapsPage page{comparison.scene, asked.language, {}, json.at("cases"), {}, {}};
-  tbb::parallel_invoke([&] { page.pictures = pictures(cases); },
+  MapsPage page{comparison.scene, options.language, {}, json.at("cases"), {}, {}};
+  tbb::parallel_invoke([&] { page.pictures = pictures_section(cases); },
                        [&] {
                          const PartMaps maps = compared_maps(cases, json.at("cases"));
-                         report.warnings = maps.left_out;
+                         report.warnings = maps.omissions;
                          page.data = maps_data(maps, json.at("tolerance_um"));
                          add_time_series(page.data, cases);
-                         for (const std::string& one : add_machine(page.data, job))
-                           report.warnings.push_back(one);
+                         for (const std::string& omission : add_machine(page.data, job))
+                           report.warnings.push_back(omission);
                        });
-  page.words = words(cases, json, report.warnings, asked);
+  page.words = details_section(cases, json, report.warnings, options);
   report.html = page_html(page);
   return report;
 }
@@ -282,79 +278,80 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
 
 namespace {
 
-/// Throws an input error if a map cannot be shown on a page.
-void check_fits(const path& file, const render::Field& field, const CaseMap& one) {
+/// Throws BadInput if a map has no triangles or its values are too large to be packed.
+void check_map_fits_page(const path& file, const render::Field& field, const CaseMap& case_map) {
   if (field.design.triangles.rows() == 0)
     throw BadInput(file.string(), 0, 0, "the triangles of a part", "none");
-  if (const auto what = packing_limit(one))
-    throw BadInput(file.string(), 0, 0, "a map that a page can hold", *what + " beyond that");
+  if (const auto limit = packing_limit(case_map))
+    throw BadInput(file.string(), 0, 0, "a map that a page can hold", *limit + " beyond that");
 }
 
-/// Throws an input error if a map does not belong to the figures: both are written together.
-/// @param highest  mm, of the vertices and of the samples within triangles; both count in the
-/// figures
-void check_has_figures(const path& file, const std::optional<double>& highest,
-                       const nlohmann::ordered_json& figures) {
-  const auto& written = figures.at("residual_um").at("max");
-  if (!written.is_number() || !highest) return;
-  const double expected_um = written.get<double>(), highest_um = *highest / units::um;
-  // The file and the JSON are rounded differently: 1 nm, or 1e-5 of a large value.
-  if (std::abs(highest_um - expected_um) > 1e-3 + 1e-5 * std::abs(expected_um))
+/// Throws BadInput if the maximum of the map differs from that of the figures: the files then are
+/// not of the same run.
+/// @param map_max  mm, of the vertices and of the samples within triangles; the figures include
+/// both
+void check_matches_figures(const path& file, const std::optional<double>& map_max,
+                           const nlohmann::ordered_json& figures) {
+  const auto& recorded = figures.at("residual_um").at("max");
+  if (!recorded.is_number() || !map_max) return;
+  const double recorded_max_um = recorded.get<double>(), map_max_um = *map_max / units::um;
+  // The file and the JSON are rounded differently: by 1 nm, or by 1e-5 of a large value.
+  if (std::abs(map_max_um - recorded_max_um) > 1e-3 + 1e-5 * std::abs(recorded_max_um))
     throw BadInput(file.string(), 0, 0,
-                   fmt::format("the map of the figures, which reaches {:.6g} um", expected_um),
-                   fmt::format("one that reaches {:.6g} um", highest_um));
+                   fmt::format("the map of the figures, which reaches {:.6g} um", recorded_max_um),
+                   fmt::format("one that reaches {:.6g} um", map_max_um));
 }
 
-/// Returns true if the file exists; a folder that cannot be read is an input error.
-bool is_there(const path& file) {
-  std::error_code fault;
-  const bool found = std::filesystem::exists(file, fault);
-  if (fault) throw BadInput(file.string(), 0, 0, "a file", fault.message());
-  return found;
+/// Returns true if the file exists. Throws BadInput if its folder cannot be read.
+bool file_exists(const path& file) {
+  std::error_code error;
+  const bool is_present = std::filesystem::exists(file, error);
+  if (error) throw BadInput(file.string(), 0, 0, "a file", error.message());
+  return is_present;
 }
 
 /// Adds a saved map to the page after checking that it belongs to the figures.
-void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
+void add_saved_map(PartMaps& maps, const SavedCase& saved_case, const path& file) {
   render::Field field = render::read_residual(file);
-  const std::optional<double> highest = render::statistics(field).max;
-  const std::string name = one.figures.at("name").get<std::string>();
-  CaseMap map{name,
-              std::move(field.deviation_um),
-              std::move(field.form_um),
-              std::move(field.cut_time_s),
-              std::move(field.cut_line),
-              displayed_figures(one.figures)};
-  check_fits(file, field, map);
-  check_has_figures(file, highest, one.figures);
-  if (map.form_um.size() == 0)
-    maps.left_out.push_back(fmt::format(
+  const std::optional<double> map_max = render::statistics(field).max;
+  const std::string name = saved_case.figures.at("name").get<std::string>();
+  CaseMap case_map{name,
+                   std::move(field.deviation_um),
+                   std::move(field.form_um),
+                   std::move(field.cut_time_s),
+                   std::move(field.cut_line),
+                   displayed_figures(saved_case.figures)};
+  check_map_fits_page(file, field, case_map);
+  check_matches_figures(file, map_max, saved_case.figures);
+  if (case_map.form_um.size() == 0)
+    maps.omissions.push_back(fmt::format(
         "form and texture are left out of the maps: {} holds no form_um", file.string()));
-  add_case(maps, field.design, std::move(map));
+  add_case(maps, field.design, std::move(case_map));
 }
 
 /// Returns true if the scene saved with a case has regions.
-bool has_regions(const SavedCase& one) {
-  const path scene = one.folder / "scene.toml";
-  return is_there(scene) &&
-         read_text(scene, max_saved_bytes).find("[[part.region]]") != std::string::npos;
+bool has_regions(const SavedCase& saved_case) {
+  const path scene_file = saved_case.folder / "scene.toml";
+  return file_exists(scene_file) &&
+         read_text(scene_file, max_saved_bytes).find("[[part.region]]") != std::string::npos;
 }
 
 }  // namespace
 
 PartMaps saved_maps(const std::vector<SavedCase>& cases) {
   PartMaps maps;
-  for (const SavedCase& one : cases) {
-    const path file = one.folder / "residual.vtp";
-    if (is_there(file))
-      add_saved(maps, one, file);
+  for (const SavedCase& saved_case : cases) {
+    const path file = saved_case.folder / "residual.vtp";
+    if (file_exists(file))
+      add_saved_map(maps, saved_case, file);
     else
-      maps.left_out.push_back(
+      maps.omissions.push_back(
           fmt::format("{} is in the table and not among the maps: {}, which --save vtp writes, is "
                       "not there",
-                      one.figures.at("name").get<std::string>(), file.string()));
+                      saved_case.figures.at("name").get<std::string>(), file.string()));
   }
   if (std::ranges::any_of(cases, has_regions))
-    maps.left_out.push_back(
+    maps.omissions.push_back(
         "the regions of the part are left out of the report: saved maps do not hold them");
   return maps;
 }
@@ -363,7 +360,7 @@ PartMaps saved_maps(const std::vector<SavedCase>& cases) {
 
 PartMaps saved_maps(const std::vector<SavedCase>&) {
   PartMaps maps;
-  maps.left_out.push_back(
+  maps.omissions.push_back(
       "maps to turn are left out of the report: this abbe was built without ABBE_RENDER, which "
       "reads them");
   return maps;
@@ -373,14 +370,15 @@ PartMaps saved_maps(const std::vector<SavedCase>&) {
 
 namespace {
 
-/// Returns the file that holds the figures of a folder.
+/// Returns the file with the figures of a folder: that of `compare` if it exists, else of `run`.
 path figures_file(const path& folder) {
   const path comparison = folder / "comparison.json";
   return std::filesystem::exists(comparison) ? comparison : folder / "summary.json";
 }
 
-/// Returns the folder that `compare` wrote for a case. A name from a file must not lead outside the
-/// results.
+/// Returns the folder that `compare` wrote for a case. The name comes from a file, so it must not
+/// lead outside the results.
+/// @throws std::invalid_argument
 path saved_case_folder(const path& folder, const std::string& name) {
   const path inside = path(name).lexically_normal();
   if (inside.empty() || inside == "." || inside.is_absolute() || *inside.begin() == "..")
@@ -397,11 +395,13 @@ std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder)
     return cases;
   }
   if (json.at("cases").empty()) throw std::invalid_argument("no case");
-  for (const ordered_json& one : json.at("cases")) {
-    const std::string name = one.at("name").get<std::string>();
-    cases.push_back({one, saved_case_folder(folder, name)});
-    const auto same = [&](const SavedCase& other) { return other.folder == cases.back().folder; };
-    if (std::ranges::count_if(cases, same) > 1)
+  for (const ordered_json& entry : json.at("cases")) {
+    const std::string name = entry.at("name").get<std::string>();
+    cases.push_back({entry, saved_case_folder(folder, name)});
+    const auto has_same_folder = [&](const SavedCase& other) {
+      return other.folder == cases.back().folder;
+    };
+    if (std::ranges::count_if(cases, has_same_folder) > 1)
       throw std::invalid_argument("the case \"" + name + "\" twice");
   }
   return cases;
@@ -414,12 +414,12 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
   for (const char* key : keys) columns.push_back({label_text(key), ""});
   columns.push_back({label_text("maps_uncut_percent"), ""});
   ordered_json rows = ordered_json::array();
-  for (const SavedCase& saved : cases) {
-    const ordered_json& one = saved.figures;
+  for (const SavedCase& saved_case : cases) {
+    const ordered_json& figures = saved_case.figures;
     ordered_json row = ordered_json::array();
-    row.push_back(one.at("name").get<std::string>());
-    for (const char* key : keys) row.push_back(figure_in(one.at("residual_um").at(key)));
-    row.push_back(figure_in(one.at("uncut_percent")));
+    row.push_back(figures.at("name").get<std::string>());
+    for (const char* key : keys) row.push_back(figure_in(figures.at("residual_um").at(key)));
+    row.push_back(figure_in(figures.at("uncut_percent")));
     rows.push_back(row);
   }
   return table_block("figures", label_text("figures"), columns, rows);
@@ -436,19 +436,17 @@ std::vector<path> saved_pictures(const path& folder) {
   return files;
 }
 
-/// Returns the page with the texts of the JSON.
+/// Returns a page with the title, request, warnings and command of the saved results, without
+/// blocks.
 FiguresPage saved_page_header(const ordered_json& json) {
   FiguresPage page;
   page.title = json.at("scene").get<std::string>();
   for (const char* key :
        {"scene", "seed", "vertices", "moves", "datum", "alignment", "tolerance_um"}) {
-    const ordered_json& value = json.at(key);
-    page.asked.push_back({key, value.is_string() ? value.get<std::string>()
-                               : value.is_null() ? "–"
-                                                 : value.dump()});
+    page.asked.push_back({key, plain_text(json.at(key))});
   }
-  for (const ordered_json& one : json.at("warnings"))
-    page.warnings.push_back(one.get<std::string>());
+  for (const ordered_json& warning : json.at("warnings"))
+    page.warnings.push_back(warning.get<std::string>());
   const char* command = json.contains("cases") ? "compare" : "run";
   page.command = fmt::format("abbe {} scene.toml --report", command);
   page.warnings.push_back(
@@ -458,17 +456,17 @@ FiguresPage saved_page_header(const ordered_json& json) {
   return page;
 }
 
-/// The saved results as far as they are text.
-struct Saved {
+/// Saved results of a folder, without maps and pictures.
+struct SavedResults {
   FiguresPage page;
   std::vector<SavedCase> cases;
   ordered_json tolerance_um;
 };
 
-/// Reads the JSON of a folder, and the scene to be offered for download.
-Saved read_saved(const path& folder) {
+/// Reads the figures of a folder, and the scene that the page offers for download.
+SavedResults read_saved_results(const path& folder) {
   const path file = figures_file(folder);
-  Saved saved;
+  SavedResults saved;
   read_saved_json(
       file, "the figures of cases as abbe run or abbe compare writes them",
       [&](const ordered_json& json, const std::string& text) {
@@ -482,49 +480,52 @@ Saved read_saved(const path& folder) {
   return saved;
 }
 
-/// Returns the section of the pictures for a page of maps.
-std::string section_of(const ordered_json& block) {
+/// Returns the section of the saved pictures for a page of maps; empty without pictures.
+/// @param block  as `pictures_block` returns it
+std::string saved_pictures_section(const ordered_json& block) {
   if (block.is_null()) return "";
   std::string text = "<section id=\"pictures\" class=\"saved\">";
-  for (const ordered_json& one : block.at("pictures")) {
-    const std::string name = html::html_escaped(one.at("name").get<std::string>());
+  for (const ordered_json& picture : block.at("pictures")) {
+    const std::string name = html::html_escaped(picture.at("name").get<std::string>());
     text +=
         fmt::format("<figure><figcaption>{0}</figcaption><img alt=\"{0}\" src=\"{1}\"></figure>\n",
-                    name, one.at("src").get<std::string>());
+                    name, picture.at("src").get<std::string>());
   }
   return text + "</section>";
 }
 
-/// Returns the verdicts of all cases whose part has a tolerance.
-std::string verdicts(const std::vector<SavedCase>& cases) {
+/// Returns the section with the verdicts of all cases whose part has a tolerance.
+std::string saved_verdicts_section(const std::vector<SavedCase>& cases) {
   std::vector<std::string> lines;
-  for (const SavedCase& one : cases) {
-    const ordered_json judged = one.figures.value("conformance", ordered_json());
-    if (judged.is_object() && judged.contains("verdict") && judged.at("verdict").is_string())
-      lines.push_back(one.figures.at("name").get<std::string>() + ": " +
-                      judged.at("verdict").get<std::string>());
+  for (const SavedCase& saved_case : cases) {
+    const ordered_json conformance = saved_case.figures.value("conformance", ordered_json());
+    if (conformance.is_object() && conformance.contains("verdict") &&
+        conformance.at("verdict").is_string())
+      lines.push_back(saved_case.figures.at("name").get<std::string>() + ": " +
+                      conformance.at("verdict").get<std::string>());
   }
   return html::label("verdicts", "h2") + html::list(lines);
 }
 
-/// Returns the packed maps. Too large a value in a saved file is an input error.
-PageData data_of(const Saved& saved, const PartMaps& maps, const path& folder) {
+/// Returns the packed maps. Throws BadInput if a saved value is too large to be packed.
+PageData pack_saved_maps(const SavedResults& saved, const PartMaps& maps, const path& folder) {
   try {
     return maps_data(maps, saved.tolerance_um);
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(folder.string(), 0, 0, "maps that a page can hold", fault.what());
+  } catch (const std::invalid_argument& error) {
+    throw BadInput(folder.string(), 0, 0, "maps that a page can hold", error.what());
   }
 }
 
-/// Returns the page with maps to turn; without any map the figures stand alone.
-std::string maps_page_html(const Saved& saved, PageData data, const ordered_json& pictures) {
+/// Returns the page of the saved results with their maps.
+std::string maps_page_html(const SavedResults& saved, PageData data, const ordered_json& pictures) {
   MapsPage page{saved.page.title,
                 saved.page.language,
                 std::move(data),
                 ordered_json::array(),
-                section_of(pictures),
-                verdicts(saved.cases) + closing_section(saved.page) + html::label("packed", "p")};
-  for (const SavedCase& one : saved.cases) page.cases.push_back(one.figures);
+                saved_pictures_section(pictures),
+                saved_verdicts_section(saved.cases) + closing_section(saved.page) +
+                    html::label("packed", "p")};
+  for (const SavedCase& saved_case : saved.cases) page.cases.push_back(saved_case.figures);
   return page_html(page);
 }
 
@@ -533,15 +534,15 @@ std::string maps_page_html(const Saved& saved, PageData data, const ordered_json
 bool has_saved_cases(const path& folder) { return std::filesystem::exists(figures_file(folder)); }
 
 HtmlReport saved_page(const path& folder, const std::string& language) {
-  Saved saved = read_saved(folder);
+  SavedResults saved = read_saved_results(folder);
   FiguresPage& page = saved.page;
   page.language = language;
   const PartMaps maps = saved_maps(saved.cases);
-  page.warnings.insert(page.warnings.end(), maps.left_out.begin(), maps.left_out.end());
+  page.warnings.insert(page.warnings.end(), maps.omissions.begin(), maps.omissions.end());
   const ordered_json pictures =
       pictures_block("pictures", label_text("pictures"), folder, saved_pictures(folder));
   if (!maps.cases.empty())
-    return {maps_page_html(saved, data_of(saved, maps, folder), pictures), page.warnings};
+    return {maps_page_html(saved, pack_saved_maps(saved, maps, folder), pictures), page.warnings};
   if (!pictures.is_null()) page.blocks.push_back(pictures);
   return {page_html(page), page.warnings};
 }

@@ -20,22 +20,22 @@ struct HtmlReport {
   std::vector<std::string> warnings;  ///< omissions of the page, by name
 };
 
-/// Returns one self-contained page: the maps of the cases to turn in a browser, the machine along
-/// the program, the figures of `comparison` with its warnings, a still picture of every map. Values
-/// are packed to within half of the step that the page states, residual and form in steps of 2 nm
-/// or finer (maps_page.h).
-/// @param cases  at least one; cases of a variant whose part has other vertices are left out of the
-/// maps
+/// Returns one self-contained page: maps of the cases that can be rotated in a browser, the machine
+/// along the program, the figures of `comparison` with its warnings, and a still picture of every
+/// map. Values are packed to within half of the step that the page states; residual and form have
+/// steps of 2 nm or less (maps_page.h).
+/// @param cases  at least one; a case is left out of the maps if the part of its variant has other
+/// vertices than that of the first case
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
-                       const PageOptions& asked);
+                       const PageOptions& options);
 
 /// Returns true if `run` or `compare` wrote the folder.
 bool has_saved_cases(const std::filesystem::path& folder);
 
 /// Returns the page of a folder written by `run` (summary.json) or `compare` (comparison.json): the
-/// figures of every case, its map to turn if residual.vtp exists, its pictures, its scene. The
-/// machine in motion is left out, and a warning says so.
-/// @throws BadInput naming the file, what was expected and what was found
+/// figures of every case, its map if residual.vtp exists, its pictures and its scene. The motion of
+/// the machine is not saved; a warning on the page says so.
+/// @throws BadInput that names the file, what was expected and what was found
 HtmlReport saved_page(const std::filesystem::path& folder, const std::string& language);
 
 }  // namespace abbe::sim

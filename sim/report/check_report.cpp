@@ -20,23 +20,25 @@ namespace {
 using kinematics::AxisState;
 using kinematics::Joint;
 
-/// Returns where an error motion is stated: on the line on which it was measured, if one is given.
-std::string place_of(const errors::GeometricModel& model,
-                     const errors::GeometricModel::Bound& bound, const Joint& joint) {
-  std::string place = "the joint's point";
+/// Returns the line on which an error motion was measured; without one it applies at the joint's
+/// point.
+std::string measured_line(const errors::GeometricModel& model,
+                          const errors::GeometricModel::Bound& bound, const Joint& joint) {
+  std::string text = "the joint's point";
   for (const auto& line : model.lines)
     if (line.joint == bound.joint && !bound.element.name.is_angle()) {
-      const Eigen::Vector3d at = joint.point_b + line.arm_b;
-      place = fmt::format("line through {:.6g} {:.6g} {:.6g}, measured by the {}", at.x(), at.y(),
-                          at.z(), line.is_fixed_in_bed ? "tool" : "carriage");
+      const Eigen::Vector3d point = joint.point_b + line.arm_b;
+      text = fmt::format("line through {:.6g} {:.6g} {:.6g}, measured by the {}", point.x(),
+                         point.y(), point.z(), line.is_fixed_in_bed ? "tool" : "carriage");
     }
-  return place;
+  return text;
 }
 
-/// Returns an element with its value and slope at zero of its axis; a table need not contain zero.
-Description::Element described(const errors::GeometricModel& model,
-                               const errors::GeometricModel::Bound& bound,
-                               const kinematics::Chain& chain) {
+/// Returns an element with its value and slope at the zero of its axis. Both stay empty if one of
+/// its tables does not contain zero.
+Description::Element element_description(const errors::GeometricModel& model,
+                                         const errors::GeometricModel::Bound& bound,
+                                         const kinematics::Chain& chain) {
   const Joint& joint = chain.joints()[std::size_t(bound.joint)];
   Description::Element element;
   element.name = bound.element.name;
@@ -44,27 +46,27 @@ Description::Element described(const errors::GeometricModel& model,
   errors::CurveState at_zero;
   at_zero.primed = joint.side == kinematics::Side::Workpiece;
   double value = 0.0, slope = 0.0;
-  bool known = true;
+  bool has_value = true;
   for (const errors::Curve& curve : bound.element.curves) {
-    if (!curve.name.empty()) element.parts.push_back(curve.name);
+    if (!curve.name.empty()) element.curves.push_back(curve.name);
     try {
       value += errors::value(curve, at_zero);
       slope += errors::slope(curve, at_zero);
     } catch (const std::out_of_range&) {
-      known = false;
+      has_value = false;
     }
   }
-  if (known) element.value = value;
+  if (has_value) element.value = value;
   if (bound.location) {
     element.location = location_effect(bound.element, chain);
   } else {
-    if (known) element.slope = slope;
-    element.stated_at = place_of(model, bound, joint);
+    if (has_value) element.slope = slope;
+    element.stated_at = measured_line(model, bound, joint);
   }
   return element;
 }
 
-/// Adds the nodes on which a function of temperatures depends.
+/// Appends the names of the nodes on which a function of temperatures depends.
 void add_nodes(std::vector<std::string>& names, const errors::ThermalFunction& function,
                const errors::ThermalNetwork& network) {
   for (const auto& term : function.terms) {
@@ -74,10 +76,9 @@ void add_nodes(std::vector<std::string>& names, const errors::ThermalFunction& f
   }
 }
 
-/// Returns the thermal network with its time constants, which are the inverse decay rates of its
-/// modes.
-Description::Heat described(const Truth::Heat& truth, const ThermalDescription& thermal,
-                            const kinematics::Chain& chain) {
+/// Returns the thermal network. Its time constants are the inverse decay rates of its modes.
+Description::Heat heat_description(const Truth::Heat& truth, const ThermalDescription& thermal,
+                                   const kinematics::Chain& chain) {
   const errors::ThermalNetwork& network = truth.run.network;
   const auto name_of = [&](int node) { return network.nodes[std::size_t(node)].name; };
   Description::Heat heat;
@@ -87,13 +88,13 @@ Description::Heat described(const Truth::Heat& truth, const ThermalDescription& 
   heat.shortest_time_constant_s = 1.0 / truth.run.dry.rate_per_s.maxCoeff();
   heat.longest_time_constant_s = 1.0 / truth.run.dry.rate_per_s.minCoeff();
   heat.history_h = (0.0 - truth.run.knots.front().time_s) / 3600.0;
-  for (const errors::ThermalElement& one : thermal.errors.elements) {
-    Description::Heat::Element element{errors::to_string(one.name), {}, {}, {}};
-    add_nodes(element.follows, one.offset, network);
-    add_nodes(element.follows, one.slope, network);
-    if (one.name.location)
+  for (const errors::ThermalElement& error : thermal.errors.elements) {
+    Description::Heat::Element element{errors::to_string(error.name), {}, {}, {}};
+    add_nodes(element.nodes, error.offset, network);
+    add_nodes(element.nodes, error.slope, network);
+    if (error.name.location)
       element.meaning =
-          errors::meaning(one.name, chain, errors::joint_of(one.name.axis, chain, ""));
+          errors::meaning(error.name, chain, errors::joint_of(error.name.axis, chain, ""));
     heat.elements.push_back(std::move(element));
   }
   for (const errors::AxisExpansion& axis : thermal.errors.expansions) {
@@ -108,10 +109,10 @@ Description::Heat described(const Truth::Heat& truth, const ThermalDescription& 
   return heat;
 }
 
-/// Returns the stiffness along x, y and z of the tool, half way through the program.
+/// Returns the stiffness along x, y and z of the tool at the middle sample of the program.
 std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   const AxisState& state = job.samples.states[job.samples.states.size() / 2];
-  // Pushed and pulled, so that all other deviations cancel; 1 N stays in the linear range.
+  // A central difference cancels all other deviations; with 1 N the machine is linear.
   constexpr double force = 1.0;  // N
   const auto tip = [&](int axis, double newton) {
     errors::Load load;
@@ -121,10 +122,10 @@ std::array<std::optional<double>, 3> stiffness_N_per_um(const Job& job) {
   std::array<std::optional<double>, 3> stiffness;
   for (int axis = 0; axis < 3; ++axis) {
     const kinematics::Pose pushed = tip(axis, force), pulled = tip(axis, -force);
-    const double gives =
+    const double deflection =
         pulled.linear().col(axis).dot(pushed.translation() - pulled.translation()) / 2;
-    // Below 1e-12 mm per N the difference is rounding: that direction is rigid.
-    if (gives > 1e-12) stiffness[std::size_t(axis)] = force / gives * units::um;
+    // Below 1e-12 mm the difference is rounding of two poses: that direction is rigid.
+    if (deflection > 1e-12) stiffness[std::size_t(axis)] = force / deflection * units::um;
   }
   return stiffness;
 }
@@ -143,8 +144,8 @@ Description describe(const Job& job) {
   d.bodies = kinematics::low_order_body_array(topology);
   d.axes = {chain.joints().begin(), chain.joints().end()};
   for (const auto& bound : job.truth.geometric.elements)
-    d.elements.push_back(described(job.truth.geometric, bound, chain));
-  if (job.truth.heat) d.heat = described(*job.truth.heat, *job.scene.thermal, chain);
+    d.elements.push_back(element_description(job.truth.geometric, bound, chain));
+  if (job.truth.heat) d.heat = heat_description(*job.truth.heat, *job.scene.thermal, chain);
   if (job.truth.compliance && !states.empty()) d.stiffness_N_per_um = stiffness_N_per_um(job);
   if (job.scene.cutting)
     d.cut = {job.scene.cutting->material, job.scene.cutting->spacing,
@@ -160,10 +161,10 @@ Description describe(const Job& job) {
                             cutting::transformed(design, job.scene.part.T_wm.inverse()))};
   d.program = {job.path.motion_blocks, states.size(), states.empty() ? 0.0 : states.back().time_s,
                unreached_text(job.unreached), job.path.read_as};
-  for (const Job& one : job.stretches)
-    d.stretches.push_back({*one.scene.tool.number, one.scene.tool.name,
-                           one.path.blocks.front().line, one.path.blocks.back().line,
-                           one.path.motion_blocks});
+  for (const Job& segment : job.stretches)
+    d.tool_segments.push_back({*segment.scene.tool.number, segment.scene.tool.name,
+                               segment.path.blocks.front().line, segment.path.blocks.back().line,
+                               segment.path.motion_blocks});
   d.warnings = job.warnings;
   d.assumptions = job.path.assumptions;
   return d;
@@ -174,89 +175,94 @@ namespace {
 using kinematics::Motion;
 using nlohmann::ordered_json;
 
-/// Returns the kind of an axis: slide, turn or nose.
-const char* way_of(const Joint& joint) {
+/// Returns the motion of an axis: slide, turn, or nose for a spindle.
+const char* motion_text(const Joint& joint) {
   return joint.motion == Motion::Linear   ? "slide"
          : joint.motion == Motion::Rotary ? "turn"
                                           : "nose";
 }
 
-/// Returns the side of an axis, which decides the sign of its commands.
+/// Returns the body that an axis carries; it decides the sign of the axis's commands.
 const char* carried_by(const Joint& joint) {
   return joint.side == kinematics::Side::Workpiece ? "workpiece" : "tool";
 }
 
 /// Returns a travel limit in mm or degrees; empty if the axis is unlimited.
-std::optional<double> limit(const Joint& joint, double q) {
+std::optional<double> travel_limit(const Joint& joint, double q) {
   if (std::abs(q) >= 1e9) return std::nullopt;
   return q / (joint.motion == Motion::Linear ? 1.0 : units::deg);
 }
 
-/// Returns the unit in which an element is stated, and its name below.
-double unit_of(const errors::ElementName& name) {
+/// Return the unit of an element in reports, and its name.
+double element_unit(const errors::ElementName& name) {
   return name.is_angle() ? units::urad : units::um;
 }
-const char* word_of(const errors::ElementName& name) { return name.is_angle() ? "urad" : "um"; }
+const char* element_unit_name(const errors::ElementName& name) {
+  return name.is_angle() ? "urad" : "um";
+}
 
-/// Returns the axis along or about which an element acts: components 0 to 2 are translations, 3 to
+/// Returns the axis along or about which an element acts. Components 0 to 2 are translations, 3 to
 /// 5 rotations.
-char direction_of(const errors::ElementName& name) { return char('X' + name.component() % 3); }
+char acting_axis(const errors::ElementName& name) { return char('X' + name.component() % 3); }
 
 /// Returns an axis; a spindle has no travel.
 ordered_json axis_json(const Joint& joint) {
   ordered_json axis = {{"name", std::string(1, joint.name)},
-                       {"moves", way_of(joint)},
+                       {"moves", motion_text(joint)},
                        {"carries", carried_by(joint)},
                        {"direction", numbers(joint.direction_b)},
                        {"point_mm", numbers(joint.point_b)}};
   if (joint.motion == Motion::Spindle) return axis;
   axis[joint.motion == Motion::Linear ? "travel_mm" : "travel_deg"] = {
-      number(limit(joint, joint.min)), number(limit(joint, joint.max))};
+      number(travel_limit(joint, joint.min)), number(travel_limit(joint, joint.max))};
   axis["deviations"] =
       joint.deviation_axes == kinematics::DeviationAxes::Fixed ? "fixed" : "turning";
   axis["squareness"] = joint.squareness == kinematics::Squareness::Frame ? "frame" : "travel";
   return axis;
 }
 
-/// Returns the effect of a location element: bodies moved, changed angles, displacement of the tip.
+/// Returns the effect of a location element: the bodies that it moves, the angles that it changes,
+/// and the displacement of the tip.
 ordered_json location_json(const errors::ElementName& name, const LocationEffect& effect) {
   const char* displaces[] = {"frame", "carried", "axis"};
   ordered_json angles = ordered_json::object(), tip = ordered_json::array();
   for (const LocationEffect::Angle& angle : effect.angles)
     angles[angle.between] = angle.change / units::urad;
-  for (const LocationEffect::Tip& one : effect.tip)
-    tip.push_back({{"at", one.at}, {"um", numbers(one.moved_w / units::um)}});
+  for (const LocationEffect::Tip& point : effect.tip)
+    tip.push_back({{"at", point.at}, {"um", numbers(point.moved_w / units::um)}});
   return {{"meaning", effect.meaning},
           {"displaces", displaces[int(effect.displaces)]},
           {"bodies", effect.bodies},
-          {name.is_angle() ? "turned_urad" : "moved_um", effect.amount / unit_of(name)},
-          {"about_or_along", std::string(1, direction_of(name))},
+          {name.is_angle() ? "turned_urad" : "moved_um", effect.amount / element_unit(name)},
+          {"about_or_along", std::string(1, acting_axis(name))},
           {"angle_change_urad", angles},
           {"tip_moved", tip}};
 }
 
 /// Returns an element with units in its keys: um or urad, slopes per mm or per rad.
-ordered_json element_json(const Description::Element& one) {
-  const std::string word = word_of(one.name);
-  ordered_json element = {{"name", errors::to_string(one.name)}};
-  element["value_at_zero_" + word] = number(one.value, unit_of(one.name));
-  if (one.location) {
-    element["location"] = location_json(one.name, *one.location);
+ordered_json element_json(const Description::Element& element) {
+  const std::string unit_name = element_unit_name(element.name);
+  const double unit = element_unit(element.name);
+  ordered_json json = {{"name", errors::to_string(element.name)}};
+  json["value_at_zero_" + unit_name] = number(element.value, unit);
+  if (element.location) {
+    json["location"] = location_json(element.name, *element.location);
   } else {
-    element["slope_at_zero_" + word + (one.is_on_slide ? "_per_mm" : "_per_rad")] =
-        number(one.slope, unit_of(one.name));
-    element["stated_at"] = one.stated_at;
+    json["slope_at_zero_" + unit_name + (element.is_on_slide ? "_per_mm" : "_per_rad")] =
+        number(element.slope, unit);
+    json["stated_at"] = element.stated_at;
   }
-  if (!one.parts.empty()) element["parts"] = one.parts;
-  return element;
+  if (!element.curves.empty()) json["parts"] = element.curves;
+  return json;
 }
 
+/// Returns the thermal network with the elements and sensors that depend on it.
 ordered_json heat_json(const Description::Heat& heat) {
   ordered_json elements = ordered_json::array(), sensors = ordered_json::array();
-  for (const Description::Heat::Element& one : heat.elements) {
-    elements.push_back({{"name", one.name}, {"follows", one.follows}});
-    if (!one.meaning.empty()) elements.back()["meaning"] = one.meaning;
-    if (!one.feedback.empty()) elements.back()["feedback"] = one.feedback;
+  for (const Description::Heat::Element& element : heat.elements) {
+    elements.push_back({{"name", element.name}, {"follows", element.nodes}});
+    if (!element.meaning.empty()) elements.back()["meaning"] = element.meaning;
+    if (!element.feedback.empty()) elements.back()["feedback"] = element.feedback;
   }
   for (const Description::Heat::Sensor& sensor : heat.sensors)
     sensors.push_back({{"name", sensor.name}, {"node", sensor.node}});
@@ -270,7 +276,7 @@ ordered_json heat_json(const Description::Heat& heat) {
           {"sensors", sensors}};
 }
 
-/// Returns the cut of the nominal machine; without forces its material is null.
+/// Returns the cut of the nominal machine; the material is null if no forces are computed.
 ordered_json cut_json(const Description::NominalCut& cut) {
   ordered_json material, source;
   if (cut.material) {
@@ -286,18 +292,18 @@ ordered_json cut_json(const Description::NominalCut& cut) {
           {"crash_lines", cut.crash_lines}};
 }
 
-/// Returns the programs that a scene would run, and whether they are trusted.
+/// Returns the external programs that a scene would run, with their trust.
 ordered_json programs_json(const std::vector<ProgramTrust>& programs) {
-  ordered_json all = ordered_json::array();
-  for (const ProgramTrust& one : programs)
-    all.push_back({{"program", one.named.program.string()},
-                   {"file", one.named.file.string()},
-                   {"line", one.named.line},
-                   {"trusted", one.trusted}});
-  return all;
+  ordered_json json = ordered_json::array();
+  for (const ProgramTrust& trust : programs)
+    json.push_back({{"program", trust.named.program.string()},
+                    {"file", trust.named.file.string()},
+                    {"line", trust.named.line},
+                    {"trusted", trust.trusted}});
+  return json;
 }
 
-/// Returns the numbered bodies and, below them, the low-order body array.
+/// Returns the numbered bodies and, in a second line, the low-order body array.
 std::string bodies_text(const kinematics::BodyArray& array) {
   std::string bodies = "bodies   ", parents = "parents  ";
   for (std::size_t i = 0; i < array.body.size(); ++i) {
@@ -310,31 +316,35 @@ std::string bodies_text(const kinematics::BodyArray& array) {
          "   (low-order body array, 0 is the bed)\n";
 }
 
+/// Returns the row of an axis; a spindle has no travel.
 std::string axis_text(const Joint& joint) {
-  const auto triple = [](const Eigen::Vector3d& v) {
+  const auto vector_text = [](const Eigen::Vector3d& v) {
     return fmt::format("{:.6g} {:.6g} {:.6g}", v.x(), v.y(), v.z());
   };
   std::string travel;
   if (joint.motion != Motion::Spindle) {
-    const auto from = limit(joint, joint.min), to = limit(joint, joint.max);
-    travel = from && to ? fmt::format("{:.6g} .. {:.6g} {}", *from, *to,
+    const auto min = travel_limit(joint, joint.min), max = travel_limit(joint, joint.max);
+    travel = min && max ? fmt::format("{:.6g} .. {:.6g} {}", *min, *max,
                                       joint.motion == Motion::Linear ? "mm" : "deg")
                         : "unlimited";
   }
-  return fmt::format("{:<5} {:<6} {:<10} {:<22} {:<26} {}\n", joint.name, way_of(joint),
-                     carried_by(joint), triple(joint.direction_b), triple(joint.point_b), travel);
+  return fmt::format("{:<5} {:<6} {:<10} {:<22} {:<26} {}\n", joint.name, motion_text(joint),
+                     carried_by(joint), vector_text(joint.direction_b), vector_text(joint.point_b),
+                     travel);
 }
 
-/// Returns one line for an element: value and slope at zero, and where it is stated.
-std::string element_text(const Description::Element& one) {
+/// Returns a line for an element: value and slope at zero, and the line on which it was measured.
+std::string element_text(const Description::Element& element) {
   const auto text = [&](const std::optional<double>& number, const std::string& per) {
-    return number ? fmt::format("{:.4g} {}{}", *number / unit_of(one.name), word_of(one.name), per)
+    return number ? fmt::format("{:.4g} {}{}", *number / element_unit(element.name),
+                                element_unit_name(element.name), per)
                   : "outside its table";
   };
   std::string slope;
-  if (!one.location) slope = text(one.slope, one.is_on_slide ? " per mm" : " per rad");
-  return fmt::format("{:<8} {:>14} {:>22}  {}\n", errors::to_string(one.name), text(one.value, ""),
-                     slope, one.location ? one.location->meaning : one.stated_at);
+  if (!element.location) slope = text(element.slope, element.is_on_slide ? " per mm" : " per rad");
+  return fmt::format("{:<8} {:>14} {:>22}  {}\n", errors::to_string(element.name),
+                     text(element.value, ""), slope,
+                     element.location ? element.location->meaning : element.stated_at);
 }
 
 /// Returns "EC0Y turns X workpiece by -40 urad about Z; angle X-Y +40 urad; tip in um: ...".
@@ -345,41 +355,45 @@ std::string location_text(const errors::ElementName& name, const LocationEffect&
   if (effect.displaces == kinematics::DisplacedPart::Carried) bodies += ", which it carries,";
   for (const LocationEffect::Angle& angle : effect.angles)
     angles += fmt::format("; angle {} {:+.4g} urad", angle.between, angle.change / units::urad);
-  const auto um = [](double mm) {  // less than 1e-6 um is rounding of two poses
+  const auto um = [](double mm) {
+    // Less than 1e-6 um is rounding of two poses.
     return std::abs(mm / units::um) < 1e-6 ? 0.0 : mm / units::um;
   };
-  for (const LocationEffect::Tip& one : effect.tip)
-    tip += fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um(one.moved_w.x()),
-                       um(one.moved_w.y()), um(one.moved_w.z()), one.at);
+  for (const LocationEffect::Tip& point : effect.tip)
+    tip +=
+        fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um(point.moved_w.x()),
+                    um(point.moved_w.y()), um(point.moved_w.z()), point.at);
   return fmt::format("{:<8} {}{} by {:+.4g} {} {} {}{}\n         tip um{}\n",
                      errors::to_string(name), name.is_angle() ? "turns" : "moves", bodies,
-                     effect.amount / unit_of(name), word_of(name),
-                     name.is_angle() ? "about" : "along", direction_of(name), angles, tip);
+                     effect.amount / element_unit(name), element_unit_name(name),
+                     name.is_angle() ? "about" : "along", acting_axis(name), angles, tip);
 }
 
+/// Returns a line on the thermal network and a line for every element that depends on it.
 std::string heat_text(const Description::Heat& heat) {
   std::string text = fmt::format(
       "\nheat     {} nodes, {} links, {} sources, time constants {:.3g} s to {:.3g} h, history of "
       "{:.3g} h, {} sensors\n",
       heat.nodes, heat.links, heat.sources, heat.shortest_time_constant_s,
       heat.longest_time_constant_s / 3600.0, heat.history_h, heat.sensors.size());
-  for (const Description::Heat::Element& one : heat.elements) {
-    std::string more;
-    if (!one.feedback.empty()) more = fmt::format(" (feedback: {})", one.feedback);
-    if (!one.meaning.empty()) more = fmt::format(" ({})", one.meaning);
-    text += fmt::format("{:<8} follows {}{}\n", one.name,
-                        escaped(fmt::format("{}", fmt::join(one.follows, ", "))), more);
+  for (const Description::Heat::Element& element : heat.elements) {
+    std::string note;
+    if (!element.feedback.empty()) note = fmt::format(" (feedback: {})", element.feedback);
+    if (!element.meaning.empty()) note = fmt::format(" ({})", element.meaning);
+    text += fmt::format("{:<8} follows {}{}\n", element.name,
+                        escaped(fmt::format("{}", fmt::join(element.nodes, ", "))), note);
   }
   return text;
 }
 
+/// Returns the stiffness along the axes of the tool; "stiff" for a rigid direction.
 std::string stiffness_text(const std::array<std::optional<double>, 3>& stiffness) {
   std::string text = "\nstiffness at the tip, half way, along tool x y z:";
   for (const auto& k : stiffness) text += k ? fmt::format(" {:.4g}", *k) : " stiff";
   return text + " N/um\n";
 }
 
-/// Returns the cut of the nominal machine, with the lines of its first crash.
+/// Returns the cut of the nominal machine with its crashes.
 std::string cut_text(const Description::NominalCut& cut) {
   std::string text = fmt::format(
       "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
@@ -392,39 +406,41 @@ std::string cut_text(const Description::NominalCut& cut) {
   return text;
 }
 
-/// Returns part and regions; where regions overlap, the last one decides.
+/// Returns the part and its regions. If regions overlap, the last one decides.
 std::string part_text(const Description::Part& part) {
   std::string text = fmt::format("\npart     {}: {} vertices, {:.4g} mm^2\n", escaped(part.name),
                                  part.vertices, part.area);
-  for (const RegionCoverage& one : part.regions) {
-    text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of it", escaped(one.name),
-                        one.area, 100.0 * one.share);
-    if (one.decides < one.share)
-      text += fmt::format(", {:.4g} % where no later region holds", 100.0 * one.decides);
+  for (const RegionCoverage& region : part.regions) {
+    text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of it", escaped(region.name),
+                        region.area, 100.0 * region.share);
+    if (region.decides < region.share)
+      text += fmt::format(", {:.4g} % where no later region holds", 100.0 * region.decides);
     text += "\n";
   }
   return text;
 }
 
+/// Returns the program with its segments by tool.
 std::string program_text(const Description& d) {
   std::string text = fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
                                  d.program.samples, d.program.time_s);
-  if (!d.program.read_as.empty()) text += "         read as " + escaped(d.program.read_as) + "\n";
-  for (const Description::Stretch& one : d.stretches)
-    text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
-                        one.moves, one.first_line, one.last_line);
+  if (!d.program.dialect.empty()) text += "         read as " + escaped(d.program.dialect) + "\n";
+  for (const Description::ToolSegment& segment : d.tool_segments)
+    text +=
+        fmt::format("         T{} {}: {} moves, lines {} to {}\n", segment.tool,
+                    escaped(segment.name), segment.moves, segment.first_line, segment.last_line);
   if (!d.program.unreached_moves.empty()) text += "         " + d.program.unreached_moves + "\n";
   return text;
 }
 
-/// Returns the programs that a scene would run; a check runs none of them.
+/// Returns the external programs that a scene would run; `check` runs none of them.
 std::string programs_text(const std::vector<ProgramTrust>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
-  for (const ProgramTrust& one : programs)
-    text += fmt::format("         {}, named in {}:{}, {}\n", escaped(one.named.program.string()),
-                        escaped(one.named.file.string()), one.named.line,
-                        one.trusted ? "trusted" : "NOT trusted: asks --trust");
+  for (const ProgramTrust& trust : programs)
+    text += fmt::format("         {}, named in {}:{}, {}\n", escaped(trust.named.program.string()),
+                        escaped(trust.named.file.string()), trust.named.line,
+                        trust.trusted ? "trusted" : "NOT trusted: asks --trust");
   return text;
 }
 
@@ -433,7 +449,7 @@ std::string programs_text(const std::vector<ProgramTrust>& programs) {
 ordered_json to_json(const Description& d) {
   ordered_json axes = ordered_json::array(), elements = ordered_json::array();
   for (const Joint& joint : d.axes) axes.push_back(axis_json(joint));
-  for (const Description::Element& one : d.elements) elements.push_back(element_json(one));
+  for (const Description::Element& element : d.elements) elements.push_back(element_json(element));
   ordered_json json = {{"scene", d.scene},
                        {"machine", d.machine},
                        {"structural_code", d.structural_code},
@@ -450,22 +466,22 @@ ordered_json to_json(const Description& d) {
                   {"triangles", d.part.triangles},
                   {"area_mm2", d.part.area},
                   {"facet_error_max_um", d.part.facet_error / units::um}};
-  for (const RegionCoverage& one : d.part.regions)
-    json["part"]["regions"].push_back({{"name", one.name},
-                                       {"area_mm2", one.area},
-                                       {"area_percent", 100.0 * one.share},
-                                       {"decides_percent", 100.0 * one.decides}});
+  for (const RegionCoverage& region : d.part.regions)
+    json["part"]["regions"].push_back({{"name", region.name},
+                                       {"area_mm2", region.area},
+                                       {"area_percent", 100.0 * region.share},
+                                       {"decides_percent", 100.0 * region.decides}});
   json["program"] = {{"moves", d.program.moves},
                      {"samples", d.program.samples},
                      {"time_s", d.program.time_s},
                      {"not_reached", d.program.unreached_moves},
-                     {"read_as", d.program.read_as}};
-  for (const Description::Stretch& one : d.stretches)
-    json["program"]["tools"].push_back({{"number", one.tool},
-                                        {"name", one.name},
-                                        {"first_line", one.first_line},
-                                        {"last_line", one.last_line},
-                                        {"moves", one.moves}});
+                     {"read_as", d.program.dialect}};
+  for (const Description::ToolSegment& segment : d.tool_segments)
+    json["program"]["tools"].push_back({{"number", segment.tool},
+                                        {"name", segment.name},
+                                        {"first_line", segment.first_line},
+                                        {"last_line", segment.last_line},
+                                        {"moves", segment.moves}});
   json["files"] = d.files;
   json["assumptions"] = to_json(d.assumptions);
   json["warnings"] = d.warnings;
@@ -492,9 +508,9 @@ std::string to_text(const Description& d) {
   if (!d.elements.empty())
     text += fmt::format("\n{:<8} {:>14} {:>22}  {}\n", "element", "at zero", "slope at zero",
                         "stated at");
-  for (const Description::Element& one : d.elements) text += element_text(one);
-  for (const Description::Element& one : d.elements)
-    if (one.location) text += location_text(one.name, *one.location);
+  for (const Description::Element& element : d.elements) text += element_text(element);
+  for (const Description::Element& element : d.elements)
+    if (element.location) text += location_text(element.name, *element.location);
   return text;
 }
 

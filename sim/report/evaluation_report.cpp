@@ -38,7 +38,7 @@ std::string make_key(const Figure& figure) {
 }
 
 /// Returns the value of a figure; an estimate keeps its standard uncertainty.
-ordered_json value_of(const Figure& figure) {
+ordered_json value_json(const Figure& figure) {
   return std::visit(
       [](const auto& value) -> ordered_json {
         using Value = std::decay_t<decltype(value)>;
@@ -54,42 +54,42 @@ ordered_json value_of(const Figure& figure) {
       figure.value);
 }
 
-/// Puts figures and, nested, groups of figures into an object.
-void put(ordered_json& json, const std::vector<Figure>& figures,
-         const std::vector<FigureGroup>& groups) {
-  for (const Figure& figure : figures) json[make_key(figure)] = value_of(figure);
+/// Adds figures and, as nested objects, groups of figures to a JSON object.
+void add_figures(ordered_json& json, const std::vector<Figure>& figures,
+                 const std::vector<FigureGroup>& groups) {
+  for (const Figure& figure : figures) json[make_key(figure)] = value_json(figure);
   for (const FigureGroup& group : groups) {
     ordered_json inner = ordered_json::object();
-    put(inner, group.figures, group.groups);
+    add_figures(inner, group.figures, group.groups);
     json[group.name] = std::move(inner);
   }
 }
 
 /// Returns all tests; the diagonals of a test are nested in it.
 ordered_json tests_json(const std::vector<TestResult>& tests) {
-  ordered_json all = ordered_json::array();
+  ordered_json list = ordered_json::array();
   for (const TestResult& test : tests) {
     ordered_json json{{"name", test.name}, {"standard", test.standard}};
-    put(json, test.figures, test.groups);
+    add_figures(json, test.figures, test.groups);
     if (!test.diagonals.empty()) json["diagonals"] = tests_json(test.diagonals);
-    all.push_back(std::move(json));
+    list.push_back(std::move(json));
   }
-  return all;
+  return list;
 }
 
 /// Returns one line of text for a figure; estimates show their standard uncertainty.
 std::string line(const Figure& figure, const std::string& label) {
   if (const auto* number = std::get_if<double>(&figure.value))
     return fmt::format("{:<40} {:>12.4f}\n", label, *number);
-  if (const auto* one = std::get_if<EstimatedValue>(&figure.value))
-    return fmt::format("{:<40} {:>12.4f}   u {:.4f}\n", label, one->value, one->u);
-  if (const auto* words = std::get_if<std::vector<std::string>>(&figure.value))
-    if (words->empty()) return {};
-  if (const auto* word = std::get_if<std::string>(&figure.value))
-    return fmt::format("{:<40} {:>12}\n", label, escaped(*word));
+  if (const auto* estimate = std::get_if<EstimatedValue>(&figure.value))
+    return fmt::format("{:<40} {:>12.4f}   u {:.4f}\n", label, estimate->value, estimate->u);
+  if (const auto* texts = std::get_if<std::vector<std::string>>(&figure.value))
+    if (texts->empty()) return {};
+  if (const auto* text = std::get_if<std::string>(&figure.value))
+    return fmt::format("{:<40} {:>12}\n", label, escaped(*text));
   if (std::holds_alternative<std::monostate>(figure.value))
     return fmt::format("{:<40} {:>12}\n", label, "-");
-  return fmt::format("{:<40} {:>12}\n", label, single_lined(value_of(figure)).dump());
+  return fmt::format("{:<40} {:>12}\n", label, single_lined(value_json(figure)).dump());
 }
 
 /// Returns figures and, indented, groups of figures as lines of text.
@@ -110,8 +110,8 @@ ordered_json to_json(const Evaluation& evaluation,
   ordered_json json{{"file", evaluation.file.string()},
                     {"kind", evaluation.kind},
                     {"tests", tests_json(evaluation.results)}};
-  for (const Evaluation::Temperatures& one : evaluation.temperatures)
-    json["temperatures"][one.sensor] = {{"min_C", one.min_C}, {"max_C", one.max_C}};
+  for (const Evaluation::Temperatures& range : evaluation.temperatures)
+    json["temperatures"][range.sensor] = {{"min_C", range.min_C}, {"max_C", range.max_C}};
   json["warnings"] = evaluation.warnings;
   json["pictures"] = ordered_json::array();
   for (const std::filesystem::path& picture : pictures)
@@ -126,12 +126,14 @@ std::string to_text(const Evaluation& evaluation,
   for (const TestResult& test : evaluation.results) {
     text += fmt::format("\n{} -- {}\n", escaped(test.name), test.standard);
     text += lines(test.figures, test.groups, 2);
-    for (const TestResult& one : test.diagonals)
-      text += "  diagonals: " + escaped(one.name) + "\n" + lines(one.figures, one.groups, 4);
+    for (const TestResult& diagonal : test.diagonals)
+      text += "  diagonals: " + escaped(diagonal.name) + "\n" +
+              lines(diagonal.figures, diagonal.groups, 4);
   }
   if (!evaluation.temperatures.empty()) text += "\ntemperatures, C\n";
-  for (const Evaluation::Temperatures& one : evaluation.temperatures)
-    text += fmt::format("  {:<38} {:>8.2f} .. {:.2f}\n", escaped(one.sensor), one.min_C, one.max_C);
+  for (const Evaluation::Temperatures& range : evaluation.temperatures)
+    text += fmt::format("  {:<38} {:>8.2f} .. {:.2f}\n", escaped(range.sensor), range.min_C,
+                        range.max_C);
   for (const std::filesystem::path& picture : pictures)
     text += "\npicture " + escaped(picture.string());
   text += pictures.empty() ? "" : "\n";
@@ -148,23 +150,28 @@ using Eigen::VectorXd;
 
 constexpr std::size_t max_panels = 12;  // of one picture
 
-double unit_of(bool angle) { return angle ? units::urad : units::um; }
-const char* word_of(bool angle) { return angle ? "µrad" : "µm"; }
+/// Return the unit of deviations in pictures, and its name.
+double picture_unit(bool angle) { return angle ? units::urad : units::um; }
+const char* picture_unit_name(bool angle) { return angle ? "µrad" : "µm"; }
 
-/// Returns a figure for a picture; empty if the test does not have it.
-std::string figure(const char* name, const std::optional<double>& value, bool angle) {
-  return value ? fmt::format("{} {:.2f} {}", name, *value / unit_of(angle), word_of(angle)) : "";
+/// Returns a figure as text for a picture; empty if the test does not have it.
+std::string figure_text(const char* name, const std::optional<double>& value, bool angle) {
+  return value ? fmt::format("{} {:.2f} {}", name, *value / picture_unit(angle),
+                             picture_unit_name(angle))
+               : "";
 }
 
-/// Adds the mean of one direction of approach with its 2 s band, over the single runs.
+/// Adds the mean of one direction of approach with its 2 s band, and the single runs.
 void add_approach(render::Panel& panel, const char* name, const VectorXd& target,
                   const Eigen::MatrixXd& runs,
-                  const std::optional<metrology::OneWayPositioning>& way, double unit, int colour) {
-  if (!way) return;
-  render::Series mean{name, target, way->mean / unit, {}, {}, render::Mark::LineAndPoints, colour};
-  if (way->s.size() > 0) {
-    mean.lower = (way->mean - 2.0 * way->s) / unit;
-    mean.upper = (way->mean + 2.0 * way->s) / unit;
+                  const std::optional<metrology::OneWayPositioning>& positioning, double unit,
+                  int colour) {
+  if (!positioning) return;
+  render::Series mean{name,  target, positioning->mean / unit, {}, {}, render::Mark::LineAndPoints,
+                      colour};
+  if (positioning->s.size() > 0) {
+    mean.lower = (positioning->mean - 2.0 * positioning->s) / unit;
+    mean.upper = (positioning->mean + 2.0 * positioning->s) / unit;
   }
   panel.series.push_back(mean);
   VectorXd x(runs.size()), y(runs.size());
@@ -176,22 +183,24 @@ void add_approach(render::Panel& panel, const char* name, const VectorXd& target
 }
 
 /// Returns the panel of a positioning test with its figures by ISO 230-2.
-render::Panel panel_of(const std::string& name, const metrology::PositionRuns& runs, bool angle,
-                       bool is_positioning, const std::string& x_label, double x_unit) {
+render::Panel position_picture_panel(const std::string& name, const metrology::PositionRuns& runs,
+                                     bool angle, bool is_positioning, const std::string& x_label,
+                                     double x_unit) {
   const metrology::Positioning p = metrology::positioning(runs);
-  render::Panel panel{name, x_label, fmt::format("deviation / {}", word_of(angle)), {}, {}};
+  render::Panel panel{
+      name, x_label, fmt::format("deviation / {}", picture_unit_name(angle)), {}, {}};
   const VectorXd target = runs.target / x_unit;
-  add_approach(panel, "up ± 2 s", target, runs.up, p.up, unit_of(angle), 0);
-  add_approach(panel, "down ± 2 s", target, runs.down, p.down, unit_of(angle), 1);
-  if (is_positioning) panel.note = {figure("A", p.A, angle), figure("E", p.E, angle)};
-  panel.note.push_back(figure("R", p.R, angle));
-  panel.note.push_back(figure("B", p.B, angle));
+  add_approach(panel, "up ± 2 s", target, runs.up, p.up, picture_unit(angle), 0);
+  add_approach(panel, "down ± 2 s", target, runs.down, p.down, picture_unit(angle), 1);
+  if (is_positioning) panel.note = {figure_text("A", p.A, angle), figure_text("E", p.E, angle)};
+  panel.note.push_back(figure_text("R", p.R, angle));
+  panel.note.push_back(figure_text("B", p.B, angle));
   std::erase(panel.note, std::string());
   return panel;
 }
 
-/// Returns the name of a test with what was removed from it.
-std::string title_of(const metrology::AxisTest& test) {
+/// Returns the name of a test and the component that was subtracted from it.
+std::string panel_title(const metrology::AxisTest& test) {
   if (test.what == metrology::AxisTest::TestKind::Straightness)
     return test.name + ", less its line";
   if (test.what == metrology::AxisTest::TestKind::ErrorMotion && !test.axial &&
@@ -204,23 +213,25 @@ std::string title_of(const metrology::AxisTest& test) {
 std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
   std::vector<render::Panel> panels;
   for (const metrology::AxisTest& test : tests.axes)
-    panels.push_back(panel_of(title_of(test), form_of(test), test.angle,
-                              test.what == metrology::AxisTest::TestKind::Positioning,
-                              fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
-                              test.rotary ? units::deg : 1.0));
-  for (const metrology::DiagonalTest& test : tests.diagonals)
     panels.push_back(
-        panel_of(test.name, test.runs.runs, false, true, "along the diagonal / mm", 1.0));
+        position_picture_panel(panel_title(test), form_of(test), test.angle,
+                               test.what == metrology::AxisTest::TestKind::Positioning,
+                               fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
+                               test.rotary ? units::deg : 1.0));
+  for (const metrology::DiagonalTest& test : tests.diagonals)
+    panels.push_back(position_picture_panel(test.name, test.runs.runs, false, true,
+                                            "along the diagonal / mm", 1.0));
   return panels;
 }
 
-/// Returns one sense of rotation about a centre; a full turn is closed at its first point.
-render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& trace,
-                            const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
+/// Returns the deviations for one sense of rotation about a centre; a full circle ends at its first
+/// point.
+render::PolarTrace polar_trace(const char* name, const metrology::CircularTrace& trace,
+                               const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
   VectorXd angle = trace.angle;
   VectorXd deviation = trace.radius.array() - runs.nominal_radius;
-  // The eccentricity of the centre is subtracted to the first order, as the deviations are small
-  // against the radius.
+  // The eccentricity of the centre is subtracted to first order, which suffices because the
+  // deviations are small against the radius.
   for (Index i = 0; i < deviation.size(); ++i)
     deviation[i] -= centre.x() * std::cos(angle[i]) + centre.y() * std::sin(angle[i]);
   if (metrology::is_full_turn(angle)) {
@@ -232,36 +243,37 @@ render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& tr
   return {name, angle, deviation / units::um};
 }
 
-/// Draws both senses of a circular test about the centre that its standard prescribes.
+/// Draws both senses of rotation of a circular test about the centre that its standard prescribes.
 void write_circle(const std::filesystem::path& file, const metrology::CircleTest& test,
                   const std::string& from) {
   const metrology::Circular circle = metrology::circular(test.runs);
   std::vector<render::PolarTrace> traces;
   if (circle.anticlockwise)
-    traces.push_back(trace_of("anticlockwise", test.runs.anticlockwise, test.runs, circle.centre));
+    traces.push_back(
+        polar_trace("anticlockwise", test.runs.anticlockwise, test.runs, circle.centre));
   if (circle.clockwise)
-    traces.push_back(trace_of("clockwise", test.runs.clockwise, test.runs, circle.centre));
+    traces.push_back(polar_trace("clockwise", test.runs.clockwise, test.runs, circle.centre));
   render::PolarOptions options;
   const bool least_squares = circle.centre_kind == metrology::CircleCentre::LeastSquares;
   options.title = test.name + (least_squares ? ", about its least-squares centre"
                                              : ", about the centre as set up");
   options.first_axis = test.plane.substr(0, 1);
   options.second_axis = test.plane.substr(1, 1);
-  const auto& all = circle.both            ? circle.both
-                    : circle.anticlockwise ? circle.anticlockwise
-                                           : circle.clockwise;
+  const auto& figures = circle.both            ? circle.both
+                        : circle.anticlockwise ? circle.anticlockwise
+                                               : circle.clockwise;
   options.caption = {from};
-  options.note = {figure("G", all->G_lsq, false)};
-  if (circle.H) options.note.push_back(figure("H", circle.H, false));
+  options.note = {figure_text("G", figures->G_lsq, false)};
+  if (circle.H) options.note.push_back(figure_text("H", circle.H, false));
   if (test.zero_known) {
-    options.note.push_back(figure("F max", all->F_max, false));
-    options.note.push_back(figure("F min", all->F_min, false));
+    options.note.push_back(figure_text("F max", figures->F_max, false));
+    options.note.push_back(figure_text("F min", figures->F_min, false));
   }
   options.note.push_back(fmt::format("radius {:.1f} mm", test.runs.nominal_radius));
   render::write_polar(file, traces, options);
 }
 
-/// Draws the log of a drift test over time.
+/// Draws the readings of a drift test over time.
 void write_drift(const std::filesystem::path& file, const metrology::DriftTest& test,
                  const std::string& from) {
   std::vector<render::Panel> panels;
@@ -273,13 +285,13 @@ void write_drift(const std::filesystem::path& file, const metrology::DriftTest& 
   for (const bool angle : {false, true}) {
     render::Panel panel{angle ? "tilts" : "displacements",
                         long_log ? "time / h" : "time / min",
-                        fmt::format("drift / {}", word_of(angle)),
+                        fmt::format("drift / {}", picture_unit_name(angle)),
                         {},
                         {}};
     for (std::size_t c = 0; c < test.log.names.size(); ++c)
       if (test.angle[c] == angle)
         panel.series.push_back(
-            {test.log.names[c], x, test.log.values.col(Index(c)) / unit_of(angle), {}, {}});
+            {test.log.names[c], x, test.log.values.col(Index(c)) / picture_unit(angle), {}, {}});
     if (!panel.series.empty()) panels.push_back(std::move(panel));
   }
   render::CurvesOptions options;
@@ -288,7 +300,7 @@ void write_drift(const std::filesystem::path& file, const metrology::DriftTest& 
   render::write_curves(file, panels, options);
 }
 
-/// Returns the name of a set-up as a part of a file name.
+/// Returns the name of a set-up as part of a file name, other characters replaced by underscores.
 std::string file_name_part(std::string name) {
   for (char& c : name)
     if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '+') c = '_';
@@ -358,18 +370,19 @@ namespace {
 
 constexpr Index max_drift_points = 2000;
 
+/// Return the unit of deviations in charts, and its name.
 double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }
 const char* chart_unit_name(bool is_angle) { return is_angle ? "µrad" : "µm"; }
 
 /// Returns values as a list; JSON has no NaN, so missing values are null.
-ordered_json list_of(const VectorXd& values) {
+ordered_json json_list(const VectorXd& values) {
   ordered_json list = ordered_json::array();
   for (const double value : values)
     list.push_back(std::isfinite(value) ? ordered_json(value) : ordered_json());
   return list;
 }
 
-/// Collects nested figures with names such as "causes: radius_um".
+/// Collects nested figures under names such as "causes: radius_um".
 void flatten(const ordered_json& json, const std::string& within,
              std::vector<std::pair<std::string, ordered_json>>& figures) {
   for (const auto& [key, value] : json.items()) {
@@ -379,10 +392,10 @@ void flatten(const ordered_json& json, const std::string& within,
       flatten(value, name, figures);
     else if (value.is_array()) {
       std::string text;
-      for (const ordered_json& one : value)
-        text +=
-            (text.empty() ? "" : ", ") +
-            (one.is_string() ? one.get<std::string>() : fmt::format("{:.6g}", one.get<double>()));
+      for (const ordered_json& element : value)
+        text += (text.empty() ? "" : ", ") + (element.is_string()
+                                                  ? element.get<std::string>()
+                                                  : fmt::format("{:.6g}", element.get<double>()));
       figures.emplace_back(name, text);
     } else if (value.is_boolean()) {
       figures.emplace_back(name, label_text(value.get<bool>() ? "yes" : "no"));
@@ -392,22 +405,22 @@ void flatten(const ordered_json& json, const std::string& within,
   }
 }
 
-/// Returns a table of all tests by one standard: figures down, tests across.
+/// Returns a table of tests by one standard, with a row for each figure and a column for each test.
 ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::size_t number) {
   std::vector<PageColumn> columns{{label_text("figure"), ""}};
   std::vector<std::string> names;
-  std::vector<std::vector<std::pair<std::string, ordered_json>>> all;
+  std::vector<std::vector<std::pair<std::string, ordered_json>>> figures_by_test;
   for (const ordered_json* test : tests) {
     columns.push_back({test->at("name").get<std::string>(), ""});
-    flatten(*test, "", all.emplace_back());
-    for (const auto& [name, value] : all.back())
+    flatten(*test, "", figures_by_test.emplace_back());
+    for (const auto& [name, value] : figures_by_test.back())
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
   }
   ordered_json rows = ordered_json::array();
   for (const std::string& name : names) {
     ordered_json row = ordered_json::array();
     row.push_back(name);
-    for (const auto& figures : all) {
+    for (const auto& figures : figures_by_test) {
       const auto at =
           std::ranges::find(figures, name, &std::pair<std::string, ordered_json>::first);
       row.push_back(at == figures.end() ? ordered_json() : at->second);
@@ -418,35 +431,34 @@ ordered_json standard_block(const std::vector<const ordered_json*>& tests, std::
                      tests.front()->at("standard").get<std::string>(), columns, rows);
 }
 
-/// Adds the tables of all standards; tests beyond the maximum across go into another table.
+/// Adds the tables of all standards. A table wider than the page is continued in another one.
 void add_standards(ordered_json& blocks, const ordered_json& tests) {
-  constexpr std::size_t max_across = 8;
+  constexpr std::size_t max_columns = 8;
   std::vector<std::string> standards;
-  for (const ordered_json& one : tests) {
-    const auto name = one.at("standard").get<std::string>();
+  for (const ordered_json& test : tests) {
+    const auto name = test.at("standard").get<std::string>();
     if (std::ranges::find(standards, name) == standards.end()) standards.push_back(name);
   }
   std::size_t number = 0;
   for (const std::string& standard : standards) {
-    std::vector<const ordered_json*> all;
-    for (const ordered_json& one : tests)
-      if (one.at("standard").get<std::string>() == standard) all.push_back(&one);
-    for (std::size_t first = 0; first < all.size(); first += max_across) {
-      const auto count = std::min(max_across, all.size() - first);
-      blocks.push_back(standard_block(
-          {all.begin() + std::ptrdiff_t(first), all.begin() + std::ptrdiff_t(first + count)},
-          number++));
+    std::vector<const ordered_json*> matches;
+    for (const ordered_json& test : tests)
+      if (test.at("standard").get<std::string>() == standard) matches.push_back(&test);
+    for (std::size_t first = 0; first < matches.size(); first += max_columns) {
+      const auto count = std::min(max_columns, matches.size() - first);
+      const auto begin = matches.begin() + std::ptrdiff_t(first);
+      blocks.push_back(standard_block({begin, begin + std::ptrdiff_t(count)}, number++));
     }
   }
-  for (const ordered_json& one : tests)
-    if (one.contains("diagonals")) {
-      std::vector<const ordered_json*> each;
-      for (const ordered_json& diagonal : one.at("diagonals")) each.push_back(&diagonal);
-      if (!each.empty()) blocks.push_back(standard_block(each, number++));
+  for (const ordered_json& test : tests)
+    if (test.contains("diagonals")) {
+      std::vector<const ordered_json*> diagonals;
+      for (const ordered_json& diagonal : test.at("diagonals")) diagonals.push_back(&diagonal);
+      if (!diagonals.empty()) blocks.push_back(standard_block(diagonals, number++));
     }
 }
 
-/// Adds the ranges of temperatures during the readings.
+/// Adds the table of the temperature ranges during the readings.
 void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
   if (!evaluation.contains("temperatures")) return;
   ordered_json rows = ordered_json::array();
@@ -464,28 +476,28 @@ void add_temperatures(ordered_json& blocks, const ordered_json& evaluation) {
                                rows));
 }
 
-/// Adds one direction of approach: its mean with the 2 s band, and every run.
+/// Adds one direction of approach: its mean with the 2 s band, and every run as points.
 void add_approach_series(ordered_json& panel, const char* name, const VectorXd& target,
                          const Eigen::MatrixXd& runs,
-                         const std::optional<metrology::OneWayPositioning>& way, double unit,
-                         int colour) {
-  if (!way) return;
+                         const std::optional<metrology::OneWayPositioning>& positioning,
+                         double unit, int colour) {
+  if (!positioning) return;
   ordered_json mean =
-      series_of(label_text(name), list_of(target), list_of(way->mean / unit), "both");
+      series_of(label_text(name), json_list(target), json_list(positioning->mean / unit), "both");
   mean["colour"] = colour;
-  if (way->s.size() > 0) {
-    mean["low"] = list_of((way->mean - 2.0 * way->s) / unit);
-    mean["high"] = list_of((way->mean + 2.0 * way->s) / unit);
+  if (positioning->s.size() > 0) {
+    mean["low"] = json_list((positioning->mean - 2.0 * positioning->s) / unit);
+    mean["high"] = json_list((positioning->mean + 2.0 * positioning->s) / unit);
   }
   panel["series"].push_back(mean);
   ordered_json points =
-      series_of(label_text("single_runs"), list_of(target.replicate(runs.cols(), 1)),
-                list_of(runs.reshaped() / unit), "points");
+      series_of(label_text("single_runs"), json_list(target.replicate(runs.cols(), 1)),
+                json_list(runs.reshaped() / unit), "points");
   points["colour"] = colour;
   panel["series"].push_back(points);
 }
 
-/// Returns the panel of one axis or diagonal over the position.
+/// Returns the panel of one axis or diagonal: deviations over the position.
 ordered_json position_panel(const std::string& name, const metrology::PositionRuns& runs,
                             bool is_angle, const PageText& x, double x_unit) {
   const metrology::Positioning p = metrology::positioning(runs);
@@ -500,6 +512,7 @@ ordered_json position_panel(const std::string& name, const metrology::PositionRu
   return panel;
 }
 
+/// Adds the panels of all axis tests and diagonals.
 void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
   ordered_json block = page_block("panels", "positions", label_text("over_position"));
   block["note"] = label_text("over_position_note");
@@ -516,7 +529,8 @@ void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
-/// Returns one sense of rotation about a centre; a full turn is closed at its first point.
+/// Returns the deviations for one sense of rotation about a centre; a full circle ends at its first
+/// point.
 ordered_json circle_series(const char* name, const metrology::CircularTrace& trace,
                            double nominal_radius, const Eigen::Vector2d& centre) {
   ordered_json series;
@@ -559,7 +573,7 @@ void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
-/// Adds the drift tests over time, thinned, because a log may have thousands of readings.
+/// Adds the drift tests over time. A log may have thousands of readings, so only a subset is drawn.
 void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   ordered_json block = page_block("panels", "drifts", label_text("drifts"));
   block["columns"] = 2;
@@ -567,7 +581,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   for (const metrology::DriftTest& test : tests.drifts) {
     const VectorXd hours = (test.log.time_s.array() - test.log.time_s[0]) / 3600.0;
     const ReadingSubset readings = reading_subset(test.name, hours.size(), max_drift_points);
-    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
+    const auto subset = Eigen::seq(0, Eigen::indexing::last, readings.every);
     for (const bool is_angle : {false, true}) {
       ordered_json panel;
       panel["title"] = readings.title;
@@ -576,9 +590,9 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
       panel["series"] = ordered_json::array();
       for (std::size_t c = 0; c < test.log.names.size(); ++c)
         if (test.angle[c] == is_angle) {
-          ordered_json line =
-              series_of(test.log.names[c], list_of(hours(few)),
-                        list_of(test.log.values.col(Index(c))(few) / chart_unit(is_angle)), "line");
+          ordered_json line = series_of(
+              test.log.names[c], json_list(hours(subset)),
+              json_list(test.log.values.col(Index(c))(subset) / chart_unit(is_angle)), "line");
           line["colour"] = c;  // the same sensor has the same colour in both panels
           panel["series"].push_back(line);
         }
@@ -588,7 +602,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
-/// Adds the deviations of a part's points as a histogram.
+/// Adds the histogram of the deviations of a part's points.
 void add_part(ordered_json& blocks, const PartReadingsFile& part) {
   ordered_json block = page_block("histogram", "part", label_text("part_deviations"));
   block["x"] = label_text("deviation_read");
@@ -597,12 +611,13 @@ void add_part(ordered_json& blocks, const PartReadingsFile& part) {
   block["series"] = ordered_json::array();
   ordered_json series;
   series["name"] = part.instrument;
-  series["values"] = list_of(part.readings.deviation / units::um);
+  series["values"] = json_list(part.readings.deviation / units::um);
   block["series"].push_back(series);
   blocks.push_back(block);
 }
 
-/// Returns the page as far as the JSON of an evaluation has it: tables, temperatures, warnings.
+/// Returns the page without charts: the JSON of an evaluation has tables, temperatures and
+/// warnings, but no readings.
 FiguresPage evaluation_document(const ordered_json& evaluation) {
   FiguresPage page;
   page.title = evaluation.at("file").get<std::string>();
@@ -615,7 +630,8 @@ FiguresPage evaluation_document(const ordered_json& evaluation) {
   return page;
 }
 
-std::vector<std::filesystem::path> pictures_in(const std::filesystem::path& folder) {
+/// Returns the PNG files of a folder, sorted.
+std::vector<std::filesystem::path> png_files(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder))
     if (entry.is_regular_file() && entry.path().extension() == ".png")
@@ -646,7 +662,7 @@ FiguresPage evaluate_page(const std::filesystem::path& folder) {
       [&](const ordered_json& evaluation, const std::string& text) {
         page = evaluation_document(evaluation);
         if (const ordered_json pictures =
-                pictures_block("pictures", label_text("pictures"), folder, pictures_in(folder));
+                pictures_block("pictures", label_text("pictures"), folder, png_files(folder));
             !pictures.is_null())
           page.blocks.push_back(pictures);
         page.warnings.push_back(

@@ -23,9 +23,9 @@ nlohmann::ordered_json to_json(const Evaluation& evaluation,
 std::string to_text(const Evaluation& evaluation,
                     const std::vector<std::filesystem::path>& pictures = {});
 
-/// Writes a picture of every test: positioning with its means and 2 s band, lines over their
-/// targets, circles magnified over the nominal one, drift over time. Writes nothing if the program
-/// was built without VTK.
+/// Writes pictures of all tests: positioning as means with their 2 s bands, line tests over the
+/// target position, circles with magnified deviations from the nominal circle, drift over time.
+/// Writes nothing if the program was built without VTK.
 /// @param from  file of the readings, named in every picture
 /// @return the files written
 /// @throws OutputFailure
@@ -33,21 +33,21 @@ std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folde
                                                        const errors::metrology::Tests& tests,
                                                        const std::string& from);
 
-/// Writes `part.png`, the histogram of the deviations of a part's points. Returns its file, or none
-/// without VTK.
+/// Writes `part.png`, the histogram of the deviations of a part's points. Returns the file; nothing
+/// if the program was built without VTK.
 std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder,
                                                       const PartReadingsFile& part,
                                                       const std::string& from);
 
-/// Returns the page of an evaluation: a table for every standard, deviations over position with
-/// their 2 s bands and single runs, circles, drifts, the deviations of a part.
+/// Returns the page of an evaluation: a table for each standard, deviations over position with 2 s
+/// bands and single runs, circles, drifts, and the deviations of a part.
 /// @throws BadInput if the readings cannot be read again
 FiguresPage evaluate_page(const Evaluation& evaluation);
 
-/// Returns the page of the evaluation.json in a folder, with the pictures of that folder. Charts
-/// are left out, and a warning says so.
-/// @throws BadInput naming the file, what was expected and what was found, if it is not an
-/// evaluation
+/// Returns the page of the evaluation.json in a folder, with the pictures of that folder. Without
+/// the readings there are no charts; a warning on the page says so.
+/// @throws BadInput if it is not an evaluation; names the file, what was expected and what was
+/// found
 FiguresPage evaluate_page(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

@@ -17,20 +17,22 @@ namespace abbe::sim {
 using nlohmann::ordered_json;
 
 PageText label_text(const std::string& key) {
-  PageText word = PageText::object();
-  word["label"] = key;
-  return word;
+  PageText label = PageText::object();
+  label["label"] = key;
+  return label;
 }
 
-PageText phrase(const std::vector<PageText>& words) {
+PageText phrase(const std::vector<PageText>& texts) {
   PageText list = PageText::array();
-  for (const PageText& one : words) list.push_back(one);
+  for (const PageText& text : texts) list.push_back(text);
   return list;
 }
 
 const ordered_json& figure_in(const ordered_json& json) {
-  const auto is_number = [](const ordered_json& one) { return one.is_number() || one.is_null(); };
-  // An estimate is drawn with its interval.
+  const auto is_number = [](const ordered_json& value) {
+    return value.is_number() || value.is_null();
+  };
+  // An estimate has the limits of its confidence interval.
   const bool is_banded = json.is_object() && json.size() == 3 && json.contains("value") &&
                          json.contains("low") && json.contains("high") &&
                          std::all_of(json.begin(), json.end(), is_number);
@@ -51,8 +53,8 @@ ordered_json table_block(const std::string& id, const PageText& title,
                          const std::string& group) {
   ordered_json block = page_block("table", id, title, group);
   block["columns"] = ordered_json::array();
-  for (const PageColumn& one : columns)
-    block["columns"].push_back({{"head", one.head}, {"unit", one.unit}});
+  for (const PageColumn& column : columns)
+    block["columns"].push_back({{"head", column.head}, {"unit", column.unit}});
   block["rows"] = rows;
   return block;
 }
@@ -65,20 +67,20 @@ ordered_json pictures_block(const std::string& id, const PageText& title,
   block["pictures"] = ordered_json::array();
   for (const std::filesystem::path& file : files) {
     std::filesystem::path name = std::filesystem::relative(file, folder);
-    ordered_json one;
-    one["name"] = name.replace_extension().generic_string();
-    one["src"] = "data:image/png;base64," + base64(read_text(file, max_saved_bytes));
-    block["pictures"].push_back(one);
+    ordered_json picture;
+    picture["name"] = name.replace_extension().generic_string();
+    picture["src"] = "data:image/png;base64," + base64(read_text(file, max_saved_bytes));
+    block["pictures"].push_back(picture);
   }
   return block;
 }
 
-ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen::Index most) {
-  ReadingSubset drawn{std::max<Eigen::Index>(1, (count + most - 1) / most), title};
-  if (drawn.every > 1)
-    drawn.title = phrase({title + ", ", label_text("readings"),
-                          fmt::format(" {} / {}", (count - 1) / drawn.every + 1, count)});
-  return drawn;
+ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen::Index max_count) {
+  ReadingSubset subset{std::max<Eigen::Index>(1, (count + max_count - 1) / max_count), title};
+  if (subset.every > 1)
+    subset.title = phrase({title + ", ", label_text("readings"),
+                           fmt::format(" {} / {}", (count - 1) / subset.every + 1, count)});
+  return subset;
 }
 
 ordered_json series_of(const PageText& name, const ordered_json& x, const ordered_json& y,
@@ -93,25 +95,25 @@ ordered_json series_of(const PageText& name, const ordered_json& x, const ordere
 
 namespace {
 
-/// Returns the labels of both kinds of pages, since charts use both.
+/// Returns the labels of maps and of charts: a page of charts uses both.
 std::vector<ReportLabel> all_labels() {
-  std::vector<ReportLabel> all(report_labels().begin(), report_labels().end());
-  all.insert(all.end(), chart_labels().begin(), chart_labels().end());
-  return all;
+  std::vector<ReportLabel> labels(report_labels().begin(), report_labels().end());
+  labels.insert(labels.end(), chart_labels().begin(), chart_labels().end());
+  return labels;
 }
 
-/// Throws if a block uses an unknown label, at which the script of the page would stop. Labels of
-/// blocks are { label } or text.
-void check_labels(const ordered_json& json, const std::set<std::string>& known) {
+/// Throws std::invalid_argument if a block uses an unknown label: the script of the page would stop
+/// there.
+void check_labels(const ordered_json& json, const std::set<std::string>& known_labels) {
   if (json.is_object() && json.contains("label")) {
     const auto key = json.at("label").get<std::string>();
-    if (!known.count(key)) throw std::invalid_argument("the page names no label " + key);
+    if (!known_labels.count(key)) throw std::invalid_argument("the page names no label " + key);
   }
   if (json.is_structured())
-    for (const ordered_json& one : json) check_labels(one, known);
+    for (const ordered_json& element : json) check_labels(element, known_labels);
 }
 
-/// Returns a list item with which a file can be saved from the page.
+/// Returns a list item with the download link of a file.
 std::string download(const PageFile& file) {
   const std::string name = html::html_escaped(file.name);
   return "<li><a download=\"" + name + "\" href=\"data:application/octet-stream;base64," +
@@ -138,10 +140,10 @@ std::string closing_section(const FiguresPage& page) {
 
 std::string page_html(const FiguresPage& page) {
   const std::vector<ReportLabel> labels = all_labels();
-  std::set<std::string> known;
-  for (const ReportLabel& one : labels) known.insert(std::string(one.key));
-  check_labels(page.blocks, known);
-  for (const auto& [key, value] : page.asked) check_labels({{"label", key}}, known);
+  std::set<std::string> known_labels;
+  for (const ReportLabel& label : labels) known_labels.insert(std::string(label.key));
+  check_labels(page.blocks, known_labels);
+  for (const auto& [key, value] : page.asked) check_labels({{"label", key}}, known_labels);
   return html::filled(charts_page(),
                       {{"language", page.language},
                        {"title", html::html_escaped(page.title)},

@@ -8,25 +8,24 @@
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
-/// Blocks of a page that render/report/charts.js draws. A label is a text, { label: key }, or a
-/// list of both; a figure is a number, null, or { value, low, high } with its 95 % confidence
-/// interval.
+/// Blocks of a page, which render/report/charts.js draws. A label is a text, an object
+/// { label: key }, or a list of both. A figure is a number, null, or { value, low, high } with the
+/// limits of its 95 % confidence interval.
 namespace abbe::sim {
 
 using PageText = nlohmann::ordered_json;
 
 /// Returns a label by its key; the page shows its text in the selected language.
 PageText label_text(const std::string& key);
-/// Returns several texts and labels joined.
-/// @param words  texts and labels
-PageText phrase(const std::vector<PageText>& words);
+/// Joins texts and labels to one text.
+PageText phrase(const std::vector<PageText>& texts);
 
 /// Returns the figure unchanged.
 /// @throws std::invalid_argument if it is not a figure
 const nlohmann::ordered_json& figure_in(const nlohmann::ordered_json& json);
 
 /// Returns a block with the members that all blocks have.
-/// @param group  group of which one block at a time is shown; empty: always shown
+/// @param group  group of blocks of which the page shows one at a time; empty: always shown
 nlohmann::ordered_json page_block(const std::string& type, const std::string& id,
                                   const PageText& title, const std::string& group = {});
 
@@ -42,27 +41,27 @@ nlohmann::ordered_json table_block(const std::string& id, const PageText& title,
                                    const nlohmann::ordered_json& rows,
                                    const std::string& group = {});
 
-/// Returns a block of PNG files of a folder, named by their paths in it, of which one is shown at a
-/// time; null if there are none.
-/// @throws BadInput for a file that cannot be read
+/// Returns a block of PNG files, which the page shows one at a time, named by their paths relative
+/// to the folder; null without files.
+/// @throws BadInput if a file cannot be read
 nlohmann::ordered_json pictures_block(const std::string& id, const PageText& title,
                                       const std::filesystem::path& folder,
                                       const std::vector<std::filesystem::path>& files);
 
-/// Readings that a panel draws: one in `every`, so that at most `most` are drawn.
+/// Readings that a panel draws.
 struct ReadingSubset {
-  Eigen::Index every = 1;
-  PageText title;  ///< of the panel, with ", readings 1000 / 3000" if not all are drawn
+  Eigen::Index every = 1;  ///< every how many-th reading is drawn
+  PageText title;          ///< of the panel, with ", readings 1000 / 3000" if not all are drawn
 };
-/// Returns the readings to draw of `count`, at most `most`.
-ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen::Index most);
+/// Returns an even subset of `count` readings with at most `max_count` of them.
+ReadingSubset reading_subset(const std::string& title, Eigen::Index count, Eigen::Index max_count);
 
-/// Returns a line or points of a panel.
+/// Returns a series of a panel.
 /// @param mark  "line", "points" or "both"
 nlohmann::ordered_json series_of(const PageText& name, const nlohmann::ordered_json& x,
                                  const nlohmann::ordered_json& y, const std::string& mark);
 
-/// A file that can be saved from a page.
+/// A file that a page offers for download.
 struct PageFile {
   std::string name;
   std::string text;
@@ -75,11 +74,12 @@ struct FiguresPage {
   std::vector<std::pair<std::string, std::string>> asked;           ///< label of the request, value
   std::vector<std::string> warnings;
   std::string command;          ///< command that reproduces the results
-  std::vector<PageFile> files;  ///< files that the command needs, and the complete figures
+  std::vector<PageFile> files;  ///< input files of the command, and the complete figures
   std::string language = "en";  ///< language in which it opens, "en" or "zh"
 };
 
-/// Returns the section that closes a page: the request, warnings, versions and how to repeat it.
+/// Returns the last section of a page: request, warnings, versions, and the command that reproduces
+/// the results.
 std::string closing_section(const FiguresPage& page);
 
 /// Returns one self-contained page (render/report/charts.js): its blocks, then the closing section.

@@ -25,8 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the numbered file name of the frames as ffmpeg takes it; it reads % as a pattern.
-std::string numbered(const fs::path& folder) {
+/// Returns the pattern of the frames' file names for ffmpeg; a % of the folder is escaped.
+std::string frame_pattern(const fs::path& folder) {
   std::string text;
   for (const char c : fs::absolute(folder).string())
     text += c == '%' ? std::string("%%") : std::string(1, c);
@@ -36,21 +36,21 @@ std::string numbered(const fs::path& folder) {
 }  // namespace
 
 std::optional<fs::path> find_executable(const std::string& program) {
-  const char* const list = std::getenv("PATH");
-  std::string_view rest = list == nullptr ? "" : list;
-  while (!rest.empty()) {
-    const std::size_t colon = std::min(rest.find(':'), rest.size());
-    const fs::path file = fs::path(rest.substr(0, colon)) / program;
-    rest.remove_prefix(std::min(colon + 1, rest.size()));
-    std::error_code none;
-    if (fs::is_regular_file(file, none) && ::access(file.c_str(), X_OK) == 0) return file;
+  const char* const search_path = std::getenv("PATH");
+  std::string_view remaining_path = search_path == nullptr ? "" : search_path;
+  while (!remaining_path.empty()) {
+    const std::size_t colon = std::min(remaining_path.find(':'), remaining_path.size());
+    const fs::path file = fs::path(remaining_path.substr(0, colon)) / program;
+    remaining_path.remove_prefix(std::min(colon + 1, remaining_path.size()));
+    std::error_code ignored;
+    if (fs::is_regular_file(file, ignored) && ::access(file.c_str(), X_OK) == 0) return file;
   }
   return std::nullopt;
 }
 
 std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEncoding& encoding,
                                          const fs::path& film) {
-  // Common players decode no other pixel format than yuv420p.
+  // yuv420p, because common players decode no other pixel format.
   std::vector<std::string> command{ffmpeg,
                                    "-hide_banner",
                                    "-loglevel",
@@ -62,7 +62,7 @@ std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEn
                                    "-start_number",
                                    "1",
                                    "-i",
-                                   numbered(encoding.frames),
+                                   frame_pattern(encoding.frames),
                                    "-frames:v",
                                    std::to_string(encoding.count),
                                    "-pix_fmt",
@@ -80,31 +80,31 @@ std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEn
 }
 
 std::string shell_text(const std::vector<std::string>& command) {
-  constexpr std::string_view plain =
+  constexpr std::string_view unquoted_characters =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+./:%=,";
   std::string text;
-  for (const std::string& word : command) {
+  for (const std::string& argument : command) {
     if (!text.empty()) text += ' ';
-    if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) {
-      text += word;
+    if (!argument.empty() && argument.find_first_not_of(unquoted_characters) == std::string::npos) {
+      text += argument;
       continue;
     }
     text += '\'';
-    for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    for (const char c : argument) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
     text += '\'';
   }
   return text;
 }
 
 void encode(const std::vector<std::string>& command, const std::function<void()>& waiting) {
-  // A day: encoding is limited only so that it ends at all.
+  // One day, far beyond any film: the limit only ends an encoder that hangs.
   constexpr double max_s = 86400.0;
   compensation::ChildProcess child(command, {}, waiting);
   try {
     child.finish("", max_s);
-  } catch (const compensation::ChildProcessError& fault) {
+  } catch (const compensation::ChildProcessError& error) {
     throw std::runtime_error(
-        fmt::format("{}: {} {}", command.front(), fault.what(), child.stderr_tail()));
+        fmt::format("{}: {} {}", command.front(), error.what(), child.stderr_tail()));
   }
 }
 
@@ -114,7 +114,7 @@ namespace {
 
 std::string frame_name(std::size_t frame) { return fmt::format("frame_{:05d}.png", frame + 1); }
 
-/// Returns true for the name of a frame: only such files of an earlier film are removed.
+/// Returns true if the file name is that of a frame.
 bool is_frame(const std::string& name) {
   return name.size() == std::string("frame_00001.png").size() && name.starts_with("frame_") &&
          name.ends_with(".png") &&
@@ -122,42 +122,42 @@ bool is_frame(const std::string& name) {
                      [](unsigned char c) { return std::isdigit(c) != 0; });
 }
 
-/// Removes the files of an earlier film, so that a shorter or an interrupted film is not mixed with
-/// them.
-void remove_earlier(const ResultFolder& folder, const ResultFolder& frames) {
+/// Removes the files of an earlier film: a shorter or an interrupted film must not be mixed with
+/// them. Other files in the folder are kept.
+void remove_earlier_film(const ResultFolder& folder, const ResultFolder& frames) {
   for (const char* film : {"film.mp4", "film.webm"}) remove_file(folder / film);
   std::vector<std::string> names;
-  std::error_code none;
-  for (const auto& entry : fs::directory_iterator(frames.path(), none))
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(frames.path(), ignored))
     if (is_frame(entry.path().filename().string()))
       names.push_back(entry.path().filename().string());
   for (const std::string& name : names) remove_file(frames / name);
 }
 
-/// Writes all frames: while one is drawn, the stock of the next is cut and the last one is
-/// compressed.
+/// Writes all frames. While a frame is drawn, other threads cut the stock of the next frame and
+/// compress the previous one.
 void write_frames(const ResultFolder& frames, ProgramFilm& program, const Progress& progress) {
-  const std::size_t n = program.frames();
+  const std::size_t frame_count = program.frames();
   render::Film film(program.setting());
-  const auto state_of = [&](std::size_t k) {
+  const auto start_state = [&](std::size_t k) {
     return std::async(std::launch::async, [&program, k] { return program.state(k); });
   };
-  std::future<render::FilmState> next = state_of(0);
-  std::future<void> written;
-  for (std::size_t k = 0; k < n; ++k) {
-    const render::FilmState state = next.get();
-    if (k + 1 < n) next = state_of(k + 1);
+  std::future<render::FilmState> next_state = start_state(0);
+  std::future<void> pending_write;
+  for (std::size_t k = 0; k < frame_count; ++k) {
+    const render::FilmState state = next_state.get();
+    if (k + 1 < frame_count) next_state = start_state(k + 1);
     render::Pixels pixels = film.frame(state);
-    if (written.valid()) written.get();
-    written = std::async(std::launch::async, [&frames, k, pixels = std::move(pixels)] {
+    if (pending_write.valid()) pending_write.get();
+    pending_write = std::async(std::launch::async, [&frames, k, pixels = std::move(pixels)] {
       write_file(frames / frame_name(k), render::png_file(pixels));
     });
-    if (progress) progress("frames", double(k + 1) / double(n));
+    if (progress) progress("frames", double(k + 1) / double(frame_count));
   }
-  written.get();
+  pending_write.get();
 }
 
-/// Encodes the frames under a temporary name; an interrupt ends ffmpeg.
+/// Encodes the frames to a temporary file, which is renamed at the end. An interrupt stops ffmpeg.
 void write_encoded(const ResultFile& film, const std::string& ffmpeg, const FilmEncoding& encoding,
                    const Progress& progress) {
   if (progress) progress("encode", 0.0);
@@ -173,24 +173,24 @@ void write_encoded(const ResultFile& film, const std::string& ffmpeg, const Film
 
 }  // namespace
 
-FilmOutcome write_film(const ResultFolder& folder, const FilmSource& cut,
+FilmOutcome write_film(const ResultFolder& folder, const FilmSource& source,
                        const FilmRequest& request, const Progress& progress) {
-  ProgramFilm program(cut, request.plan, request.options);
+  ProgramFilm program(source, request.plan, request.options);
   const ResultFolder frames = folder.inside("frames");
-  remove_earlier(folder, frames);
+  remove_earlier_film(folder, frames);
   write_frames(frames, program, progress);
-  FilmOutcome written{frames.path(), program.frames(), std::nullopt, ""};
-  if (request.format == "none") return written;
+  FilmOutcome outcome{frames.path(), program.frames(), std::nullopt, ""};
+  if (request.format == "none") return outcome;
   const FilmEncoding encoding{frames.path(), program.frames(), request.plan.fps};
   const ResultFile film = folder / ("film." + request.format);
   if (const auto ffmpeg = find_executable("ffmpeg")) {
     write_encoded(film, ffmpeg->string(), encoding, progress);
-    written.film = film.path();
+    outcome.film = film.path();
   } else {
-    written.notice = "no ffmpeg on the PATH: the film is made of the frames by\n" +
+    outcome.notice = "no ffmpeg on the PATH: the film is made of the frames by\n" +
                      shell_text(encoder_command("ffmpeg", encoding, film.path()));
   }
-  return written;
+  return outcome;
 }
 
 #else

@@ -13,14 +13,14 @@
 
 namespace abbe::sim {
 
-/// The frames of a film, frame_00001.png and so on, to be encoded as one file.
+/// Frames to encode as one film, named frame_00001.png and so on.
 struct FilmEncoding {
   std::filesystem::path frames;  ///< folder of the frames
   std::size_t count = 0;
   double fps = 25.0;
 };
 
-/// Returns the path of a program on the PATH; empty if there is none.
+/// Returns the path of a program on the PATH; empty if it is not found.
 std::optional<std::filesystem::path> find_executable(const std::string& program);
 
 /// Returns the command line of ffmpeg; the extension of `film` selects the format: .mp4 (H.264) or
@@ -32,8 +32,8 @@ std::vector<std::string> encoder_command(const std::string& ffmpeg, const FilmEn
 /// Returns the command line quoted for a shell.
 std::string shell_text(const std::vector<std::string>& command);
 
-/// Runs a command to its end, without a shell.
-/// @param waiting  called repeatedly meanwhile; if it throws, the command is ended
+/// Runs a command until it ends, without a shell.
+/// @param waiting  called repeatedly meanwhile; if it throws, the command is stopped
 /// @throws std::runtime_error with the last output of the command if it fails
 void encode(const std::vector<std::string>& command, const std::function<void()>& waiting);
 
@@ -49,14 +49,14 @@ struct FilmOutcome {
   std::filesystem::path frames;  ///< folder of the frames
   std::size_t count = 0;
   std::optional<std::filesystem::path> film;  ///< empty without ffmpeg
-  std::string notice;  ///< if it could not be encoded: the command that would do it
+  std::string notice;  ///< without ffmpeg: the command that encodes the frames
 };
 
-/// Writes frames/frame_00001.png and so on and film.mp4 or film.webm; those of an earlier film are
-/// removed first.
+/// Writes the frames (frames/frame_00001.png and so on) and the film (film.mp4 or film.webm). Those
+/// of an earlier film are removed first.
 /// @param progress  shows two stages, "frames" and "encode"
 /// @throws OutputFailure, Interrupted; BadInput if the program was built without pictures
-FilmOutcome write_film(const ResultFolder& folder, const FilmSource& cut,
+FilmOutcome write_film(const ResultFolder& folder, const FilmSource& source,
                        const FilmRequest& request, const Progress& progress = {});
 
 }  // namespace abbe::sim

@@ -23,35 +23,35 @@ namespace {
 
 using errors::identification::CurveReadings;
 
-/// Returns the panel of one identified curve over its readings; 1.96 standard deviations are its 95
-/// % band.
-render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nominal) {
-  const bool angle = curve.element.is_angle();
-  const double unit = angle ? units::urad : units::um;
+/// Returns the panel of one identified curve with its readings. Its 95 % band is 1.96 standard
+/// deviations to either side.
+render::Panel curve_picture_panel(const CurveReadings& curve, const kinematics::Chain& nominal) {
+  const bool is_rotational = curve.element.is_angle();
+  const double unit = is_rotational ? units::urad : units::um;
   const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
-  const bool slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
-  const double position = slide ? 1.0 : units::deg;
+  const bool is_slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
+  const double position_unit = is_slide ? 1.0 : units::deg;
   render::Panel panel{to_string(curve.element),
-                      fmt::format("{} / {}", curve.element.axis, slide ? "mm" : "deg"),
-                      angle ? "µrad" : "µm",
+                      fmt::format("{} / {}", curve.element.axis, is_slide ? "mm" : "deg"),
+                      is_rotational ? "µrad" : "µm",
                       {},
                       {}};
   if (curve.reading.size() > 0)
     panel.series.push_back({"readings",
-                            curve.reading_q / position,
+                            curve.reading_q / position_unit,
                             curve.reading / unit,
                             {},
                             {},
                             render::Mark::Points,
                             1});
-  panel.series.push_back({"identified, 95 % band", curve.q / position, curve.value / unit,
+  panel.series.push_back({"identified, 95 % band", curve.q / position_unit, curve.value / unit,
                           (curve.value - 1.96 * curve.sigma) / unit,
                           (curve.value + 1.96 * curve.sigma) / unit, render::Mark::Line, 0});
   return panel;
 }
 
-/// Returns the names of files without their folders, as many as fit on one line of the picture.
-std::string names_of(const std::vector<std::filesystem::path>& files) {
+/// Returns file names without their folders, as many as fit on one line of the picture.
+std::string file_names(const std::vector<std::filesystem::path>& files) {
   std::string names;
   for (std::size_t k = 0; k < files.size(); ++k) {
     const std::string name = files[k].filename().string();
@@ -68,11 +68,11 @@ void write_curves_picture(const ResultFile& file, const std::vector<CurveReading
                           const kinematics::Chain& nominal,
                           const std::vector<std::filesystem::path>& readings) {
   std::vector<render::Panel> panels;
-  for (const CurveReadings& curve : curves) panels.push_back(panel_of(curve, nominal));
+  for (const CurveReadings& curve : curves) panels.push_back(curve_picture_panel(curve, nominal));
   if (panels.empty()) return;
   render::GridOptions options;
   options.title = "identified elements and the readings behind them";
-  options.caption = {names_of(readings)};
+  options.caption = {file_names(readings)};
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_grid(temporary, panels, options);
   });
@@ -87,21 +87,22 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr Eigen::Index max_curve_readings = 1500;  // readings of one element that are drawn; more
-                                                   // only slow the page
+// More readings of one element could not be told apart in its chart and would slow the page.
+constexpr Eigen::Index max_curve_readings = 1500;
 
+/// Returns a unit for display: "um" becomes "µm", "urad" becomes "µrad".
 std::string page_unit(const std::string& unit) {
   return unit == "um" ? "µm" : unit == "urad" ? "µrad" : unit;
 }
 
-/// Returns values rounded to a ten-thousandth of the largest, which is below the resolution of a
-/// chart and makes the page smaller.
-ordered_json drawn(const Eigen::VectorXd& values) {
+/// Returns values rounded to 1e-4 of the largest, which makes the page smaller and is finer than
+/// the resolution of a chart. NaN becomes null.
+ordered_json rounded_list(const Eigen::VectorXd& values) {
   const double largest = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0.0;
   const double step = largest > 0.0 ? std::pow(10.0, std::floor(std::log10(largest)) - 4.0) : 1.0;
   ordered_json list = ordered_json::array();
   for (const double value : values) {
-    // The text of the rounded number is parsed, because it is short.
+    // Parsing the short text avoids the digits that a binary number would be written with.
     if (std::isfinite(value))
       list.push_back(ordered_json::parse(fmt::format("{:.6g}", std::round(value / step) * step)));
     else
@@ -110,7 +111,7 @@ ordered_json drawn(const Eigen::VectorXd& values) {
   return list;
 }
 
-/// Returns the table of the fit's figures; each method reports its own.
+/// Returns the table of the figures of the fit. Each method reports some of these keys.
 ordered_json findings_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
   for (const char* key : {"count", "hours", "unknowns", "found", "reduced_chi_square",
@@ -125,7 +126,7 @@ ordered_json findings_block(const ordered_json& report) {
                      {{label_text("figure"), ""}, {label_text("value"), ""}}, rows);
 }
 
-/// Returns the table of readings files, with their residuals if the fit is given.
+/// Returns the table of readings files, with their residuals if the fit is not null.
 ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
   std::vector<PageColumn> columns{{label_text("file"), ""},    {label_text("instrument"), ""},
                                   {label_text("kind"), ""},    {label_text("fit_count"), ""},
@@ -135,57 +136,60 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
     columns.push_back({label_text("residual_largest"), ""});
   }
   ordered_json rows = ordered_json::array();
-  for (std::size_t f = 0; f < report.at("readings").size(); ++f) {
-    const ordered_json& one = report.at("readings")[f];
+  for (std::size_t file = 0; file < report.at("readings").size(); ++file) {
+    const ordered_json& source = report.at("readings")[file];
     ordered_json row = ordered_json::array();
     for (const char* key : {"file", "instrument", "kind"})
-      row.push_back(one.at(key).get<std::string>());
-    for (const char* key : {"readings", "set_ups", "hours"}) row.push_back(figure_in(one.at(key)));
+      row.push_back(source.at(key).get<std::string>());
+    for (const char* key : {"readings", "set_ups", "hours"})
+      row.push_back(figure_in(source.at(key)));
     if (fit) {
-      const Eigen::VectorXd& residual = fit->residual_sd[f];
-      const bool any = residual.size() > 0;
-      row.push_back(any ? ordered_json(std::sqrt(residual.squaredNorm() / double(residual.size())))
+      const Eigen::VectorXd& residual = fit->residual_sd[file];
+      const bool has_residuals = residual.size() > 0;
+      row.push_back(has_residuals
+                        ? ordered_json(std::sqrt(residual.squaredNorm() / double(residual.size())))
                         : ordered_json());
-      row.push_back(any ? ordered_json(residual.cwiseAbs().maxCoeff()) : ordered_json());
+      row.push_back(has_residuals ? ordered_json(residual.cwiseAbs().maxCoeff()) : ordered_json());
     }
     rows.push_back(row);
   }
   return table_block("readings", label_text("readings_title"), columns, rows);
 }
 
-/// Returns "EX0C -1.00, EY0C 0.20".
-std::string hidden_by(const ordered_json& confounded) {
+/// Returns the coefficients that hide another one, such as "EX0C -1.00, EY0C 0.20".
+std::string confounder_list(const ordered_json& confounded) {
   std::string text;
-  for (const auto& [name, share] : confounded.at("hidden_by").items())
-    text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", name, share.get<double>());
+  for (const auto& [name, amount] : confounded.at("hidden_by").items())
+    text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", name, amount.get<double>());
   return text;
 }
 
-/// Returns the table of all coefficients; a coefficient that no reading determines shows what hides
-/// it.
+/// Returns the table of all coefficients. The remark on a coefficient that the readings do not
+/// determine names those that hide it.
 ordered_json numbers_block(const ordered_json& report) {
-  const auto mark_of = [&](const std::string& name) -> PageText {
-    for (const ordered_json& one : report.at("confounded"))
-      if (one.at("name").get<std::string>() == name) {
-        const std::string by = hidden_by(one);
-        return by.empty() ? label_text("not_read") : phrase({label_text("hidden_by"), " ", by});
+  const auto remark_on = [&](const std::string& name) -> PageText {
+    for (const ordered_json& confounded : report.at("confounded"))
+      if (confounded.at("name").get<std::string>() == name) {
+        const std::string confounders = confounder_list(confounded);
+        return confounders.empty() ? label_text("not_read")
+                                   : phrase({label_text("hidden_by"), " ", confounders});
       }
     return "";
   };
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& one : report.at("numbers")) {
-    const ordered_json &value = figure_in(one.at("value")),
-                       &u = figure_in(one.at("standard_uncertainty"));
+  for (const ordered_json& coefficient : report.at("numbers")) {
+    const ordered_json &value = figure_in(coefficient.at("value")),
+                       &u = figure_in(coefficient.at("standard_uncertainty"));
     ordered_json row = ordered_json::array();
-    row.push_back(one.at("name").get<std::string>());
-    row.push_back(page_unit(one.at("unit").get<std::string>()));
+    row.push_back(coefficient.at("name").get<std::string>());
+    row.push_back(page_unit(coefficient.at("unit").get<std::string>()));
     row.push_back(value);
     row.push_back(u);
     const bool has_both = value.is_number() && u.is_number() && u.get<double>() > 0.0;
     row.push_back(has_both ? ordered_json(std::abs(value.get<double>()) / u.get<double>())
                            : ordered_json());
-    const PageText mark = mark_of(one.at("name").get<std::string>());
-    row.push_back(u.is_null() && mark == "" ? label_text("not_found") : mark);
+    const PageText remark = remark_on(coefficient.at("name").get<std::string>());
+    row.push_back(u.is_null() && remark == "" ? label_text("not_found") : remark);
     rows.push_back(row);
   }
   if (rows.empty()) return {};
@@ -201,14 +205,14 @@ ordered_json numbers_block(const ordered_json& report) {
   return block;
 }
 
-/// Returns the coefficients that were not identified, with those that hide them.
+/// Returns the table of the coefficients that were not identified, with those that hide them.
 ordered_json confounded_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& one : report.at("confounded")) {
-    const std::string by = hidden_by(one);
+  for (const ordered_json& coefficient : report.at("confounded")) {
+    const std::string confounders = confounder_list(coefficient);
     ordered_json row = ordered_json::array();
-    row.push_back(one.at("name").get<std::string>());
-    row.push_back(by.empty() ? label_text("not_read") : PageText(by));
+    row.push_back(coefficient.at("name").get<std::string>());
+    row.push_back(confounders.empty() ? label_text("not_read") : PageText(confounders));
     rows.push_back(row);
   }
   if (rows.empty()) return {};
@@ -218,15 +222,15 @@ ordered_json confounded_block(const ordered_json& report) {
   return block;
 }
 
-/// Returns the readings that were left out as outliers, with their residuals.
+/// Returns the table of the readings that were excluded as outliers, with their residuals.
 ordered_json outliers_block(const ordered_json& report) {
   if (!report.contains("outliers") || report.at("outliers").empty()) return {};
   ordered_json rows = ordered_json::array();
-  for (const ordered_json& one : report.at("outliers")) {
+  for (const ordered_json& outlier : report.at("outliers")) {
     ordered_json row = ordered_json::array();
-    row.push_back(one.at("file").get<std::string>());
-    row.push_back(figure_in(one.at("row")));
-    row.push_back(figure_in(one.at("residual_sd")));
+    row.push_back(outlier.at("file").get<std::string>());
+    row.push_back(figure_in(outlier.at("row")));
+    row.push_back(figure_in(outlier.at("residual_sd")));
     rows.push_back(row);
   }
   return table_block(
@@ -234,7 +238,7 @@ ordered_json outliers_block(const ordered_json& report) {
       {{label_text("file"), ""}, {label_text("row"), ""}, {label_text("residual_sd"), ""}}, rows);
 }
 
-/// Returns the orders that cross-validation chose.
+/// Returns the table of the orders that cross-validation chose.
 ordered_json orders_block(const ordered_json& report) {
   if (!report.contains("orders")) return {};
   ordered_json rows = ordered_json::array();
@@ -248,7 +252,9 @@ ordered_json orders_block(const ordered_json& report) {
                      {{label_text("element"), ""}, {label_text("chosen_order"), ""}}, rows);
 }
 
-/// Adds a row with its uncertainty for every sensor of { sensor: number }.
+/// Adds a row for every sensor: the slope with its uncertainty.
+/// @param values         { sensor: slope }
+/// @param uncertainties  { sensor: standard uncertainty }
 void add_slopes(ordered_json& rows, const PageText& name, const std::string& unit,
                 const ordered_json& values, const ordered_json& uncertainties) {
   for (const auto& [sensor, value] : values.items()) {
@@ -263,24 +269,25 @@ void add_slopes(ordered_json& rows, const PageText& name, const std::string& uni
   }
 }
 
-/// Returns the table of the dependence of coefficients on temperatures, for every method that has
-/// one.
+/// Returns the table of the slopes of coefficients by temperature, which some of the methods
+/// identify.
 ordered_json sensor_slopes_block(const ordered_json& report) {
   ordered_json rows = ordered_json::array();
   if (report.contains("per_K"))
-    for (const ordered_json& one : report.at("per_K"))
-      add_slopes(rows, one.at("name").get<std::string>(), one.at("unit").get<std::string>(),
-                 one.at("per_K"), one.at("standard_uncertainty"));
+    for (const ordered_json& coefficient : report.at("per_K"))
+      add_slopes(rows, coefficient.at("name").get<std::string>(),
+                 coefficient.at("unit").get<std::string>(), coefficient.at("per_K"),
+                 coefficient.at("standard_uncertainty"));
   if (report.contains("composite"))
-    for (const ordered_json& one : report.at("composite"))
-      add_slopes(rows, one.at("axis").get<std::string>(), "µm/m/K", one.at("slope_um_per_m_K"),
-                 one.at("standard_error_um_per_m_K"));
+    for (const ordered_json& coefficient : report.at("composite"))
+      add_slopes(rows, coefficient.at("axis").get<std::string>(), "µm/m/K",
+                 coefficient.at("slope_um_per_m_K"), coefficient.at("standard_error_um_per_m_K"));
   if (report.contains("thermal"))
     for (const ordered_json& term : report.at("thermal").at("terms")) {
       ordered_json values = ordered_json::object(), errors = ordered_json::object();
-      for (const auto& [sensor, one] : term.at("per_K").items()) {
-        values[sensor] = one.at("value");
-        errors[sensor] = one.at("standard_error");
+      for (const auto& [sensor, slope] : term.at("per_K").items()) {
+        values[sensor] = slope.at("value");
+        errors[sensor] = slope.at("standard_error");
       }
       add_slopes(rows, term.at("name").get<std::string>(),
                  page_unit(term.at("unit").get<std::string>()) + "/K", values, errors);
@@ -295,17 +302,18 @@ ordered_json sensor_slopes_block(const ordered_json& report) {
                      rows);
 }
 
-/// Returns the slopes of a composite over its starts, with 1.96 standard errors to either side.
+/// Returns the charts of the slopes of a composite belief over its starts, with 1.96 standard
+/// errors to either side.
 ordered_json starts_block(const ordered_json& report) {
   if (!report.contains("composite")) return {};
   ordered_json block = page_block("panels", "starts", label_text("slopes_by_start"));
   block["panels"] = ordered_json::array();
   for (const ordered_json& axis : report.at("composite")) {
     ordered_json x = ordered_json::array(), y = x, low = x, high = x;
-    for (const ordered_json& one : axis.at("slopes")) {
-      const double value = one.at("slope_um_per_m").get<double>();
-      const double band = 1.96 * one.at("standard_error").get<double>();
-      x.push_back(one.at("start"));
+    for (const ordered_json& start_slope : axis.at("slopes")) {
+      const double value = start_slope.at("slope_um_per_m").get<double>();
+      const double band = 1.96 * start_slope.at("standard_error").get<double>();
+      x.push_back(start_slope.at("start"));
       y.push_back(value);
       low.push_back(value - band);
       high.push_back(value + band);
@@ -323,7 +331,7 @@ ordered_json starts_block(const ordered_json& report) {
   return block;
 }
 
-/// Returns the contribution of heat to the elements over a day.
+/// Returns the charts of the thermal contribution to the elements over a day.
 ordered_json day_block(const ordered_json& report) {
   if (!report.contains("thermal")) return {};
   const ordered_json& day = report.at("thermal");
@@ -350,29 +358,31 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
   const double unit = is_angle ? units::urad : units::um;
   const int joint = errors::joint_of(curve.element.axis, nominal, "a belief");
   const bool is_slide = nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Linear;
-  const double position = is_slide ? 1.0 : units::deg;
+  const double position_unit = is_slide ? 1.0 : units::deg;
   ordered_json panel;
   panel["title"] = to_string(curve.element);
   panel["x"] = fmt::format("{} / {}", curve.element.axis, is_slide ? "mm" : "°");
   panel["y"] = is_angle ? "µrad" : "µm";
   panel["series"] = ordered_json::array();
-  ordered_json line = series_of(label_text("identified_band"), drawn(curve.q / position),
-                                drawn(curve.value / unit), "line");
-  line["low"] = drawn((curve.value - 1.96 * curve.sigma) / unit);
-  line["high"] = drawn((curve.value + 1.96 * curve.sigma) / unit);
+  ordered_json line =
+      series_of(label_text("identified_band"), rounded_list(curve.q / position_unit),
+                rounded_list(curve.value / unit), "line");
+  line["low"] = rounded_list((curve.value - 1.96 * curve.sigma) / unit);
+  line["high"] = rounded_list((curve.value + 1.96 * curve.sigma) / unit);
   panel["series"].push_back(line);
   if (curve.reading_q.size() > 0) {
     const ReadingSubset readings =
         reading_subset(to_string(curve.element), curve.reading_q.size(), max_curve_readings);
-    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
+    const auto subset = Eigen::seq(0, Eigen::indexing::last, readings.every);
     panel["title"] = readings.title;
     panel["series"].push_back(series_of(label_text("readings"),
-                                        drawn(curve.reading_q(few) / position),
-                                        drawn(curve.reading(few) / unit), "points"));
+                                        rounded_list(curve.reading_q(subset) / position_unit),
+                                        rounded_list(curve.reading(subset) / unit), "points"));
   }
   return panel;
 }
 
+/// Returns the charts of all identified curves; null if there are none.
 ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal) {
   if (fit.curves.empty()) return {};
   ordered_json block = page_block("panels", "curves", label_text("curves"));
@@ -384,7 +394,7 @@ ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal)
   return block;
 }
 
-/// Returns the histogram of residuals in standard deviations: all of them, and those of every file.
+/// Returns the histogram of residuals in standard deviations, for all readings and for each file.
 ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   ordered_json block = page_block("histogram", "residuals", label_text("residuals"));
   block["x"] = label_text("residual_sd");
@@ -394,25 +404,26 @@ ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
   block["note"] = label_text("residuals_note");
   block["series"] = ordered_json::array();
   Eigen::Index count = 0;
-  for (const Eigen::VectorXd& one : fit.residual_sd) count += one.size();
-  Eigen::VectorXd all(count);
-  Eigen::Index at = 0;
-  for (const Eigen::VectorXd& one : fit.residual_sd) {
-    all.segment(at, one.size()) = one;
-    at += one.size();
+  for (const Eigen::VectorXd& residuals : fit.residual_sd) count += residuals.size();
+  Eigen::VectorXd all_residuals(count);
+  Eigen::Index begin = 0;
+  for (const Eigen::VectorXd& residuals : fit.residual_sd) {
+    all_residuals.segment(begin, residuals.size()) = residuals;
+    begin += residuals.size();
   }
   if (count == 0) return {};
-  block["series"].push_back({{"name", label_text("all_readings")}, {"values", drawn(all)}});
-  // More files would make the list of the chart unusable.
+  block["series"].push_back(
+      {{"name", label_text("all_readings")}, {"values", rounded_list(all_residuals)}});
+  // The selection list of the chart is unusable with more files.
   if (fit.residual_sd.size() > 1 && fit.residual_sd.size() <= 24)
     for (std::size_t f = 0; f < fit.residual_sd.size(); ++f)
       if (fit.residual_sd[f].size() > 0)
         block["series"].push_back({{"name", report.at("readings").at(f).at("instrument")},
-                                   {"values", drawn(fit.residual_sd[f])}});
+                                   {"values", rounded_list(fit.residual_sd[f])}});
   return block;
 }
 
-/// Builds the page from the report, and from the fit itself if it is still in memory.
+/// Returns the page of a report, with curves and residuals if `identified` is not null.
 FiguresPage identification_document(const ordered_json& report, const Identified* identified) {
   const ChainFit* fit = identified ? std::get_if<ChainFit>(&identified->fit) : nullptr;
   FiguresPage page;
@@ -432,14 +443,14 @@ FiguresPage identification_document(const ordered_json& report, const Identified
   add(outliers_block(report));
   add(orders_block(report));
   page.asked = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
-  for (const ordered_json& one : report.at("warnings"))
-    page.warnings.push_back(one.get<std::string>());
-  for (const ordered_json& one : report.value("assumptions", ordered_json::array()))
-    page.warnings.push_back("assumed: " + one.get<std::string>());
+  for (const ordered_json& warning : report.at("warnings"))
+    page.warnings.push_back(warning.get<std::string>());
+  for (const ordered_json& assumption : report.value("assumptions", ordered_json::array()))
+    page.warnings.push_back("assumed: " + assumption.get<std::string>());
   return page;
 }
 
-/// Adds a file for download if it still exists.
+/// Offers a file for download if it exists.
 void add_file(FiguresPage& page, const std::filesystem::path& file) {
   if (std::filesystem::exists(file))
     page.files.push_back({file.filename().string(), read_text(file, max_saved_bytes)});
@@ -450,7 +461,7 @@ void add_file(FiguresPage& page, const std::filesystem::path& file) {
 FiguresPage identify_page(const Identified& identified) {
   const ordered_json report = to_json(identified);
   FiguresPage page = identification_document(report, &identified);
-  for (const ReadingsSource& one : identified.sources) add_file(page, one.file);
+  for (const ReadingsSource& source : identified.sources) add_file(page, source.file);
   add_file(page, identified.files.belief);
   add_file(page, identified.files.report);
   if (identified.files.thermal) add_file(page, *identified.files.thermal);

@@ -14,24 +14,24 @@
 
 namespace abbe::sim {
 
-/// Writes a sheet of every identified curve with its 95 % band over its readings; their files are
-/// named below it. Writes nothing if the program was built without VTK.
+/// Writes a picture with a panel for each identified curve: its 95 % band and its readings, whose
+/// files are named below the panels. Writes nothing if the program was built without VTK.
 /// @throws OutputFailure
 void write_curves_picture(const ResultFile& file,
                           const std::vector<errors::identification::CurveReadings>& curves,
                           const kinematics::Chain& nominal,
                           const std::vector<std::filesystem::path>& readings);
 
-/// Returns the page of an identification: its coefficients with their uncertainties, the curve of
-/// every element with its 95 % band and its readings, residuals, confounded coefficients. The files
-/// to which it was written must exist.
+/// Returns the page of an identification: coefficients with their uncertainties, the curve of every
+/// element with its 95 % band and readings, residuals, and confounded coefficients. The belief
+/// files must have been written, because the page offers them for download.
 /// @throws BadInput if the belief cannot be read
 FiguresPage identify_page(const Identified& identified);
 
-/// Returns the page of an identification's report NAME.json. Curves and residuals are left out, and
-/// a warning says so.
-/// @throws BadInput naming the file, what was expected and what was found, if it is not the report
-/// of an identification
+/// Returns the page of an identification's report NAME.json. The report has no curves and
+/// residuals; a warning on the page says so.
+/// @throws BadInput if it is not the report of an identification; names the file, what was expected
+/// and what was found
 FiguresPage identify_page(const std::filesystem::path& report);
 
 }  // namespace abbe::sim

@@ -28,13 +28,12 @@
 
 namespace abbe::sim {
 
-inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
+namespace {
 
-std::string machine_of(const Identified& identified);  ///< structural code: "w b X Y Z C A s t"
-std::string method_of(const Identified& identified);   ///< short name of the method
-std::size_t readings_of(const Identified& identified);
-double machine_hours(const Identified& identified);  ///< time that the readings take on a real
-                                                     ///< machine
+using Eigen::Index;
+
+constexpr double um_per_m = 1e-6;     // of a slope, mm per mm
+constexpr double per_metre = 1000.0;  // mm: slopes of a day are stated over one metre
 
 /// A coefficient of a geometric belief, um or urad.
 struct ParameterEstimate {
@@ -44,9 +43,8 @@ struct ParameterEstimate {
   double value = 0.0;
   std::optional<double> standard_uncertainty;  ///< empty for a coefficient that was not identified
 };
-std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief);
 
-/// A thermal term over a day in um or urad; a slope in um/m or urad/m.
+/// A thermal term over a day, in um or urad; a slope is in um/m or urad/m.
 struct TermEstimate {
   std::string name;  ///< "EXX slope"
   std::string unit;
@@ -58,7 +56,6 @@ struct TermEstimate {
   Eigen::VectorXd standard_error;  ///< (sensors)
   double residual_sd = 0.0;
 };
-TermEstimate term_estimate(const RegressedTerm& term);
 
 /// Dependence of a coefficient of a step diagonal on the sensors, in um/K, um/m/K or urad/K.
 struct TrendEstimate {
@@ -68,161 +65,162 @@ struct TrendEstimate {
   Eigen::VectorXd standard_uncertainty;  ///< (sensors) empty if there are no more starts than
                                          ///< unknowns
 };
-std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit);
 
-namespace {
-
-using Eigen::Index;
-
-constexpr double per_metre = 1000.0;  // mm: slopes of a day are stated over one metre
-
-}  // namespace
-
-std::string machine_of(const Identified& identified) {
+/// Returns the structural code of the machine: "w b X Y Z C A s t".
+std::string machine_code(const Identified& identified) {
   return kinematics::to_string(kinematics::chain_topology(identified.nominal.joints()));
 }
 
-std::string method_of(const Identified& identified) {
-  constexpr std::array words{
+/// Returns a short description of the method.
+std::string method_text(const Identified& identified) {
+  constexpr std::array names{
       "least squares on the exact chain", "step diagonal as published: 12 elements of translation",
       "composite: cold curve, and slopes regressed on temperatures",
       "thermal: elements at every start on the exact chain, regressed on temperatures"};
-  static_assert(words.size() == std::variant_size_v<decltype(Identified::fit)>);
-  return words.at(identified.fit.index());
+  static_assert(names.size() == std::variant_size_v<decltype(Identified::fit)>);
+  return names.at(identified.fit.index());
 }
 
-std::size_t readings_of(const Identified& identified) {
+/// Returns the number of readings of all files.
+std::size_t reading_count(const Identified& identified) {
   std::size_t count = 0;
-  for (const ReadingsSource& one : identified.sources) count += one.readings;
+  for (const ReadingsSource& source : identified.sources) count += source.readings;
   return count;
 }
 
+/// Returns the time that the readings take on a real machine.
 double machine_hours(const Identified& identified) {
   double hours = 0.0;
-  for (const ReadingsSource& one : identified.sources) hours += one.duration_s / 3600.0;
+  for (const ReadingsSource& source : identified.sources) hours += source.duration_s / 3600.0;
   return hours;
 }
 
+/// Returns all coefficients of a belief.
 std::vector<ParameterEstimate> parameter_estimates(const errors::GeometricErrors& belief) {
   std::map<std::string, double> sigma;
   const errors::Covariance& covariance = belief.covariance;
   for (std::size_t i = 0; i < covariance.of.size(); ++i)
     sigma[errors::name_of(covariance.of[i], belief.elements)] =
         std::sqrt(std::max(0.0, covariance.matrix(Index(i), Index(i))));
-  std::vector<ParameterEstimate> figures;
-  const auto all = errors::coefficients(belief.elements);
+  std::vector<ParameterEstimate> estimates;
+  const auto numbers = errors::coefficients(belief.elements);
   const Eigen::VectorXd values = errors::values(belief.elements);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const errors::ElementName& element = belief.elements[std::size_t(all[i].element)].name;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const errors::ElementName& element = belief.elements[std::size_t(numbers[i].element)].name;
     const double unit = element.is_angle() ? units::urad : units::um;
-    figures.push_back({errors::name_of(all[i], belief.elements),
-                       to_string(element),
-                       element.is_angle() ? "urad" : "um",
-                       values[Index(i)] / unit,
-                       {}});
-    const auto known = sigma.find(figures.back().name);
-    if (known != sigma.end()) figures.back().standard_uncertainty = known->second / unit;
+    estimates.push_back({errors::name_of(numbers[i], belief.elements),
+                         to_string(element),
+                         element.is_angle() ? "urad" : "um",
+                         values[Index(i)] / unit,
+                         {}});
+    const auto uncertainty = sigma.find(estimates.back().name);
+    if (uncertainty != sigma.end())
+      estimates.back().standard_uncertainty = uncertainty->second / unit;
   }
-  return figures;
+  return estimates;
 }
 
+/// Returns a thermal term in the units of the report.
 TermEstimate term_estimate(const RegressedTerm& term) {
-  const bool angle = term.name.is_angle();
-  const double unit = term.slope ? um_per_m : angle ? units::urad : units::um;
-  const double of_number = (term.slope ? 1.0 / per_metre : 1.0) / unit;
+  const bool is_angle = term.name.is_angle();
+  const double unit = term.slope ? um_per_m : is_angle ? units::urad : units::um;
+  const double scale = (term.slope ? 1.0 / per_metre : 1.0) / unit;
   const errors::identification::Regression& regression = term.regression;
-  TermEstimate figures;
-  figures.name = name_of(term);
-  figures.unit = std::string(angle ? "urad" : "um") + (term.slope ? "/m" : "");
-  figures.at_epochs = of_number * term.at_epochs;
-  figures.range = figures.at_epochs.maxCoeff() - figures.at_epochs.minCoeff();
-  const Eigen::VectorXd sigma = of_number * term.sigma;
-  figures.standard_uncertainty = sigma.mean();
-  figures.constant = regression.constant / unit;
-  figures.per_K = regression.beta / unit;
-  figures.standard_error = regression.standard_error.tail(regression.beta.size()) / unit;
-  figures.residual_sd = regression.residual_sd / unit;
-  return figures;
+  TermEstimate estimate;
+  estimate.name = name_of(term);
+  estimate.unit = std::string(is_angle ? "urad" : "um") + (term.slope ? "/m" : "");
+  estimate.at_epochs = scale * term.at_epochs;
+  estimate.range = estimate.at_epochs.maxCoeff() - estimate.at_epochs.minCoeff();
+  const Eigen::VectorXd sigma = scale * term.sigma;
+  estimate.standard_uncertainty = sigma.mean();
+  estimate.constant = regression.constant / unit;
+  estimate.per_K = regression.beta / unit;
+  estimate.standard_error = regression.standard_error.tail(regression.beta.size()) / unit;
+  estimate.residual_sd = regression.residual_sd / unit;
+  return estimate;
 }
 
+/// Returns the trends of a step diagonal in the units of the report; empty without temperatures.
 std::vector<TrendEstimate> trend_estimates(const StepDiagonalFit& fit) {
-  std::vector<TrendEstimate> figures;
-  if (!fit.trend) return figures;
+  std::vector<TrendEstimate> estimates;
+  if (!fit.trend) return estimates;
   for (std::size_t v = 0; v < fit.trend->names.size(); ++v) {
     const bool is_length = fit.trend->is_length[v];
-    const double unit = is_length ? units::um : um_per_m;  // slopes are um/m, squareness is urad
-    figures.push_back({fit.trend->names[v],
-                       is_length ? "um/K" : "um/m/K or urad/K",
-                       fit.trend->per_K.row(Index(v)) / unit,
-                       {}});
+    // Slopes are in um/m, squareness is in urad; both are 1e-6.
+    const double unit = is_length ? units::um : um_per_m;
+    estimates.push_back({fit.trend->names[v],
+                         is_length ? "um/K" : "um/m/K or urad/K",
+                         fit.trend->per_K.row(Index(v)) / unit,
+                         {}});
     if (fit.trend->per_K_sigma.size() > 0)
-      figures.back().standard_uncertainty = fit.trend->per_K_sigma.row(Index(v)) / unit;
+      estimates.back().standard_uncertainty = fit.trend->per_K_sigma.row(Index(v)) / unit;
   }
-  return figures;
+  return estimates;
 }
 
 namespace {
 
 using errors::identification::element_of_number;
 
-/// Returns a line for every element with all its coefficients and their standard uncertainties.
+/// Returns a line for every element with its coefficients and their standard uncertainties.
 std::string numbers_text(const errors::GeometricErrors& belief) {
   if (belief.elements.empty()) return "";
   std::string text = "\nelements in um and urad, with their standard uncertainty", element;
-  for (const ParameterEstimate& one : parameter_estimates(belief)) {
-    const std::optional<double>& u = one.standard_uncertainty;
-    if ((u ? *u : std::abs(one.value)) <= 0.0) continue;  // fixed by convention
-    if (one.element != element) {
-      element = one.element;
+  for (const ParameterEstimate& parameter : parameter_estimates(belief)) {
+    const std::optional<double>& u = parameter.standard_uncertainty;
+    if ((u ? *u : std::abs(parameter.value)) <= 0.0) continue;  // zero by convention
+    if (parameter.element != element) {
+      element = parameter.element;
       text += fmt::format("\n{:<5}", element);
     }
-    const std::string which =
-        one.name.size() > element.size() ? one.name.substr(element.size()) + " " : "";
-    text += fmt::format("  {}{:.3f}", which, one.value);
+    const std::string index =
+        parameter.name.size() > element.size() ? parameter.name.substr(element.size()) + " " : "";
+    text += fmt::format("  {}{:.3f}", index, parameter.value);
     if (u) text += fmt::format(" ({:.2g})", *u);
   }
   return text + "\n";
 }
 
-/// Returns the coefficients that hide one, by name; zeros and positions of set-ups are only
-/// counted.
-std::string confounders_text(const errors::identification::Confounded& one) {
-  std::string with;
+/// Returns the coefficients that hide another one. Unknowns of set-ups (zeros and positions) are
+/// only counted.
+std::string confounders_text(const errors::identification::Confounded& coefficient) {
+  std::string text;
   std::set<std::string> set_ups;  // several starts use the same names
-  for (const auto& [other, share] : one.with) {
+  for (const auto& [other, amount] : coefficient.with) {
     if (other.find(": ") != std::string::npos)
       set_ups.insert(other);
     else
-      with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share, escaped(other));
+      text += fmt::format("{}{:.4g} {}", text.empty() ? "" : ", ", amount, escaped(other));
   }
   if (!set_ups.empty())
-    with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups.size(),
+    text += fmt::format("{}{} unknown{} of set-ups", text.empty() ? "" : " and ", set_ups.size(),
                         set_ups.size() > 1 ? "s" : "");
-  return with;
+  return text;
 }
 
-/// Returns "ECS cos 1 to 500 urad (10)": the uncertainty of a coefficient, and the typical
-/// deviation of machines.
-std::string weak_parameter_text(const errors::identification::Confounded& one) {
-  const double unit = errors::identification::shown_unit(one.name);
-  return fmt::format("{} to {:.2g} {} ({:.2g})", escaped(one.name), *one.standard_deviation / unit,
-                     unit == units::um ? "um" : "urad",
-                     errors::identification::typical_deviation(element_of_number(one.name)) / unit);
+/// Returns the standard uncertainty of a coefficient and, in brackets, the typical deviation of
+/// machines: "ECS cos 1 to 500 urad (10)".
+std::string weak_parameter_text(const errors::identification::Confounded& coefficient) {
+  const double unit = errors::identification::shown_unit(coefficient.name);
+  return fmt::format(
+      "{} to {:.2g} {} ({:.2g})", escaped(coefficient.name), *coefficient.standard_deviation / unit,
+      unit == units::um ? "um" : "urad",
+      errors::identification::typical_deviation(element_of_number(coefficient.name)) / unit);
 }
 
-/// Returns the coefficients that were not identified: those hidden by others, those determined too
-/// poorly, then those that no reading depends on, counted by element.
+/// Returns the coefficients that were not identified: first those hidden by others, then those
+/// determined too poorly, then, counted by element, those on which no reading depends.
 std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
   std::map<std::string, int> unobservable;
   std::string text, weak;
-  for (const auto& one : confounded)
-    if (one.standard_deviation)
-      weak += (weak.empty() ? "" : ", ") + weak_parameter_text(one);
-    else if (one.with.empty())
-      ++unobservable[element_of_number(escaped(one.name))];
+  for (const auto& coefficient : confounded)
+    if (coefficient.standard_deviation)
+      weak += (weak.empty() ? "" : ", ") + weak_parameter_text(coefficient);
+    else if (coefficient.with.empty())
+      ++unobservable[element_of_number(escaped(coefficient.name))];
     else
-      text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", escaped(one.name),
-                          confounders_text(one));
+      text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}",
+                          escaped(coefficient.name), confounders_text(coefficient));
   if (!weak.empty())
     text +=
         "\nleft at 0, since the readings determine them far worse than new machines differ (in "
@@ -235,8 +233,10 @@ std::string confounded_text(const std::vector<errors::identification::Confounded
   return text;
 }
 
-/// Returns the composite fit of one axis: cold curve, slopes of the starts, slopes by temperature.
-std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
+/// Returns the composite fit of one axis: its cold curve, the slopes of the starts, and the slopes
+/// by temperature.
+std::string composite_axis_text(const CompositeAxis& axis,
+                                const std::vector<std::string>& sensors) {
   const errors::identification::CompositeFit& fit = axis.fit;
   std::string text =
       fmt::format("\n{}: cold curve of start 1 at {:.2f} h, RMS {:.3f} um about the law\n",
@@ -259,26 +259,27 @@ std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>&
   return text;
 }
 
-/// Returns the results of a composite belief and the scene keys that use its two files.
-std::string text_of(const Identified& identified, const CompositeFits& fit) {
+/// Returns the results of a composite belief and the scene keys for its two files.
+std::string fit_text(const Identified& identified, const CompositeFits& fit) {
   std::string text;
-  for (const CompositeAxis& axis : fit.axes) text += axis_text(axis, fit.sensors);
+  for (const CompositeAxis& axis : fit.axes) text += composite_axis_text(axis, fit.sensors);
   return text + fmt::format("[belief] identified: {}\n[belief] thermal: {}\n",
                             escaped(identified.files.belief.string()),
                             escaped(identified.files.thermal->string()));
 }
 
 /// Returns the thermal terms of a day with the trained range of every sensor.
-std::string text_of(const Identified&, const ThermalDay& day) {
+std::string fit_text(const Identified&, const ThermalDay& day) {
   std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
   for (const RegressedTerm& term : day.terms) {
-    const TermEstimate figures = term_estimate(term);
+    const TermEstimate estimate = term_estimate(term);
     text += fmt::format("{:<12} moved by {:.3f} {}, of which {:.2g} is left (R^2 {:.3f})\n",
-                        figures.name, figures.range, figures.unit, figures.residual_sd,
+                        estimate.name, estimate.range, estimate.unit, estimate.residual_sd,
                         term.regression.r_squared);
     for (std::size_t k = 0; k < day.sensors.size(); ++k)
-      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", escaped(day.sensors[k]),
-                          figures.per_K[Index(k)], figures.standard_error[Index(k)], figures.unit);
+      text +=
+          fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", escaped(day.sensors[k]),
+                      estimate.per_K[Index(k)], estimate.standard_error[Index(k)], estimate.unit);
   }
   for (std::size_t k = 0; k < day.sensors.size(); ++k)
     text += fmt::format("{:<30} trained from {:.2f} to {:.2f} K\n", escaped(day.sensors[k]),
@@ -286,60 +287,65 @@ std::string text_of(const Identified&, const ThermalDay& day) {
   return text;
 }
 
-/// Dependence of a coefficient on one sensor.
+/// Slope of a coefficient by the temperature of one sensor.
 struct Trend {
   std::string name, sensor, unit;
   double value = 0.0;
   std::optional<double> u;  ///< standard uncertainty; empty if there are no more starts than
                             ///< unknowns
-  /// Returns the value in standard uncertainties, by which trends are sorted; unknown uncertainties
-  /// come first.
-  double weight() const {
+  /// Returns the ratio of the value to its standard uncertainty; infinite if that is not known.
+  double significance() const {
     return !u ? HUGE_VAL : (*u > 0.0 ? std::abs(value) / *u : (value != 0.0 ? HUGE_VAL : 0.0));
   }
 };
 
-/// Returns the dependence of every coefficient on every sensor.
-std::vector<Trend> trends_of(const StepDiagonalFit& fit) {
+/// Returns the slopes of every coefficient by every sensor.
+std::vector<Trend> sensor_trends(const StepDiagonalFit& fit) {
   std::vector<Trend> trends;
-  for (const TrendEstimate& one : trend_estimates(fit))
+  for (const TrendEstimate& estimate : trend_estimates(fit))
     for (std::size_t k = 0; k < fit.sensors.size(); ++k) {
-      trends.push_back({one.name, escaped(fit.sensors[k]), one.unit, one.per_K[Index(k)], {}});
-      if (one.standard_uncertainty.size() > 0) trends.back().u = one.standard_uncertainty[Index(k)];
+      trends.push_back(
+          {estimate.name, escaped(fit.sensors[k]), estimate.unit, estimate.per_K[Index(k)], {}});
+      if (estimate.standard_uncertainty.size() > 0)
+        trends.back().u = estimate.standard_uncertainty[Index(k)];
     }
   return trends;
 }
 
-/// Returns the most significant trends; the others are counted.
+/// Returns the most significant trends and the number of the others.
 std::string trends_text(const StepDiagonalFit& fit) {
-  constexpr std::size_t most = 12;
-  std::vector<Trend> trends = trends_of(fit);
-  const std::size_t count = trends.size(), shown = std::min(count, most);
-  if (count > most)
+  constexpr std::size_t max_shown = 12;
+  std::vector<Trend> trends = sensor_trends(fit);
+  const std::size_t count = trends.size(), shown_count = std::min(count, max_shown);
+  if (count > max_shown)
     std::stable_sort(trends.begin(), trends.end(), [](const Trend& a, const Trend& b) {
-      return std::pair(a.weight(), std::abs(a.value)) > std::pair(b.weight(), std::abs(b.value));
+      return std::pair(a.significance(), std::abs(a.value)) >
+             std::pair(b.significance(), std::abs(b.value));
     });
   std::string text;
-  for (std::size_t i = 0; i < shown; ++i) {
-    const Trend& one = trends[i];
-    text += fmt::format("\n{:<12} {:>10.4f} ({}) {} by {}", one.name, one.value,
-                        one.u ? fmt::format("{:.2g}", *one.u) : "-", one.unit, one.sensor);
+  for (std::size_t i = 0; i < shown_count; ++i) {
+    const Trend& trend = trends[i];
+    text += fmt::format("\n{:<12} {:>10.4f} ({}) {} by {}", trend.name, trend.value,
+                        trend.u ? fmt::format("{:.2g}", *trend.u) : "-", trend.unit, trend.sensor);
   }
-  if (shown == count) return text;
-  const double next = trends[shown].weight();
+  if (shown_count == count) return text;
+  const double max_significance = trends[shown_count].significance();
   return text + fmt::format("\nand {} more trends by temperature{}; all are in the report",
-                            count - shown,
-                            std::isfinite(next) ? fmt::format(", each at most {:.3g} times its "
-                                                              "standard uncertainty",
-                                                              next)
-                                                : "");
+                            count - shown_count,
+                            std::isfinite(max_significance)
+                                ? fmt::format(", each at most {:.3g} times its "
+                                              "standard uncertainty",
+                                              max_significance)
+                                : "");
 }
 
-std::string text_of(const Identified&, const StepDiagonalFit& fit) {
+/// Returns the trends and the chi-square of a step diagonal.
+std::string fit_text(const Identified&, const StepDiagonalFit& fit) {
   return trends_text(fit) + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
 }
 
-std::string text_of(const Identified&, const ChainFit& fit) {
+/// Returns the number of outliers and the chi-square of a fit on the exact chain.
+std::string fit_text(const Identified&, const ChainFit& fit) {
   std::string text;
   if (!fit.outliers.empty())
     text = fmt::format("\n{} readings left out as outliers; they are in the report",
@@ -351,12 +357,12 @@ std::string text_of(const Identified&, const ChainFit& fit) {
 
 std::string identify_text(const Identified& identified) {
   std::string text = fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n",
-                                 escaped(machine_of(identified)), "readings", "set-ups", "hours");
-  for (const ReadingsSource& one : identified.sources)
-    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups,
-                        one.duration_s / 3600.0, escaped(one.file.string()));
+                                 escaped(machine_code(identified)), "readings", "set-ups", "hours");
+  for (const ReadingsSource& source : identified.sources)
+    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", source.readings, source.set_ups,
+                        source.duration_s / 3600.0, escaped(source.file.string()));
   text += numbers_text(identified.belief) + confounded_text(identified.confounded);
-  text += std::visit([&](const auto& fit) { return text_of(identified, fit); }, identified.fit);
+  text += std::visit([&](const auto& fit) { return fit_text(identified, fit); }, identified.fit);
   text += fmt::format("\n{:.1f} hours on a real machine\n", machine_hours(identified));
   for (const std::string& assumption : identified.assumptions)
     text += "assumed: " + escaped(assumption) + "\n";
@@ -373,31 +379,33 @@ Json optional_json(const std::optional<double>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
+/// Returns all coefficients of a belief with their standard uncertainties.
 Json numbers_json(const errors::GeometricErrors& belief) {
   Json numbers = Json::array();
-  for (const ParameterEstimate& one : parameter_estimates(belief))
-    numbers.push_back({{"name", one.name},
-                       {"unit", one.unit},
-                       {"value", one.value},
-                       {"standard_uncertainty", optional_json(one.standard_uncertainty)}});
+  for (const ParameterEstimate& parameter : parameter_estimates(belief))
+    numbers.push_back({{"name", parameter.name},
+                       {"unit", parameter.unit},
+                       {"value", parameter.value},
+                       {"standard_uncertainty", optional_json(parameter.standard_uncertainty)}});
   return numbers;
 }
 
-Json confounded_json(const std::vector<errors::identification::Confounded>& list) {
-  Json result = Json::array();
-  for (const auto& one : list) {
-    Json with = Json::object();
-    for (const auto& [name, share] : one.with) with[name] = share;
-    result.push_back({{"name", one.name}, {"hidden_by", with}});
-    if (one.standard_deviation)
-      result.back()["standard_deviation"] =
-          *one.standard_deviation / errors::identification::shown_unit(one.name);
+/// Returns the coefficients that were not identified, with those that hide them.
+Json confounded_json(const std::vector<errors::identification::Confounded>& confounded) {
+  Json list = Json::array();
+  for (const auto& coefficient : confounded) {
+    Json hidden_by = Json::object();
+    for (const auto& [name, amount] : coefficient.with) hidden_by[name] = amount;
+    list.push_back({{"name", coefficient.name}, {"hidden_by", hidden_by}});
+    if (coefficient.standard_deviation)
+      list.back()["standard_deviation"] =
+          *coefficient.standard_deviation / errors::identification::shown_unit(coefficient.name);
   }
-  return result;
+  return list;
 }
 
-/// Adds the findings of every method: confounded coefficients and all estimates.
-void add_findings(Json& report, const Identified& identified) {
+/// Adds the results that all methods have: confounded coefficients and all estimates.
+void add_common_results(Json& report, const Identified& identified) {
   report["confounded"] = confounded_json(identified.confounded);
   report["numbers"] = numbers_json(identified.belief);
 }
@@ -405,48 +413,49 @@ void add_findings(Json& report, const Identified& identified) {
 /// Adds the results of a fit on the exact chain.
 void add(Json& report, const Identified& identified, const ChainFit& fit) {
   if (fit.orders) report["orders"] = *fit.orders;
-  report["method"] = method_of(identified);
+  report["method"] = method_text(identified);
   report["unknowns"] = fit.unknowns;
   report["found"] = identified.belief.covariance.of.size();
   report["reduced_chi_square"] = fit.reduced_chi_square;
   report["degrees_of_freedom"] = fit.degrees_of_freedom;
   report["condition"] = fit.condition;
   Json outliers = Json::array();
-  for (const ChainFit::Outlier& one : fit.outliers)
-    outliers.push_back(
-        {{"file", one.file.string()}, {"row", one.row}, {"residual_sd", one.residual_sd}});
+  for (const ChainFit::Outlier& outlier : fit.outliers)
+    outliers.push_back({{"file", outlier.file.string()},
+                        {"row", outlier.row},
+                        {"residual_sd", outlier.residual_sd}});
   report["outliers"] = outliers;
-  add_findings(report, identified);
+  add_common_results(report, identified);
   report["assumptions"] = identified.assumptions;
   report["warnings"] = identified.warnings;
 }
 
 /// Adds the results of the published step-diagonal method.
 void add(Json& report, const Identified& identified, const StepDiagonalFit& fit) {
-  report["method"] = method_of(identified);
+  report["method"] = method_text(identified);
   report["found"] = identified.belief.covariance.of.size();
   report["reduced_chi_square"] = fit.reduced_chi_square;
-  add_findings(report, identified);
+  add_common_results(report, identified);
   report["warnings"] = identified.warnings;
   if (!fit.trend) return;
   Json list = Json::array();
-  for (const TrendEstimate& one : trend_estimates(fit)) {
+  for (const TrendEstimate& estimate : trend_estimates(fit)) {
     Json per_K = Json::object(), sigma = Json::object();
     for (std::size_t k = 0; k < fit.sensors.size(); ++k) {
-      per_K[fit.sensors[k]] = one.per_K[Index(k)];
-      if (one.standard_uncertainty.size() > 0)
-        sigma[fit.sensors[k]] = one.standard_uncertainty[Index(k)];
+      per_K[fit.sensors[k]] = estimate.per_K[Index(k)];
+      if (estimate.standard_uncertainty.size() > 0)
+        sigma[fit.sensors[k]] = estimate.standard_uncertainty[Index(k)];
     }
-    list.push_back({{"name", one.name},
-                    {"unit", one.unit},
+    list.push_back({{"name", estimate.name},
+                    {"unit", estimate.unit},
                     {"per_K", per_K},
                     {"standard_uncertainty", sigma}});
   }
   report["per_K"] = list;
 }
 
-/// Returns the composite fit of one axis. dT is zero at the temperatures of start 1.
-Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
+/// Returns the composite fit of one axis. Temperature changes dT count from start 1.
+Json composite_axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
   const errors::identification::CompositeFit& fit = axis.fit;
   Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
        cold_C = Json::object();
@@ -478,37 +487,37 @@ Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensor
 
 /// Adds the results of a composite belief with its two files.
 void add(Json& report, const Identified& identified, const CompositeFits& fit) {
-  report["method"] = method_of(identified);
-  add_findings(report, identified);
+  report["method"] = method_text(identified);
+  add_common_results(report, identified);
   report["composite"] = Json::array();
   for (const CompositeAxis& axis : fit.axes)
-    report["composite"].push_back(axis_json(axis, fit.sensors));
+    report["composite"].push_back(composite_axis_json(axis, fit.sensors));
   report["beliefs"] = {{"identified", identified.files.belief.string()},
                        {"thermal", identified.files.thermal->string()}};
   report["warnings"] = identified.warnings;
 }
 
-/// Returns a thermal term; a variance inflation factor (vif) far above 1 marks sensors that cannot
-/// be told apart.
+/// Returns a thermal term. A variance inflation factor (vif) far above 1 means that the
+/// temperatures of the sensors are nearly dependent.
 Json term_json(const RegressedTerm& term, const std::vector<std::string>& sensors) {
-  const TermEstimate figures = term_estimate(term);
+  const TermEstimate estimate = term_estimate(term);
   Json per_K = Json::object();
   for (std::size_t k = 0; k < sensors.size(); ++k)
-    per_K[sensors[k]] = {{"value", figures.per_K[Index(k)]},
-                         {"standard_error", figures.standard_error[Index(k)]},
+    per_K[sensors[k]] = {{"value", estimate.per_K[Index(k)]},
+                         {"standard_error", estimate.standard_error[Index(k)]},
                          {"vif", term.regression.vif[Index(k)]}};
-  return {{"name", figures.name},
-          {"unit", figures.unit},
-          {"range", figures.range},
-          {"standard_uncertainty_at_an_epoch", figures.standard_uncertainty},
-          {"constant", figures.constant},
+  return {{"name", estimate.name},
+          {"unit", estimate.unit},
+          {"range", estimate.range},
+          {"standard_uncertainty_at_an_epoch", estimate.standard_uncertainty},
+          {"constant", estimate.constant},
           {"per_K", per_K},
           {"r_squared", term.regression.r_squared},
-          {"residual_sd", figures.residual_sd},
-          {"at_epochs", std::vector<double>(figures.at_epochs.begin(), figures.at_epochs.end())}};
+          {"residual_sd", estimate.residual_sd},
+          {"at_epochs", std::vector<double>(estimate.at_epochs.begin(), estimate.at_epochs.end())}};
 }
 
-/// Returns the thermal terms of a day; an epoch is stated by its middle.
+/// Returns the thermal terms of a day. The time of an epoch is its middle.
 Json day_json(const ThermalDay& day) {
   Json json, trained = Json::object(), terms = Json::array(), hours = Json::array();
   if (day.chosen) json["choice"] = choice_json(day.chosen->choice, day.chosen->logged);
@@ -525,9 +534,10 @@ Json day_json(const ThermalDay& day) {
   return json;
 }
 
+/// Adds the results of an identification over a day.
 void add(Json& report, const Identified& identified, const ThermalDay& day) {
-  report["method"] = method_of(identified);
-  add_findings(report, identified);
+  report["method"] = method_text(identified);
+  add_common_results(report, identified);
   report["thermal"] = day_json(day);
   report["warnings"] = identified.warnings;
 }
@@ -536,16 +546,16 @@ void add(Json& report, const Identified& identified, const ThermalDay& day) {
 
 Json to_json(const Identified& identified) {
   Json sources = Json::array();
-  for (const ReadingsSource& one : identified.sources)
-    sources.push_back({{"file", one.file.string()},
-                       {"instrument", one.instrument},
-                       {"kind", one.kind},
-                       {"readings", one.readings},
-                       {"set_ups", one.set_ups},
-                       {"hours", one.duration_s / 3600.0}});
-  Json report{{"machine", machine_of(identified)},
+  for (const ReadingsSource& source : identified.sources)
+    sources.push_back({{"file", source.file.string()},
+                       {"instrument", source.instrument},
+                       {"kind", source.kind},
+                       {"readings", source.readings},
+                       {"set_ups", source.set_ups},
+                       {"hours", source.duration_s / 3600.0}});
+  Json report{{"machine", machine_code(identified)},
               {"readings", sources},
-              {"count", readings_of(identified)},
+              {"count", reading_count(identified)},
               {"hours", machine_hours(identified)}};
   std::visit([&](const auto& fit) { add(report, identified, fit); }, identified.fit);
   return report;
@@ -556,34 +566,35 @@ namespace {
 using errors::identification::shown_unit;
 using Comments = std::vector<std::string>;
 
-std::string made_by() { return "identified from readings by abbe " + version() + "."; }
+std::string origin_text() { return "identified from readings by abbe " + version() + "."; }
 
-std::string basis(const Identified& identified) {
-  return fmt::format("Machine {}, {} readings; {}.", machine_of(identified),
-                     readings_of(identified), method_of(identified));
+/// Returns machine, number of readings and method as a sentence for the head of a belief file.
+std::string basis_text(const Identified& identified) {
+  return fmt::format("Machine {}, {} readings; {}.", machine_code(identified),
+                     reading_count(identified), method_text(identified));
 }
 
 void add_sources(Comments& comments, const Identified& identified) {
-  for (const ReadingsSource& one : identified.sources)
-    comments.push_back("from " + to_toml_value(one.file.string()));
+  for (const ReadingsSource& source : identified.sources)
+    comments.push_back("from " + to_toml_value(source.file.string()));
 }
 
-/// Returns the belief with the unidentified curves, at zero, after its own.
+/// Returns the belief with the unidentified curves, whose values are zero, appended.
 errors::GeometricErrors completed(const Identified& identified) {
   errors::GeometricErrors errors = identified.belief;
   for (const errors::Element& element : identified.unidentified) {
-    const auto at = std::ranges::find(errors.elements, element.name, &errors::Element::name);
-    if (at == errors.elements.end())
+    const auto same = std::ranges::find(errors.elements, element.name, &errors::Element::name);
+    if (same == errors.elements.end())
       errors.elements.push_back(element);
     else
-      at->curves.insert(at->curves.end(), element.curves.begin(), element.curves.end());
+      same->curves.insert(same->curves.end(), element.curves.begin(), element.curves.end());
   }
   return errors;
 }
 
-/// Returns the unidentified coefficients with those that hide them, without unknowns of set-ups,
-/// which are not properties of the machine.
-std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
+/// Returns the unidentified coefficients with those that hide them. Unknowns of set-ups are left
+/// out, since they are not properties of the machine.
+std::vector<UnidentifiedNumber> unidentified_numbers(const Identified& identified) {
   std::vector<UnidentifiedNumber> numbers;
   for (const auto& confounded : identified.confounded) {
     if (confounded.name.find(": ") != std::string::npos) continue;
@@ -597,26 +608,27 @@ std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
   return numbers;
 }
 
-/// Returns the errors file of a belief. Its head says what was not identified, so that zeros are
-/// not taken for results.
+/// Returns the errors file of a belief. Its head lists the coefficients that were not identified,
+/// so that their zeros are not mistaken for results.
 std::string geometric_text(const Identified& identified) {
-  Comments comments{"Belief about a machine, " + made_by(), basis(identified)};
+  Comments comments{"Belief about a machine, " + origin_text(), basis_text(identified)};
   add_sources(comments, identified);
-  for (const auto& one : identified.confounded)
-    comments.push_back("not identified by these readings: " + one.name);
+  for (const auto& coefficient : identified.confounded)
+    comments.push_back("not identified by these readings: " + coefficient.name);
   for (const std::string& assumption : identified.assumptions)
     comments.push_back("assumed: " + assumption);
   std::string text;
   for (const std::string& comment : comments) text += "# " + comment + "\n";
-  text += fmt::format("machine = {}\n", to_toml_value(machine_of(identified)));
-  text += unidentified_lines(unidentified_of(identified));
+  text += fmt::format("machine = {}\n", to_toml_value(machine_code(identified)));
+  text += unidentified_lines(unidentified_numbers(identified));
   return text + to_errors_file(completed(identified), identified.nominal.joints());
 }
 
-/// Returns the thermal belief of a day. Its head states the trained range, outside which it is
-/// held.
+/// Returns the thermal belief of a day. Its head states the trained range, outside of which the
+/// belief is held constant.
 std::string day_text(const Identified& identified, const ThermalDay& day) {
-  Comments comments{"What heat does to a machine, by temperatures; " + made_by(), basis(identified),
+  Comments comments{"What heat does to a machine, by temperatures; " + origin_text(),
+                    basis_text(identified),
                     "Changes of temperature count from the first row that a control reads."};
   add_sources(comments, identified);
   for (std::size_t k = 0; k < day.sensors.size(); ++k)
@@ -624,10 +636,10 @@ std::string day_text(const Identified& identified, const ThermalDay& day) {
                                    day.sensors[k], day.dT_K.col(Index(k)).minCoeff(),
                                    day.dT_K.col(Index(k)).maxCoeff(), 100.0 * day.margin));
   for (const RegressedTerm& term : day.terms) {
-    const TermEstimate figures = term_estimate(term);
+    const TermEstimate estimate = term_estimate(term);
     comments.push_back(fmt::format(
         "{}: moved by {:.3g} {}, of which these temperatures leave {:.2g} (standard deviation)",
-        figures.name, figures.range, figures.unit, figures.residual_sd));
+        estimate.name, estimate.range, estimate.unit, estimate.residual_sd));
   }
   return to_text(identified.thermal, comments);
 }
@@ -642,7 +654,8 @@ std::string belief_text(const Identified& identified) {
 std::string thermal_half_text(const Identified& composite) {
   const auto& fit = std::get<CompositeFits>(composite.fit);
   Comments comments{
-      "Slopes of positioning by temperatures, the thermal half of a composite belief; " + made_by(),
+      "Slopes of positioning by temperatures, the thermal half of a composite belief; " +
+          origin_text(),
       "The cold half is " + composite.files.belief.filename().string() +
           ", which holds the cold slope; at the temperatures of its start these slopes are zero."};
   for (const CompositeAxis& axis : fit.axes) {

@@ -15,11 +15,11 @@ std::string identify_text(const Identified& identified);
 /// Returns the JSON report that is written beside a belief file. Scripts may rely on its keys.
 nlohmann::ordered_json to_json(const Identified& identified);
 
-/// Returns the text of the belief file, which begins with comments that name its sources: an errors
-/// file (sim/readings/belief_file.h) or, for readings taken over a day, a thermal belief.
+/// Returns the text of the belief file: an errors file (sim/readings/belief_file.h) or, for
+/// readings of a whole day, a thermal belief. It begins with comments that name its sources.
 std::string belief_text(const Identified& identified);
 
-/// Returns the text of the file with the thermal half of a composite belief.
+/// Returns the text of the file that holds the thermal half of a composite belief.
 std::string thermal_half_text(const Identified& composite);
 
 }  // namespace abbe::sim

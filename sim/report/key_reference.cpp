@@ -15,40 +15,40 @@ namespace abbe::sim {
 namespace {
 
 /// Returns a range as text; empty if it is unlimited.
-std::string range_of(const Range& range) {
-  const double huge = std::numeric_limits<double>::max();
-  const bool below = range.min > -huge, above = range.max < huge;
-  if (!below && !above) return "";
-  if (below && above && !range.open_min && !range.open_max)
+std::string range_text(const Range& range) {
+  const double unlimited = std::numeric_limits<double>::max();
+  const bool has_min = range.min > -unlimited, has_max = range.max < unlimited;
+  if (!has_min && !has_max) return "";
+  if (has_min && has_max && !range.open_min && !range.open_max)
     return fmt::format("{:.12g} to {:.12g}", range.min, range.max);
   std::string text;
-  if (below) text += fmt::format("{} {:.12g}", range.open_min ? ">" : "≥", range.min);
-  if (above)
+  if (has_min) text += fmt::format("{} {:.12g}", range.open_min ? ">" : "≥", range.min);
+  if (has_max)
     text += fmt::format("{}{} {:.12g}", text.empty() ? "" : ", ", range.open_max ? "<" : "≤",
                         range.max);
   return text;
 }
 
-/// Returns values as "a", "b" or "c".
-std::string or_joined(const std::vector<Word>& words) {
+/// Returns quoted values joined by "or": "a", "b" or "c".
+std::string or_joined(const std::vector<Word>& values) {
   std::string text;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    text += i == 0 ? "" : i + 1 == words.size() ? " or " : ", ";
-    text += "\"" + words[i].word + "\"";
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    text += i == 0 ? "" : i + 1 == values.size() ? " or " : ", ";
+    text += "\"" + values[i].word + "\"";
   }
   return text;
 }
 
 /// Returns the allowed values of a key as text.
-std::string value_of(const Key& key) {
+std::string allowed_values(const Key& key) {
   using Kind = Key::Kind;
   const std::string file = key.or_file ? " or file" : "";
-  const std::string range = range_of(key.range);
+  const std::string range = range_text(key.range);
   switch (key.kind) {
     case Kind::Number:
       return range.empty() ? "number" : range;
     case Kind::Whole:
-      // Ranges up to 2^53 or 2^63 only state what a number can hold.
+      // Limits of 2^53 or 2^63 are those of the number type, not of the key.
       return key.range.max > 1e15 ? fmt::format("whole number ≥ {:.12g}", key.range.min)
                                   : "whole number, " + range;
     case Kind::Boolean:
@@ -71,15 +71,15 @@ std::string value_of(const Key& key) {
   return "";
 }
 
-/// Returns the unit that the name of a key ends in.
+/// Returns the unit in the suffix of a key's name; empty if there is none.
 std::string key_unit(const Key& key) {
-  const bool has_one = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers ||
-                       key.kind == Key::Kind::NumberOrNumbers;
-  return has_one && key_stem(key.name) != key.name ? unit_name(key.name) : "";
+  const bool is_numeric = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers ||
+                          key.kind == Key::Kind::NumberOrNumbers;
+  return is_numeric && key_stem(key.name) != key.name ? unit_name(key.name) : "";
 }
 
-/// Returns the meanings of the values of a key, if they are stated.
-std::string words_text(const Key& key) {
+/// Returns the descriptions of the values of a key; empty if there are none.
+std::string value_descriptions(const Key& key) {
   std::string text;
   for (const Word& word : key.words)
     if (!word.sentence.empty())
@@ -87,13 +87,14 @@ std::string words_text(const Key& key) {
   return text;
 }
 
-std::string joined(const std::string& path, const std::string& name) {
+/// Returns the dotted path of a key in the table at `path`.
+std::string key_path(const std::string& path, const std::string& name) {
   return path.empty() ? name : path + "." + name;
 }
 
 /// Values of an enumeration that enable the same keys.
 struct ValueGroup {
-  std::vector<std::string> words;
+  std::vector<std::string> values;
   std::vector<Key> keys;
 };
 
@@ -105,67 +106,71 @@ bool are_equivalent(const std::vector<Key>& a, const std::vector<Key>& b) {
 }
 
 /// Returns the values of a key, grouped by the keys that they enable.
-std::vector<ValueGroup> groups_of(const Key& key) {
+std::vector<ValueGroup> value_groups(const Key& key) {
   std::vector<ValueGroup> groups;
   for (const Word& word : key.words) {
-    const auto like = std::find_if(groups.begin(), groups.end(), [&](const ValueGroup& group) {
+    const auto match = std::find_if(groups.begin(), groups.end(), [&](const ValueGroup& group) {
       return are_equivalent(group.keys, word.keys);
     });
-    if (like == groups.end())
+    if (match == groups.end())
       groups.push_back({{word.word}, word.keys});
     else
-      like->words.push_back(word.word);
+      match->values.push_back(word.word);
   }
   return groups;
 }
 
-/// Returns `kind = "a" or "b"`, or the values that it must not have if these are fewer.
+/// Returns the condition that enables the keys of a group: `kind = "a" or "b"`, or `kind other than
+/// "c"` if fewer values are excluded. Empty if all values enable them.
 std::string condition_text(const Key& key, const ValueGroup& group) {
-  std::vector<Word> own, others;
+  std::vector<Word> included, excluded;
   for (const Word& word : key.words) {
-    const bool in =
-        std::find(group.words.begin(), group.words.end(), word.word) != group.words.end();
-    (in ? own : others).push_back({word.word, "", {}});
+    const bool is_member =
+        std::find(group.values.begin(), group.values.end(), word.word) != group.values.end();
+    (is_member ? included : excluded).push_back({word.word, "", {}});
   }
-  if (others.empty()) return "";
-  return own.size() <= others.size() ? key.name + " = " + or_joined(own)
-                                     : key.name + " other than " + or_joined(others);
+  if (excluded.empty()) return "";
+  return included.size() <= excluded.size() ? key.name + " = " + or_joined(included)
+                                            : key.name + " other than " + or_joined(excluded);
 }
 
-class Rows {
+/// Builds the rows of a reference table.
+class RowBuilder {
  public:
-  void add(const std::vector<Key>& keys, const std::string& path, const std::string& when) {
-    for (const Key& key : keys) add(key, path, when);
+  void add(const std::vector<Key>& keys, const std::string& path, const std::string& condition) {
+    for (const Key& key : keys) add(key, path, condition);
   }
   std::vector<KeyRow> rows;
 
  private:
-  static constexpr std::size_t max_in_a_row = 7;  // values in one row; more get rows of their own
+  static constexpr std::size_t max_values = 7;  // in one row; more values get a row each
 
-  void add(const Key& key, const std::string& path, const std::string& when) {
-    const std::string own = joined(path, key.name);
-    const bool apart = key.words.size() > max_in_a_row;
-    const std::string words = apart ? "" : words_text(key);
+  void add(const Key& key, const std::string& path, const std::string& condition) {
+    const std::string own_path = key_path(path, key.name);
+    const bool has_value_rows = key.words.size() > max_values;
+    const std::string descriptions = has_value_rows ? "" : value_descriptions(key);
     std::string sentence = key.sentence;
-    if (!words.empty()) sentence += (sentence.empty() ? "" : ": ") + words;
-    rows.push_back({own, when, key.required, key_unit(key), apart ? "a word" : value_of(key),
-                    key.fallback, sentence});
+    if (!descriptions.empty()) sentence += (sentence.empty() ? "" : ": ") + descriptions;
+    rows.push_back({own_path, condition, key.required, key_unit(key),
+                    has_value_rows ? "a word" : allowed_values(key), key.fallback, sentence});
     for (const Word& word : key.words)
-      if (apart)
-        rows.push_back({own + " = \"" + word.word + "\"", when, false, "", "", "", word.sentence});
-    add(key.keys, own, "");
-    for (const ValueGroup& group : groups_of(key))
+      if (has_value_rows)
+        rows.push_back(
+            {own_path + " = \"" + word.word + "\"", condition, false, "", "", "", word.sentence});
+    add(key.keys, own_path, "");
+    for (const ValueGroup& group : value_groups(key))
       add(group.keys, path, condition_text(key, group));
   }
 };
 
-/// Returns true if a key has the name, or its pattern matches it.
+/// Returns true if a key has the name, or if its pattern matches the name.
 bool has_key_name(const Key& key, const std::string& name) {
   if (key.name == name) return true;
   return !key.pattern.empty() && matches(name, key.pattern);
 }
 
-std::vector<std::string> parts_of(std::string_view path) {
+/// Splits a dotted path.
+std::vector<std::string> path_parts(std::string_view path) {
   std::vector<std::string> parts;
   for (std::size_t from = 0; from <= path.size();) {
     const std::size_t dot = std::min(path.find('.', from), path.size());
@@ -175,64 +180,67 @@ std::vector<std::string> parts_of(std::string_view path) {
   return parts;
 }
 
-struct Found {
+/// A key that matches a query.
+struct KeyMatch {
   Key key;
-  std::string path;  ///< path of its table
-  std::string when;
+  std::string path;       ///< path of its table
+  std::string condition;  ///< that enables it; empty: always enabled
 };
 
-/// Finds keys of a name, including keys that a value enables.
-void find(const std::vector<Key>& keys, const std::string& name, const Found& in,
-          std::vector<Found>& found) {
+/// Appends the keys with a name, including keys that a value enables.
+/// @param table  path and condition of the table that has the keys
+void find_named(const std::vector<Key>& keys, const std::string& name, const KeyMatch& table,
+                std::vector<KeyMatch>& matches) {
   for (const Key& key : keys) {
-    if (has_key_name(key, name)) found.push_back({key, in.path, in.when});
+    if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
     for (const Word& word : key.words)
-      find(word.keys, name, {{}, in.path, fmt::format("{} = \"{}\"", key.name, word.word)}, found);
+      find_named(word.keys, name, {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)},
+                 matches);
   }
 }
 
-/// Returns all keys at a path: values of an enumeration may enable different keys of one name.
-std::vector<Found> found_at(const std::vector<Key>& keys, std::string_view path) {
-  std::vector<Found> here{{{}, "", ""}};
-  here.front().key.keys = keys;
-  for (const std::string& part : parts_of(path)) {
-    std::vector<Found> next;
-    for (const Found& one : here) {
-      const std::string own = joined(one.path, one.key.name);
-      find(one.key.keys, part, {{}, own, ""}, next);
-    }
-    // A number that is no key is the index of a list.
-    const bool index = part.find_first_not_of("0123456789") == std::string::npos;
-    if (!next.empty() || !index) here = std::move(next);
+/// Returns all keys at a path; there may be several, since values of an enumeration may enable
+/// different keys of the same name.
+std::vector<KeyMatch> matches_at(const std::vector<Key>& keys, std::string_view path) {
+  std::vector<KeyMatch> matches{{{}, "", ""}};
+  matches.front().key.keys = keys;
+  for (const std::string& part : path_parts(path)) {
+    std::vector<KeyMatch> next_matches;
+    for (const KeyMatch& match : matches)
+      find_named(match.key.keys, part, {{}, key_path(match.path, match.key.name), ""},
+                 next_matches);
+    // A number that is not a key is the index of a list.
+    const bool is_index = part.find_first_not_of("0123456789") == std::string::npos;
+    if (!next_matches.empty() || !is_index) matches = std::move(next_matches);
   }
-  return here;
+  return matches;
 }
 
-/// Finds keys of a name at any level below.
-void find_anywhere(const std::vector<Key>& keys, const std::string& name, const Found& in,
-                   std::vector<Found>& found) {
+/// Appends the keys with a name at this or any lower level.
+void find_anywhere(const std::vector<Key>& keys, const std::string& name, const KeyMatch& table,
+                   std::vector<KeyMatch>& matches) {
   for (const Key& key : keys) {
-    if (has_key_name(key, name)) found.push_back({key, in.path, in.when});
-    find_anywhere(key.keys, name, {{}, joined(in.path, key.name), ""}, found);
+    if (has_key_name(key, name)) matches.push_back({key, table.path, table.condition});
+    find_anywhere(key.keys, name, {{}, key_path(table.path, key.name), ""}, matches);
     for (const Word& word : key.words)
-      find_anywhere(word.keys, name, {{}, in.path, fmt::format("{} = \"{}\"", key.name, word.word)},
-                    found);
+      find_anywhere(word.keys, name,
+                    {{}, table.path, fmt::format("{} = \"{}\"", key.name, word.word)}, matches);
   }
 }
 
 }  // namespace
 
 std::vector<KeyRow> key_rows(const std::vector<Key>& keys, const std::string& path) {
-  Rows rows;
-  rows.add(keys, path, "");
-  return std::move(rows.rows);
+  RowBuilder builder;
+  builder.add(keys, path, "");
+  return std::move(builder.rows);
 }
 
 std::string to_text(const std::vector<KeyRow>& rows) {
   std::string text;
   for (const KeyRow& row : rows) {
     text += row.path;
-    if (!row.when.empty()) text += "  where " + row.when;
+    if (!row.condition.empty()) text += "  where " + row.condition;
     text += "\n    " + row.value + (row.unit.empty() ? "" : " (" + row.unit + ")");
     if (row.required) text += "; must be given";
     if (!row.fallback.empty()) text += "; default " + row.fallback;
@@ -243,29 +251,30 @@ std::string to_text(const std::vector<KeyRow>& rows) {
 }
 
 std::vector<Key> keys_at(const std::vector<Key>& keys, std::string_view path) {
-  for (const Found& one : found_at(keys, path))
-    if (!one.key.keys.empty()) return one.key.keys;
+  for (const KeyMatch& match : matches_at(keys, path))
+    if (!match.key.keys.empty()) return match.key.keys;
   return {};
 }
 
-std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view question) {
-  std::vector<Found> found = found_at(keys, question);
-  // A bare name that is no key at the top may be one at any level.
-  if (found.empty() && question.find('.') == std::string_view::npos)
-    find_anywhere(keys, std::string(question), {}, found);
+std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view query) {
+  std::vector<KeyMatch> matches = matches_at(keys, query);
+  // A name without dots that is not a key at the top level may be one at a lower level.
+  if (matches.empty() && query.find('.') == std::string_view::npos)
+    find_anywhere(keys, std::string(query), {}, matches);
   std::vector<KeyRow> rows;
-  for (const Found& one : found) {
-    std::vector<KeyRow> own = key_rows({one.key}, one.path);
-    own.front().when = one.when;
-    // The same key of several values becomes one row with all its conditions.
-    const auto like = std::find_if(rows.begin(), rows.end(), [&](const KeyRow& row) {
-      return row.path == own.front().path && row.value == own.front().value &&
-             row.fallback == own.front().fallback && row.sentence == own.front().sentence;
+  for (const KeyMatch& match : matches) {
+    std::vector<KeyRow> new_rows = key_rows({match.key}, match.path);
+    const KeyRow& first = new_rows.front();
+    new_rows.front().condition = match.condition;
+    // If several values enable the same key, it gets one row with all its conditions.
+    const auto same = std::find_if(rows.begin(), rows.end(), [&](const KeyRow& row) {
+      return row.path == first.path && row.value == first.value && row.fallback == first.fallback &&
+             row.sentence == first.sentence;
     });
-    if (like == rows.end())
-      rows.insert(rows.end(), own.begin(), own.end());
-    else if (!one.when.empty())
-      like->when += ", " + one.when.substr(one.when.find('"'));
+    if (same == rows.end())
+      rows.insert(rows.end(), new_rows.begin(), new_rows.end());
+    else if (!match.condition.empty())
+      same->condition += ", " + match.condition.substr(match.condition.find('"'));
   }
   return rows;
 }
@@ -277,82 +286,87 @@ using Json = nlohmann::ordered_json;
 Json schema_object(const std::vector<Key>& keys);
 
 /// Adds the limits of a number.
-void add_range(Json& to, const Range& range) {
-  const double huge = std::numeric_limits<double>::max();
+void add_range(Json& schema, const Range& range) {
+  const double unlimited = std::numeric_limits<double>::max();
   const auto bound = [&](const char* name, double value) {
-    // Integers are written without exponent; beyond 1e15 a double no longer has every integer.
+    // Integers are written without an exponent. 1e15 is near 2^53, above which a double cannot hold
+    // every integer.
     if (std::abs(value) < 1e15 && value == std::round(value))
-      to[name] = std::int64_t(value);
+      schema[name] = std::int64_t(value);
     else
-      to[name] = value;
+      schema[name] = value;
   };
-  if (range.min > -huge) bound(range.open_min ? "exclusiveMinimum" : "minimum", range.min);
-  if (range.max < huge) bound(range.open_max ? "exclusiveMaximum" : "maximum", range.max);
+  if (range.min > -unlimited) bound(range.open_min ? "exclusiveMinimum" : "minimum", range.min);
+  if (range.max < unlimited) bound(range.open_max ? "exclusiveMaximum" : "maximum", range.max);
 }
 
 /// Returns the schema of an enumeration with the descriptions of its values.
 Json enumeration_schema(const Key& key) {
-  Json words = Json::array(), sentences = Json::array();
+  Json values = Json::array(), sentences = Json::array();
   for (const Word& word : key.words) {
-    words.push_back(word.word);
+    values.push_back(word.word);
     sentences.push_back(word.sentence);
   }
-  // Taplo shows the descriptions of the values.
-  return {{"enum", words}, {"x-taplo", {{"docs", {{"enumValues", sentences}}}}}};
+  // The Taplo language server shows the descriptions of the values in editors.
+  return {{"enum", values}, {"x-taplo", {{"docs", {{"enumValues", sentences}}}}}};
 }
 
-Json number_of(const Key& key, const char* type) {
+/// Returns the schema of a number with its range.
+Json number_schema(const Key& key, const char* type) {
   Json number{{"type", type}};
   add_range(number, key.range);
   return number;
 }
 
-/// Returns the schema of a list of numbers; a list of any length has at least one.
-Json numbers_of(const Key& key) {
+/// Returns the schema of a list of numbers. A list of any length must not be empty.
+Json number_list_schema(const Key& key) {
   Json list{{"type", "array"}, {"items", {{"type", "number"}}}};
   list["minItems"] = std::max(key.size, 1);
   if (key.size > 0) list["maxItems"] = key.size;
   return list;
 }
 
-Json table_of(const Key& key) {
+/// Returns the schema of a table or a list of tables, or of a file that contains it.
+Json table_schema(const Key& key) {
   const Json file{{"type", "string"}};
   const Json table = schema_object(key.keys);
   if (key.kind == Key::Kind::Table) return key.or_file ? Json{{"anyOf", {file, table}}} : table;
-  const Json one = key.or_file ? Json{{"anyOf", {file, table}}} : table;
-  // A list of tables may be a single table, as in the readers.
-  Json any = Json::array({table, {{"type", "array"}, {"items", one}}});
-  if (key.or_file) any.push_back(file);
-  return {{"anyOf", any}};
+  const Json item = key.or_file ? Json{{"anyOf", {file, table}}} : table;
+  // Like the readers, the schema accepts a single table in place of a list.
+  Json alternatives = Json::array({table, {{"type", "array"}, {"items", item}}});
+  if (key.or_file) alternatives.push_back(file);
+  return {{"anyOf", alternatives}};
 }
 
+/// Returns the schema of the type of a key; without constraints for a key of any type.
 Json schema_type(const Key& key) {
   using Kind = Key::Kind;
   const Json text{{"type", "string"}, {"minLength", 1}};
   switch (key.kind) {
     case Kind::Number:
-      return number_of(key, "number");
+      return number_schema(key, "number");
     case Kind::Whole:
-      return number_of(key, "integer");
+      return number_schema(key, "integer");
     case Kind::Boolean:
       return {{"type", "boolean"}};
     case Kind::Text:
       return key.words.empty() ? text : enumeration_schema(key);
     case Kind::Numbers:
-      return numbers_of(key);
+      return number_list_schema(key);
     case Kind::NumberOrNumbers:
-      return {{"anyOf", {number_of(key, "number"), numbers_of(key)}}};
+      return {{"anyOf", {number_schema(key, "number"), number_list_schema(key)}}};
     case Kind::Texts:
       return {{"anyOf", {text, {{"type", "array"}, {"items", text}}}}};
     case Kind::Table:
     case Kind::Tables:
-      return table_of(key);
+      return table_schema(key);
     case Kind::Any:
       break;
   }
   return Json::object();
 }
 
+/// Returns the schema of a key with its description and default.
 Json schema_property(const Key& key) {
   Json property = schema_type(key);
   std::string sentence = key.sentence;
@@ -361,96 +375,98 @@ Json schema_property(const Key& key) {
   return property;
 }
 
-/// Collects all keys of a table, including those that values enable.
-void collect(const std::vector<Key>& keys, std::vector<const Key*>& all) {
+/// Returns all keys of a table, including those that values enable.
+std::vector<const Key*> all_table_keys(const std::vector<Key>& keys) {
+  std::vector<const Key*> list;
   for (const Key& key : keys) {
-    all.push_back(&key);
-    for (const Word& word : key.words) collect(word.keys, all);
+    list.push_back(&key);
+    for (const Word& word : key.words) {
+      const std::vector<const Key*> enabled = all_table_keys(word.keys);
+      list.insert(list.end(), enabled.begin(), enabled.end());
+    }
   }
+  return list;
 }
 
-/// Returns all keys of a table in one list.
-std::vector<const Key*> collected(const std::vector<Key>& keys) {
-  std::vector<const Key*> all;
-  collect(keys, all);
-  return all;
-}
-
-/// Adds a property. A key with different meanings for different values allows each of them.
+/// Adds a property. If a key exists already with another meaning, either one is allowed.
 void add_property(Json& properties, const std::string& name, Json property) {
   if (!properties.contains(name)) {
     properties[name] = std::move(property);
   } else if (properties[name] != property) {
-    Json& had = properties[name];
-    if (!had.contains("x-alternatives"))
-      had = Json{{"anyOf", Json::array({had})}, {"x-alternatives", true}};
-    had["anyOf"].push_back(std::move(property));
+    Json& alternatives = properties[name];
+    if (!alternatives.contains("x-alternatives"))
+      alternatives = Json{{"anyOf", Json::array({alternatives})}, {"x-alternatives", true}};
+    alternatives["anyOf"].push_back(std::move(property));
   }
 }
 
-/// Returns the names that match a pattern such as "(um|urad)_per_K"; the pattern itself if it has
+/// Returns all names that a pattern such as "(um|urad)_per_K" matches; the pattern itself if it has
 /// no alternatives.
-std::vector<std::string> names_of(const std::string& pattern) {
+std::vector<std::string> pattern_names(const std::string& pattern) {
   const std::size_t open = pattern.find('('), close = pattern.find(')');
   if (open == std::string::npos || close < open) return {pattern};
   std::vector<std::string> names;
-  std::istringstream words(pattern.substr(open + 1, close - open - 1));
-  for (std::string word; std::getline(words, word, '|');)
-    for (const std::string& rest : names_of(pattern.substr(close + 1)))
-      names.push_back(pattern.substr(0, open) + word + rest);
+  std::istringstream alternatives(pattern.substr(open + 1, close - open - 1));
+  for (std::string alternative; std::getline(alternatives, alternative, '|');)
+    for (const std::string& suffix : pattern_names(pattern.substr(close + 1)))
+      names.push_back(pattern.substr(0, open) + alternative + suffix);
   return names;
 }
 
 /// Returns the condition that a key is present.
 Json schema_presence(const Key& key) {
-  Json any = Json::array();
-  for (const std::string& name : names_of(key.pattern.empty() ? key.name : key.pattern))
-    any.push_back({{"required", {name}}});
-  return any.size() == 1 ? any.front() : Json{{"anyOf", any}};
+  Json conditions = Json::array();
+  for (const std::string& name : pattern_names(key.pattern.empty() ? key.name : key.pattern))
+    conditions.push_back({{"required", {name}}});
+  return conditions.size() == 1 ? conditions.front() : Json{{"anyOf", conditions}};
 }
 
-/// Adds required keys, exactly one key of a group of alternatives, and the requirements of values.
-void add_requirements(Json& to, const std::vector<Key>& keys, const std::set<std::string>& shared) {
-  Json required = Json::array(), all = Json::array();
-  std::map<std::string, Json> either;
+/// Adds to a schema the required keys, the rule that exactly one key of a group of alternatives is
+/// present, and the rules that depend on values of enumerations.
+/// @param shared  names of keys that no value can forbid
+void add_requirements(Json& schema, const std::vector<Key>& keys,
+                      const std::set<std::string>& shared) {
+  Json required = Json::array(), all_of = Json::array();
+  std::map<std::string, Json> alternatives;
   for (const Key& key : keys) {
     if (key.required && key.pattern.empty()) required.push_back(key.name);
     if (!key.either.empty())
-      either.try_emplace(key.either, Json::array()).first->second.push_back(schema_presence(key));
-    std::set<std::string> brought;
+      alternatives.try_emplace(key.either, Json::array())
+          .first->second.push_back(schema_presence(key));
+    std::set<std::string> dependent;  // keys that some value enables
     for (const Word& word : key.words)
-      for (const Key* one : collected(word.keys))
-        if (one->pattern.empty()) brought.insert(one->name);
+      for (const Key* enabled : all_table_keys(word.keys))
+        if (enabled->pattern.empty()) dependent.insert(enabled->name);
     for (const Word& word : key.words) {
-      if (brought.empty()) break;
-      std::set<std::string> known = shared;
-      for (const Key& one : keys) known.insert(one.name);
-      for (const Key* one : collected(word.keys)) known.insert(one->name);
+      if (dependent.empty()) break;
+      std::set<std::string> allowed = shared;
+      for (const Key& sibling : keys) allowed.insert(sibling.name);
+      for (const Key* enabled : all_table_keys(word.keys)) allowed.insert(enabled->name);
       // A key that only another value enables must be absent.
       Json then = Json::object();
-      for (const std::string& name : brought)
-        if (!known.contains(name)) then["properties"][name] = false;
-      add_requirements(then, word.keys, known);
+      for (const std::string& name : dependent)
+        if (!allowed.contains(name)) then["properties"][name] = false;
+      add_requirements(then, word.keys, allowed);
       if (!then.empty())
-        all.push_back(
+        all_of.push_back(
             {{"if",
               {{"properties", {{key.name, {{"const", word.word}}}}}, {"required", {key.name}}}},
              {"then", then}});
     }
   }
-  for (const auto& [name, one_of] : either) all.push_back({{"oneOf", one_of}});
-  if (!required.empty()) to["required"] = required;
-  if (!all.empty()) to["allOf"] = all;
+  for (const auto& [name, one_of] : alternatives) all_of.push_back({{"oneOf", one_of}});
+  if (!required.empty()) schema["required"] = required;
+  if (!all_of.empty()) schema["allOf"] = all_of;
 }
 
-/// Returns the schema of a table. Keys that are not listed are errors, as in the readers.
+/// Returns the schema of a table. As in the readers, unknown keys are errors.
 Json schema_object(const std::vector<Key>& keys) {
   Json object{{"type", "object"}, {"additionalProperties", false}};
   object["properties"] = Json::object();
-  for (const Key* key : collected(keys)) {
-    const bool many = !key->pattern.empty();
-    add_property(many ? object["patternProperties"] : object["properties"],
-                 many ? "^(" + key->pattern + ")$" : key->name, schema_property(*key));
+  for (const Key* key : all_table_keys(keys)) {
+    const bool has_pattern = !key->pattern.empty();
+    add_property(has_pattern ? object["patternProperties"] : object["properties"],
+                 has_pattern ? "^(" + key->pattern + ")$" : key->name, schema_property(*key));
   }
   for (auto& [name, property] : object["properties"].items()) property.erase("x-alternatives");
   add_requirements(object, keys, {});

@@ -35,22 +35,24 @@ struct CrossPlane {
   int across;
   double level;
 
-  // A vertex in the plane counts as above it, so that every edge is crossed or not, and no chain
-  // breaks there.
-  bool below(const cutting::Design& design, int vertex) const {
+  // A vertex in the plane counts as above it. Each edge then has at most one crossing, and no chain
+  // of nodes is interrupted at a vertex.
+  bool is_below(const cutting::Design& design, int vertex) const {
     return design.vertices(vertex, across) < level;
   }
 };
 
-/// A section of the mesh: its nodes, the pairs of nodes that a triangle joins, and these triangles.
+/// A section of the mesh: its nodes, the neighbours of each node in the triangles, and these
+/// triangles.
 struct MeshSection {
   std::map<EdgeOfMesh, TraceNode> nodes;
-  std::map<EdgeOfMesh, std::vector<EdgeOfMesh>> joined;
+  std::map<EdgeOfMesh, std::vector<EdgeOfMesh>> neighbours;
   std::vector<Index> triangles;
 };
 
-/// Returns the plane of a line: through the middle of the part, or through its z axis for a radius.
-CrossPlane plane_of(const cutting::Design& design, ProfileLine line) {
+/// Returns the plane of a line: through the middle of the part or, for a radius, through its z
+/// axis.
+CrossPlane section_plane(const cutting::Design& design, ProfileLine line) {
   if (line == ProfileLine::Radius) return {1, 0.0};
   const int across = line == ProfileLine::X ? 1 : 0;
   const auto column = design.vertices.col(across);
@@ -69,13 +71,13 @@ TraceNode crossing_node(const ProfiledMap& map, const CrossPlane& plane, const E
 }
 
 /// Returns the section of the cut area by a plane.
-MeshSection section_of(const ProfiledMap& map, const CrossPlane& plane) {
+MeshSection mesh_section(const ProfiledMap& map, const CrossPlane& plane) {
   MeshSection section;
   for (Index t = 0; t < map.design.triangles.rows(); ++t) {
     std::vector<EdgeOfMesh> ends;
     for (int k = 0; k < 3; ++k) {
       const int a = map.design.triangles(t, k), b = map.design.triangles(t, (k + 1) % 3);
-      if (plane.below(map.design, a) != plane.below(map.design, b))
+      if (plane.is_below(map.design, a) != plane.is_below(map.design, b))
         ends.emplace_back(std::min(a, b), std::max(a, b));
     }
     if (ends.size() != 2) continue;
@@ -85,7 +87,7 @@ MeshSection section_of(const ProfiledMap& map, const CrossPlane& plane) {
     if (!std::isfinite(nodes[0].residual) || !std::isfinite(nodes[1].residual)) continue;
     for (std::size_t k = 0; k < 2; ++k) {
       section.nodes.emplace(ends[k], nodes[k]);
-      section.joined[ends[k]].push_back(ends[1 - k]);
+      section.neighbours[ends[k]].push_back(ends[1 - k]);
     }
     section.triangles.push_back(t);
   }
@@ -94,32 +96,32 @@ MeshSection section_of(const ProfiledMap& map, const CrossPlane& plane) {
 
 using NodeChain = std::vector<TraceNode>;
 
-/// Walks from a node along connections that were not used before.
-NodeChain walked(MeshSection& section, EdgeOfMesh at) {
-  NodeChain chain{section.nodes.at(at)};
+/// Returns the chain of nodes from a node to the end, and removes its connections from the section.
+NodeChain take_chain(MeshSection& section, EdgeOfMesh edge) {
+  NodeChain chain{section.nodes.at(edge)};
   while (true) {
-    std::vector<EdgeOfMesh>& ways = section.joined.at(at);
-    if (ways.empty()) return chain;
-    const EdgeOfMesh next = ways.back();
-    ways.pop_back();
-    std::vector<EdgeOfMesh>& back = section.joined.at(next);
-    back.erase(std::find(back.begin(), back.end(), at));
-    at = next;
-    chain.push_back(section.nodes.at(at));
+    std::vector<EdgeOfMesh>& neighbours = section.neighbours.at(edge);
+    if (neighbours.empty()) return chain;
+    const EdgeOfMesh next_edge = neighbours.back();
+    neighbours.pop_back();
+    std::vector<EdgeOfMesh>& reverse = section.neighbours.at(next_edge);
+    reverse.erase(std::find(reverse.begin(), reverse.end(), edge));
+    edge = next_edge;
+    chain.push_back(section.nodes.at(edge));
   }
 }
 
-/// Returns the connected chains of a section: open ones first, because a walk from their ends uses
-/// them up, then closed ones.
-/// @param axis  along which a closed chain begins at its lowest point
+/// Returns the connected chains of a section. Open chains are taken first, from their ends; all
+/// that remains then is closed.
+/// @param axis  coordinate of which a closed chain begins at its smallest value
 std::vector<NodeChain> node_chains(MeshSection section, int axis) {
   std::vector<NodeChain> chains;
   for (const auto& [edge, node] : section.nodes)
-    if (section.joined.at(edge).size() == 1) chains.push_back(walked(section, edge));
+    if (section.neighbours.at(edge).size() == 1) chains.push_back(take_chain(section, edge));
   for (const auto& [edge, node] : section.nodes) {
-    if (section.joined.at(edge).empty()) continue;
-    NodeChain ring = walked(section, edge);
-    ring.pop_back();  // the walk returns to its first node
+    if (section.neighbours.at(edge).empty()) continue;
+    NodeChain ring = take_chain(section, edge);
+    ring.pop_back();  // a closed chain ends at its first node
     std::rotate(ring.begin(),
                 std::min_element(ring.begin(), ring.end(),
                                  [&](const TraceNode& a, const TraceNode& b) {
@@ -132,8 +134,8 @@ std::vector<NodeChain> node_chains(MeshSection section, int axis) {
   return chains;
 }
 
-/// Returns the parts of a chain with x >= 0.
-std::vector<NodeChain> outwards(const NodeChain& chain) {
+/// Returns the parts of a chain with x >= 0, cut at x = 0.
+std::vector<NodeChain> positive_x_parts(const NodeChain& chain) {
   std::vector<NodeChain> parts(1);
   for (std::size_t i = 0; i < chain.size(); ++i) {
     if (i > 0 && (chain[i - 1].point.x() < 0.0) != (chain[i].point.x() < 0.0)) {
@@ -148,14 +150,16 @@ std::vector<NodeChain> outwards(const NodeChain& chain) {
   return parts;
 }
 
-/// Returns the chain without coinciding points, which have no direction.
+/// Returns the chain without coinciding nodes, between which the line has no direction.
 NodeChain distinct_nodes(const NodeChain& chain) {
-  // A plane through a vertex crosses several of its edges within rounding, some 1e-13 mm.
-  constexpr double same = 1e-9;  // mm
-  NodeChain kept;
+  // If the plane passes through a vertex, its crossings with the edges there agree to about 1e-13
+  // mm.
+  constexpr double min_distance = 1e-9;  // mm
+  NodeChain distinct;
   for (const TraceNode& node : chain)
-    if (kept.empty() || (node.point - kept.back().point).norm() > same) kept.push_back(node);
-  return kept;
+    if (distinct.empty() || (node.point - distinct.back().point).norm() > min_distance)
+      distinct.push_back(node);
+  return distinct;
 }
 
 double chain_length(const NodeChain& chain) {
@@ -165,31 +169,31 @@ double chain_length(const NodeChain& chain) {
   return length;
 }
 
-/// Returns the deviation of the sampled points from linear interpolation in the triangles of the
-/// line.
-std::optional<LineTrace::Between> interior_deviation(const ProfiledMap& map,
-                                                     const std::vector<Index>& triangles) {
-  LineTrace::Between found;
-  double squares = 0.0;
+/// Returns the error of linear interpolation at the sampled points of triangles; empty without
+/// sampled points.
+std::optional<LineTrace::InterpolationError> interpolation_error(
+    const ProfiledMap& map, const std::vector<Index>& triangles) {
+  LineTrace::InterpolationError result;
+  double sum_of_squares = 0.0;
   for (const Index t : triangles) {
     if (map.within.size() == 0 || !std::isfinite(map.within[t])) continue;
-    const std::array<double, 3> share = cutting::place_within(map.sampled_within, t);
-    double linear = 0.0;
+    const std::array<double, 3> weights = cutting::place_within(map.sampled_within, t);
+    double interpolated = 0.0;
     for (int k = 0; k < 3; ++k)
-      linear += share[std::size_t(k)] * map.residual[map.design.triangles(t, k)];
-    const double off = map.within[t] - linear;
-    if (!std::isfinite(off)) continue;
-    ++found.places;
-    squares += off * off;
-    found.worst = std::max(found.worst, std::abs(off));
+      interpolated += weights[std::size_t(k)] * map.residual[map.design.triangles(t, k)];
+    const double error = map.within[t] - interpolated;
+    if (!std::isfinite(error)) continue;
+    ++result.points;
+    sum_of_squares += error * error;
+    result.max = std::max(result.max, std::abs(error));
   }
-  if (found.places == 0) return std::nullopt;
-  found.rms = std::sqrt(squares / found.places);
-  return found;
+  if (result.points == 0) return std::nullopt;
+  result.rms = std::sqrt(sum_of_squares / result.points);
+  return result;
 }
 
 /// Returns the trace of a chain with arc lengths and spacings.
-LineTrace trace_of(const NodeChain& chain, ProfileLine line) {
+LineTrace chain_trace(const NodeChain& chain, ProfileLine line) {
   const auto n = Index(chain.size());
   LineTrace trace;
   trace.s = trace.along = trace.residual = Eigen::VectorXd(n);
@@ -203,7 +207,7 @@ LineTrace trace_of(const NodeChain& chain, ProfileLine line) {
                      : line == ProfileLine::Radius ? node.point.head<2>().norm()
                                                    : node.point.x();
     trace.residual[i] = node.residual;
-    trace.widest_spacing = std::max(trace.widest_spacing, step);
+    trace.max_spacing = std::max(trace.max_spacing, step);
   }
   trace.mean_spacing = trace.s[n - 1] / double(n - 1);
   return trace;
@@ -211,10 +215,10 @@ LineTrace trace_of(const NodeChain& chain, ProfileLine line) {
 
 }  // namespace
 
-ProfileLine parse_profile_line(const std::string& word) {
-  if (word == "x") return ProfileLine::X;
-  if (word == "y") return ProfileLine::Y;
-  require(word == "radius", "traced_line: expected x, y or radius");
+ProfileLine parse_profile_line(const std::string& name) {
+  if (name == "x") return ProfileLine::X;
+  if (name == "y") return ProfileLine::Y;
+  require(name == "radius", "traced_line: expected x, y or radius");
   return ProfileLine::Radius;
 }
 
@@ -222,31 +226,31 @@ std::optional<LineTrace> line_trace(const ProfiledMap& map, ProfileLine line) {
   require(map.residual.size() == map.design.vertices.rows() &&
               (map.within.size() == 0 || map.within.size() == map.design.triangles.rows()),
           "line_trace: sizes differ");
-  const CrossPlane plane = plane_of(map.design, line);
+  const CrossPlane plane = section_plane(map.design, line);
   const int axis = line == ProfileLine::Y ? 1 : 0;
-  const MeshSection section = section_of(map, plane);
+  const MeshSection section = mesh_section(map, plane);
   std::vector<NodeChain> chains;
   for (const NodeChain& whole : node_chains(section, axis)) {
     const std::vector<NodeChain> parts =
-        line == ProfileLine::Radius ? outwards(whole) : std::vector<NodeChain>{whole};
+        line == ProfileLine::Radius ? positive_x_parts(whole) : std::vector<NodeChain>{whole};
     for (const NodeChain& part : parts)
       if (NodeChain chain = distinct_nodes(part); chain.size() >= 2)
         chains.push_back(std::move(chain));
   }
   if (chains.empty()) return std::nullopt;
-  double all = 0.0;
-  for (const NodeChain& chain : chains) all += chain_length(chain);
+  double total_length = 0.0;
+  for (const NodeChain& chain : chains) total_length += chain_length(chain);
   const auto longest = std::max_element(
       chains.begin(), chains.end(),
       [](const NodeChain& a, const NodeChain& b) { return chain_length(a) < chain_length(b); });
   const double length = chain_length(*longest);
-  // The direction of the walk is arbitrary; profiles are drawn along the axis.
+  // The direction of a chain is arbitrary; a profile is drawn in the direction of the axis.
   if (longest->front().point[axis] > longest->back().point[axis])
     std::reverse(longest->begin(), longest->end());
-  LineTrace trace = trace_of(*longest, line);
-  trace.stretches = int(chains.size());
-  trace.left_out = std::max(0.0, all - length);
-  trace.between = interior_deviation(map, section.triangles);
+  LineTrace trace = chain_trace(*longest, line);
+  trace.segments = int(chains.size());
+  trace.omitted_length = std::max(0.0, total_length - length);
+  trace.interpolation = interpolation_error(map, section.triangles);
   return trace;
 }
 
@@ -258,28 +262,28 @@ using errors::metrology::ProfileTexture;
 using errors::metrology::SettingClass;
 using nlohmann::ordered_json;
 
-constexpr double resolved_fraction = 0.05;  // of Rq that interpolation may miss; in squares it
-                                            // changes Rq by 0.1 %
+// Largest interpolation error over Rq. Added in squares, an error of 5 % changes Rq by 0.1 %.
+constexpr double resolved_fraction = 0.05;
 
-/// Returns the setting class of the standard for Nic; null if the standard has none for it.
+/// Returns the setting class of the standard for Nic; null if the standard has no class for it.
 const SettingClass* find_setting_class(double Nic) {
   const SettingClass& nearest = errors::metrology::setting_class(Nic);
   return std::abs(nearest.Nic - Nic) < 1e-9 * Nic ? &nearest : nullptr;
 }
 
 /// Returns a warning if the line is too short for its sections or for the filter.
-std::string short_warning(const LineTexture& t, int wanted) {
+std::string short_warning(const LineTexture& t, int requested_sections) {
   const EvaluationLength& e = t.texture.sections;
   if (t.texture.length < t.Nic)
     return fmt::format(
         "the line is {:.4g} mm long, less than one section length of {:.4g} mm (Nic): R is of all "
         "of it, and waves near Nic are in W or R by chance",
         t.texture.length, t.Nic);
-  if (e.sections < wanted)
+  if (e.sections < requested_sections)
     return fmt::format(
         "R is of {} section{} of {:.4g} mm, not of {}: the line is {:.4g} mm long, so R figures "
         "scatter more",
-        e.sections, e.sections == 1 ? "" : "s", e.section, wanted, t.texture.length);
+        e.sections, e.sections == 1 ? "" : "s", e.section, requested_sections, t.texture.length);
   // The filter of ISO 16610-21 needs half of Nic on either side of the evaluation length.
   if (t.texture.run_in < 0.5 * t.Nic)
     return fmt::format(
@@ -289,32 +293,33 @@ std::string short_warning(const LineTexture& t, int wanted) {
   return {};
 }
 
-/// Returns true if sampled points inside the triangles show that linear interpolation suffices.
+/// Returns true if the sampled points prove that linear interpolation resolves the profile.
 bool is_resolved(const LineTexture& t) {
-  return t.trace.between && t.trace.between->rms <= resolved_fraction * t.texture.R.q;
+  return t.trace.interpolation && t.trace.interpolation->rms <= resolved_fraction * t.texture.R.q;
 }
 
-/// Returns a warning if the map does not resolve the profile, or if that is unknown.
-std::string coarse_warning(const LineTexture& t) {
+/// Returns a warning if the map does not resolve the profile, or if that is unknown; else empty.
+std::string spacing_warning(const LineTexture& t) {
   const double Rq = t.texture.R.q;
   const LineTrace& trace = t.trace;
   if (is_resolved(t)) return {};
-  if (trace.between) {
+  if (trace.interpolation) {
     return fmt::format(
         "the map does not resolve the profile: at {} places within the triangles of the line it is "
         "{:.3g} um RMS ({:.3g} um at most) off the straight line between their corners, Rq is "
         "{:.3g} um: what is finer than the triangles ({:.3g} mm from one to the next, {:.3g} mm at "
         "most) is missing from R or shows as longer waves",
-        trace.between->places, trace.between->rms / units::um, trace.between->worst / units::um,
-        Rq / units::um, trace.mean_spacing, trace.widest_spacing);
+        trace.interpolation->points, trace.interpolation->rms / units::um,
+        trace.interpolation->max / units::um, Rq / units::um, trace.mean_spacing,
+        trace.max_spacing);
   }
   const double widest = errors::metrology::setting_class(t.Nic).widest_step;
-  if (trace.widest_spacing <= widest) return {};
+  if (trace.max_spacing <= widest) return {};
   return fmt::format(
       "whether the map resolves the profile is not known: from triangle to triangle it is {:.3g} "
       "mm ({:.3g} mm at most), Nis {:.3g} um needs a place every {:.3g} um, and nobody looked "
       "between the vertices (part.sampling = \"adaptive\" does)",
-      trace.mean_spacing, trace.widest_spacing, t.texture.requested_Nis / units::um,
+      trace.mean_spacing, trace.max_spacing, t.texture.requested_Nis / units::um,
       widest / units::um);
 }
 
@@ -325,25 +330,25 @@ std::vector<std::string> texture_warnings(const LineTexture& t, int sections) {
     if (!text.empty()) warnings.push_back(std::move(text));
   };
   add(short_warning(t, sections));
-  if (t.trace.left_out > 0.0)
+  if (t.trace.omitted_length > 0.0)
     add(
         fmt::format("the line is cut in {} stretches; the longest, {:.4g} mm, is evaluated, {:.4g} "
                     "mm are left out",
-                    t.trace.stretches, t.texture.length, t.trace.left_out));
+                    t.trace.segments, t.texture.length, t.trace.omitted_length));
   if (t.texture.Nis > t.texture.requested_Nis * (1.0 + 1e-6))
     add(
         fmt::format("Nis is {:.4g} um, not {:.4g} um: the line has {} places at most, {:.4g} um "
                     "apart",
                     t.texture.Nis / units::um, t.texture.requested_Nis / units::um,
                     t.texture.primary.z.size(), t.texture.primary.step / units::um));
-  add(coarse_warning(t));
+  add(spacing_warning(t));
   return warnings;
 }
 
-/// A parameter: its name without the letter of the profile, its description, its unit.
+/// A profile parameter of ISO 21920-2.
 struct ParameterRow {
-  const char* name;
-  const char* is;
+  const char* name;  ///< without the letter of the profile, P, W or R
+  const char* description;
   const char* unit;  ///< suffix of the key; empty for a dimensionless number
   std::optional<double> (*value)(const ProfileParameters&);
 };
@@ -375,6 +380,8 @@ std::string shown_row_unit(const ParameterRow& row) {
   return unit == "um_per_mm" ? "um/mm" : unit.empty() ? "1" : unit;
 }
 
+/// Returns the parameters of a profile under keys such as "Ra_um".
+/// @param letter  P, W or R
 ordered_json parameters_json(char letter, const ProfileParameters& p) {
   ordered_json json;
   for (const ParameterRow& row : parameter_rows) {
@@ -394,23 +401,23 @@ ordered_json evaluation_json(const ProfileTexture& t, const EvaluationLength& e)
 }
 
 std::string class_text(double Nic) {
-  const SettingClass* one = find_setting_class(Nic);
-  return one != nullptr ? fmt::format(", setting class {}", one->name) : "";
+  const SettingClass* setting_class = find_setting_class(Nic);
+  return setting_class != nullptr ? fmt::format(", setting class {}", setting_class->name) : "";
 }
 
 }  // namespace
 
 LineTexture line_texture(LineTrace trace, const std::optional<double>& form_cutoff,
                          const LineTextureOptions& options) {
-  constexpr double usual = 2.5;  // mm, for a part without form_cutoff_mm
+  constexpr double default_Nic = 2.5;  // mm, for a part without form_cutoff_mm
   LineTexture t;
-  t.Nic = options.Nic.value_or(form_cutoff.value_or(usual));
-  t.Nic_of = options.Nic ? "--nic" : form_cutoff ? "form_cutoff_mm of the part" : "assumed";
-  errors::metrology::TextureOptions asked;
-  asked.Nic = t.Nic;
-  asked.Nis = options.Nis;
-  asked.sections = options.sections;
-  t.texture = errors::metrology::profile_texture(trace.s, trace.residual, asked);
+  t.Nic = options.Nic.value_or(form_cutoff.value_or(default_Nic));
+  t.Nic_source = options.Nic ? "--nic" : form_cutoff ? "form_cutoff_mm of the part" : "assumed";
+  errors::metrology::TextureOptions settings;
+  settings.Nic = t.Nic;
+  settings.Nis = options.Nis;
+  settings.sections = options.sections;
+  t.texture = errors::metrology::profile_texture(trace.s, trace.residual, settings);
   t.trace = std::move(trace);
   t.warnings = texture_warnings(t, options.sections);
   return t;
@@ -418,15 +425,15 @@ LineTexture line_texture(LineTrace trace, const std::optional<double>& form_cuto
 
 Eigen::VectorXd values_on_profile(const LineTexture& t, const Eigen::VectorXd& values) {
   const Eigen::VectorXd& s = t.trace.s;
-  Eigen::VectorXd all(t.texture.primary.z.size());
+  Eigen::VectorXd profile(t.texture.primary.z.size());
   Index k = 0;
-  for (Index i = 0; i < all.size(); ++i) {
-    const double at = double(i) * t.texture.primary.step;
-    while (k + 2 < s.size() && s[k + 1] < at) ++k;
-    all[i] =
-        std::lerp(values[k], values[k + 1], std::clamp((at - s[k]) / (s[k + 1] - s[k]), 0.0, 1.0));
+  for (Index i = 0; i < profile.size(); ++i) {
+    const double position = double(i) * t.texture.primary.step;
+    while (k + 2 < s.size() && s[k + 1] < position) ++k;
+    profile[i] = std::lerp(values[k], values[k + 1],
+                           std::clamp((position - s[k]) / (s[k + 1] - s[k]), 0.0, 1.0));
   }
-  return all;
+  return profile;
 }
 
 std::string to_text(const LineTexture& t) {
@@ -438,18 +445,18 @@ std::string to_text(const LineTexture& t) {
       "(ISO 16610-21), lines fitted at the ends (ISO 16610-28)\n"
       "P and W: {:.4g} mm, less the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} "
       "mm\n",
-      t.where, texture.length, texture.Nis / units::um, t.Nic, t.Nic_of, class_text(t.Nic),
+      t.position, texture.length, texture.Nis / units::um, t.Nic, t.Nic_source, class_text(t.Nic),
       texture.length, e.sections, e.sections == 1 ? "" : "s", std::min(e.section, texture.length),
       e.from);
-  if (t.trace.between)
+  if (t.trace.interpolation)
     text += fmt::format(
         "between its corners the map is {:.3g} um RMS off a straight line, {:.3g} "
         "um at most, at {} places\n",
-        t.trace.between->rms / units::um, t.trace.between->worst / units::um,
-        t.trace.between->places);
+        t.trace.interpolation->rms / units::um, t.trace.interpolation->max / units::um,
+        t.trace.interpolation->points);
   text += fmt::format("\n{:<40} {:>12} {:>12} {:>12}  {}\n", "ISO 21920-2", "P", "W", "R", "unit");
   for (const ParameterRow& row : parameter_rows) {
-    text += fmt::format("{:<3} {:<36}", row.name, row.is);
+    text += fmt::format("{:<3} {:<36}", row.name, row.description);
     for (const ProfileParameters* p : {&texture.P, &texture.W, &texture.R}) {
       const std::optional<double> value = row.value(*p);
       text += fmt::format(" {:>12}", value ? fmt::format("{:.5g}", *value) : "-");
@@ -461,27 +468,28 @@ std::string to_text(const LineTexture& t) {
 
 ordered_json to_json(const LineTexture& t) {
   const ProfileTexture& texture = t.texture;
-  const SettingClass* one = find_setting_class(t.Nic);
+  const SettingClass* setting_class = find_setting_class(t.Nic);
   ordered_json json = {
       {"line", t.line},
-      {"where", t.where},
+      {"where", t.position},
       {"length_mm", texture.length},
-      {"stretches", t.trace.stretches},
-      {"left_out_mm", t.trace.left_out},
+      {"stretches", t.trace.segments},
+      {"left_out_mm", t.trace.omitted_length},
       {"filter", "Gaussian, ISO 16610-21"},
       {"ends", "first moment retained, ISO 16610-28"},
       {"form_removed", "the design, then the least-squares line"},
       {"Nic_mm", t.Nic},
-      {"Nic_of", t.Nic_of},
+      {"Nic_of", t.Nic_source},
       {"Nis_um", texture.Nis / units::um},
-      {"setting_class", one != nullptr ? ordered_json(one->name) : ordered_json()},
+      {"setting_class",
+       setting_class != nullptr ? ordered_json(setting_class->name) : ordered_json()},
       {"step_um", texture.primary.step / units::um},
       {"places", texture.primary.z.size()},
-      {"spacing_mm", {{"mean", t.trace.mean_spacing}, {"max", t.trace.widest_spacing}}}};
-  json["interpolation"] = t.trace.between
-                              ? ordered_json{{"places", t.trace.between->places},
-                                             {"rms_um", t.trace.between->rms / units::um},
-                                             {"worst_um", t.trace.between->worst / units::um}}
+      {"spacing_mm", {{"mean", t.trace.mean_spacing}, {"max", t.trace.max_spacing}}}};
+  json["interpolation"] = t.trace.interpolation
+                              ? ordered_json{{"places", t.trace.interpolation->points},
+                                             {"rms_um", t.trace.interpolation->rms / units::um},
+                                             {"worst_um", t.trace.interpolation->max / units::um}}
                               : ordered_json();
   json["evaluation"] = {{"P", evaluation_json(texture, texture.whole)},
                         {"W", evaluation_json(texture, texture.whole)},
@@ -528,10 +536,10 @@ std::string main_settings(const LineTexture& t) {
 }
 
 std::string resolution_warning(const LineTexture& t) {
-  if (!t.trace.between || is_resolved(t)) return {};
+  if (!t.trace.interpolation || is_resolved(t)) return {};
   return fmt::format(
       "not resolved: between its corners the map is {:.3g} µm RMS off straight lines",
-      t.trace.between->rms / units::um);
+      t.trace.interpolation->rms / units::um);
 }
 
 }  // namespace abbe::sim

@@ -6,27 +6,29 @@
 
 namespace abbe::sim {
 
-/// Returns machine, fixtures, part and path as `abbe check --picture` draws them: the axes half way
-/// through the program; the bodies of the machine's description, or if it has none, carriages as
-/// plain bodies stacked from the tool and from the part to the bed, which stands below them; the
-/// nominal and the actual path, or segments of a long one, errors magnified.
+/// Returns the picture of `abbe check --picture`: machine, fixtures, part and path. The axes are at
+/// the middle sample of the program. If the machine's description has no bodies, the carriages are
+/// simple bodies, stacked from the tool and from the part towards the bed below them. The nominal
+/// path and the actual one with magnified errors are drawn; of a long path only segments.
 render::MachinePicture machine_picture(const Job& job);
 
-/// Returns machine and path of a program alone: feed moves and rapids, the axes at its end.
-render::MachinePicture machine_picture(const ProgramInspection& alone);
+/// Returns the picture of `abbe program --picture`: the machine with its axes at home, and the feed
+/// moves and rapids of a program.
+render::MachinePicture machine_picture(const ProgramInspection& inspection);
 
 /// Returns a round factor that magnifies the largest error of a path, mm, to about a twentieth of
-/// the part; 1 if it is large enough already, or zero.
+/// the part; 1 if the error is large enough already, or zero.
 double round_magnification(double part_size, double largest_error);
 
-/// A plain body in the frame of its carrier, `Carriers::carriage` or the bed, axes at zero.
+/// A simple body of a machine without bodies of its own, with the axes at zero.
 struct SchematicBody {
-  render::Body body;
-  int frame = 0;
+  render::Body body;  ///< in the frame of its carrier
+  int frame = 0;      ///< index of the carrier, `Carriers::carriage` or the bed
 };
 
-/// Returns carriages, spindle and bed of a machine whose description has no shapes, as in the
-/// picture above, without the connecting pieces, which would have to stretch.
+/// Returns the simple carriages and the spindle of a machine whose description has no bodies.
+/// Unlike the picture, they have no connecting bars, whose lengths would change with the axis
+/// positions.
 std::vector<SchematicBody> schematic_bodies(const Job& job);
 
 }  // namespace abbe::sim

@@ -20,9 +20,9 @@
 #include "kinematics/units.h"
 #include "sim/files/program_file.h"
 
-/// Appends numbers in little-endian order, as binary formats require.
 namespace abbe::sim {
 
+/// Appends a number in little-endian order, as binary formats require.
 template <class T>
 void append(std::string& bytes, T value) {
   static_assert(std::endian::native == std::endian::little && std::is_arithmetic_v<T>);
@@ -45,7 +45,8 @@ ResultMap result_map(const Job& job, const Verdict& verdict) {
   if (std::ranges::any_of(job.scene.part.regions,
                           [](const PartRegion& region) { return region.tolerance.has_value(); }))
     map.tolerance_um = verdict.tolerance / units::um;
-  for (const cutting::VertexStatus one : surface.status) map.status.push_back(std::uint8_t(one));
+  for (const cutting::VertexStatus status : surface.status)
+    map.status.push_back(std::uint8_t(status));
   map.cut_time_s = surface.cut_time_s;
   map.cut_line = surface.cut_line;
   return map;
@@ -70,7 +71,7 @@ nlohmann::ordered_json to_json(const MapFacts& facts) {
 
 std::vector<std::pair<std::string, std::string>> fact_texts(const MapFacts& facts) {
   std::vector<std::pair<std::string, std::string>> texts;
-  const nlohmann::ordered_json json = to_json(facts);  // items() is a view
+  const nlohmann::ordered_json json = to_json(facts);  // must outlive items(), which is a view
   for (const auto& [name, value] : json.items())
     texts.emplace_back(name, escaped(value.is_string() ? value.get<std::string>()
                                      : value.is_null() ? "none"
@@ -80,49 +81,50 @@ std::vector<std::pair<std::string, std::string>> fact_texts(const MapFacts& fact
 
 namespace {
 
-/// Returns a size or an offset, which this form of the archive stores in 32 bits.
+/// Returns a size or an offset in 32 bits, as archives without the zip64 extension store it.
 std::uint32_t checked_uint32(std::size_t size) {
-  // The highest value means that a 64-bit field follows.
+  // The largest value is reserved: it means that a 64-bit field follows.
   if (size >= std::numeric_limits<std::uint32_t>::max())
     throw std::length_error("a zip archive without 64-bit sizes ends at 4 GiB");
   return std::uint32_t(size);
 }
 
-/// Returns the part of an entry's header that its data and the directory share.
+/// Returns the fields that the local header and the directory header of an entry have in common.
 std::string common_header(const ZipEntry& entry, const std::string& packed) {
-  // Deflate needs version 2.0; 0x21 is 1980-01-01, so that equal entries give equal bytes.
+  // Deflate needs version 2.0. The date is fixed to 1980-01-01 (0x21), so that equal entries give
+  // equal bytes.
   constexpr std::uint16_t version = 20, flags = 0, deflate = 8, time = 0, date = 0x21;
-  std::string head;
-  for (const std::uint16_t word : {version, flags, deflate, time, date}) append(head, word);
-  append(head, std::uint32_t(::crc32(0, reinterpret_cast<const Bytef*>(entry.bytes.data()),
-                                     uInt(entry.bytes.size()))));
-  append(head, checked_uint32(packed.size()));
-  append(head, checked_uint32(entry.bytes.size()));
-  append(head, std::uint16_t(entry.name.size()));
-  append(head, std::uint16_t(0));  // no extra fields
-  return head;
+  std::string header;
+  for (const std::uint16_t field : {version, flags, deflate, time, date}) append(header, field);
+  append(header, std::uint32_t(::crc32(0, reinterpret_cast<const Bytef*>(entry.bytes.data()),
+                                       uInt(entry.bytes.size()))));
+  append(header, checked_uint32(packed.size()));
+  append(header, checked_uint32(entry.bytes.size()));
+  append(header, std::uint16_t(entry.name.size()));
+  append(header, std::uint16_t(0));  // no extra fields
+  return header;
 }
 
 }  // namespace
 
-std::string deflate_bytes(const std::string& bytes, DeflateHeader head) {
+std::string deflate_bytes(const std::string& bytes, DeflateHeader header) {
   z_stream stream{};
-  // zlib's defaults: 32 kB window, memory level 8.
+  // These are zlib's defaults: a window of 32 kB, memory level 8.
   constexpr int window = 15, memory = 8;
-  const int bits = head == DeflateHeader::Zlib ? window : -window;
+  const int bits = header == DeflateHeader::Zlib ? window : -window;
   if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, bits, memory,
                      Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::runtime_error("zlib does not start");
   std::string packed(::deflateBound(&stream, checked_uint32(bytes.size())), '\0');
-  // zlib reads the input only, but its interface is not const.
+  // zlib does not change the input, but its interface is not const.
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
   stream.avail_in = uInt(bytes.size());
   stream.next_out = reinterpret_cast<Bytef*>(packed.data());
   stream.avail_out = uInt(checked_uint32(packed.size()));
-  const int ended = ::deflate(&stream, Z_FINISH);
+  const int result = ::deflate(&stream, Z_FINISH);
   packed.resize(stream.total_out);
   ::deflateEnd(&stream);
-  if (ended != Z_STREAM_END) throw std::runtime_error("zlib does not finish");
+  if (result != Z_STREAM_END) throw std::runtime_error("zlib does not finish");
   return packed;
 }
 
@@ -130,24 +132,25 @@ std::string zip_archive(const std::vector<ZipEntry>& entries) {
   std::string archive, directory;
   for (const ZipEntry& entry : entries) {
     const std::string packed = deflate_bytes(entry.bytes, DeflateHeader::None),
-                      head = common_header(entry, packed);
-    const std::uint32_t at = checked_uint32(archive.size());
-    archive.append("PK\x03\x04").append(head).append(entry.name).append(packed);
+                      header = common_header(entry, packed);
+    const std::uint32_t offset = checked_uint32(archive.size());
+    archive.append("PK\x03\x04").append(header).append(entry.name).append(packed);
     directory.append("PK\x01\x02");
-    append(directory, std::uint16_t(20));  // made by version 2.0, on no particular system
-    directory += head;
-    for (int word = 0; word < 3; ++word)
-      append(directory, std::uint16_t(0));  // comment, disk, type
-    append(directory, std::uint32_t(0));    // attributes
-    append(directory, at);
+    append(directory, std::uint16_t(20));  // made by version 2.0, for no particular system
+    directory += header;
+    // Comment length, disk number, internal attributes.
+    for (int field = 0; field < 3; ++field) append(directory, std::uint16_t(0));
+    append(directory, std::uint32_t(0));  // external attributes
+    append(directory, offset);
     directory += entry.name;
   }
-  const std::uint32_t at = checked_uint32(archive.size());
+  const std::uint32_t directory_offset = checked_uint32(archive.size());
   archive.append(directory).append("PK\x05\x06");
-  for (int word = 0; word < 2; ++word) append(archive, std::uint16_t(0));  // disks
-  for (int word = 0; word < 2; ++word) append(archive, std::uint16_t(entries.size()));
+  for (int disk = 0; disk < 2; ++disk) append(archive, std::uint16_t(0));  // numbers of disks
+  // Number of entries on this disk, and in total.
+  for (int count = 0; count < 2; ++count) append(archive, std::uint16_t(entries.size()));
   append(archive, checked_uint32(directory.size()));
-  append(archive, at);
+  append(archive, directory_offset);
   append(archive, std::uint16_t(0));  // no comment
   return archive;
 }
@@ -157,25 +160,25 @@ namespace {
 /// Returns the header of a PLY file with the facts as comments.
 std::string ply_file_header(const ResultMap& map) {
   // MeshLab recognises `quality` only if it is a float.
-  std::string head =
+  std::string header =
       "ply\nformat binary_little_endian 1.0\n"
       "comment residual map of abbe; quality is the residual in um, nan where not cut\n";
   for (const auto& [name, text] : fact_texts(map.facts))
-    head += fmt::format("comment {}: {}\n", name, text);
-  head += fmt::format("element vertex {}\n", map.design.vertices.rows());
-  for (const char* name : {"x", "y", "z"}) head += fmt::format("property double {}\n", name);
+    header += fmt::format("comment {}: {}\n", name, text);
+  header += fmt::format("element vertex {}\n", map.design.vertices.rows());
+  for (const char* name : {"x", "y", "z"}) header += fmt::format("property double {}\n", name);
   for (const char* name : {"nx", "ny", "nz", "quality"})
-    head += fmt::format("property float {}\n", name);
-  return head +
+    header += fmt::format("property float {}\n", name);
+  return header +
          fmt::format(
              "property uchar status\nelement face {}\nproperty list uchar int vertex_indices\n"
              "end_header\n",
              map.design.triangles.rows());
 }
 
-/// Returns the machined surface; an uncut vertex stays on the design, because its height is
-/// unknown.
-cutting::Points machined(const ResultMap& map) {
+/// Returns the vertices of the machined surface. An uncut vertex stays on the design, because its
+/// height is unknown.
+cutting::Points machined_vertices(const ResultMap& map) {
   cutting::Points points = map.design.vertices;
   for (Eigen::Index i = 0; i < points.rows(); ++i)
     if (map.status[std::size_t(i)] == std::uint8_t(cutting::VertexStatus::Cut))
@@ -183,14 +186,14 @@ cutting::Points machined(const ResultMap& map) {
   return points;
 }
 
-/// Returns the 80 bytes before the triangles: ASCII, not beginning with "solid", which marks a text
-/// file.
-std::string stl_file_header(const std::string& what) {
-  std::string head = fmt::format("abbe {}, {}", version(), what);
-  for (char& c : head)
+/// Returns the header of a binary STL file: 80 bytes of ASCII. It must not begin with "solid", by
+/// which text files are recognised.
+std::string stl_file_header(const std::string& description) {
+  std::string header = fmt::format("abbe {}, {}", version(), description);
+  for (char& c : header)
     if (c < ' ' || c > '~') c = '?';
-  head.resize(80, ' ');
-  return head;
+  header.resize(80, ' ');
+  return header;
 }
 
 }  // namespace
@@ -213,14 +216,14 @@ std::string to_ply(const ResultMap& map) {
 }
 
 std::string to_stl(const ResultMap& map) {
-  return to_stl(machined(map), map.design.triangles,
+  return to_stl(machined_vertices(map), map.design.triangles,
                 fmt::format("machined surface, mm, seed {}, {}: {}", map.facts.seed,
                             map.facts.case_name, map.facts.scene));
 }
 
 std::string to_stl(const cutting::Points& vertices, const cutting::Triangles& triangles,
-                   const std::string& what) {
-  std::string bytes = stl_file_header(what);
+                   const std::string& description) {
+  std::string bytes = stl_file_header(description);
   bytes.reserve(84 + 50 * std::size_t(triangles.rows()));
   append(bytes, std::uint32_t(triangles.rows()));
   for (const auto& t : triangles.rowwise()) {
@@ -235,49 +238,49 @@ std::string to_stl(const cutting::Points& vertices, const cutting::Triangles& tr
 
 namespace {
 
-/// Returns NaN without a sign, so that it prints the same on every computer.
-double plain(double x) { return std::isnan(x) ? std::abs(x) : x; }
+/// Removes the sign of NaN, so that it prints the same on every computer.
+double unsigned_nan(double x) { return std::isnan(x) ? std::abs(x) : x; }
 
 /// Returns an array in NumPy's format 1.0: magic, version, length of the header, header, data.
-/// @param type   NumPy's name: "<f8"
-/// @param shape  a Python tuple: "(7, 3)"
+/// @param type   as NumPy names it, such as "<f8"
+/// @param shape  as a Python tuple, such as "(7, 3)"
 std::string npy(const std::string& type, const std::string& shape, std::string_view data) {
-  std::string head =
+  std::string header =
       fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}", type, shape);
   // NumPy aligns data to 64 bytes; magic, version and length take the first 10.
-  constexpr std::size_t before = 10, aligned = 64;
-  head.append(aligned - 1 - (before + head.size()) % aligned, ' ');
-  head += '\n';
+  constexpr std::size_t prefix = 10, alignment = 64;
+  header.append(alignment - 1 - (prefix + header.size()) % alignment, ' ');
+  header += '\n';
   std::string bytes("\x93NUMPY\x01\x00", 8);
-  append(bytes, std::uint16_t(head.size()));
-  return bytes.append(head).append(data);
+  append(bytes, std::uint16_t(header.size()));
+  return bytes.append(header).append(data);
 }
 
 template <class T>
-std::string_view bytes_of(const T* data, Eigen::Index count) {
+std::string_view raw_bytes(const T* data, Eigen::Index count) {
   return {reinterpret_cast<const char*>(data), sizeof(T) * std::size_t(count)};
 }
 
 template <class Matrix>
 std::string npy_rows(const std::string& type, const Matrix& rows) {
   return npy(type, fmt::format("({}, {})", rows.rows(), rows.cols()),
-             bytes_of(rows.data(), rows.size()));
+             raw_bytes(rows.data(), rows.size()));
 }
 
 template <class Values>
 std::string npy_column(const std::string& type, const Values& values) {
   return npy(type, fmt::format("({},)", values.size()),
-             bytes_of(values.data(), Eigen::Index(values.size())));
+             raw_bytes(values.data(), Eigen::Index(values.size())));
 }
 
-/// Returns a scalar text: four bytes a character.
+/// Returns a scalar text with four bytes per character.
 std::string npy_text(const std::string& ascii) {
   std::string data;
   for (const char c : ascii) append(data, std::uint32_t(c));
   return npy(fmt::format("<U{}", ascii.size()), "()", data);
 }
 
-/// Returns the facts as ASCII, in which a character is one code unit.
+/// Returns the facts as JSON text, in ASCII as `npy_text` requires.
 std::string npy_facts(const MapFacts& facts) {
   return npy_text(
       to_json(facts).dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace));
@@ -292,16 +295,17 @@ std::string to_csv(const ResultMap& map) {
   text +=
       "x_mm,y_mm,z_mm,nx,ny,nz,residual_um,form_um,texture_um,status,cut_time_s,cut_line,area_"
       "mm2\n";
-  const auto put = [&](auto... values) {
+  const auto append_values = [&](auto... values) {
     ((fmt::format_to(std::back_inserter(text), "{},", values)), ...);
   };
-  const cutting::Design& d = map.design;
-  for (Eigen::Index i = 0; i < d.vertices.rows(); ++i) {
-    put(d.vertices(i, 0), d.vertices(i, 1), d.vertices(i, 2));
-    put(d.normals(i, 0), d.normals(i, 1), d.normals(i, 2));
-    put(plain(map.residual_um[i]), plain(map.form_um[i]), plain(map.texture_um[i]));
-    put(int(map.status[std::size_t(i)]), plain(map.cut_time_s[i]), map.cut_line[std::size_t(i)],
-        d.area[i]);
+  const cutting::Design& design = map.design;
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
+    append_values(design.vertices(i, 0), design.vertices(i, 1), design.vertices(i, 2));
+    append_values(design.normals(i, 0), design.normals(i, 1), design.normals(i, 2));
+    append_values(unsigned_nan(map.residual_um[i]), unsigned_nan(map.form_um[i]),
+                  unsigned_nan(map.texture_um[i]));
+    append_values(int(map.status[std::size_t(i)]), unsigned_nan(map.cut_time_s[i]),
+                  map.cut_line[std::size_t(i)], design.area[i]);
     text.back() = '\n';
   }
   return text;

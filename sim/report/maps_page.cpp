@@ -20,42 +20,43 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double max_residual_step_um = 2e-3, min_residual_step_um = 1e-3;  // residual
+constexpr double max_residual_step_um = 2e-3, min_residual_step_um = 1e-3;
 constexpr int cut_time_step_ms = 20;
 constexpr double ms = 1e-3;
 
-/// Returns the step of a residual: 1 nm, or a two-thousandth of a map that spans less than 2 um; 2
-/// nm if the map then fits into 16 bits.
+/// Returns the step of a residual: 1/2048 of the span of the map, at most 1 nm, or up to 2 nm if
+/// the map then fits into 16 bits.
 double residual_step(const Eigen::VectorXd& residual_um) {
-  const double step = step_for_16_bits(residual_um);  // a 65534th of the span
+  const double step = step_for_16_bits(residual_um);  // 1/65534 of the span
   if (step > max_residual_step_um) return min_residual_step_um;
   return std::max(step, std::min(min_residual_step_um, 32.0 * step));
 }
 
-/// A column from which others may be predicted.
+/// A packed column, from which later ones may be predicted.
 struct Column {
   std::string name;
-  double step = 0.0;  ///< 0: the numbers are the values
+  double step = 0.0;  ///< value of one unit of `numbers`; 0: the numbers are the values
   Eigen::VectorXi numbers;
 };
 
 /// Data shared by all maps of a page.
 struct SharedColumns {
-  std::vector<Eigen::Index> order;  ///< old number of each vertex
-  std::map<int, int> midst;         ///< of each line, in steps of cut_time_step_ms; or empty
-  std::vector<Column> residual, form, line, time;  ///< of the maps so far
+  std::vector<Eigen::Index> order;                 ///< number in the design of each vertex
+  std::map<int, int> line_midpoints;               ///< middle of the run of each line, in units of
+                                                   ///< cut_time_step_ms; empty if not known
+  std::vector<Column> residual, form, line, time;  ///< of the maps packed so far
 };
 
-/// Packs the numbers of all vertices, predicted from one of `others` if that saves bytes.
-void add_column(PageData& data, const Column& column, const std::vector<Column>& others) {
-  std::vector<const Eigen::VectorXi*> references;
+/// Packs the numbers of all vertices, predicted from one of `references` if that saves bytes.
+void add_column(PageData& data, const Column& column, const std::vector<Column>& references) {
+  std::vector<const Eigen::VectorXi*> numbers;
   std::vector<std::string> names;
-  for (const Column& other : others) {
-    if (other.step != column.step) continue;
-    references.push_back(&other.numbers);
-    names.push_back(other.name);
+  for (const Column& reference : references) {
+    if (reference.step != column.step) continue;
+    numbers.push_back(&reference.numbers);
+    names.push_back(reference.name);
   }
-  PackedColumns packed = pack_numbers(column.numbers, references);
+  PackedColumns packed = pack_numbers(column.numbers, numbers);
   if (column.step > 0.0) {
     packed.step = {column.step};
     packed.offset = {0.0};
@@ -63,16 +64,16 @@ void add_column(PageData& data, const Column& column, const std::vector<Column>&
   add(data, column.name, packed, names);
 }
 
-/// Returns a column in the order of the page's vertices, in steps.
+/// Returns values as a column of whole steps, in the order of the page's vertices.
 Column quantized_column(const std::string& name, const Eigen::VectorXd& values, double step,
                         const SharedColumns& shared) {
   return {name, step, numbers_of(values(shared.order), step, {0.0})};
 }
 
-/// Returns the times at which the lines of the program are half done, for the first run of each;
-/// the page computes the same table from the same numbers.
-std::map<int, int> line_midpoint_times(PageData& data, const LineIntervals& stretches) {
-  const auto& [line, begin_ms] = stretches;
+/// Packs the time intervals of the lines. Returns the middle of the first run of each line, which
+/// the page computes from the same numbers, so that both predict the same cutting times.
+std::map<int, int> add_line_intervals(PageData& data, const LineIntervals& intervals) {
+  const auto& [line, begin_ms] = intervals;
   if (line.empty()) return {};
   std::map<int, int> midst;
   for (std::size_t k = 0; k < line.size(); ++k) {
@@ -90,28 +91,27 @@ std::map<int, int> line_midpoint_times(PageData& data, const LineIntervals& stre
   return midst;
 }
 
-/// Adds line and time of cutting. The time is predicted from the middle of its line's run, which is
-/// known to the page.
+/// Adds line and time of cutting. The time is predicted from the middle of the line's run.
 void add_times(PageData& data, const CaseMap& map, const std::string& number,
                SharedColumns& shared) {
   Column line{"line" + number, 0.0, Eigen::VectorXi(map.residual_um.size())};
-  Column midst{"midst:" + line.name, cut_time_step_ms * ms, line.numbers};
+  Column midpoint{"midst:" + line.name, cut_time_step_ms * ms, line.numbers};
   for (Eigen::Index k = 0; k < line.numbers.size(); ++k) {
     line.numbers[k] = map.cut_line[std::size_t(shared.order[std::size_t(k)])];
-    const auto at = shared.midst.find(line.numbers[k]);
-    midst.numbers[k] = at == shared.midst.end() ? 0 : at->second;
+    const auto match = shared.line_midpoints.find(line.numbers[k]);
+    midpoint.numbers[k] = match == shared.line_midpoints.end() ? 0 : match->second;
   }
   add_column(data, line, shared.line);
   shared.line.push_back(line);
-  std::vector<Column> others = shared.time;
-  if (!shared.midst.empty()) others.push_back(midst);
-  const Column time = quantized_column("cut_time" + number, map.cut_time_s, midst.step, shared);
-  add_column(data, time, others);
+  std::vector<Column> references = shared.time;
+  if (!shared.line_midpoints.empty()) references.push_back(midpoint);
+  const Column time = quantized_column("cut_time" + number, map.cut_time_s, midpoint.step, shared);
+  add_column(data, time, references);
   shared.time.push_back(time);
 }
 
-/// Adds the layers of a case; each is predicted from the same layer of earlier cases, which differ
-/// little.
+/// Adds the layers of a case. Each is predicted from the same layer of earlier cases, since the
+/// cases differ little.
 void add_layers(PageData& data, const CaseMap& map, bool has_form, SharedColumns& shared) {
   const std::string number = std::to_string(data.index["cases"].size());
   const double step = residual_step(map.residual_um);
@@ -125,10 +125,11 @@ void add_layers(PageData& data, const CaseMap& map, bool has_form, SharedColumns
   if (has_form) add_layer("form", map.form_um, shared.form);
   add_times(data, map, number, shared);
   data.index["cases"].push_back(
-      {{"name", map.name}, {"step_nm", 1e3 * step}, {"stats", map.shown}});
+      {{"name", map.name}, {"step_nm", 1e3 * step}, {"stats", map.figures}});
 }
 
-/// Adds the mesh, its vertices in the order of the page.
+/// Adds the mesh. Its vertices are in the order of a space-filling curve, so that each is predicted
+/// well from the preceding one.
 void add_mesh(PageData& data, const PartMaps& maps, const std::vector<Eigen::Index>& order) {
   data.index["vertices"] = maps.vertices.rows();
   data.index["triangles"] = maps.triangles.rows();
@@ -148,14 +149,14 @@ void add_regions(PageData& data, const PartMaps& maps, const std::vector<Eigen::
 
 /// Returns true if a design has the mesh of the page.
 bool has_mesh(const PartMaps& maps, const cutting::Design& design) {
-  // 1 nm is far above the rounding of a change of frame.
+  // 1 nm is far above the rounding of a frame transformation.
   return maps.vertices.rows() == design.vertices.rows() &&
          maps.triangles.rows() == design.triangles.rows() && maps.triangles == design.triangles &&
          (maps.vertices - design.vertices).cwiseAbs().maxCoeff() < 1e-6;
 }
 
 /// Returns true if all values can be packed with the step.
-bool fits(const Eigen::VectorXd& values, double step) {
+bool can_pack(const Eigen::VectorXd& values, double step) {
   return std::ranges::all_of(values, [&](double value) {
     return std::isnan(value) || std::abs(value) <= step * max_packed;
   });
@@ -163,38 +164,39 @@ bool fits(const Eigen::VectorXd& values, double step) {
 
 }  // namespace
 
-bool add_case(PartMaps& maps, const cutting::Design& design, CaseMap one) {
+bool add_case(PartMaps& maps, const cutting::Design& design, CaseMap case_map) {
   if (maps.cases.empty()) {
     maps.vertices = design.vertices;
     maps.triangles = design.triangles;
   } else if (!has_mesh(maps, design)) {
-    maps.left_out.push_back(fmt::format(
+    maps.omissions.push_back(fmt::format(
         "{} is in the table and not among the maps: its part is another mesh, of {} vertices, than "
         "that of {}, which the maps share",
-        one.name, design.vertices.rows(), maps.cases.front().name));
+        case_map.name, design.vertices.rows(), maps.cases.front().name));
     return false;
   }
-  maps.cases.push_back(std::move(one));
+  maps.cases.push_back(std::move(case_map));
   return true;
 }
 
 ordered_json displayed_figures(const ordered_json& figures) {
-  const auto of = [&](const char* map, const char* key) {
-    const ordered_json all = figures.value(map, ordered_json());
-    const bool is_there = all.is_object() && all.contains(key) && all.at(key).is_number();
-    return is_there ? fmt::format("{:.4g}", all.at(key).get<double>()) : std::string("–");
+  const auto text = [&](const char* map, const char* key) {
+    const ordered_json layer = figures.value(map, ordered_json());
+    const bool has_figure = layer.is_object() && layer.contains(key) && layer.at(key).is_number();
+    return has_figure ? fmt::format("{:.4g}", layer.at(key).get<double>()) : std::string("–");
   };
-  return {{"residual", "PV " + of("residual_um", "pv") + "  RMS " + of("residual_um", "rms")},
-          {"form", "PV " + of("form_um", "pv") + "  RMS " + of("form_um", "rms")},
-          {"texture", "Sz " + of("texture_um", "Sz") + "  Sq " + of("texture_um", "Sq")}};
+  return {{"residual", "PV " + text("residual_um", "pv") + "  RMS " + text("residual_um", "rms")},
+          {"form", "PV " + text("form_um", "pv") + "  RMS " + text("form_um", "rms")},
+          {"texture", "Sz " + text("texture_um", "Sz") + "  Sq " + text("texture_um", "Sq")}};
 }
 
-std::optional<std::string> packing_limit(const CaseMap& one) {
-  const double step = residual_step(one.residual_um);
-  if (!fits(one.residual_um, step)) return "a deviation";
-  if (!fits(one.form_um, step)) return "a form";
-  if (!fits(one.cut_time_s, cut_time_step_ms * ms)) return "an instant of cutting";
-  if (std::ranges::any_of(one.cut_line, [](int line) { return line < 0 || line > max_packed; }))
+std::optional<std::string> packing_limit(const CaseMap& case_map) {
+  const double step = residual_step(case_map.residual_um);
+  if (!can_pack(case_map.residual_um, step)) return "a deviation";
+  if (!can_pack(case_map.form_um, step)) return "a form";
+  if (!can_pack(case_map.cut_time_s, cut_time_step_ms * ms)) return "an instant of cutting";
+  if (std::ranges::any_of(case_map.cut_line,
+                          [](int line) { return line < 0 || line > max_packed; }))
     return "a line of the program";
   return std::nullopt;
 }
@@ -203,39 +205,40 @@ void add_maps(PageData& data, const PartMaps& maps) {
   SharedColumns shared{morton_order(maps.vertices), {}, {}, {}, {}, {}};
   add_mesh(data, maps, shared.order);
   add_regions(data, maps, shared.order);
-  shared.midst = line_midpoint_times(data, maps.stretches);
-  const bool has_form =
-      std::ranges::all_of(maps.cases, [](const CaseMap& one) { return one.form_um.size() > 0; });
-  for (const CaseMap& one : maps.cases) add_layers(data, one, has_form, shared);
+  shared.line_midpoints = add_line_intervals(data, maps.line_intervals);
+  const bool has_form = std::ranges::all_of(
+      maps.cases, [](const CaseMap& case_map) { return case_map.form_um.size() > 0; });
+  for (const CaseMap& case_map : maps.cases) add_layers(data, case_map, has_form, shared);
 }
 
 namespace {
 
 using compensation::TimeSeries;
 
-// A hundredth of a mm or degree is below a pixel of the page.
+// A hundredth of a mm or degree is less than a pixel of the page.
 constexpr double motion_tolerance = 0.01;  // mm and degrees
-constexpr double motion_step = 1e-3;       // the same
+constexpr double motion_step = 1e-3;       // mm and degrees
 constexpr double spindle_tolerance = 1.0;  // degrees
 constexpr double time_step_s = 1e-3;
 constexpr double body_step_mm = 0.01;
-// A rotation is packed as the displacement at a radius of 1 m.
-constexpr double track_fraction = 0.02, min_track_step = 5e-5;  // mm, and rad by the metre
+// The smallest step of a rotation is that of a displacement at a radius of 1 m.
+constexpr double track_fraction = 0.02;
+constexpr double min_track_step = 5e-5;  // mm
 constexpr double signal_fraction = 1.0 / 500.0;
 
-/// Adds a body of the machine, except the part, which the map shows.
+/// Adds a body of the machine or a tool. The part is left out, since the map shows it.
 void add_body(PageData& data, const SolidBody& body, int tool) {
   if (body.kind == SolidBody::Kind::Part || body.mesh.vertices.rows() == 0) return;
   ordered_json& bodies = data.index["machine"]["bodies"];
   const bool is_machine = body.kind == SolidBody::Kind::Machine;
-  const bool hides = is_machine && body.carrier != "b";
+  const bool is_covering = is_machine && body.carrier != "b";
   const std::string number = std::to_string(bodies.size());
   add(data, "body" + number, pack_values(body.mesh.vertices, body_step_mm));
   add(data, "facet" + number, pack_numbers(body.mesh.triangles));
   bodies.push_back(
       {{"on", body.carrier == "w" ? "f" : body.carrier},
-       {"tool", tool},  // -1: always present
-       {"opacity", hides ? 0.35 : 1.0},
+       {"tool", tool},  // -1: drawn with every tool
+       {"opacity", is_covering ? 0.35 : 1.0},
        {"colour", is_machine ? std::vector{0.62, 0.68, 0.76} : std::vector{0.45, 0.50, 0.55}}});
 }
 
@@ -247,78 +250,80 @@ bool is_tool_body(const SolidBody& body) {
 /// Adds the bodies of the machine and of every tool.
 void add_bodies(PageData& data, const Job& job) {
   data.index["machine"]["bodies"] = ordered_json::array();
-  const std::span<const Job> parts = parts_of(job);
-  for (std::size_t tool = 0; tool < parts.size(); ++tool)
-    for (const SolidBody& body : job_bodies(parts[tool]))
+  const std::span<const Job> segments = parts_of(job);
+  for (std::size_t tool = 0; tool < segments.size(); ++tool)
+    for (const SolidBody& body : job_bodies(segments[tool]))
       if (is_tool_body(body))
-        add_body(data, body, parts.size() > 1 ? int(tool) : -1);
+        add_body(data, body, segments.size() > 1 ? int(tool) : -1);
       else if (tool == 0)
         add_body(data, body, -1);
 }
 
-/// Returns the commanded axes along the parts of a job, in mm and degrees.
-TimeSeries motion_of(const Job& job) {
+/// Returns the commanded axis positions along a job, in mm and degrees.
+TimeSeries axis_motion(const Job& job) {
   Eigen::Index count = 0, row = 0;
-  for (const Job& part : parts_of(job)) count += Eigen::Index(part.samples.states.size());
+  for (const Job& segment : parts_of(job)) count += Eigen::Index(segment.samples.states.size());
   const kinematics::Chain& chain = job.machine.nominal;
-  TimeSeries course{Eigen::VectorXd(count), Eigen::MatrixXd(count, chain.size())};
-  for (const Job& part : parts_of(job))
-    for (const kinematics::AxisState& state : part.samples.states) {
-      course.time_s[row] = state.time_s;
+  TimeSeries series{Eigen::VectorXd(count), Eigen::MatrixXd(count, chain.size())};
+  for (const Job& segment : parts_of(job))
+    for (const kinematics::AxisState& state : segment.samples.states) {
+      series.time_s[row] = state.time_s;
       for (int j = 0; j < chain.size(); ++j) {
-        const bool turns = chain.joints()[std::size_t(j)].motion != kinematics::Motion::Linear;
-        course.value(row, j) = state.q[j] * (turns ? 180.0 / std::numbers::pi : 1.0);
+        const bool is_rotary = chain.joints()[std::size_t(j)].motion != kinematics::Motion::Linear;
+        series.value(row, j) = state.q[j] * (is_rotary ? 180.0 / std::numbers::pi : 1.0);
       }
       ++row;
     }
-  return course;
+  return series;
 }
 
-/// Adds the motion of the axes, thinned to the tolerance of the page.
+/// Adds the motion of the axes, thinned to within `motion_tolerance`.
 void add_motion(PageData& data, const Job& job) {
-  const TimeSeries course = motion_of(job);
-  Eigen::VectorXd tolerance = Eigen::VectorXd::Constant(course.value.cols(), motion_tolerance);
+  const TimeSeries motion = axis_motion(job);
+  Eigen::VectorXd tolerance = Eigen::VectorXd::Constant(motion.value.cols(), motion_tolerance);
   for (int j = 0; j < int(tolerance.size()); ++j)
     if (is_spindle(job.machine, j)) tolerance[j] = spindle_tolerance;
-  TimeSeries few = compensation::thinned(course, tolerance);
-  // A spindle turns so far that it needs a coarser step.
-  const Eigen::VectorXd coarser = tolerance / motion_tolerance;
-  for (Eigen::Index j = 0; j < few.value.cols(); ++j) few.value.col(j) /= coarser[j];
-  PackedColumns packed = pack_values(few.value, motion_step);
-  for (Eigen::Index j = 0; j < few.value.cols(); ++j) {
-    packed.step[std::size_t(j)] *= coarser[j];
-    packed.offset[std::size_t(j)] *= coarser[j];
+  TimeSeries thinned_motion = compensation::thinned(motion, tolerance);
+  // A spindle makes thousands of turns, for which the step of the axes is too fine to be packed.
+  const Eigen::VectorXd step_ratio = tolerance / motion_tolerance;
+  for (Eigen::Index j = 0; j < thinned_motion.value.cols(); ++j)
+    thinned_motion.value.col(j) /= step_ratio[j];
+  PackedColumns packed = pack_values(thinned_motion.value, motion_step);
+  for (Eigen::Index j = 0; j < thinned_motion.value.cols(); ++j) {
+    packed.step[std::size_t(j)] *= step_ratio[j];
+    packed.offset[std::size_t(j)] *= step_ratio[j];
   }
   add(data, "q", packed);
-  add(data, "t", pack_values(few.time_s, time_step_s));
+  add(data, "t", pack_values(thinned_motion.time_s, time_step_s));
 }
 
-/// Returns the tool changes with the poses of the tools.
-ordered_json tools_of(const Job& job) {
+/// Returns the tools with the time of their change and their pose at the home position.
+ordered_json tools_json(const Job& job) {
   ordered_json tools = ordered_json::array();
-  for (const Job& part : parts_of(job)) {
-    if (part.samples.states.empty()) continue;
-    const auto& number = part.scene.tool.number;
-    tools.push_back({{"from", part.samples.states.front().time_s},
-                     {"name", (number ? fmt::format("T{} ", *number) : "") + part.scene.tool.name},
-                     {"T_bt_home", to_json(part.machine.nominal.T_bt_home())}});
+  for (const Job& segment : parts_of(job)) {
+    if (segment.samples.states.empty()) continue;
+    const auto& number = segment.scene.tool.number;
+    tools.push_back(
+        {{"from", segment.samples.states.front().time_s},
+         {"name", (number ? fmt::format("T{} ", *number) : "") + segment.scene.tool.name},
+         {"T_bt_home", to_json(segment.machine.nominal.T_bt_home())}});
   }
   return tools;
 }
 
-/// Adds a signal or a clearance by its name.
+/// Adds a signal or a clearance under its name; a constant or infinite one is left out.
 void add_signal(PageData& data, std::size_t number, const std::string& name,
                 const Eigen::VectorXd& time_s, const Eigen::VectorXd& value) {
   if (time_s.size() < 2) return;
   const double span = value.maxCoeff() - value.minCoeff();
   if (!(span > 0.0) || !std::isfinite(span)) return;
-  const TimeSeries few = compensation::thinned(
+  const TimeSeries thinned_signal = compensation::thinned(
       TimeSeries{time_s, value}, Eigen::VectorXd::Constant(1, signal_fraction * span / 2.0));
-  ordered_json& all = data.index["cases"][number]["signals"];
-  const std::string key = fmt::format("signal{}_{}", number, all.size());
-  add(data, "t:" + key, pack_values(few.time_s, time_step_s));
-  add(data, key, pack_values(few.value, signal_fraction * span / 2.0));
-  all.push_back({{"name", name}, {"key", key}});
+  ordered_json& signals = data.index["cases"][number]["signals"];
+  const std::string key = fmt::format("signal{}_{}", number, signals.size());
+  add(data, "t:" + key, pack_values(thinned_signal.time_s, time_step_s));
+  add(data, key, pack_values(thinned_signal.value, signal_fraction * span / 2.0));
+  signals.push_back({{"name", name}, {"key", key}});
 }
 
 /// Adds all signals of a case as functions of time.
@@ -326,7 +331,8 @@ void add_signals(PageData& data, const Signals& signals, std::size_t number) {
   const auto time = std::ranges::find(signals.columns, "time_s");
   if (time == signals.columns.end()) return;
   const Eigen::VectorXd time_s = signals.rows.col(time - signals.columns.begin());
-  std::vector<Eigen::Index> rows;  // the history before the program is not on its slider
+  // The time slider of the page begins with the program, so the history before it is left out.
+  std::vector<Eigen::Index> rows;
   for (Eigen::Index row = 0; row < time_s.size(); ++row)
     if (time_s[row] >= 0.0 && (rows.empty() || time_s[row] >= time_s[rows.back()]))
       rows.push_back(row);
@@ -336,7 +342,7 @@ void add_signals(PageData& data, const Signals& signals, std::size_t number) {
                  signals.rows(rows, Eigen::Index(c)));
 }
 
-/// Adds the smallest clearance of every block as steps over time.
+/// Adds the smallest clearance of every block as a step function of time.
 void add_clearance(PageData& data, const Collisions& collisions, std::size_t number) {
   std::vector<double> time, value;
   for (const BlockClearance& block : collisions.blocks) {
@@ -353,34 +359,36 @@ void add_clearance(PageData& data, const Collisions& collisions, std::size_t num
 
 /// Adds the deviation of the tool along the program.
 void add_track(PageData& data, const ToolTrack& track, std::size_t number) {
-  TimeSeries course{track.time_s, Eigen::MatrixXd(track.time_s.size(), 6)};
-  course.value << track.actual_tip - track.nominal_tip,
+  TimeSeries deviation{track.time_s, Eigen::MatrixXd(track.time_s.size(), 6)};
+  deviation.value << track.actual_tip - track.nominal_tip,
       track.actual_direction - track.nominal_direction;
-  const auto largest = [&](Eigen::Index from) {
-    return course.value.middleCols(from, 3).cwiseAbs().maxCoeff();
+  const auto max_abs = [&](Eigen::Index from) {
+    return deviation.value.middleCols(from, 3).cwiseAbs().maxCoeff();
   };
-  const double mm = std::max(min_track_step, track_fraction * largest(0)),
-               rad = std::max(min_track_step * 1e-3, track_fraction * largest(3));
+  const double tip_tolerance = std::max(min_track_step, track_fraction * max_abs(0)),
+               direction_tolerance = std::max(min_track_step * 1e-3, track_fraction * max_abs(3));
   Eigen::VectorXd tolerance(6);
-  tolerance << mm, mm, mm, rad, rad, rad;
-  const TimeSeries few = compensation::thinned(course, tolerance);
+  tolerance << Eigen::Vector3d::Constant(tip_tolerance),
+      Eigen::Vector3d::Constant(direction_tolerance);
+  const TimeSeries thinned_deviation = compensation::thinned(deviation, tolerance);
   const std::string key = fmt::format("track{}", number);
-  add(data, "t:" + key, pack_values(few.time_s, time_step_s));
-  add(data, key + "_tip", pack_values(few.value.leftCols(3), mm / 10.0));
-  add(data, key + "_direction", pack_values(few.value.rightCols(3), rad / 10.0));
+  add(data, "t:" + key, pack_values(thinned_deviation.time_s, time_step_s));
+  add(data, key + "_tip", pack_values(thinned_deviation.value.leftCols(3), tip_tolerance / 10.0));
+  add(data, key + "_direction",
+      pack_values(thinned_deviation.value.rightCols(3), direction_tolerance / 10.0));
   data.index["cases"][number]["track"] = key;
 }
 
 }  // namespace
 
 std::vector<std::string> add_machine(PageData& data, const Job& job) {
-  std::size_t samples = 0;
-  for (const Job& part : parts_of(job)) samples += part.samples.states.size();
-  if (samples < 2)
+  std::size_t sample_count = 0;
+  for (const Job& segment : parts_of(job)) sample_count += segment.sample_count.states.size();
+  if (sample_count < 2)
     return {
         fmt::format("the motion of the machine is left out of the report: its program has {} "
                     "samples",
-                    samples)};
+                    sample_count)};
   const kinematics::Chain& chain = job.machine.nominal;
   ordered_json joints = ordered_json::array();
   for (const kinematics::Joint& joint : chain.joints())
@@ -392,8 +400,8 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
                       {"point", to_json(joint.point_b)}});
   data.index["machine"] = {{"joints", joints},
                            {"T_bf_home", to_json(chain.T_bw_home())},
-                           {"T_bw_home", to_json(chain.T_bw_home() * job.scene.part.T_wm)},
-                           {"tools", tools_of(job)}};
+                           {"T_bw_home", to_json(chain.T_bw_home() * job.scene.segment.T_wm)},
+                           {"tools", tools_json(job)}};
   add_motion(data, job);
   add_bodies(data, job);
   if (job.machine.workpiece_spindle)
@@ -403,11 +411,11 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
   return {};
 }
 
-void add_case_time_series(PageData& data, const Compared& one, std::size_t number) {
-  const Cut& cut = one.verdict.cut;
+void add_case_time_series(PageData& data, const Compared& compared, std::size_t number) {
+  const Cut& cut = compared.verdict.cut;
   data.index["cases"][number]["signals"] = ordered_json::array();
-  if (cut.track && cut.track->time_s.size() > 1 && !one.job->machine.workpiece_spindle)
-    add_track(data, in_part_frame(*cut.track, one.job->scene.part.T_wm), number);
+  if (cut.track && cut.track->time_s.size() > 1 && !compared.job->machine.workpiece_spindle)
+    add_track(data, in_part_frame(*cut.track, compared.job->scene.part.T_wm), number);
   add_signals(data, cut.signals, number);
   if (cut.collisions) add_clearance(data, *cut.collisions, number);
 }
@@ -416,27 +424,27 @@ namespace {
 
 using namespace html;
 
-/// Returns the table of figures of every case. The unrounded numbers of comparison.json are kept in
-/// attributes beside the displayed ones.
+/// Returns the table of the figures of every case. Attributes of its cells hold the unrounded
+/// numbers of comparison.json.
 std::string figures_table(const ordered_json& cases, const PageData& data) {
   const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs"};
   std::map<std::string, double> step_nm;
-  for (const ordered_json& one : data.index["cases"])
-    step_nm[one.at("name").get<std::string>()] = one.at("step_nm").get<double>();
+  for (const ordered_json& entry : data.index["cases"])
+    step_nm[entry.at("name").get<std::string>()] = entry.at("step_nm").get<double>();
   std::string text = "<table id=\"figures\"><caption data-label=\"figures\"></caption><thead><tr>" +
                      label("case", "th");
   for (const char* key : keys) text += label(key, "th");
   text += label("maps_uncut_percent", "th") + label("precision", "th") + "</tr></thead><tbody>";
-  for (const ordered_json& one : cases) {
-    const std::string name = one.at("name").get<std::string>();
+  for (const ordered_json& case_figures : cases) {
+    const std::string name = case_figures.at("name").get<std::string>();
     text += "<tr data-case=\"" + html_escaped(name) + "\"><td>" + html_escaped(name) + "</td>";
     for (const char* key : keys) {
-      const ordered_json& value = one.at("residual_um").at(key);
+      const ordered_json& value = case_figures.at("residual_um").at(key);
       text += value.is_number() ? fmt::format("<td data-key=\"{}\" data-value=\"{}\">{:.4g}</td>",
                                               key, value.dump(), value.get<double>())
                                 : std::string("<td>–</td>");
     }
-    const ordered_json& uncut = one.at("uncut_percent");
+    const ordered_json& uncut = case_figures.at("uncut_percent");
     text += uncut.is_number() ? fmt::format("<td>{:.4g}</td>", uncut.get<double>())
                               : std::string("<td>–</td>");
     const auto step = step_nm.find(name);
@@ -446,7 +454,7 @@ std::string figures_table(const ordered_json& cases, const PageData& data) {
   return text + "</tbody></table>";
 }
 
-/// Returns the table of figures of every region by case; empty if the part has no regions.
+/// Returns the table of the figures of every region and case; empty if the part has no regions.
 std::string regions_table(const PageData& data) {
   const ordered_json& regions = data.index["regions"];
   if (regions.empty()) return "";
@@ -480,20 +488,20 @@ PageData maps_data(const PartMaps& maps, const ordered_json& tolerance_um) {
 }
 
 std::string page_html(const MapsPage& page) {
-  const auto said = [&](std::string_view text) {
+  const auto with_labels = [&](std::string_view text) {
     return insert_labels(text, report_labels(), page.language);
   };
-  return filled(said(viewer_page()),
+  return filled(with_labels(viewer_page()),
                 {{"language", page.language},
                  {"title", html_escaped(page.title)},
                  {"style", std::string(viewer_style())},
                  {"script", viewer_script()},
                  {"script_hash", script_hash(viewer_script())},
                  {"labels", in_script(labels_json(report_labels()))},
-                 {"figures", said(figures_table(page.cases, page.data))},
-                 {"regions", said(regions_table(page.data))},
+                 {"figures", with_labels(figures_table(page.cases, page.data))},
+                 {"regions", with_labels(regions_table(page.data))},
                  {"pictures", page.pictures},
-                 {"words", said(page.words)},
+                 {"words", with_labels(page.details)},
                  {"data", "<script type=\"application/json\" id=\"index\">" +
                               in_script(page.data.index) + "</script>\n" + page.data.blocks}});
 }

@@ -26,12 +26,13 @@
 namespace abbe::sim {
 namespace {
 
+/// Returns the design in the part frame.
 cutting::Design design_m(const Job& job) {
   return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
 }
 
 /// Returns the map with its form.
-render::Field field_of(const Job& job, const Verdict& verdict) {
+render::Field map_field(const Job& job, const Verdict& verdict) {
   render::Field field = render::field(design_m(job), verdict.aligned.surface);
   field.form_um = verdict.filtered / units::um;
   return field;
@@ -43,39 +44,40 @@ std::string length_text(double mm) {
   return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
 }
 
-/// Returns true if a map is too coarse to show the texture between its vertices.
+/// Returns true if the vertices of a map do not resolve its texture.
 bool is_coarse(const Verdict& verdict) {
   return verdict.cut.interpolation &&
          verdict.cut.interpolation->unresolved > max_unresolved_fraction;
 }
 
-/// Returns true if the form of a coarse map is drawn instead: it does not depend on the vertices if
-/// enough points carry it.
+/// Returns true if the form of a coarse map is drawn in its place: the form is reliable if the
+/// filter averages over enough points.
 bool shows_form_map(const Job& job, const Verdict& verdict) {
   return is_coarse(verdict) && cutting::resolves_form(job.design_w, job.scene.part.form_cutoff);
 }
 
+/// Returns Sz of the texture as text.
 std::string texture_height(const Verdict& verdict) {
   return length_text(verdict.texture ? verdict.texture->Sz : 0.0);
 }
 
-/// Returns the size of a pixel of one of several maps, about, mm.
+/// Returns the approximate size of a pixel of one of several maps, mm.
 double panel_pixel_mm(const Job& job) {
-  constexpr double panel_px = 350.0;  // wide
+  constexpr double panel_px = 350.0;  // width of a map
   const auto& vertices = job.design_w.vertices;
   return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).maxCoeff() / panel_px;
 }
 
-/// Returns true if the waves that sampling resolved are finer than pixels.
+/// Returns true if the shortest waves that the sampled mesh resolves are shorter than pixels.
 bool is_finer_than_pixel(const Job& job, double pixel_mm) {
   if (!job.sampled || job.design_w.vertices.rows() <= job.sampled->given) return false;
   const double spacing = std::sqrt(job.design_w.area.sum() / double(job.design_w.vertices.rows()));
-  // A wave needs two samples and more than one pixel to be seen.
+  // The shortest resolved wave has two samples; to be visible it must be longer than a pixel.
   return 2.0 * spacing < 1.5 * pixel_mm;
 }
 
-/// Returns the random error of a filtered map with random points, mm: the filter is a mean over
-/// many of them, and the error falls with the root of their number.
+/// Returns the random error of the form of a map with random points, mm. The filter is a mean over
+/// many points, so the error falls with the square root of their number.
 double form_noise(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   if (surface.sampled_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
@@ -84,18 +86,19 @@ double form_noise(const Job& job, const Verdict& verdict) {
          std::sqrt(cutting::filter_values(job.scene.part.form_cutoff, density));
 }
 
-/// Returns the caption of a map that shows form only.
+/// Returns the caption of a map that shows only the form.
 std::string form_caption(const Job& job, const Verdict& verdict) {
   const double noise = form_noise(job, verdict);
-  const std::string by_chance = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
-  // Texture is the map minus its form and contains this random error, so Sz is no lower bound then.
+  const std::string noise_text = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
+  // The texture is the map minus its form and contains this random error too; only without it is Sz
+  // a lower bound.
   return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} {}",
-                     job.scene.part.form_cutoff, by_chance, texture_height(verdict),
+                     job.scene.part.form_cutoff, noise_text, texture_height(verdict),
                      noise > 0.0 ? "with this chance in it" : "or more");
 }
 
-/// Returns a verdict with the signs and units of a picture.
-std::string shown_verdict(std::string text) {
+/// Returns a verdict with the minus signs and units of a picture.
+std::string typeset_verdict(std::string text) {
   const auto replace = [&](const std::string& from, const std::string& to) {
     for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
       text.replace(at, from.size(), to);
@@ -105,27 +108,29 @@ std::string shown_verdict(std::string text) {
   return text;
 }
 
-/// Replaces the map by its form, which is known at the vertices only.
-void draw_form(render::Field& field) {
+/// Replaces the deviations of a map by its form, which is known only at the vertices.
+void replace_by_form(render::Field& field) {
   field.deviation_um = field.form_um;
   field.within_um.resize(0);
 }
 
-/// Returns the map in the part frame, so that the view does not depend on the clamping.
-/// @param pixel_mm  size of a pixel, about: finer waves would only flicker; 0: they are drawn
+/// Returns the picture of a map in the part frame, so that the view does not depend on the
+/// clamping.
+/// @param pixel_mm  approximate size of a pixel: waves finer than it are left out, since they would
+/// only cause aliasing; 0: they are drawn
 render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pixel_mm = 0.0) {
   render::MapPicture picture;
-  picture.field = field_of(job, verdict);
+  picture.field = map_field(job, verdict);
   picture.title = verdict.cut.name;
   picture.figures = figures(verdict.residual);
   if (shows_form_map(job, verdict)) {
-    draw_form(picture.field);
+    replace_by_form(picture.field);
     picture.figures = figures(*verdict.form_part);
     picture.caption.push_back(form_caption(job, verdict));
   } else if (is_coarse(verdict)) {
     picture.caption.push_back("waves finer than the vertices: what shows of them is by chance");
   } else if (is_finer_than_pixel(job, pixel_mm)) {
-    draw_form(picture.field);
+    replace_by_form(picture.field);
     picture.caption.push_back(
         fmt::format("form: waves beyond {:.3g} mm; texture, Sz {}, is finer than a pixel",
                     job.scene.part.form_cutoff, texture_height(verdict)));
@@ -134,7 +139,7 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.alignment = name_of(job.scene.alignment);
   picture.tolerance_um = verdict.tolerance / units::um;
   if (const auto& c = verdict.residual.conformance) picture.shares = shares(*c);
-  picture.verdict = shown_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
+  picture.verdict = typeset_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
   if (const program::Unreached& u = job.unreached; u.points > 0)
     picture.caption.push_back(
         fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
@@ -142,19 +147,20 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   return picture;
 }
 
-/// Returns the reduction of the machine's part of the map by a compensator.
-std::string reduction_text(const Compared& one, const std::vector<Compared>& cases) {
-  if (!one.uncompensated) return "";
-  const auto& before = cases[*one.uncompensated].verdict.machine;
-  const auto& after = one.verdict.machine;
+/// Returns the change of the machine's contribution to the map by a compensator; empty for a case
+/// without one.
+std::string reduction_text(const Compared& compared, const std::vector<Compared>& cases) {
+  if (!compared.uncompensated) return "";
+  const auto& before = cases[*compared.uncompensated].verdict.machine;
+  const auto& after = compared.verdict.machine;
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
   const double change = 100.0 * (*after->rms / *before->rms - 1.0);
-  // A minus sign instead of a hyphen, at which the line might break.
+  // A minus sign, because the line might be broken at a hyphen.
   return fmt::format("machine {} RMS, {}{:.1f} %", length_text(*after->rms),
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 
-/// Returns form and texture of a case, unless its caption states them already.
+/// Returns form and texture of a case; empty if its caption already states them.
 std::string form_texture_line(const Job& job, const Verdict& verdict) {
   if (shows_form_map(job, verdict) || !verdict.form_part || !verdict.form_part->pv ||
       !verdict.texture)
@@ -165,24 +171,25 @@ std::string form_texture_line(const Job& job, const Verdict& verdict) {
              : form + ", texture Sz " + texture_height(verdict);
 }
 
-/// Returns a time in s, or in hours if it is long.
+/// Returns a time in s, or in hours from 600 s on.
 std::string time_text(double time_s) {
   return std::abs(time_s) >= 600.0 ? fmt::format("{:.4g} h", time_s / 3600.0)
                                    : fmt::format("{:.4g} s", time_s);
 }
 
 /// Draws the temperatures of all nodes over history and program.
-void write_temperatures(const std::filesystem::path& file, const Job& job) {
+void write_temperature_picture(const std::filesystem::path& file, const Job& job) {
   const errors::ThermalRun& run = job.truth.heat->run;
-  const double from = run.knots.front().time_s, to = run.knots.back().time_s;
+  const double begin_s = run.knots.front().time_s, end_s = run.knots.back().time_s;
   constexpr int points = 600;
-  // Hours above 2 h, minutes above 5 min.
-  const double unit = to - from > 2 * 3600.0 ? 3600.0 : (to - from > 300.0 ? 60.0 : 1.0);
+  // The time axis is in hours above 2 h, in minutes above 5 min.
+  const double unit =
+      end_s - begin_s > 2 * 3600.0 ? 3600.0 : (end_s - begin_s > 300.0 ? 60.0 : 1.0);
   std::vector<render::ProfileSeries> series;
   for (const errors::ThermalNode& node : run.network.nodes)
     series.push_back({node.name, Eigen::VectorXd(points), Eigen::VectorXd(points)});
   for (int i = 0; i < points; ++i) {
-    const double time_s = from + (to - from) * i / (points - 1);
+    const double time_s = begin_s + (end_s - begin_s) * i / (points - 1);
     const Eigen::VectorXd T_C = errors::temperatures(run, time_s);
     for (std::size_t k = 0; k < series.size(); ++k) {
       series[k].x[i] = time_s / unit;
@@ -197,9 +204,9 @@ void write_temperatures(const std::filesystem::path& file, const Job& job) {
   render::write_profile(file, series, options);
 }
 
-/// Returns a time with the temperatures of all nodes on which an element depends.
-std::string instant_text(const Truth::Heat& heat, int joint, const errors::ElementName& name,
-                         double time_s) {
+/// Returns a time with the temperatures of the nodes on which an element depends.
+std::string time_temperature_text(const Truth::Heat& heat, int joint,
+                                  const errors::ElementName& name, double time_s) {
   std::set<int> nodes;
   const auto add = [&](const errors::ThermalFunction& function) {
     for (const auto& term : function.terms) {
@@ -214,54 +221,56 @@ std::string instant_text(const Truth::Heat& heat, int joint, const errors::Eleme
   }
   const Eigen::VectorXd T_C = errors::temperatures(heat.run, time_s);
   std::string text = time_text(time_s);
-  const char* before = ": ";
+  const char* separator = ": ";
   for (const int node : nodes) {
-    text += fmt::format("{}{} {:.1f}", before, heat.run.network.nodes[std::size_t(node)].name,
+    text += fmt::format("{}{} {:.1f}", separator, heat.run.network.nodes[std::size_t(node)].name,
                         T_C[node]);
-    before = ", ";
+    separator = ", ";
   }
   return nodes.empty() ? text : text + " °C";
 }
 
 /// Draws one element over its range or the travel of its axis, at several times.
-void write_element(const std::filesystem::path& file, const Job& job,
-                   const ThermalDescription::Plot& plot) {
+void write_element_picture(const std::filesystem::path& file, const Job& job,
+                           const ThermalDescription::Plot& plot) {
   const kinematics::Chain& chain = job.machine.nominal;
-  auto found = chain.find(plot.element.axis);
-  if (!found && plot.element.axis == 'S') found = chain.find('s');
-  const int j = found.value();
+  auto index = chain.find(plot.element.axis);
+  if (!index && plot.element.axis == 'S') index = chain.find('s');
+  const int j = index.value();
   const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
-  const bool slide = joint.motion == kinematics::Motion::Linear;
-  const double turn = 2 * pi;
-  // An unlimited axis is drawn over one turn, or over 2 m to either side.
-  const double widest = slide ? 2000.0 : turn;
-  const double from = plot.range ? plot.range->front() : std::max(joint.min, -widest);
-  const double to = plot.range ? plot.range->back() : std::min(joint.max, widest);
+  const bool is_slide = joint.motion == kinematics::Motion::Linear;
+  const double full_turn = 2 * pi;
+  // An unlimited axis is drawn over one turn, or over 2 m, to either side.
+  const double max_position = is_slide ? 2000.0 : full_turn;
+  const double from = plot.range ? plot.range->front() : std::max(joint.min, -max_position);
+  const double to = plot.range ? plot.range->back() : std::min(joint.max, max_position);
   constexpr int points = 400;
   std::vector<render::ProfileSeries> series;
   for (const double time_s : plot.time_s) {
-    render::ProfileSeries one{instant_text(*job.truth.heat, j, plot.element, time_s),
-                              Eigen::VectorXd(points), Eigen::VectorXd(points)};
+    render::ProfileSeries curve{time_temperature_text(*job.truth.heat, j, plot.element, time_s),
+                                Eigen::VectorXd(points), Eigen::VectorXd(points)};
     for (int i = 0; i < points; ++i) {
       kinematics::AxisState state;
       state.q = kinematics::AxisVector::Zero(chain.size());
       state.q[j] = from + (to - from) * i / (points - 1);
       state.time_s = time_s;
-      one.x[i] = slide ? state.q[j] : state.q[j] / units::deg;
+      curve.x[i] = is_slide ? state.q[j] : state.q[j] / units::deg;
       try {
-        const kinematics::JointDeviation d = deviations(job.truth, state).joints[std::size_t(j)];
-        one.y[i] = (plot.element.location ? d.location : d.motion)[plot.element.component()] /
-                   (plot.element.is_angle() ? units::urad : units::um);
+        const kinematics::JointDeviation deviation =
+            deviations(job.truth, state).joints[std::size_t(j)];
+        curve.y[i] = (plot.element.location ? deviation.location
+                                            : deviation.motion)[plot.element.component()] /
+                     (plot.element.is_angle() ? units::urad : units::um);
       } catch (const std::out_of_range&) {  // outside a table: the curve ends there
-        one.y[i] = std::numeric_limits<double>::quiet_NaN();
+        curve.y[i] = std::numeric_limits<double>::quiet_NaN();
       }
     }
-    series.push_back(std::move(one));
+    series.push_back(std::move(curve));
   }
   render::ProfileOptions options;
   const std::string name = errors::to_string(plot.element);
   options.title = job.scene.title + ": " + name;
-  options.x_label = fmt::format("{} / {}", plot.element.axis, slide ? "mm" : "°");
+  options.x_label = fmt::format("{} / {}", plot.element.axis, is_slide ? "mm" : "°");
   options.y_label = fmt::format("{} / {}", name, plot.element.is_angle() ? "µrad" : "µm");
   options.caption = {
       "actual minus nominal, all sources, as commanded; time 0 is the start of the "
@@ -269,17 +278,18 @@ void write_element(const std::filesystem::path& file, const Job& job,
   render::write_profile(file, series, options);
 }
 
-const std::string element_ending = "-temperatures.png";
+const std::string element_suffix = "-temperatures.png";
 
-/// Removes pictures of elements that an earlier run wrote and this one does not.
-void remove_older(const ResultFolder& folder, const std::set<std::string>& drawn) {
-  std::vector<std::string> older;
-  std::error_code none;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path(), none)) {
+/// Removes pictures of elements that an earlier run wrote and this run does not.
+/// @param current  names of the pictures of this run
+void remove_outdated_pictures(const ResultFolder& folder, const std::set<std::string>& current) {
+  std::vector<std::string> outdated;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path(), ignored)) {
     const std::string name = entry.path().filename().string();
-    if (name.ends_with(element_ending) && !drawn.contains(name)) older.push_back(name);
+    if (name.ends_with(element_suffix) && !current.contains(name)) outdated.push_back(name);
   }
-  for (const std::string& name : older) remove_file(folder / name);
+  for (const std::string& name : outdated) remove_file(folder / name);
 }
 
 }  // namespace
@@ -295,12 +305,12 @@ std::string font_warning(const std::string& text) {
 
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                          const Progress& progress) {
-  const auto shows = [&](const char* stage, double fraction) {
+  const auto report_progress = [&](const char* stage, double fraction) {
     if (progress) progress(stage, fraction);
   };
-  // The histogram is drawn first: while another thread compresses the files of the case, one core
-  // is left for it, and the map that follows uses all cores.
-  shows("draw", 0.0);
+  // The histogram is drawn first, because it needs only one core while another thread compresses
+  // the files of the case. The map needs all cores.
+  report_progress("draw", 0.0);
   write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
     render::HistogramOptions options;
     options.title = job.scene.title + ": " + verdict.cut.name;
@@ -319,19 +329,21 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
     areas << weights.vertex, weights.within;
     render::write_histogram(file, values, areas, options);
   });
-  shows("draw", 0.2);
+  report_progress("draw", 0.2);
   render::MapPicture picture = map_picture(job, verdict);
   picture.title = job.scene.title + ": " + verdict.cut.name;
-  render::MapOptions map;
-  map.range_um = job.scene.view.range_um;
-  map.from = job.scene.view.from;
-  map.up = job.scene.view.up;
-  write_file(folder / "residual.png",
-             [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
-  map.colours = render::MapColours::Tolerance;
+  render::MapOptions map_options;
+  map_options.range_um = job.scene.view.range_um;
+  map_options.from = job.scene.view.from;
+  map_options.up = job.scene.view.up;
+  write_file(folder / "residual.png", [&](const std::filesystem::path& file) {
+    render::write_map(file, picture, map_options);
+  });
+  map_options.colours = render::MapColours::Tolerance;
   if (picture.tolerance_um.rows() > 0)
-    write_file(folder / "tolerance.png",
-               [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+    write_file(folder / "tolerance.png", [&](const std::filesystem::path& file) {
+      render::write_map(file, picture, map_options);
+    });
   else
     remove_file(folder / "tolerance.png");
 }
@@ -347,8 +359,8 @@ std::string map_png(const Job& job, const Verdict& verdict, int width) {
                           render::PngPurpose::Size);
 }
 
-/// Writes the pictures of the stock, or removes older ones if none was tracked.
-void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+/// Writes the pictures of the stock, or removes those of an earlier run if no stock was tracked.
+void write_stock_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   const std::shared_ptr<const StockCheck> check =
       verdict.stock ? verdict.stock : stock_check(job, verdict);
   if (!check) {
@@ -367,34 +379,35 @@ void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verd
 }
 
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
-  write_stock(folder, job, verdict);
-  const bool heat = job.truth.heat && verdict.cut.case_name != "error_free";
-  if (heat)
+  write_stock_pictures(folder, job, verdict);
+  const bool has_heat = job.truth.has_heat && verdict.cut.case_name != "error_free";
+  if (has_heat)
     write_file(folder / "temperatures.png",
-               [&](const std::filesystem::path& file) { write_temperatures(file, job); });
+               [&](const std::filesystem::path& file) { write_temperature_picture(file, job); });
   else
     remove_file(folder / "temperatures.png");
-  std::set<std::string> drawn;
-  if (heat)
+  std::set<std::string> names;
+  if (has_heat)
     for (const ThermalDescription::Plot& plot : job.scene.thermal->plots) {
-      const std::string name = errors::to_string(plot.element) + element_ending;
-      drawn.insert(name);
-      write_file(folder / name,
-                 [&](const std::filesystem::path& file) { write_element(file, job, plot); });
+      const std::string name = errors::to_string(plot.element) + element_suffix;
+      names.insert(name);
+      write_file(folder / name, [&](const std::filesystem::path& file) {
+        write_element_picture(file, job, plot);
+      });
     }
-  remove_older(folder, drawn);
+  remove_outdated_pictures(folder, names);
 }
 
 void write_comparison_picture(const ResultFile& file, const Scene& scene,
                               const std::vector<Compared>& cases, const Progress& progress) {
   if (progress) progress("compare", 0.0);
   std::vector<render::MapPicture> pictures;
-  for (const Compared& one : cases) {
-    pictures.push_back(map_picture(*one.job, one.verdict, panel_pixel_mm(*one.job)));
-    const std::string text = reduction_text(one, cases);
-    if (!text.empty()) pictures.back().caption.push_back(text);
-    const std::string parted = form_texture_line(*one.job, one.verdict);
-    if (!parted.empty()) pictures.back().caption.push_back(parted);
+  for (const Compared& compared : cases) {
+    const Job& job = *compared.job;
+    pictures.push_back(map_picture(job, compared.verdict, panel_pixel_mm(job)));
+    for (const std::string& line :
+         {reduction_text(compared, cases), form_texture_line(job, compared.verdict)})
+      if (!line.empty()) pictures.back().caption.push_back(line);
   }
   render::ComparisonOptions options;
   options.title = scene.title;
@@ -417,17 +430,17 @@ void write_check_picture(const ResultFile& file, const Job& job) {
 
 void write_collision_pictures(const ResultFolder& folder, const Job& job,
                               const Collisions& collisions) {
-  const ResultFile moment = folder / "collision.png", curve = folder / "clearance.png";
-  const Collision* worst = first_of(collisions);
-  if (worst == nullptr)
-    remove_file(moment);
+  const ResultFile event_file = folder / "collision.png", chart_file = folder / "clearance.png";
+  const Collision* event = first_event(collisions);
+  if (event == nullptr)
+    remove_file(event_file);
   else
-    write_file(moment, [&](const std::filesystem::path& temporary) {
-      render::write_machine(temporary, collision_picture(job, collisions, *worst));
+    write_file(event_file, [&](const std::filesystem::path& temporary) {
+      render::write_machine(temporary, collision_picture(job, collisions, *event));
     });
   const render::Panel panel = clearance_panel(collisions);
-  if (panel.series.empty()) return remove_file(curve);
-  write_file(curve, [&](const std::filesystem::path& temporary) {
+  if (panel.series.empty()) return remove_file(chart_file);
+  write_file(chart_file, [&](const std::filesystem::path& temporary) {
     render::CurvesOptions options;
     options.title =
         job.scene.title + ": clearance of every block, at least, " + collisions.commands;
@@ -436,9 +449,9 @@ void write_collision_pictures(const ResultFolder& folder, const Job& job,
   });
 }
 
-void write_program_picture(const ResultFile& file, const ProgramInspection& alone) {
+void write_program_picture(const ResultFile& file, const ProgramInspection& inspection) {
   write_file(file, [&](const std::filesystem::path& temporary) {
-    render::write_machine(temporary, machine_picture(alone));
+    render::write_machine(temporary, machine_picture(inspection));
   });
 }
 

@@ -28,13 +28,15 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json rows(const kinematics::Pose& T) {
-  ordered_json all = ordered_json::array();
+/// Returns the rows of a homogeneous matrix.
+ordered_json pose_rows(const kinematics::Pose& T) {
+  ordered_json rows = ordered_json::array();
   for (int i = 0; i < 4; ++i)
-    all.push_back({T.matrix()(i, 0), T.matrix()(i, 1), T.matrix()(i, 2), T.matrix()(i, 3)});
-  return all;
+    rows.push_back({T.matrix()(i, 0), T.matrix()(i, 1), T.matrix()(i, 2), T.matrix()(i, 3)});
+  return rows;
 }
 
+/// Returns the rows of a homogeneous matrix below its name.
 std::string rows_text(const char* name, const kinematics::Pose& T) {
   std::string text = fmt::format("{}\n", name);
   for (int i = 0; i < 4; ++i)
@@ -44,37 +46,41 @@ std::string rows_text(const char* name, const kinematics::Pose& T) {
 }
 
 /// Returns T_nominal^-1 T_actual.
-kinematics::Pose error_of(const TipPose& pose) {
+kinematics::Pose pose_error(const TipPose& pose) {
   return kinematics::error_transform(pose.nominal, pose.actual);
 }
 
 }  // namespace
 
-ordered_json to_json(const PoseResult& at) {
+ordered_json to_json(const PoseResult& result) {
   ordered_json columns = ordered_json::object();
-  for (std::size_t i = 0; i < at.heads.size(); ++i) columns[at.heads[i]] = at.numbers[i];
-  return {{"T_wt_nominal", rows(at.pose.nominal)},
-          {"T_wt_actual", rows(at.pose.actual)},
-          {"deviation_mm", numbers(at.pose.deviation())},
-          {"direction_rad", numbers(at.pose.direction())},
-          {"E", rows(error_of(at.pose))},
+  for (std::size_t i = 0; i < result.heads.size(); ++i)
+    columns[result.heads[i]] = result.numbers[i];
+  return {{"T_wt_nominal", pose_rows(result.pose.nominal)},
+          {"T_wt_actual", pose_rows(result.pose.actual)},
+          {"deviation_mm", numbers(result.pose.deviation())},
+          {"direction_rad", numbers(result.pose.direction())},
+          {"E", pose_rows(pose_error(result.pose))},
           {"columns", columns},
-          {"warnings", at.warnings}};
+          {"warnings", result.warnings}};
 }
 
-std::string to_text(const PoseResult& at) {
-  const Eigen::Vector3d d = at.pose.deviation() / units::um, u = at.pose.direction() / units::urad;
-  std::string text = rows_text("T_wt_nominal", at.pose.nominal) +
-                     rows_text("T_wt_actual", at.pose.actual) + rows_text("E", error_of(at.pose));
+std::string to_text(const PoseResult& result) {
+  const Eigen::Vector3d d = result.pose.deviation() / units::um,
+                        u = result.pose.direction() / units::urad;
+  std::string text = rows_text("T_wt_nominal", result.pose.nominal) +
+                     rows_text("T_wt_actual", result.pose.actual) +
+                     rows_text("E", pose_error(result.pose));
   text += fmt::format("deviation of the tip    {:10.4f} {:10.4f} {:10.4f} um, workpiece frame\n",
                       d.x(), d.y(), d.z());
   text +=
       fmt::format("deviation of direction  {:10.4f} {:10.4f} {:10.4f} urad\n", u.x(), u.y(), u.z());
-  for (std::size_t k = 0; k < at.requested_columns.size(); ++k) {
-    const std::string name = escaped(at.requested_columns[k].name);
-    text += fmt::format("{:<22}",
-                        at.requested_columns[k].derivative ? "d/d" + name : name + ", um, urad");
-    for (std::size_t i = 6 * k; i < 6 * k + 6; ++i) text += fmt::format(" {:12.6g}", at.numbers[i]);
+  for (std::size_t k = 0; k < result.requested_columns.size(); ++k) {
+    const std::string name = escaped(result.requested_columns[k].name);
+    text += fmt::format(
+        "{:<22}", result.requested_columns[k].derivative ? "d/d" + name : name + ", um, urad");
+    for (std::size_t i = 6 * k; i < 6 * k + 6; ++i)
+      text += fmt::format(" {:12.6g}", result.numbers[i]);
     text += "\n";
   }
   return text;
@@ -84,14 +90,14 @@ namespace {
 
 constexpr std::string_view json_start = "{\n  \"abbe_poses\": 1,";
 
-/// Returns the `"key": value,` lines of an object, for insertion into another object.
-std::string members(const ordered_json& object) {
+/// Returns the members of an object as lines of JSON text, for insertion into another object.
+std::string member_lines(const ordered_json& object) {
   const std::string text = json_text(object);
-  return text.substr(2, text.size() - 5);  // without the braces and their line ends
+  return text.substr(2, text.size() - 5);  // without the braces and their line breaks
 }
 
-/// Writes a table row by row, because a grid may have millions of poses. JSON is therefore written
-/// in parts: head, rows, summary.
+/// Writes a table row by row, because a grid may have millions of poses. JSON is therefore not
+/// written as one object, but as beginning, rows and summary.
 PoseStatistics write_table_rows(std::FILE* stream, const std::string& name, const PoseTable& table,
                                 const PoseList& poses, TableFormat format,
                                 const std::vector<std::string>& warnings, ProgressLine* progress) {
@@ -102,17 +108,17 @@ PoseStatistics write_table_rows(std::FILE* stream, const std::string& name, cons
   if (format == TableFormat::Csv) return write_poses(table, poses, format, sink, progress);
   const IdleMachine& idle = table.idle();
   sink(std::string(json_start) + "\n" +
-       members({{"scene", idle.scene.file.string()},
-                {"machine", idle.scene.machine.name},
-                {"convention", pose_convention}}) +
+       member_lines({{"scene", idle.scene.file.string()},
+                     {"machine", idle.scene.machine.name},
+                     {"convention", pose_convention}}) +
        ",\n  \"poses\": [\n");
   const PoseStatistics statistics = write_poses(table, poses, format, sink, progress);
-  sink("\n  ],\n" + members({{"summary", to_json(statistics, poses)}, {"warnings", warnings}}) +
-       "\n}\n");
+  sink("\n  ],\n" +
+       member_lines({{"summary", to_json(statistics, poses)}, {"warnings", warnings}}) + "\n}\n");
   return statistics;
 }
 
-struct Close {
+struct StreamCloser {
   void operator()(std::FILE* stream) const { std::fclose(stream); }
 };
 
@@ -123,21 +129,21 @@ PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
                                const std::vector<std::string>& warnings, ProgressLine* progress) {
   const std::string name = file.path().string();
   PoseStatistics statistics;
-  std::exception_ptr refused;  // a failure of the poses, not of the file
+  std::exception_ptr pose_failure;  // an exception that does not concern the file
   const auto write = [&](const std::filesystem::path& temporary) {
     const auto fail = [&] {
       throw OutputFailure(name + ": cannot be written: " + std::strerror(errno));
     };
-    std::unique_ptr<std::FILE, Close> stream(std::fopen(temporary.c_str(), "wb"));
+    std::unique_ptr<std::FILE, StreamCloser> stream(std::fopen(temporary.c_str(), "wb"));
     if (!stream) fail();
     try {
       statistics = write_table_rows(stream.get(), name, table, poses, format, warnings, progress);
     } catch (const OutputFailure&) {
       throw;
     } catch (...) {
-      // write_file removes the temporary file for an OutputFailure; the real reason is thrown
-      // below.
-      refused = std::current_exception();
+      // write_file removes the temporary file after an OutputFailure; the original exception is
+      // thrown below.
+      pose_failure = std::current_exception();
       throw OutputFailure("refused");
     }
     if (std::fclose(stream.release()) != 0) fail();
@@ -145,7 +151,7 @@ PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
   try {
     write_file(file, write);
   } catch (const OutputFailure&) {
-    if (refused) std::rethrow_exception(refused);
+    if (pose_failure) std::rethrow_exception(pose_failure);
     throw;
   }
   return statistics;
@@ -161,17 +167,18 @@ PoseStatistics print_poses(const PoseTable& table, const PoseList& poses, TableF
 }
 
 ordered_json to_json(const PoseStatistics& s, const PoseList& poses) {
-  const auto place = [&](std::size_t pose) {
+  const auto pose_json = [&](std::size_t pose) {
     ordered_json json{{"pose", pose + 1}};
     const std::size_t width = poses.columns.size();
     for (std::size_t c = 0; c < width; ++c)
       json[poses.columns[c].head] = poses.numbers[pose * width + c];
     return json;
   };
-  return {{"poses", s.poses},
-          {"deviation_um", {{"max", s.max_um}, {"p95", s.p95_um}, {"rms", s.rms_um}}},
-          {"worst", place(s.worst)},
-          {"direction_urad", {{"max", s.direction_max_urad}, {"worst", place(s.direction_worst)}}}};
+  return {
+      {"poses", s.poses},
+      {"deviation_um", {{"max", s.max_um}, {"p95", s.p95_um}, {"rms", s.rms_um}}},
+      {"worst", pose_json(s.worst)},
+      {"direction_urad", {{"max", s.direction_max_urad}, {"worst", pose_json(s.direction_worst)}}}};
 }
 
 std::string to_text(const PoseStatistics& s, const PoseList& poses) {
@@ -196,12 +203,13 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// Returns a row of a table of points or vectors, in a unit.
 Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
   return points.row(Eigen::Index(i)).transpose() / unit;
 }
 
-/// Returns a pose of the grid with its axes and errors.
-ordered_json place(const VolumetricMap& map, std::size_t pose) {
+/// Returns a pose of the grid with its axis positions and errors.
+ordered_json grid_pose_json(const VolumetricMap& map, std::size_t pose) {
   const PoseList& poses = map.grid.poses;
   ordered_json json{{"pose", pose + 1}};
   for (std::size_t c = 0; c < poses.columns.size(); ++c)
@@ -213,7 +221,7 @@ ordered_json place(const VolumetricMap& map, std::size_t pose) {
 }
 
 /// Returns true if the grid varies an axis.
-bool runs(const PoseGrid& grid, int joint) {
+bool is_varied(const PoseGrid& grid, int joint) {
   for (const PoseGrid::Run& run : grid.runs)
     if (run.joint == joint) return true;
   return false;
@@ -234,7 +242,7 @@ std::string grid_text(const IdleMachine& idle, const PoseGrid& grid) {
 std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
   std::string text;
   for (std::size_t c = 0; c < grid.poses.columns.size(); ++c) {
-    if (runs(grid, grid.poses.columns[c].joint)) continue;
+    if (is_varied(grid, grid.poses.columns[c].joint)) continue;
     const auto& joint = idle.machine.nominal.joints()[std::size_t(grid.poses.columns[c].joint)];
     text += fmt::format("{}{} = {:.6g} {}", text.empty() ? "" : ", ", joint.name,
                         grid.poses.numbers[c], position_unit_label(joint));
@@ -245,99 +253,101 @@ std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
 #if ABBE_RENDER
 
 /// Data of a volumetric picture.
-struct Shown {
+struct VolumetricData {
   const VolumetricMap& map;
   const VolumetricSummary& summary;
   const std::vector<std::string>& warnings;
 };
 
-/// Returns the name of the machine, or of the scene if it has none.
-std::string name_of(const IdleMachine& idle) {
+/// Returns the name of the machine, or that of the scene if the machine has none.
+std::string machine_title(const IdleMachine& idle) {
   const std::string& name = idle.scene.machine.name;
   return name.empty() ? idle.scene.file.stem().string() : name;
 }
 
-/// Returns the text with true minus signs.
-std::string typeset(std::string text) {
-  for (std::size_t at = 0; (at = text.find('-', at)) != std::string::npos;)
-    text.replace(at, 1, "\u2212");
+/// Returns the text with hyphens replaced by minus signs.
+std::string with_minus_signs(std::string text) {
+  for (std::size_t hyphen = 0; (hyphen = text.find('-', hyphen)) != std::string::npos;)
+    text.replace(hyphen, 1, "\u2212");
   return text;
 }
 
-std::string three(const Vector3d& v) {
+std::string xyz_text(const Vector3d& v) {
   return fmt::format("{}, {}, {}", render::figure(v.x()), render::figure(v.y()),
                      render::figure(v.z()));
 }
 
-/// Returns the line of figures for a picture.
-std::string figures_line(const Shown& shown) {
-  const PoseStatistics& s = shown.summary.all;
-  const Vector3d at = row(shown.map.nominal, s.worst, 1.0);
+/// Returns the line with the figures of a map, for a picture.
+std::string figures_line(const VolumetricData& volumetric) {
+  const PoseStatistics& s = volumetric.summary.all;
+  const Vector3d tip = row(volumetric.map.nominal, s.worst, 1.0);
   // Adding 0.0 turns -0 into 0.
-  return typeset(fmt::format("max {} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {}, RMS {}",
-                             render::figure(s.max_um), at.x() + 0.0, at.y() + 0.0, at.z() + 0.0,
-                             render::figure(s.p95_um), render::figure(s.rms_um)));
+  return with_minus_signs(
+      fmt::format("max {} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {}, RMS {}",
+                  render::figure(s.max_um), tip.x() + 0.0, tip.y() + 0.0, tip.z() + 0.0,
+                  render::figure(s.p95_um), render::figure(s.rms_um)));
 }
 
 /// Returns the caption: convention, grid, volumetric error, warnings.
-std::vector<std::string> caption(const IdleMachine& idle, const Shown& shown) {
-  std::string where = grid_text(idle, shown.map.grid);
-  if (const std::string standing = standing_text(idle, shown.map.grid); !standing.empty())
-    where += "; " + standing;
-  const VolumetricSummary& s = shown.summary;
+std::vector<std::string> caption(const IdleMachine& idle, const VolumetricData& volumetric) {
+  std::string positions = grid_text(idle, volumetric.map.grid);
+  if (const std::string standing = standing_text(idle, volumetric.map.grid); !standing.empty())
+    positions += "; " + standing;
+  const VolumetricSummary& s = volumetric.summary;
   std::vector<std::string> lines{
       "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
-      typeset(where),
+      with_minus_signs(positions),
       fmt::format("range in X, Y, Z {} µm; about them {} µrad; two points differ by at most {} µm",
-                  three(s.range_um), three(s.range_urad), render::figure(s.worst_pair_um))};
-  for (const std::string& warning : shown.warnings) lines.push_back("warning: " + warning);
+                  xyz_text(s.range_um), xyz_text(s.range_urad), render::figure(s.worst_pair_um))};
+  for (const std::string& warning : volumetric.warnings) lines.push_back("warning: " + warning);
   return lines;
 }
 
 /// Draws a grid of one axis as curves over its position.
 void write_single_run_curves(const std::filesystem::path& file, const IdleMachine& idle,
-                             const Shown& shown) {
-  const VolumetricMap& map = shown.map;
+                             const VolumetricData& volumetric) {
+  const VolumetricMap& map = volumetric.map;
   const PoseGrid::Run& run = map.grid.runs.front();
   const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
-  render::Panel of_tip, of_axis;
-  of_tip.title = "tip";
-  of_tip.y_label = "deviation / µm";
-  of_axis.title = "tool axis";
-  of_axis.y_label = "direction / µrad";
+  render::Panel tip_panel, axis_panel;
+  tip_panel.title = "tip";
+  tip_panel.y_label = "deviation / µm";
+  axis_panel.title = "tool axis";
+  axis_panel.y_label = "direction / µrad";
   for (int i = 0; i < 3; ++i) {
     render::Series line;
     line.name = std::string("in ") + "XYZ"[i];
     line.x = Eigen::VectorXd::LinSpaced(run.count, run.from, run.to);
     line.y = map.deviation.col(i) / units::um;
-    of_tip.series.push_back(line);
+    tip_panel.series.push_back(line);
     line.y = map.direction.col(i) / units::urad;
-    of_axis.series.push_back(line);
+    axis_panel.series.push_back(line);
   }
-  for (render::Panel* panel : {&of_tip, &of_axis})
+  for (render::Panel* panel : {&tip_panel, &axis_panel})
     panel->x_label = fmt::format("{} / {}", joint.name, position_unit_label(joint));
   render::CurvesOptions options;
   options.title = fmt::format("deviations along {} of {}", joint.name, name_of(idle));
   options.panel_height = 480;
-  options.caption = caption(idle, shown);
-  options.caption.insert(options.caption.begin(), figures_line(shown));
-  render::write_curves(file, {of_tip, of_axis}, options);
+  options.caption = caption(idle, volumetric);
+  options.caption.insert(options.caption.begin(), figures_line(volumetric));
+  render::write_curves(file, {tip_panel, axis_panel}, options);
 }
 
-/// Draws the grid in space; a single axis is drawn as curves.
-void write_picture(const std::filesystem::path& file, const IdleMachine& idle, const Shown& shown) {
-  if (shown.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, shown);
+/// Draws the grid in space, or as curves if it has a single axis.
+void write_volumetric_picture(const std::filesystem::path& file, const IdleMachine& idle,
+                              const VolumetricData& volumetric) {
+  if (volumetric.map.grid.runs.size() < 2) return write_single_run_curves(file, idle, volumetric);
   render::VolumePicture picture;
   picture.title = "volumetric error of " + name_of(idle);
-  picture.figures = figures_line(shown);
-  picture.points = shown.map.nominal;
-  picture.displacement_um = shown.map.deviation / units::um;
-  picture.size = shown.map.grid.size;
-  picture.caption = caption(idle, shown);
+  picture.figures = figures_line(volumetric);
+  picture.points = volumetric.map.nominal;
+  picture.displacement_um = volumetric.map.deviation / units::um;
+  picture.size = volumetric.map.grid.size;
+  picture.caption = caption(idle, volumetric);
   render::write_volume_map(file, picture);
 }
 
-/// Writes the grid with the positions of the axes, which are the coordinates of an error table.
+/// Writes the grid with the axis positions, which are the coordinates of an error table.
 void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
   std::vector<render::GridArray> arrays{
       {"deviation_um", map.deviation / units::um},
@@ -347,35 +357,35 @@ void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
   const PoseList& poses = map.grid.poses;
   const auto width = Eigen::Index(poses.columns.size());
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::Map<const Rows> all(poses.numbers.data(), map.nominal.rows(), width);
+  const Eigen::Map<const Rows> positions(poses.numbers.data(), map.nominal.rows(), width);
   for (Eigen::Index c = 0; c < width; ++c)
-    arrays.push_back({poses.columns[std::size_t(c)].head, all.col(c)});
+    arrays.push_back({poses.columns[std::size_t(c)].head, positions.col(c)});
   render::write_structured_grid(file, map.nominal, map.grid.size, arrays);
 }
 
-/// Returns the outer faces of a grid as triangles with outward orientation; a grid with one layer
-/// has one face for both sides.
-cutting::Triangles faces_of(const std::array<int, 3>& size) {
+/// Returns the outer faces of a grid as triangles with outward orientation. A grid of a single
+/// layer has one face for both sides.
+cutting::Triangles outer_faces(const std::array<int, 3>& size) {
   const std::array<int, 3> stride{1, size[0], size[0] * size[1]};
-  std::vector<std::array<int, 3>> all;
+  std::vector<std::array<int, 3>> corners;
   for (std::size_t d = 0; d < 3; ++d) {
     const std::size_t a = (d + 1) % 3, b = (d + 2) % 3;
     for (int end = 0; end < std::min(2, size[d]); ++end) {
       const int base = end == 0 ? 0 : (size[d] - 1) * stride[d];
-      // Exchanged directions at the two ends make both faces point outwards.
+      // The directions are exchanged at one end, so that both faces point outwards.
       const int i_step = end == 0 ? stride[b] : stride[a], i_size = end == 0 ? size[b] : size[a];
       const int j_step = end == 0 ? stride[a] : stride[b], j_size = end == 0 ? size[a] : size[b];
       for (int i = 0; i + 1 < i_size; ++i)
         for (int j = 0; j + 1 < j_size; ++j) {
           const int p = base + i * i_step + j * j_step;
-          all.push_back({p, p + i_step, p + i_step + j_step});
-          all.push_back({p, p + i_step + j_step, p + j_step});
+          corners.push_back({p, p + i_step, p + i_step + j_step});
+          corners.push_back({p, p + i_step + j_step, p + j_step});
         }
     }
   }
-  cutting::Triangles faces(Eigen::Index(all.size()), 3);
-  for (std::size_t i = 0; i < all.size(); ++i)
-    faces.row(Eigen::Index(i)) << all[i][0], all[i][1], all[i][2];
+  cutting::Triangles faces(Eigen::Index(corners.size()), 3);
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    faces.row(Eigen::Index(i)) << corners[i][0], corners[i][1], corners[i][2];
   return faces;
 }
 
@@ -390,7 +400,7 @@ void write_faces(const std::filesystem::path& file, const VolumetricMap& map) {
   }
   cutting::Design faces;
   faces.vertices = map.nominal;
-  faces.triangles = faces_of(map.grid.size);
+  faces.triangles = outer_faces(map.grid.size);
   render::write_point_data(file, faces, names, values);
 }
 
@@ -410,28 +420,31 @@ ordered_json to_json(const IdleMachine& idle, const VolumetricMap& map,
                     {"count", run.count}});
   }
   for (std::size_t c = 0; c < map.grid.poses.columns.size(); ++c)
-    if (const auto& column = map.grid.poses.columns[c]; !runs(map.grid, column.joint))
+    if (const auto& column = map.grid.poses.columns[c]; !is_varied(map.grid, column.joint))
       standing[column.head] = map.grid.poses.numbers[c];
   const auto [a, b] = s.worst_pair;
-  return {{"machine", idle.scene.machine.name},
-          {"convention", pose_convention},
-          {"grid", grid},
-          {"standing", standing},
-          {"poses", s.all.poses},
-          {"deviation_um",
-           {{"max", s.all.max_um},
-            {"p95", s.all.p95_um},
-            {"rms", s.all.rms_um},
-            {"mean", numbers(s.mean_um)}}},
-          {"worst", place(map, s.all.worst)},
-          {"direction_urad",
-           {{"max", s.all.direction_max_urad}, {"worst", place(map, s.all.direction_worst)}}},
-          {"volumetric_error",
-           {{"by", "ISO 230-1: range of the deviations in X, Y, Z and of the rotations about them"},
-            {"range_um", numbers(s.range_um)},
-            {"range_urad", numbers(s.range_urad)}}},
-          {"worst_pair",
-           {{"difference_um", s.worst_pair_um}, {"a", place(map, a)}, {"b", place(map, b)}}}};
+  return {
+      {"machine", idle.scene.machine.name},
+      {"convention", pose_convention},
+      {"grid", grid},
+      {"standing", standing},
+      {"poses", s.all.poses},
+      {"deviation_um",
+       {{"max", s.all.max_um},
+        {"p95", s.all.p95_um},
+        {"rms", s.all.rms_um},
+        {"mean", numbers(s.mean_um)}}},
+      {"worst", grid_pose_json(map, s.all.worst)},
+      {"direction_urad",
+       {{"max", s.all.direction_max_urad}, {"worst", grid_pose_json(map, s.all.direction_worst)}}},
+      {"volumetric_error",
+       {{"by", "ISO 230-1: range of the deviations in X, Y, Z and of the rotations about them"},
+        {"range_um", numbers(s.range_um)},
+        {"range_urad", numbers(s.range_urad)}}},
+      {"worst_pair",
+       {{"difference_um", s.worst_pair_um},
+        {"a", grid_pose_json(map, a)},
+        {"b", grid_pose_json(map, b)}}}};
 }
 
 std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const VolumetricSummary& s) {
@@ -468,7 +481,7 @@ void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
   write_file(folder / "volumetric.vts", [&](const auto& file) { write_grid(file, map); });
   write_file(folder / "volumetric.vtp", [&](const auto& file) { write_faces(file, map); });
   write_file(folder / "volumetric.png", [&](const auto& file) {
-    write_picture(file, table.idle(), {map, s, warnings});
+    write_volumetric_picture(file, table.idle(), {map, s, warnings});
   });
 #endif
 }

@@ -16,24 +16,25 @@ namespace abbe::sim {
 
 std::optional<FilmInterval> interval_of_lines(const program::Path& path,
                                               const std::optional<LineRange>& lines) {
-  std::optional<FilmInterval> stretch;
+  std::optional<FilmInterval> interval;
   for (const program::Block& block : path.blocks) {
     if (lines && (block.file != 0 || block.line < lines->first || block.line > lines->last))
       continue;
-    if (!stretch) stretch = FilmInterval{block.start_s, block.end_s};
-    stretch->end_s = std::max(stretch->end_s, block.end_s);
+    if (!interval) interval = FilmInterval{block.start_s, block.end_s};
+    interval->end_s = std::max(interval->end_s, block.end_s);
   }
-  return stretch;
+  return interval;
 }
 
-FilmPlan film_plan(const FilmInterval& stretch, double seconds, double fps) {
-  FilmPlan plan{stretch, {}, fps};
-  const auto n = std::max(1L, std::lround(seconds * fps));
-  for (long k = 0; k < n; ++k) {
+FilmPlan film_plan(const FilmInterval& interval, double seconds, double fps) {
+  FilmPlan plan{interval, {}, fps};
+  const auto count = std::max(1L, std::lround(seconds * fps));
+  for (long k = 0; k < count; ++k) {
     // The last frame is exactly the end, without rounding.
-    const double u = n > 1 ? double(k) / double(n - 1) : 1.0;
-    plan.time_s.push_back(k + 1 == n ? stretch.end_s
-                                     : stretch.begin_s + u * (stretch.end_s - stretch.begin_s));
+    const double u = count > 1 ? double(k) / double(count - 1) : 1.0;
+    plan.time_s.push_back(k + 1 == count
+                              ? interval.end_s
+                              : interval.begin_s + u * (interval.end_s - interval.begin_s));
   }
   return plan;
 }
@@ -43,12 +44,12 @@ double speed_factor(const FilmPlan& plan) {
 }
 
 std::string speed_text(const FilmPlan& plan) {
-  const double times = speed_factor(plan);
+  const double factor = speed_factor(plan);
   const auto number = [](double x) { return fmt::format("{:.{}f}", x, x < 10.0 ? 1 : 0); };
-  if (!(times > 0.0)) return "a moment of the program";
-  // Within 5 % of real time no factor is printed.
-  if (times >= 1.05) return number(times) + " × faster than real time";
-  if (times <= 1.0 / 1.05) return number(1.0 / times) + " × slower than real time";
+  if (!(factor > 0.0)) return "a moment of the program";
+  // Within 5 % of real time the factor would only distract.
+  if (factor >= 1.05) return number(factor) + " × faster than real time";
+  if (factor <= 1.0 / 1.05) return number(1.0 / factor) + " × slower than real time";
   return "in real time";
 }
 
@@ -56,7 +57,7 @@ namespace {
 
 constexpr std::size_t max_line_bytes = 200;  // bytes
 
-/// Returns lines of text, shortened to what fits into a caption.
+/// Reads lines, shortened to the length of a caption.
 std::vector<std::string> text_lines(std::istream& in) {
   std::vector<std::string> lines;
   for (std::string line; std::getline(in, line);) {
@@ -67,13 +68,14 @@ std::vector<std::string> text_lines(std::istream& in) {
   return lines;
 }
 
-/// Returns the lines of a program file; empty if it cannot be read, since the film only quotes
-/// them.
+/// Returns the lines of a program file. Empty if the file cannot be read, because the film only
+/// quotes them.
 std::vector<std::string> read_program_lines(const std::filesystem::path& file) {
-  constexpr std::uintmax_t largest = std::uintmax_t(256) << 20;  // more is not worth its memory
+  // Quotes are not worth more memory.
+  constexpr std::uintmax_t max_bytes = std::uintmax_t(256) << 20;
   std::error_code failure;
   const std::uintmax_t size = std::filesystem::file_size(file, failure);
-  if (failure || size > largest) return {};
+  if (failure || size > max_bytes) return {};
   std::ifstream in(file);
   return text_lines(in);
 }
@@ -91,11 +93,11 @@ ProgramText::ProgramText(const Job& job, const Commands& commands) {
   } else {
     files_.emplace_back();
   }
-  for (const std::string& more : path_of(job, commands).more_files)
-    files_.push_back(read_program_lines(more));
+  for (const std::string& subprogram : path_of(job, commands).more_files)
+    files_.push_back(read_program_lines(subprogram));
 }
 
-std::string ProgramText::of(const program::Block& block) const {
+std::string ProgramText::line(const program::Block& block) const {
   if (block.file >= files_.size() || block.line < 1) return {};
   const std::vector<std::string>& lines = files_[block.file];
   const auto row = std::size_t(block.line) - 1;
@@ -132,34 +134,34 @@ constexpr render::Colour slide_colour{0.78, 0.82, 0.88}, turn_colour{0.93, 0.84,
     fresh_colour{0.50, 0.66, 0.82}, crash_colour{0.82, 0.16, 0.12}, nominal_path{0.20, 0.35, 0.65},
     actual_path{0.80, 0.25, 0.20};
 
-enum Look : std::uint8_t { raw_style, fresh_style, crash_style };
+enum StockStyle : std::uint8_t { raw_style, fresh_style, crash_style };
 
-/// Returns the program that a part of the job runs in this case.
-const program::Path& part_path(const FilmSource& cut, std::size_t part) {
-  return path_of(parts_of(cut.job)[part], of_part(cut.commands, part));
+/// Returns the program that a segment of the job executes in this case.
+const program::Path& segment_path(const FilmSource& source, std::size_t segment) {
+  return path_of(parts_of(source.job)[segment], of_part(source.commands, segment));
 }
 
-/// Returns the target poses of a part of the job.
-const std::vector<Pose>& nominal_poses(const FilmSource& cut, std::size_t part) {
-  return target_poses(parts_of(cut.job)[part], of_part(cut.commands, part));
+/// Returns the target poses of a segment of the job.
+const std::vector<Pose>& nominal_poses(const FilmSource& source, std::size_t segment) {
+  return target_poses(parts_of(source.job)[segment], of_part(source.commands, segment));
 }
 
-/// Returns the pose of the tool with the workpiece spindle turned back.
-Pose at_rest(const Job& part, const AxisVector& q, const Pose& T_wt) {
-  if (!part.machine.workpiece_spindle) return T_wt;
-  const int spindle = *part.machine.workpiece_spindle;
-  return slow_pose(spindle_line(part.truth.actual, spindle), q[spindle], T_wt);
+/// Returns the pose of the tool relative to a workpiece spindle that does not rotate.
+Pose pose_at_rest(const Job& segment, const AxisVector& q, const Pose& T_wt) {
+  if (!segment.machine.workpiece_spindle) return T_wt;
+  const int spindle = *segment.machine.workpiece_spindle;
+  return slow_pose(spindle_line(segment.truth.actual, spindle), q[spindle], T_wt);
 }
 
-/// Returns the last sample at or before an instant; the first sample if there is none.
-std::size_t sample_until(const program::Samples& samples, double time_s) {
-  const auto after =
+/// Returns the index of the last sample at or before a time; 0 if there is none.
+std::size_t sample_index_at(const program::Samples& samples, double time_s) {
+  const auto next =
       std::ranges::upper_bound(samples.states, time_s, {}, &kinematics::AxisState::time_s);
-  return std::size_t(std::max<std::ptrdiff_t>(after - samples.states.begin(), 1) - 1);
+  return std::size_t(std::max<std::ptrdiff_t>(next - samples.states.begin(), 1) - 1);
 }
 
-/// Returns a body with colour and opacity; `close` bodies also appear in the view of the part.
-render::FilmBody looking(const render::Colour& colour, double opacity, bool close) {
+/// Returns the style of a body; `close` bodies also appear in the view of the part.
+render::FilmBody film_body(const render::Colour& colour, double opacity, bool close) {
   render::FilmBody body;
   body.colour = colour;
   body.opacity = opacity;
@@ -167,7 +169,8 @@ render::FilmBody looking(const render::Colour& colour, double opacity, bool clos
   return body;
 }
 
-/// Returns a simple shape as a mesh; chords of cylinders deviate by 0.1 % of their radius.
+/// Returns a block or a cylinder as a mesh. The chords of a cylinder deviate by 0.1 % of its
+/// radius.
 cutting::ClosedMesh shape_mesh(const render::Body& body) {
   if (const auto* block = std::get_if<render::BlockShape>(&body.shape))
     return cutting::box_mesh(block->size);
@@ -177,18 +180,18 @@ cutting::ClosedMesh shape_mesh(const render::Body& body) {
   return cutting::revolved_mesh(profile, 1e-3 * cylinder.radius);
 }
 
-/// Returns the corners of a profile, arcs as chords. (n x 2)
-Eigen::MatrixX2d chords_of(const cutting::EdgeProfile& profile) {
-  // A nose of 180 degrees in 16 chords deviates by 0.5 % of its radius.
-  constexpr int of_arc = 16;
+/// Returns the corners of a profile whose arcs are replaced by chords. (n x 2)
+Eigen::MatrixX2d outline_corners(const cutting::EdgeProfile& profile) {
+  // 16 chords of a nose of 180 degrees deviate by 0.5 % of its radius.
+  constexpr int chord_count = 16;
   std::vector<Eigen::Vector2d> corners;
   for (const cutting::OutlinePiece& piece : profile.pieces) {
     if (piece.is_arc && piece.radius == 0.0) continue;
     corners.push_back(piece.from);
-    for (int i = 1; piece.is_arc && i < of_arc; ++i) {
-      const double share = double(i) / of_arc;
+    for (int i = 1; piece.is_arc && i < chord_count; ++i) {
+      const double fraction = double(i) / chord_count;
       const Eigen::Vector2d normal =
-          ((1.0 - share) * piece.normal_from + share * piece.normal_to).normalized();
+          ((1.0 - fraction) * piece.normal_from + fraction * piece.normal_to).normalized();
       corners.push_back(piece.from + piece.radius * (normal - piece.normal_from));
     }
   }
@@ -197,27 +200,27 @@ Eigen::MatrixX2d chords_of(const cutting::EdgeProfile& profile) {
   return outline;
 }
 
-/// Returns the body of a turning tool, which the scene does not describe: its nose below the rake
-/// plane, and a bar.
+/// Returns assumed bodies of a turning tool, of which the scene describes only the nose: a plate
+/// with the nose below the rake plane, and a bar as holder.
 std::vector<cutting::ClosedMesh> turning_tool(const cutting::Nose& nose, double length) {
   const double radius = nose.profile ? 0.5 * nose.profile->outer_radius : nose.radius;
   const double thickness = std::clamp(0.02 * length, 0.4 * radius, 2.0 * radius);
   const double width = std::clamp(0.12 * length, 1.2 * radius, 8.0 * radius);
   Eigen::MatrixX2d disc(2, 2);
   disc << radius, 0.0, radius, thickness;
-  Pose below = Pose::Identity();
-  below.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // z along -y
-  Pose behind = Pose::Identity();
-  behind.translation() << 0.0, -0.5 * width - thickness, 0.5 * length;
+  Pose T_plate = Pose::Identity();
+  T_plate.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // z along -y
+  Pose T_bar = Pose::Identity();
+  T_bar.translation() << 0.0, -0.5 * width - thickness, 0.5 * length;
   const cutting::ClosedMesh plate =
-      nose.profile ? cutting::extruded_mesh(chords_of(*nose.profile), thickness)
+      nose.profile ? cutting::extruded_mesh(outline_corners(*nose.profile), thickness)
                    : cutting::revolved_mesh(disc, 1e-3 * radius);
-  return {cutting::moved(plate, below),
-          cutting::moved(cutting::box_mesh({width, width, length}), behind)};
+  return {cutting::moved(plate, T_plate),
+          cutting::moved(cutting::box_mesh({width, width, length}), T_bar)};
 }
 
 /// Returns the corners of the bounding box of points.
-cutting::Points corners_of(const cutting::Points& points) {
+cutting::Points box_corners(const cutting::Points& points) {
   cutting::Points corners(8, 3);
   const Eigen::RowVector3d low = points.colwise().minCoeff(), high = points.colwise().maxCoeff();
   for (int i = 0; i < 8; ++i)
@@ -225,25 +228,28 @@ cutting::Points corners_of(const cutting::Points& points) {
   return corners;
 }
 
-void append_transformed(const cutting::Points& points, const Pose& T, std::vector<Vector3d>& to) {
-  for (const auto& row : points.rowwise()) to.push_back(T * Vector3d(row.transpose()));
+/// Appends points that are transformed by T.
+void append_transformed(const cutting::Points& points, const Pose& T,
+                        std::vector<Vector3d>& transformed) {
+  for (const auto& row : points.rowwise()) transformed.push_back(T * Vector3d(row.transpose()));
 }
 
-cutting::Points points_of(const std::vector<Vector3d>& all) {
-  cutting::Points points(Eigen::Index(all.size()), 3);
-  for (std::size_t i = 0; i < all.size(); ++i) points.row(Eigen::Index(i)) = all[i].transpose();
+cutting::Points point_matrix(const std::vector<Vector3d>& positions) {
+  cutting::Points points(Eigen::Index(positions.size()), 3);
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    points.row(Eigen::Index(i)) = positions[i].transpose();
   return points;
 }
 
 }  // namespace
 
-ProgramFilm::ProgramFilm(const FilmSource& cut, FilmPlan plan, const FilmOptions& options)
-    : cut_(cut), plan_(std::move(plan)), words_(cut.job, cut.commands) {
+ProgramFilm::ProgramFilm(const FilmSource& source, FilmPlan plan, const FilmOptions& options)
+    : source_(source), plan_(std::move(plan)), program_text_(source.job, source.commands) {
   setting_.width = options.width;
   setting_.height = options.height;
-  check_table_range(cut.job, [&] {
-    add_moments();
-    magnification_ = options.magnification.value_or(round_magnification(part_size(), largest()));
+  check_table_range(source.job, [&] {
+    add_frame_samples();
+    magnification_ = options.magnification.value_or(round_magnification(part_size(), max_error()));
     if (magnification_ != 1.0) add_trace();
   });
   add_bodies();
@@ -252,103 +258,108 @@ ProgramFilm::ProgramFilm(const FilmSource& cut, FilmPlan plan, const FilmOptions
   set_captions();
 }
 
-void ProgramFilm::add_moments() {
-  const auto parts = parts_of(cut_.job);
-  std::vector<std::vector<std::size_t>> at(parts.size());
+void ProgramFilm::add_frame_samples() {
+  const auto segments = parts_of(source_.job);
+  std::vector<std::vector<std::size_t>> sample_indices(segments.size());
   for (const double time : plan_.time_s) {
-    std::size_t p = 0;  // the last part that has begun; one may be without samples
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      const auto& states = of_part(cut_.commands, i).samples.states;
-      if (!states.empty() && (states.front().time_s <= time || i == 0)) p = i;
+    std::size_t segment = 0;  // the last segment that has begun; segments may have no samples
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      const auto& states = of_part(source_.commands, i).samples.states;
+      if (!states.empty() && (states.front().time_s <= time || i == 0)) segment = i;
     }
-    Moment moment;
-    moment.part = p;
-    moment.sample = sample_until(of_part(cut_.commands, p).samples, time);
-    at[p].push_back(moment.sample);
-    moments_.push_back(std::move(moment));
+    FrameSample frame_sample;
+    frame_sample.segment = segment;
+    frame_sample.sample = sample_index_at(of_part(source_.commands, segment).samples, time);
+    sample_indices[segment].push_back(frame_sample.sample);
+    frame_samples_.push_back(std::move(frame_sample));
   }
-  std::vector<std::vector<Pose>> T_wt(parts.size());
-  for (std::size_t i = 0; i < parts.size(); ++i)
-    if (!at[i].empty())
-      T_wt[i] = tool_poses(parts[i], of_part(cut_.commands, i), cut_.process, at[i]);
-  std::vector<std::size_t> taken(parts.size(), 0);
-  for (Moment& moment : moments_) {
-    const Job& part = parts[moment.part];
-    kinematics::AxisState state = of_part(cut_.commands, moment.part).samples.states[moment.sample];
-    const Pose& actual = T_wt[moment.part][taken[moment.part]++];
-    const Pose& nominal = nominal_poses(cut_, moment.part)[moment.sample];
-    moment.error = (actual.translation() - nominal.translation()).norm();
-    moment.T_wt = at_rest(part, state.q, actual);
-    moment.T_wt_nominal = at_rest(part, state.q, nominal);
-    const auto off = deviations(part.truth, state, load_at(cut_.process, state.time_s)).joints;
-    // Between two frames a spindle turns many times, so it is drawn at rest.
-    if (const auto spindle = find_spindle(part.machine)) state.q[*spindle] = 0.0;
-    moment.carriers_b = carrier_poses(part.truth.actual, state.q, off);
+  std::vector<std::vector<Pose>> T_wt(segments.size());
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    if (!sample_indices[i].empty())
+      T_wt[i] =
+          tool_poses(segments[i], of_part(source_.commands, i), source_.process, sample_indices[i]);
+  std::vector<std::size_t> next_pose(segments.size(), 0);
+  for (FrameSample& frame_sample : frame_samples_) {
+    const Job& job = segments[frame_sample.segment];
+    kinematics::AxisState state =
+        of_part(source_.commands, frame_sample.segment).samples.states[frame_sample.sample];
+    const Pose& actual = T_wt[frame_sample.segment][next_pose[frame_sample.segment]++];
+    const Pose& nominal = nominal_poses(source_, frame_sample.segment)[frame_sample.sample];
+    frame_sample.error = (actual.translation() - nominal.translation()).norm();
+    frame_sample.T_wt = pose_at_rest(job, state.q, actual);
+    frame_sample.T_wt_nominal = pose_at_rest(job, state.q, nominal);
+    const auto axis_deviations =
+        deviations(job.truth, state, load_at(source_.process, state.time_s)).joints;
+    if (const auto spindle = find_spindle(job.machine)) state.q[*spindle] = 0.0;
+    frame_sample.carriers_b = carrier_poses(job.truth.actual, state.q, axis_deviations);
   }
 }
 
-void ProgramFilm::add_body(const cutting::ClosedMesh& mesh, const Actor& actor,
-                           const render::FilmBody& look) {
-  actors_.push_back(actor);
-  setting_.bodies.push_back(look);
+void ProgramFilm::add_body(const cutting::ClosedMesh& mesh, const Attachment& attachment,
+                           const render::FilmBody& style) {
+  attachments_.push_back(attachment);
+  setting_.bodies.push_back(style);
   setting_.bodies.back().vertices = mesh.vertices;
   setting_.bodies.back().triangles = mesh.triangles;
 }
 
-void ProgramFilm::add_tool(std::size_t part, const std::vector<SolidBody>& solids) {
+void ProgramFilm::add_tool(std::size_t segment, const std::vector<SolidBody>& solids) {
   using Kind = SolidBody::Kind;
-  const Job& job = parts_of(cut_.job)[part];
-  const Actor actor{Carriers{job.truth.actual.size()}.tool(), part};
-  Actor edge = actor;
-  edge.cuts = true;
+  const Job& job = parts_of(source_.job)[segment];
+  const Attachment attachment{Carriers{job.truth.actual.size()}.tool(), segment};
+  Attachment cutting_part = attachment;
+  cutting_part.is_cutting_part = true;
   for (const SolidBody& solid : solids) {
-    if (solid.kind == Kind::Cutter) add_body(solid.mesh, edge, looking(cutter_colour, 1.0, true));
-    if (solid.kind == Kind::Shank) add_body(solid.mesh, actor, looking(shank_colour, 1.0, true));
-    if (solid.kind == Kind::Holder) add_body(solid.mesh, actor, looking(holder_colour, 1.0, true));
+    if (solid.kind == Kind::Cutter)
+      add_body(solid.mesh, cutting_part, film_body(cutter_colour, 1.0, true));
+    if (solid.kind == Kind::Shank)
+      add_body(solid.mesh, attachment, film_body(shank_colour, 1.0, true));
+    if (solid.kind == Kind::Holder)
+      add_body(solid.mesh, attachment, film_body(holder_colour, 1.0, true));
   }
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.actual);
   if (nose == nullptr) return;
-  const auto pieces = turning_tool(*nose, job.scene.tool.actual_length);
-  add_body(pieces[0], edge, looking(cutter_colour, 1.0, true));
-  add_body(pieces[1], actor, looking(shank_colour, 1.0, true));
+  const auto meshes = turning_tool(*nose, job.scene.tool.actual_length);
+  add_body(meshes[0], cutting_part, film_body(cutter_colour, 1.0, true));
+  add_body(meshes[1], attachment, film_body(shank_colour, 1.0, true));
 }
 
 void ProgramFilm::add_bodies() {
-  const Job& first = parts_of(cut_.job).front();
+  const Job& first = parts_of(source_.job).front();
   const auto& joints = first.machine.nominal.joints();
-  const auto parts = parts_of(cut_.job);
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const std::vector<SolidBody> solids = job_bodies(parts[p]);
+  const auto segments = parts_of(source_.job);
+  for (std::size_t segment = 0; segment < segments.size(); ++segment) {
+    const std::vector<SolidBody> solids = job_bodies(segments[segment]);
     for (const SolidBody& solid : solids) {
-      if (p > 0) break;
+      if (segment > 0) break;
       if (solid.kind == SolidBody::Kind::Fixture)
-        add_body(solid.mesh, {solid.frame}, looking(clamp_colour, 1.0, true));
+        add_body(solid.mesh, {solid.frame}, film_body(clamp_colour, 1.0, true));
       if (solid.kind != SolidBody::Kind::Machine) continue;
       const bool on_bed = solid.frame == Carriers::bed;
-      const bool turns =
+      const bool is_rotary =
           !on_bed && joints[std::size_t(solid.frame) - 1].motion != kinematics::Motion::Linear;
       add_body(solid.mesh, {solid.frame},
-               looking(on_bed  ? bed_colour
-                       : turns ? turn_colour
-                               : slide_colour,
-                       0.55, false));
+               film_body(on_bed      ? bed_colour
+                         : is_rotary ? turn_colour
+                                     : slide_colour,
+                         0.55, false));
     }
-    add_tool(p, solids);
+    add_tool(segment, solids);
   }
   if (!first.scene.machine.bodies.empty()) return;
-  for (const SchematicBody& one : schematic_bodies(first))
-    add_body(shape_mesh(one.body), {one.frame, {}, one.body.T},
-             looking(one.body.colour, one.body.opacity, false));
+  for (const SchematicBody& schematic : schematic_bodies(first))
+    add_body(shape_mesh(schematic.body), {schematic.frame, {}, schematic.body.T},
+             film_body(schematic.body.colour, schematic.body.opacity, false));
 }
 
 void ProgramFilm::add_part() {
-  const Job& job = cut_.job;
-  const bool has_stock = cut_.process.stock || cut_.process.turned;
+  const Job& job = source_.job;
+  const bool has_stock = source_.process.stock || source_.process.turned;
   setting_.looks = {{has_stock ? "raw material" : "not yet cut", raw_colour},
                     {"cut", fresh_colour}};
   if (has_stock) {
-    stock_.emplace(job, of_part(cut_.commands, 0), cut_.process);
-    const std::string name = cut_.process.crash_lines.empty() ? "" : "cut by a crash";
+    stock_.emplace(job, of_part(source_.commands, 0), source_.process);
+    const std::string name = source_.process.crash_lines.empty() ? "" : "cut by a crash";
     setting_.looks.push_back({name, crash_colour});
     return;
   }
@@ -356,146 +367,159 @@ void ProgramFilm::add_part() {
       render::FilmMesh{job.design_w.vertices, job.design_w.normals, job.design_w.triangles});
 }
 
-/// Samples at which a path is drawn, with the number of the pass of each.
+/// Samples at which a path is drawn, each with the number of its pass.
 struct ProgramFilm::TracedSamples {
-  std::vector<std::size_t> at;
+  std::vector<std::size_t> sample;
   std::vector<int> pass;
 };
 
 double ProgramFilm::part_size() const {
-  const auto& vertices = cut_.job.design_w.vertices;
+  const auto& vertices = source_.job.design_w.vertices;
   return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).norm();
 }
 
-Vector3d ProgramFilm::nominal_tip(std::size_t part, std::size_t sample) const {
-  const AxisVector& q = of_part(cut_.commands, part).samples.states[sample].q;
-  return at_rest(parts_of(cut_.job)[part], q, nominal_poses(cut_, part)[sample]).translation();
+Vector3d ProgramFilm::nominal_tip(std::size_t segment, std::size_t sample) const {
+  const AxisVector& q = of_part(source_.commands, segment).samples.states[sample].q;
+  return pose_at_rest(parts_of(source_.job)[segment], q, nominal_poses(source_, segment)[sample])
+      .translation();
 }
 
-ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t part) {
-  const program::Samples& samples = of_part(cut_.commands, part).samples;
-  // A 300th of the part is one or two pixels of a frame; a pass ends when it is longer than the
-  // part, so that passes can be thinned one by one.
-  const double size = part_size(), step = size / 300.0, longest = 1.2 * size;
-  constexpr double sharp = 0.2;  // rad
+ProgramFilm::TracedSamples ProgramFilm::traced_path_samples(std::size_t segment) {
+  const program::Samples& samples = of_part(source_.commands, segment).samples;
+  // 1/300 of the part is one or two pixels of a frame. A pass is divided when it becomes longer
+  // than the part, because whole passes are left out if there are too many.
+  const double size = part_size(), step = size / 300.0, max_length = 1.2 * size;
+  constexpr double min_turn = 0.2;  // rad
   TracedSamples traced;
-  const auto take = [&](std::size_t i) {
-    traced.at.push_back(i);
+  const auto add_sample = [&](std::size_t i) {
+    traced.sample.push_back(i);
     traced.pass.push_back(trace_.passes - 1);
   };
   double length = 0.0;
-  bool feeds = false;
-  Vector3d last = Vector3d::Zero(), way = Vector3d::Zero();
+  bool is_feeding_now = false;
+  Vector3d last_tip = Vector3d::Zero(), displacement = Vector3d::Zero();
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
     const double time = samples.states[i].time_s;
-    const bool fed = std::exchange(
-        feeds, time >= plan_.stretch.begin_s && time <= plan_.stretch.end_s &&
-                   is_feed(part_path(cut_, part).blocks[std::size_t(samples.block[i])]));
-    if (!feeds) continue;
-    const Vector3d now = nominal_tip(part, i);
-    const double moved = fed ? (now - last).norm() : 0.0;
-    const bool begins = !fed || length > longest;
-    if (!begins && moved < step && kinematics::angle_between(way, now - last) < sharp) continue;
-    if (begins && fed) take(i);  // a pass ends where the next one begins
-    if (begins) ++trace_.passes;
-    take(i);
-    length = begins ? 0.0 : length + moved;
-    if (moved > 0.0) way = now - last;
-    last = now;
+    const bool was_feeding = std::exchange(
+        is_feeding_now,
+        time >= plan_.interval.begin_s && time <= plan_.interval.end_s &&
+            is_feed(segment_path(source_, segment).blocks[std::size_t(samples.block[i])]));
+    if (!is_feeding_now) continue;
+    const Vector3d tip = nominal_tip(segment, i);
+    const double distance = was_feeding ? (tip - last_tip).norm() : 0.0;
+    const bool begins_pass = !was_feeding || length > max_length;
+    if (!begins_pass && distance < step &&
+        kinematics::angle_between(displacement, tip - last_tip) < min_turn)
+      continue;
+    if (begins_pass && was_feeding) add_sample(i);  // a divided pass ends where the next one begins
+    if (begins_pass) ++trace_.passes;
+    add_sample(i);
+    length = begins_pass ? 0.0 : length + distance;
+    if (distance > 0.0) displacement = tip - last_tip;
+    last_tip = tip;
   }
   return traced;
 }
 
 void ProgramFilm::add_trace() {
-  const auto parts = parts_of(cut_.job);
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const Commands& commands = of_part(cut_.commands, p);
-    const TracedSamples traced = traced_path_samples(p);
-    if (traced.at.empty()) continue;
-    const std::vector<Pose> T_wt = tool_poses(parts[p], commands, cut_.process, traced.at);
-    for (std::size_t k = 0; k < traced.at.size(); ++k) {
-      const kinematics::AxisState& state = commands.samples.states[traced.at[k]];
-      const Vector3d on = nominal_tip(p, traced.at[k]);
-      const Vector3d is = at_rest(parts[p], state.q, T_wt[k]).translation();
-      trace_.points.push_back({state.time_s, on, on + magnification_ * (is - on), traced.pass[k]});
+  const auto segments = parts_of(source_.job);
+  for (std::size_t segment = 0; segment < segments.size(); ++segment) {
+    const Commands& commands = of_part(source_.commands, segment);
+    const TracedSamples traced = traced_path_samples(segment);
+    if (traced.sample.empty()) continue;
+    const std::vector<Pose> T_wt =
+        tool_poses(segments[segment], commands, source_.process, traced.sample);
+    for (std::size_t k = 0; k < traced.sample.size(); ++k) {
+      const kinematics::AxisState& state = commands.samples.states[traced.sample[k]];
+      const Vector3d nominal = nominal_tip(segment, traced.sample[k]);
+      const Vector3d actual = pose_at_rest(segments[segment], state.q, T_wt[k]).translation();
+      trace_.points.push_back(
+          {state.time_s, nominal, nominal + magnification_ * (actual - nominal), traced.pass[k]});
     }
   }
 }
 
-kinematics::Pose ProgramFilm::tool_pose(const Moment& moment) const {
-  const double times = magnification_;
-  if (times == 1.0) return moment.T_wt;
-  const Pose &on = moment.T_wt_nominal, &is = moment.T_wt;
-  Pose T = on;
-  T.translation() += times * (is.translation() - on.translation());
-  const Eigen::AngleAxisd off(is.linear() * on.linear().transpose());
-  T.linear() = Eigen::AngleAxisd(times * off.angle(), off.axis()).toRotationMatrix() * on.linear();
+kinematics::Pose ProgramFilm::tool_pose(const FrameSample& frame_sample) const {
+  if (magnification_ == 1.0) return frame_sample.T_wt;
+  const Pose &nominal = frame_sample.T_wt_nominal, &actual = frame_sample.T_wt;
+  Pose T = nominal;
+  T.translation() += magnification_ * (actual.translation() - nominal.translation());
+  const Eigen::AngleAxisd error(actual.linear() * nominal.linear().transpose());
+  T.linear() = Eigen::AngleAxisd(magnification_ * error.angle(), error.axis()).toRotationMatrix() *
+               nominal.linear();
   return T;
 }
 
-const Pose& ProgramFilm::workpiece_in_bed(const Moment& moment) const {
-  const Carriers carriers{parts_of(cut_.job)[moment.part].truth.actual.size()};
-  return moment.carriers_b[std::size_t(carriers.workpiece())];
+const Pose& ProgramFilm::workpiece_in_bed(const FrameSample& frame_sample) const {
+  const Carriers carriers{parts_of(source_.job)[frame_sample.segment].truth.actual.size()};
+  return frame_sample.carriers_b[std::size_t(carriers.workpiece())];
 }
 
-double ProgramFilm::largest() const {
+double ProgramFilm::max_error() const {
   double error = 0.0;
-  for (const Moment& moment : moments_) error = std::max(error, moment.error);
+  for (const FrameSample& frame_sample : frame_samples_)
+    error = std::max(error, frame_sample.error);
   return error;
 }
 
 double ProgramFilm::end_s() const {
   double end = 0.0;
-  for (std::size_t i = 0; i < parts_of(cut_.job).size(); ++i) {
-    const auto& states = of_part(cut_.commands, i).samples.states;
+  for (std::size_t i = 0; i < parts_of(source_.job).size(); ++i) {
+    const auto& states = of_part(source_.commands, i).samples.states;
     if (!states.empty()) end = std::max(end, states.back().time_s);
   }
   return end;
 }
 
-bool ProgramFilm::is_feeding(const Moment& moment) const {
-  const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
-  return is_feed(part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
+bool ProgramFilm::is_feeding(const FrameSample& frame_sample) const {
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  return is_feed(segment_path(source_, frame_sample.segment)
+                     .blocks[std::size_t(samples.block[frame_sample.sample])]);
 }
 
 void ProgramFilm::set_views() {
   std::vector<cutting::Points> corners;
-  for (const render::FilmBody& body : setting_.bodies) corners.push_back(corners_of(body.vertices));
-  const bool feeds = std::ranges::any_of(moments_, [&](const Moment& m) { return is_feeding(m); });
+  for (const render::FilmBody& body : setting_.bodies)
+    corners.push_back(box_corners(body.vertices));
+  const bool has_feed = std::ranges::any_of(
+      frame_samples_, [&](const FrameSample& sample) { return is_feeding(sample); });
   const cutting::Points part =
-      stock_ ? stock_->mesh().vertices_w : cutting::Points(cut_.job.design_w.vertices);
-  std::vector<Vector3d> all_b, part_w, close_w;
+      stock_ ? stock_->mesh().vertices_w : cutting::Points(source_.job.design_w.vertices);
+  std::vector<Vector3d> bodies_b, part_w, close_w;
   append_transformed(part, Pose::Identity(), part_w);
   for (const Trace::Point& point : trace_.points)
     part_w.insert(part_w.end(), {point.nominal_w, point.actual_w});
-  for (const Moment& moment : moments_) {
-    const Pose& T_bw = workpiece_in_bed(moment);
-    append_transformed(corners_of(part), T_bw, all_b);
-    for (std::size_t i = 0; i < actors_.size(); ++i) {
-      const Actor& actor = actors_[i];
-      if (actor.part && *actor.part != moment.part) continue;
-      const Pose T_wt = tool_pose(moment);
+  for (const FrameSample& frame_sample : frame_samples_) {
+    const Pose& T_bw = workpiece_in_bed(frame_sample);
+    append_transformed(box_corners(part), T_bw, bodies_b);
+    for (std::size_t i = 0; i < attachments_.size(); ++i) {
+      const Attachment& attachment = attachments_[i];
+      if (attachment.segment && *attachment.segment != frame_sample.segment) continue;
+      const Pose T_wt = tool_pose(frame_sample);
       append_transformed(
           corners[i],
-          actor.part ? T_bw * T_wt : moment.carriers_b[std::size_t(actor.frame)] * actor.T, all_b);
-      if (!actor.part) continue;
+          attachment.segment
+              ? T_bw * T_wt
+              : frame_sample.carriers_b[std::size_t(attachment.frame)] * attachment.T,
+          bodies_b);
+      if (!attachment.segment) continue;
       append_transformed(corners[i], T_wt, close_w);
-      if (actor.cuts && (is_feeding(moment) || !feeds))
+      if (attachment.is_cutting_part && (is_feeding(frame_sample) || !has_feed))
         append_transformed(corners[i], T_wt, part_w);
     }
   }
-  setting_.machine_b = points_of(all_b);
-  setting_.part_w = points_of(part_w);
+  setting_.machine_b = point_matrix(bodies_b);
+  setting_.part_w = point_matrix(part_w);
   const Vector3d middle = setting_.part_w.colwise().mean().transpose();
   for (const Vector3d& p : close_w)
     setting_.part_depth = std::max(setting_.part_depth, 1.1 * (p - middle).norm());
-  const ViewDescription& view = cut_.job.scene.view;
-  setting_.from_w = cut_.job.scene.part.T_wm.linear() * view.from;
-  setting_.up_w = cut_.job.scene.part.T_wm.linear() * view.up;
+  const ViewDescription& view = source_.job.scene.view;
+  setting_.from_w = source_.job.scene.part.T_wm.linear() * view.from;
+  setting_.up_w = source_.job.scene.part.T_wm.linear() * view.up;
 }
 
 void ProgramFilm::set_captions() {
-  const Scene& scene = cut_.job.scene;
+  const Scene& scene = source_.job.scene;
   setting_.title = scene.title.empty() ? scene.file.stem().string() : scene.title;
   setting_.subtitle = speed_text(plan_);
   if (magnification_ != 1.0) {
@@ -507,60 +531,64 @@ void ProgramFilm::set_captions() {
       scene.machine.bodies.empty()
           ? scene.machine.name + ", schematic: its description gives it no bodies"
           : scene.machine.name;
-  setting_.part_name = cut_.job.machine.workpiece_spindle
+  setting_.part_name = source_.job.machine.workpiece_spindle
                            ? "part and tool, the spindle drawn at rest"
                            : "part and tool, seen by an eye that goes with the part";
   setting_.labels = {{"program line", 0.13}, {"time", 0.20},       {"feed", 0.14},
                      {"spindle", 0.12},      {"tool error", 0.12}, {"tool", 0.29}};
 }
 
-std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s) const {
-  const Job& part = parts_of(cut_.job)[moment.part];
-  const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
-  const program::Block& block =
-      part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])];
+std::vector<std::string> ProgramFilm::values(const FrameSample& frame_sample, double time_s) const {
+  const Job& job = parts_of(source_.job)[frame_sample.segment];
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  const program::Block& block = segment_path(source_, frame_sample.segment)
+                                    .blocks[std::size_t(samples.block[frame_sample.sample])];
   const auto& states = samples.states;
-  // The speed is that of one block: its neighbour sample must be in the same block.
-  std::size_t before = moment.sample, after = std::min(moment.sample + 1, states.size() - 1);
-  if (samples.block[after] != samples.block[before] && before > 0) after = before--;
-  const double duration = states[after].time_s - states[before].time_s;
+  // The speed is that of one block, so the neighbour sample must be in the same block.
+  std::size_t first = frame_sample.sample,
+              second = std::min(frame_sample.sample + 1, states.size() - 1);
+  if (samples.block[second] != samples.block[first] && first > 0) second = first--;
+  const double duration = states[second].time_s - states[first].time_s;
   const double speed =
       duration > 0.0
-          ? (nominal_tip(moment.part, after) - nominal_tip(moment.part, before)).norm() / duration
+          ? (nominal_tip(frame_sample.segment, second) - nominal_tip(frame_sample.segment, first))
+                    .norm() /
+                duration
           : 0.0;
   const std::string feed = block.interpolation == program::Interpolation::Rapid ? "rapid"
                            : block.interpolation == program::Interpolation::Dwell
                                ? "dwell"
                                : fmt::format("{:.0f} mm/min", 60.0 * speed);
-  const double rpm = states[moment.sample].spindle_speed * 60.0 / (2.0 * pi);
-  std::string tool = part.scene.tool.name;
-  if (part.scene.tool.number) tool = fmt::format("T{} {}", *part.scene.tool.number, tool);
-  return {std::to_string(samples.line[moment.sample]),
+  const double rpm = states[frame_sample.sample].spindle_speed * 60.0 / (2.0 * pi);
+  std::string tool = job.scene.tool.name;
+  if (job.scene.tool.number) tool = fmt::format("T{} {}", *job.scene.tool.number, tool);
+  return {std::to_string(samples.line[frame_sample.sample]),
           fmt::format("{:.1f} s of {:.1f} s", time_s, end_s()),
           feed,
           rpm > 0.0 ? fmt::format("{:.0f} rpm", rpm) : "at rest",
-          fmt::format("{:.1f} µm", moment.error / units::um),
+          fmt::format("{:.1f} µm", frame_sample.error / units::um),
           tool};
 }
 
 std::vector<render::Wire> ProgramFilm::paths(double time_s) const {
   constexpr int max_passes = 24;
-  const int every = (trace_.passes + max_passes - 1) / max_passes;
+  const int stride = (trace_.passes + max_passes - 1) / max_passes;
   const auto end = std::ranges::upper_bound(trace_.points, time_s, {}, &Trace::Point::time_s);
   if (end == trace_.points.begin()) return {};
   const int current = (end - 1)->pass;
   std::vector<Vector3d> nominal, actual;
   std::vector<std::array<int, 2>> segments;
-  int before = -1;
+  int previous_pass = -1;
   for (auto point = trace_.points.begin(); point != end; ++point) {
-    if (point->pass != current && point->pass % std::max(1, every) != every / 2) continue;
-    if (point->pass == before) segments.push_back({int(nominal.size()) - 1, int(nominal.size())});
+    if (point->pass != current && point->pass % std::max(1, stride) != stride / 2) continue;
+    if (point->pass == previous_pass)
+      segments.push_back({int(nominal.size()) - 1, int(nominal.size())});
     nominal.push_back(point->nominal_w);
     actual.push_back(point->actual_w);
-    before = point->pass;
+    previous_pass = point->pass;
   }
-  return {{points_of(nominal), segments, nominal_path, 1.5},
-          {points_of(actual), segments, actual_path, 1.5}};
+  return {{point_matrix(nominal), segments, nominal_path, 1.5},
+          {point_matrix(actual), segments, actual_path, 1.5}};
 }
 
 void ProgramFilm::show_part(double time_s, render::FilmState& state) {
@@ -579,29 +607,30 @@ void ProgramFilm::show_part(double time_s, render::FilmState& state) {
   }
   state.part = design_;
   state.looks.assign(std::size_t(design_->vertices.rows()), raw_style);
-  if (cut_.surface == nullptr) return;
-  const auto& cut_at = cut_.surface->cut_time_s;
-  for (Eigen::Index i = 0; i < cut_at.size(); ++i)
-    if (cut_at[i] <= time_s) state.looks[std::size_t(i)] = fresh_style;  // never where it is NaN
+  if (source_.surface == nullptr) return;
+  const auto& cut_times_s = source_.surface->cut_time_s;
+  for (Eigen::Index i = 0; i < cut_times_s.size(); ++i)
+    if (cut_times_s[i] <= time_s)
+      state.looks[std::size_t(i)] = fresh_style;  // false for NaN: never cut
 }
 
 render::FilmState ProgramFilm::state(std::size_t frame) {
-  const Moment& moment = moments_.at(frame);
+  const FrameSample& frame_sample = frame_samples_.at(frame);
   const double time_s = plan_.time_s[frame];
   render::FilmState state;
-  state.T_bw = workpiece_in_bed(moment);
-  for (const Actor& actor : actors_) {
-    if (!actor.part)
-      state.T_b.emplace_back(moment.carriers_b[std::size_t(actor.frame)] * actor.T);
-    else if (*actor.part == moment.part)
-      state.T_b.emplace_back(state.T_bw * tool_pose(moment));
+  state.T_bw = workpiece_in_bed(frame_sample);
+  for (const Attachment& attachment : attachments_) {
+    if (!attachment.segment)
+      state.T_b.emplace_back(frame_sample.carriers_b[std::size_t(attachment.frame)] * attachment.T);
+    else if (*attachment.segment == frame_sample.segment)
+      state.T_b.emplace_back(state.T_bw * tool_pose(frame_sample));
     else
       state.T_b.emplace_back(std::nullopt);
   }
-  const program::Samples& samples = of_part(cut_.commands, moment.part).samples;
-  state.text =
-      words_.of(part_path(cut_, moment.part).blocks[std::size_t(samples.block[moment.sample])]);
-  state.values = values(moment, time_s);
+  const program::Samples& samples = of_part(source_.commands, frame_sample.segment).samples;
+  state.text = program_text_.line(segment_path(source_, frame_sample.segment)
+                                      .blocks[std::size_t(samples.block[frame_sample.sample])]);
+  state.values = values(frame_sample, time_s);
   if (!trace_.points.empty()) state.paths = paths(time_s);
   show_part(time_s, state);
   state.done = end_s() > 0.0 ? time_s / end_s() : 1.0;

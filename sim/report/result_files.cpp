@@ -23,7 +23,7 @@ namespace abbe::sim {
 
 namespace {
 
-/// The case to be written with the requested formats.
+/// A case to be written and the requested formats.
 struct SaveRequest {
   const Job& job;
   const Verdict& verdict;
@@ -31,20 +31,20 @@ struct SaveRequest {
   ResultMap map;
 };
 
-/// Returns the name of the file of a format.
+/// Returns the file name of a format.
 std::string map_file_name(const std::string& format) {
   return format == saved_track ? "track.npz" : "residual." + format;
 }
 
-/// Returns the facts, the figures of the map and the files that hold it.
-nlohmann::ordered_json map_metadata_json(const SaveRequest& all) {
-  nlohmann::ordered_json json = to_json(all.map.facts);
-  const nlohmann::ordered_json figures = to_json(summary(all.job, all.verdict));
+/// Returns the facts, the figures of the map, and the list of its files.
+nlohmann::ordered_json map_metadata_json(const SaveRequest& request) {
+  nlohmann::ordered_json json = to_json(request.map.facts);
+  const nlohmann::ordered_json figures = to_json(summary(request.job, request.verdict));
   for (const char* key : {"residual_um", "machine_um", "form_um", "texture_um", "vertices",
                           "cut_vertices", "uncut_vertices", "uncut_percent", "gouged_vertices",
                           "deepest_gouge_um", "deepest_gouge_is_bound", "outside_vertices"})
     json[key] = figures.at(key);
-  json["triangles"] = all.map.design.triangles.rows();
+  json["triangles"] = request.map.design.triangles.rows();
   json["fields"] = {{"area_mm2", "a third of the triangles around a vertex"},
                     {"middle_um",
                      "deviation at the middle of a triangle (vtp, npz): it stands for three "
@@ -61,20 +61,20 @@ nlohmann::ordered_json map_metadata_json(const SaveRequest& all) {
                     {"cut_line", "line of the program that made it, 0 where none did"}};
   json["files"] = nlohmann::ordered_json::array();
   for (const std::string& format : map_formats())
-    if (std::ranges::find(all.formats, format) != all.formats.end())
+    if (std::ranges::find(request.formats, format) != request.formats.end())
       json["files"].push_back(map_file_name(format));
   return json;
 }
 
-using Save = void (*)(const ResultFile&, const SaveRequest&);
+using FormatWriter = void (*)(const ResultFile&, const SaveRequest&);
 
 /// Returns the writers of all formats.
-const std::map<std::string, Save>& savers() {
-  static const std::map<std::string, Save> all = {
+const std::map<std::string, FormatWriter>& format_writers() {
+  static const std::map<std::string, FormatWriter> writers = {
 #if ABBE_RENDER
     {"vtp",
-     [](const ResultFile& file, const SaveRequest& what) {
-       const ResultMap& map = what.map;
+     [](const ResultFile& file, const SaveRequest& request) {
+       const ResultMap& map = request.map;
        write_file(file, [&](const std::filesystem::path& path) {
          render::write_residual(
              path,
@@ -84,24 +84,25 @@ const std::map<std::string, Save>& savers() {
        });
      }},
 #endif
-    {"ply",
-     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_ply(what.map)); }},
-    {"stl",
-     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_stl(what.map)); }},
-    {"csv",
-     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_csv(what.map)); }},
-    {"npz",
-     [](const ResultFile& file, const SaveRequest& what) { write_file(file, to_npz(what.map)); }},
+    {"ply", [](const ResultFile& file,
+               const SaveRequest& request) { write_file(file, to_ply(request.map)); }},
+    {"stl", [](const ResultFile& file,
+               const SaveRequest& request) { write_file(file, to_stl(request.map)); }},
+    {"csv", [](const ResultFile& file,
+               const SaveRequest& request) { write_file(file, to_csv(request.map)); }},
+    {"npz", [](const ResultFile& file,
+               const SaveRequest& request) { write_file(file, to_npz(request.map)); }},
     {"json", [](const ResultFile& file,
-                const SaveRequest& what) { write_json(file, map_metadata_json(what)); }},
+                const SaveRequest& request) { write_json(file, map_metadata_json(request)); }},
     {saved_track,
-     [](const ResultFile& file, const SaveRequest& what) {
-       const Job& job = what.job;
-       write_file(file, to_npz(in_part_frame(what.verdict.cut.track.value(), job.scene.part.T_wm),
-                               kinematics::letters(job.machine.nominal.joints()), what.map.facts));
+     [](const ResultFile& file, const SaveRequest& request) {
+       const Job& job = request.job;
+       write_file(file,
+                  to_npz(in_part_frame(request.verdict.cut.track.value(), job.scene.part.T_wm),
+                         kinematics::letters(job.machine.nominal.joints()), request.map.facts));
      }},
   };
-  return all;
+  return writers;
 }
 
 }  // namespace
@@ -109,12 +110,13 @@ const std::map<std::string, Save>& savers() {
 std::vector<std::string> map_formats() {
   std::vector<std::string> names;
   for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json", saved_track})
-    if (savers().contains(name)) names.emplace_back(name);
+    if (format_writers().contains(name)) names.emplace_back(name);
   return names;
 }
 
 std::vector<std::string> usual_map_formats() {
-  return savers().contains("vtp") ? std::vector<std::string>{"vtp"} : std::vector<std::string>{};
+  return format_writers().contains("vtp") ? std::vector<std::string>{"vtp"}
+                                          : std::vector<std::string>{};
 }
 
 Retention retention_for(const std::vector<std::string>& formats) {
@@ -124,23 +126,24 @@ Retention retention_for(const std::vector<std::string>& formats) {
 
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                      const std::vector<std::string>& formats, const Progress& progress) {
-  const SaveRequest all{job, verdict, formats, result_map(job, verdict)};
-  double done = 0.0;
-  for (const auto& [format, save] : savers()) {
-    if (progress) progress("write", done / double(savers().size()));
-    done += 1.0;
+  const SaveRequest request{job, verdict, formats, result_map(job, verdict)};
+  double written_count = 0.0;
+  for (const auto& [format, write] : format_writers()) {
+    if (progress) progress("write", written_count / double(format_writers().size()));
+    written_count += 1.0;
     const ResultFile file = folder / map_file_name(format);
     if (std::ranges::find(formats, format) != formats.end())
-      save(file, all);
+      write(file, request);
     else
-      // A file of an earlier run would not belong to this case.
+      // A file that an earlier run left would not belong to this case.
       remove_file(file);
   }
 }
 
 namespace {
 
-/// Writes a file that only some cases have; without a text the file of an earlier run is removed.
+/// Writes a file that only some cases have. If the text is empty, the file of an earlier run is
+/// removed.
 void write_or_remove(const ResultFile& file, const std::string& text) {
   if (text.empty())
     remove_file(file);
@@ -151,9 +154,9 @@ void write_or_remove(const ResultFile& file, const std::string& text) {
 /// Writes the collisions of a cut, or removes the file of an earlier run.
 void write_collisions(const ResultFile& file, const Cut& cut) {
   if (!cut.collisions) return remove_file(file);
-  Collisions found = *cut.collisions;
-  found.commands = cut.name;
-  write_json(file, to_json(found));
+  Collisions collisions = *cut.collisions;
+  collisions.commands = cut.name;
+  write_json(file, to_json(collisions));
 }
 
 /// Writes the machined body as STL; its picture and ParaView file are written with the pictures.
@@ -171,7 +174,7 @@ void write_program(const ResultFolder& folder, const Job& job) {
 
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress) {
-  // Writing and drawing share only the manifest of the folder, which has a lock.
+  // Both threads use the manifest of the folder, which has a lock, and nothing else in common.
   std::future<void> files =
       std::async(std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
   write_case_pictures(folder, job, verdict, progress);
@@ -181,9 +184,9 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
                                               : escaped_lines(to_csv(verdict.cut.signals)));
   write_file(folder / "scene.toml",
              "case = " + to_toml_value(verdict.cut.case_name) + "\n" + job.scene.resolved);
-  const ResultFile rewritten =
+  const ResultFile rewritten_file =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
-  write_or_remove(rewritten, verdict.cut.rewritten_program);
+  write_or_remove(rewritten_file, verdict.cut.rewritten_program);
   write_stock_mesh(folder / "stock.stl", job, verdict);
   write_collisions(folder / "collisions.json", verdict.cut);
   files.get();

@@ -9,12 +9,12 @@
 
 namespace abbe::sim {
 
-/// Format name of the tool's track, which must have been kept; it is saved in a file of its own,
-/// `track.npz`.
+/// Name of the format of the tool's track, saved as `track.npz`. The cut must have retained the
+/// track.
 inline constexpr const char* saved_track = "track";
 
-/// Returns the extensions of the files in which a map can be saved, as `--save` names them; "vtp"
-/// only if the program was built with VTK.
+/// Returns the formats in which a map can be saved, as `--save` names them; "vtp" only if the
+/// program was built with VTK.
 std::vector<std::string> map_formats();
 
 /// Returns the formats that are saved by default.
@@ -23,8 +23,8 @@ std::vector<std::string> usual_map_formats();
 /// Returns the data that must be kept of a cut for these formats.
 Retention retention_for(const std::vector<std::string>& formats);
 
-/// Writes `residual.FORMAT` for each of the formats, and removes files of other formats that an
-/// earlier run left.
+/// Writes `residual.FORMAT` for each format, and removes the files of other formats that an earlier
+/// run left.
 /// @param progress  shows one stage, "write"
 /// @throws OutputFailure, Interrupted
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
@@ -34,8 +34,8 @@ void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& 
 /// @throws OutputFailure
 void write_program(const ResultFolder& folder, const Job& job);
 
-/// Writes every file of one case into its folder.
-/// @param formats  of its map, from `map_formats`
+/// Writes all files of a case into its folder.
+/// @param formats  of its map, a subset of `map_formats`
 /// @throws OutputFailure, Interrupted
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress = {});

@@ -32,13 +32,13 @@ render::StockField stock_field(const StockCheck& check) {
 }
 
 render::Facts stock_facts(const StockCheck& check) {
-  std::string left_out;
-  for (const std::string& effect : check.left_out)
-    left_out += (left_out.empty() ? "" : "; ") + effect;
+  std::string omitted_effects;
+  for (const std::string& effect : check.omitted_effects)
+    omitted_effects += (omitted_effects.empty() ? "" : "; ") + effect;
   return {{"deviation_um",
            "machined body against the design: + material left, - gouged; mean of "
            "the places of a cell, nan where not compared"},
-          {"left_out", left_out.empty() ? "nothing that the map shows" : left_out},
+          {"left_out", omitted_effects.empty() ? "nothing that the map shows" : omitted_effects},
           {"largest_um", "the same, of greatest magnitude in the cell"},
           {"compared", "0 yes, 1 beyond the band, 2 no design there, 3 wall along the dexels"},
           {"finding", "number of the region in summary.json, 0: none"},
@@ -50,7 +50,7 @@ render::Facts stock_facts(const StockCheck& check) {
 
 namespace {
 
-/// Returns the total of one kind: "rest material 12.3 mm³ in 4 places".
+/// Returns the totals of one kind, such as "rest material 12.3 mm³ in 4 places".
 std::string sum_text(const StockCheck& check, FindingKind kind) {
   const cutting::Findings::Sums& sums = check.findings.sums[std::size_t(kind)];
   if (sums.regions == 0) return fmt::format("no {}", name_of(kind));
@@ -58,15 +58,15 @@ std::string sum_text(const StockCheck& check, FindingKind kind) {
                      location_count_text(sums.regions));
 }
 
-/// Returns the depth of a finding with its sign: material left is positive.
-std::string depth_text(const Finding& one) {
-  const std::string sign = one.kind == FindingKind::Rest    ? "+"
-                           : one.kind == FindingKind::Gouge ? "−"
-                                                            : "undercut ";
-  return fmt::format("{}{}{:.3g} mm", one.is_at_least ? "at least " : "", sign, one.depth);
+/// Returns the depth of a finding; remaining material is positive.
+std::string depth_text(const Finding& finding) {
+  const std::string sign = finding.kind == FindingKind::Rest    ? "+"
+                           : finding.kind == FindingKind::Gouge ? "−"
+                                                                : "undercut ";
+  return fmt::format("{}{}{:.3g} mm", finding.is_at_least ? "at least " : "", sign, finding.depth);
 }
 
-/// Returns the caption: totals, limits, scale, omitted effects.
+/// Returns the caption: totals, limits, scale and omitted effects.
 std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck& check) {
   std::string sums =
       sum_text(check, FindingKind::Rest) + ", " + sum_text(check, FindingKind::Gouge);
@@ -77,7 +77,7 @@ std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck&
       fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the "
                   "colour of the end; {:.5g} mm³ removed, stock followed every {:.3g} mm",
                   check.band, totals(verdict.cut.process).removed, check.skin.spacing)};
-  for (std::string effect : check.left_out) {
+  for (std::string effect : check.omitted_effects) {
     for (auto at = effect.find(" um"); at != std::string::npos; at = effect.find(" um", at))
       effect.replace(at, 3, " µm");
     lines.push_back(std::move(effect));
@@ -89,19 +89,20 @@ std::vector<std::string> stock_caption(const Verdict& verdict, const StockCheck&
 
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field) {
-  constexpr int max_tried = 8;  // of a kind: the largest findings; those in view are shown
+  constexpr int max_marks = 8;  // of a kind, for the largest findings; those in view are drawn
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
   picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
   picture.field = field;
   picture.field.mesh.vertices_w = (field.mesh.vertices_w * T_mw.linear().transpose()).rowwise() +
                                   T_mw.translation().transpose();
-  std::array<int, cutting::finding_kinds> tried{};
+  std::array<int, cutting::finding_kinds> mark_count{};
   for (std::size_t i = 0; i < check.findings.list.size(); ++i) {
-    const Finding& one = check.findings.list[i];
-    if (tried[std::size_t(one.kind)]++ >= max_tried) continue;
-    picture.marks.push_back({T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one)),
-                             int(one.kind), int(i) + 1});
+    const Finding& finding = check.findings.list[i];
+    if (mark_count[std::size_t(finding.kind)]++ >= max_marks) continue;
+    picture.marks.push_back({T_mw * finding.place_w,
+                             fmt::format("{}: {}", i + 1, depth_text(finding)), int(finding.kind),
+                             int(i) + 1});
   }
   picture.caption = stock_caption(verdict, check);
   picture.from = job.scene.view.from;
@@ -130,42 +131,42 @@ constexpr render::Colour red{0.82, 0.16, 0.12}, grey{0.78, 0.82, 0.88};
 
 }  // namespace
 
-const Collision* first_of(const Collisions& collisions) {
+const Collision* first_event(const Collisions& collisions) {
   const Collision* nearest = nullptr;
-  for (const Collision& one : collisions.list) {
-    if (one.contact) return &one;
-    if (nearest == nullptr || one.distance < nearest->distance) nearest = &one;
+  for (const Collision& event : collisions.list) {
+    if (event.contact) return &event;
+    if (nearest == nullptr || event.distance < nearest->distance) nearest = &event;
   }
   return nearest;
 }
 
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event) {
-  const Job& part = parts_of(job)[event.part];
-  const std::vector<kinematics::Pose> T =
-      carrier_poses(part.truth.actual, event.state.q, deviations(part.truth, event.state).joints);
+  const Job& segment = parts_of(job)[event.segment];
+  const std::vector<kinematics::Pose> T = carrier_poses(
+      segment.truth.actual, event.state.q, deviations(segment.truth, event.state).joints);
   render::MachinePicture picture;
   picture.title = fmt::format("{}: {} and {}", job.scene.title, event.a, event.b);
-  for (const SolidBody& solid : job_bodies(part)) {
-    const bool is_met = solid.name == event.a || solid.name == event.b;
+  for (const SolidBody& solid : job_bodies(segment)) {
+    const bool is_involved = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {
-      // The stock at the moment of the event, not the finished part.
+      // The stock of the moment of the event is drawn, not the finished part.
       const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
       picture.part_vertices = cutting::moved(shape, T_b).vertices;
       picture.part_triangles = shape.triangles;
       if (event.stock) picture.part_name = "stock";
-      if (is_met || event.stock) picture.part_colour = red;
+      if (is_involved || event.stock) picture.part_colour = red;
       continue;
     }
     render::Body body;
     body.label = solid.name;
     body.T = T_b;
     body.shape = render::SolidShape{solid.mesh.vertices, solid.mesh.triangles};
-    body.colour = is_met ? red : grey;
-    body.opacity = is_met ? 1.0 : 0.35;
-    // The close view shows the two bodies and the tool.
-    body.close = is_met || solid.frame == Carriers{part.truth.actual.size()}.tool();
+    body.colour = is_involved ? red : grey;
+    body.opacity = is_involved ? 1.0 : 0.35;
+    // The close view shows the two bodies and the whole tool.
+    body.close = is_involved || solid.frame == Carriers{segment.truth.actual.size()}.tool();
     picture.bodies.push_back(std::move(body));
   }
   const Eigen::Vector3d &w = event.place_w, &b = event.place_b;
@@ -181,43 +182,45 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
 
 namespace {
 
-/// Returns the pairs that have the smallest clearance of any block: first by contacts, then by
-/// blocks.
+/// Returns the pairs that are the nearest pair of some block, sorted by the number of contacts,
+/// then by the number of blocks.
 std::vector<int> plotted_pairs(const std::vector<BlockClearance>& blocks) {
-  std::map<int, std::pair<std::size_t, std::size_t>> count;  // number of contacts, number of blocks
-  for (const BlockClearance& one : blocks) {
-    if (one.pair < 0) continue;
-    count[one.pair].first += one.at_least == 0.0;
-    ++count[one.pair].second;
+  std::map<int, std::pair<std::size_t, std::size_t>>
+      counts_by_pair;  // number of contacts, number of blocks
+  for (const BlockClearance& block : blocks) {
+    if (block.pair < 0) continue;
+    counts_by_pair[block.pair].first += block.at_least == 0.0;
+    ++counts_by_pair[block.pair].second;
   }
   std::vector<int> pairs;
-  for (const auto& [pair, counts] : count) pairs.push_back(pair);
-  std::ranges::stable_sort(pairs, std::greater<>{}, [&](int pair) { return count.at(pair); });
+  for (const auto& [pair, counts] : counts_by_pair) pairs.push_back(pair);
+  std::ranges::stable_sort(pairs, std::greater<>{},
+                           [&](int pair) { return counts_by_pair.at(pair); });
   return pairs;
 }
 
-/// Returns the clearance as one step per block; blocks in which another pair is nearer are gaps.
-render::Series steps_of(const std::vector<BlockClearance>& blocks, int pair) {
+/// Returns the clearance of a pair as a step per block, with gaps for blocks in which another pair
+/// is nearer.
+render::Series clearance_steps(const std::vector<BlockClearance>& blocks, int pair) {
   const auto n = Eigen::Index(blocks.size());
   render::Series series;
   series.x.resize(2 * n);
   series.y.resize(2 * n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    const BlockClearance& one = blocks[std::size_t(i)];
-    series.x.segment<2>(2 * i) << one.place.time_s, one.end_s;
+    const BlockClearance& block = blocks[std::size_t(i)];
+    series.x.segment<2>(2 * i) << block.place.time_s, block.end_s;
     series.y.segment<2>(2 * i).setConstant(
-        one.pair == pair ? one.at_least : std::numeric_limits<double>::quiet_NaN());
+        block.pair == pair ? block.at_least : std::numeric_limits<double>::quiet_NaN());
   }
   return series;
 }
 
-/// Returns a point in every block with contact, because some blocks are too short to be seen as a
-/// step.
-render::Series contacts_of(const std::vector<BlockClearance>& blocks, int pair) {
+/// Returns a point for every block with contact: a short block would not be visible as a step.
+render::Series contact_points(const std::vector<BlockClearance>& blocks, int pair) {
   std::vector<double> middle;
-  for (const BlockClearance& one : blocks)
-    if (one.pair == pair && one.at_least == 0.0)
-      middle.push_back(0.5 * (one.place.time_s + one.end_s));
+  for (const BlockClearance& block : blocks)
+    if (block.pair == pair && block.at_least == 0.0)
+      middle.push_back(0.5 * (block.place.time_s + block.end_s));
   render::Series series;
   series.mark = render::Mark::Points;
   series.x = Eigen::Map<const Eigen::VectorXd>(middle.data(), Eigen::Index(middle.size()));
@@ -230,24 +233,24 @@ render::Series contacts_of(const std::vector<BlockClearance>& blocks, int pair) 
 render::Panel clearance_panel(const Collisions& collisions) {
   constexpr std::size_t max_pairs = 6;
   std::vector<int> pairs = plotted_pairs(collisions.blocks);
-  const std::size_t all = pairs.size();
-  if (all > max_pairs) pairs.resize(max_pairs);
+  const std::size_t pair_count = pairs.size();
+  if (pair_count > max_pairs) pairs.resize(max_pairs);
   render::Panel panel;
   panel.x_label = "time / s";
   panel.y_label = "clearance at least / mm";
   for (const int pair : pairs) {
-    const Clearance& named = collisions.clearances[std::size_t(pair)];
-    panel.series.push_back(steps_of(collisions.blocks, pair));
-    panel.series.back().name = named.a + " - " + named.b;
+    const Clearance& clearance = collisions.clearances[std::size_t(pair)];
+    panel.series.push_back(clearance_steps(collisions.blocks, pair));
+    panel.series.back().name = clearance.a + " - " + clearance.b;
   }
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    render::Series met = contacts_of(collisions.blocks, pairs[i]);
-    met.colour = int(i);
-    if (met.x.size() > 0) panel.series.push_back(std::move(met));
+    render::Series points = contact_points(collisions.blocks, pairs[i]);
+    points.colour = int(i);
+    if (points.x.size() > 0) panel.series.push_back(std::move(points));
   }
-  if (all > pairs.size())
-    panel.note.push_back(fmt::format("and {} more {}", all - pairs.size(),
-                                     all - pairs.size() == 1 ? "pair" : "pairs"));
+  if (pair_count > pairs.size())
+    panel.note.push_back(fmt::format("and {} more {}", pair_count - pairs.size(),
+                                     pair_count - pairs.size() == 1 ? "pair" : "pairs"));
   return panel;
 }
 
@@ -255,17 +258,18 @@ std::vector<std::string> clearance_caption(const Collisions& collisions) {
   std::vector<std::string> lines = {
       "a lower bound for every block, of the pair that is nearest in it: the true clearance is at "
       "most 5 % or 0.01 mm more; 0 is contact"};
-  const auto has = [&](ClearanceScope in_blocks, bool of_stock) {
-    return std::ranges::any_of(collisions.clearances, [&](const Clearance& one) {
-      return one.in_blocks == in_blocks && (one.b == "stock") == of_stock;
+  const auto has_pair = [&](ClearanceScope in_blocks, bool is_with_stock) {
+    return std::ranges::any_of(collisions.clearances, [&](const Clearance& pair) {
+      return pair.in_blocks == in_blocks && (pair.b == "stock") == is_with_stock;
     });
   };
-  if (has(ClearanceScope::WhenNear, true))
+  if (has_pair(ClearanceScope::WhenNear, true))
     lines.push_back(
         fmt::format("the stock is in it only in blocks with contact, or within {:g} mm "
                     "of it; else its clearance is known of the whole program alone",
                     collisions.clearance));
-  if (has(ClearanceScope::WhenInContact, false) || has(ClearanceScope::WhenInContact, true))
+  if (has_pair(ClearanceScope::WhenInContact, false) ||
+      has_pair(ClearanceScope::WhenInContact, true))
     lines.push_back(
         "cutter and shank with the part or the stock, which they may touch, are in it "
         "only in blocks with contact");

@@ -28,30 +28,30 @@ inline render::ToleranceShares shares(const cutting::Conformance& c) {
   return {c.in, c.over, c.under, c.uncut};
 }
 
-/// Returns the body as `stock.vtp` holds it, in the workpiece frame.
+/// Returns the body with the fields of `stock.vtp`, in the workpiece frame.
 render::StockField stock_field(const StockCheck& check);
 
-/// Returns the facts that `stock.vtp` states about itself.
+/// Returns the metadata of `stock.vtp`.
 render::Facts stock_facts(const StockCheck& check);
 
-/// Returns `stock.png`: in the part frame, like the map, with the three largest findings of each
-/// kind.
+/// Returns the contents of `stock.png`, in the part frame like the map, with the largest findings
+/// of each kind.
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field);
 
-/// Returns the first contact, or else the nearest of the near misses; null if there is neither.
-const Collision* first_of(const Collisions& collisions);
+/// Returns the first contact or, without contacts, the nearest near miss; null if there is neither.
+const Collision* first_event(const Collisions& collisions);
 
-/// Returns the machine with all its bodies at the moment of an event, the two bodies in red, beside
-/// the part and the two bodies alone.
+/// Returns a picture of an event: the whole machine with the two bodies in red, and beside it a
+/// close view of the part and these two bodies.
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event);
 
-/// Returns the smallest clearance of every block over time, for the pairs that meet and those that
-/// are nearest; no series if no pair was examined.
+/// Returns the chart of the smallest clearance of every block over time, for the pairs with
+/// contacts and the nearest pairs; without series if no pair was examined.
 render::Panel clearance_panel(const Collisions& collisions);
 
-/// Returns the caption: the quantity that the clearance bounds from below, and the pairs left out.
+/// Returns the caption of the chart: the meaning of the bound, and the pairs that it leaves out.
 std::vector<std::string> clearance_caption(const Collisions& collisions);
 
 }  // namespace abbe::sim

@@ -19,8 +19,8 @@ namespace identification = errors::identification;
 using Eigen::Index;
 using Json = nlohmann::ordered_json;
 
-/// Return the names of measures, images and screenings as the scene has them.
-const char* word_of(const identification::SensorChoiceOptions& choice) {
+/// Return the names of measures, images and screenings in a scene file.
+const char* enum_value(const identification::SensorChoiceOptions& choice) {
   using identification::GreyKind;
   if (choice.similarity_measure == identification::SimilarityMeasure::Correlation)
     return "correlation";
@@ -37,7 +37,7 @@ const char* word_of(const identification::SensorChoiceOptions& choice) {
   return "";
 }
 
-const char* word_of(identification::Image image) {
+const char* enum_value(identification::Image image) {
   using identification::Image;
   return image == Image::Initial    ? "initial"
          : image == Image::Mean     ? "mean"
@@ -45,39 +45,39 @@ const char* word_of(identification::Image image) {
                                     : "none";
 }
 
-const char* word_of(identification::Screening screening) {
+const char* enum_value(identification::Screening screening) {
   return screening == identification::Screening::Degree ? "degree" : "regression";
 }
 
-/// Returns the settings of a method; those that its measure does not use are null.
-Json method_json(const SensorChoiceGrade& graded) {
-  const SensorChoiceDescription::Way& way = graded.way;
-  const identification::SensorChoiceOptions& how = way.choice;
-  if (!how.fixed.empty()) return {{"fixed", true}};
-  const bool deng = how.similarity_measure == identification::SimilarityMeasure::Grey &&
-                    how.grey.kind == identification::GreyKind::Deng;
-  return {{"likeness", word_of(how)},
-          {"image", deng ? Json(word_of(how.grey.image)) : Json(nullptr)},
-          {"screening", word_of(how.screening)},
-          {"temperatures", graded.since_start ? "since the start of the day" : "as read, C"},
-          {"for", way.drifts.empty() ? Json("all displacements") : Json(way.drifts)}};
+/// Returns the settings of a method. Settings that its measure does not use are null.
+Json method_json(const SensorChoiceGrade& grade) {
+  const SensorChoiceDescription::Way& method = grade.way;
+  const identification::SensorChoiceOptions& options = method.choice;
+  if (!options.fixed.empty()) return {{"fixed", true}};
+  const bool is_deng = options.similarity_measure == identification::SimilarityMeasure::Grey &&
+                       options.grey.kind == identification::GreyKind::Deng;
+  return {{"likeness", enum_value(options)},
+          {"image", is_deng ? Json(enum_value(options.grey.image)) : Json(nullptr)},
+          {"screening", enum_value(options.screening)},
+          {"temperatures", grade.since_start ? "since the start of the day" : "as read, C"},
+          {"for", method.drifts.empty() ? Json("all displacements") : Json(method.drifts)}};
 }
 
-/// Returns the start of the degree's computation for each displacement; null for excluded ones.
-Json start_times_json(const std::vector<DegreeStart>& begins) {
+/// Returns the start of each displacement's degree; null for excluded displacements.
+Json start_times_json(const std::vector<DegreeStart>& starts) {
   Json json = Json::object();
-  for (const DegreeStart& one : begins)
-    json[one.channel] = one.at ? Json{{"row", one.at->row},
-                                      {"h", one.at->since_start_s / 3600.0},
-                                      {"drift_um", one.at->drift / units::um}}
-                               : Json(nullptr);
+  for (const DegreeStart& start : starts)
+    json[start.channel] = start.at ? Json{{"row", start.at->row},
+                                          {"h", start.at->since_start_s / 3600.0},
+                                          {"drift_um", start.at->drift / units::um}}
+                                   : Json(nullptr);
   return json;
 }
 
-std::vector<std::string> names_of(const std::vector<int>& inputs,
-                                  const std::vector<std::string>& names) {
+std::vector<std::string> selected_names(const std::vector<int>& indices,
+                                        const std::vector<std::string>& names) {
   std::vector<std::string> result;
-  for (const int i : inputs) result.push_back(names[std::size_t(i)]);
+  for (const int i : indices) result.push_back(names[std::size_t(i)]);
   return result;
 }
 
@@ -99,7 +99,7 @@ Json model_json(const identification::ThermalFit& fitted, double unit) {
   return json;
 }
 
-/// Returns the drift that the model leaves on days that were not used for training.
+/// Returns the residual drift on days that were not used for training.
 Json other_days_json(const std::vector<DayGrade>& days, double unit) {
   Json list = Json::array();
   for (const DayGrade& day : days) {
@@ -114,7 +114,8 @@ Json other_days_json(const std::vector<DayGrade>& days, double unit) {
   return list;
 }
 
-/// Returns a displacement or tilt. Channels without a model have only their name and range.
+/// Returns the results of a displacement or tilt. A channel without a model has only name and
+/// range.
 Json channel_json(const ChannelGrade& channel, bool with_model) {
   const double unit = channel.angle ? units::urad : units::um;
   Json json{{"name", channel.name}, {"unit", channel.angle ? "urad" : "um"}};
@@ -126,28 +127,31 @@ Json channel_json(const ChannelGrade& channel, bool with_model) {
   return json;
 }
 
-Json channels_json(const SensorChoiceGrade& way, bool with_models) {
+/// Returns all displacements and tilts.
+/// @param with_models  true: with the coefficients of their models
+Json channels_json(const SensorChoiceGrade& grade, bool with_models) {
   Json list = Json::array();
-  for (const ChannelGrade& one : way.channels) list.push_back(channel_json(one, with_models));
+  for (const ChannelGrade& channel : grade.channels)
+    list.push_back(channel_json(channel, with_models));
   return list;
 }
 
-/// Returns the results of random choices, against which a choice is judged.
-Json random_json(const identification::RandomChoices& random, double chosen) {
+/// Returns the results of random choices, with which a choice is compared.
+Json random_json(const identification::RandomChoices& random, double choice_result) {
   return {{"subsets", random.rms_over_range.size()},
           {"p05", random.p05},
           {"p25", random.p25},
           {"p50", random.p50},
           {"p75", random.p75},
           {"p95", random.p95},
-          {"chosen", chosen},
+          {"chosen", choice_result},
           {"beaten_by_the_choice", random.fraction_beaten}};
 }
 
-/// Returns the dependence of a choice on its start and on noise.
-Json spread_json(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
-  if (!way.spread) return nullptr;
-  const identification::ChoiceSpread& spread = *way.spread;
+/// Returns the dependence of a choice on its start row and on noise.
+Json choice_spread_json(const SensorChoiceGrade& grade, const std::vector<std::string>& sensors) {
+  if (!grade.spread) return nullptr;
+  const identification::ChoiceSpread& spread = *grade.spread;
   Json chosen = Json::object(), ranks = Json::object();
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     chosen[sensors[i]] = 100.0 * spread.chosen[Index(i)];
@@ -161,36 +165,37 @@ Json spread_json(const SensorChoiceGrade& way, const std::vector<std::string>& s
           {"rank_from_to", ranks}};
 }
 
-/// Returns a method with its choice, and the figures of its channels without their models.
-Json strategy_json(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
-  Json json{{"name", name_of(way.way)}, {"method", method_json(way)}};
-  if (way.begins) json["method"]["begins"] = start_times_json(*way.begins);
-  json["chosen"] = way.chosen;
-  json["degree"] = choice_json(way.choice, sensors)["degree"];
-  json["channels"] = channels_json(way, false);
-  json["rms_over_range"] = way.rms_over_range ? Json(*way.rms_over_range) : Json(nullptr);
-  json["spread"] = spread_json(way, sensors);
+/// Returns a method with its choice and the figures of its channels, without their models.
+Json strategy_json(const SensorChoiceGrade& grade, const std::vector<std::string>& sensors) {
+  Json json{{"name", name_of(grade.way)}, {"method", method_json(grade)}};
+  if (grade.begins) json["method"]["begins"] = start_times_json(*grade.begins);
+  json["chosen"] = grade.chosen;
+  json["degree"] = choice_json(grade.choice, sensors)["degree"];
+  json["channels"] = channels_json(grade, false);
+  json["rms_over_range"] = grade.rms_over_range ? Json(*grade.rms_over_range) : Json(nullptr);
+  json["spread"] = choice_spread_json(grade, sensors);
   json["random_choices_rms_over_range"] =
-      way.random ? random_json(*way.random, *way.rms_over_range) : Json(nullptr);
+      grade.random ? random_json(*grade.random, *grade.rms_over_range) : Json(nullptr);
   return json;
 }
 
 }  // namespace
 
 Json to_json(const ThermalChoice& choice) {
-  const SensorChoiceGrade& own = choice.ways.front();
+  const SensorChoiceGrade& first_grade = choice.ways.front();
   Json json{
       {"training_day", choice.training_day}, {"rows", choice.rows}, {"sensors", choice.sensors}};
-  json.update(choice_json(own.choice, choice.sensors));
-  json["standing_still"] = names_of(own.choice.still, choice.sensors);
-  json["chosen"] = own.chosen;
-  if (own.random)
-    json["random_choices_rms_over_range"] = random_json(*own.random, *own.rms_over_range);
-  json["channels"] = channels_json(own, true);
+  json.update(choice_json(first_grade.choice, choice.sensors));
+  json["standing_still"] = selected_names(first_grade.choice.still, choice.sensors);
+  json["chosen"] = first_grade.chosen;
+  if (first_grade.random)
+    json["random_choices_rms_over_range"] =
+        random_json(*first_grade.random, *first_grade.rms_over_range);
+  json["channels"] = channels_json(first_grade, true);
   json["warnings"] = choice.warnings;
   json["choices"] = Json::array();
-  for (const SensorChoiceGrade& way : choice.ways)
-    json["choices"].push_back(strategy_json(way, choice.sensors));
+  for (const SensorChoiceGrade& grade : choice.ways)
+    json["choices"].push_back(strategy_json(grade, choice.sensors));
   return json;
 }
 
@@ -199,28 +204,30 @@ Json choice_json(const identification::SensorChoice& choice,
   Json degree = Json::object(), groups = Json::array();
   for (const int i : identification::ranking(choice.degree))
     degree[sensors[std::size_t(i)]] = choice.degree[i];
-  for (const auto& group : choice.groups) groups.push_back(names_of(group, sensors));
+  for (const auto& group : choice.groups) groups.push_back(selected_names(group, sensors));
   return {{"degree", degree}, {"threshold", choice.threshold}, {"groups", groups}};
 }
 
-std::string name_of(const SensorChoiceDescription::Way& way) {
-  if (!way.name.empty()) return way.name;
-  return fmt::format("{}, {} screening", word_of(way.choice), word_of(way.choice.screening));
+std::string name_of(const SensorChoiceDescription::Way& method) {
+  if (!method.name.empty()) return method.name;
+  return fmt::format("{}, {} screening", enum_value(method.choice),
+                     enum_value(method.choice.screening));
 }
 
 namespace {
 
-/// Returns the start of a displacement's degree: a drift within noise has none.
-std::string start_time_text(const DegreeStart& begin) {
-  if (!begin.at)
+/// Returns the start of a displacement's degree. A displacement that drifts within its noise is
+/// excluded.
+std::string start_time_text(const DegreeStart& start) {
+  if (!start.at)
     return fmt::format("    {} takes no part: it drifts within its noise\n",
-                       escaped(begin.channel));
+                       escaped(start.channel));
   return fmt::format(
       "    degrees with {} begin at {:.3f} h, its first drift beyond noise, {:.2f} um\n",
-      escaped(begin.channel), begin.at->since_start_s / 3600.0, begin.at->drift / units::um);
+      escaped(start.channel), start.at->since_start_s / 3600.0, start.at->drift / units::um);
 }
 
-/// Returns the result for a displacement; empty for a tilt or if no model could be fitted.
+/// Returns the result for a displacement; empty for a tilt, or if no model could be fitted.
 std::string displacement_text(const ChannelGrade& channel) {
   if (!channel.fitted.model || channel.angle) return "";
   std::string text = fmt::format("    {}: {:.3f} um on the day that chose", escaped(channel.name),
@@ -231,15 +238,15 @@ std::string displacement_text(const ChannelGrade& channel) {
   return text + "\n";
 }
 
-/// Returns "8 (100 %, rank 1 to 2), 12 (64 %, rank 2 to 5)" for sensors chosen in at least a tenth
-/// of the draws.
-std::string spread_text(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
-  constexpr double seldom = 0.1;
-  if (!way.spread || way.spread->draws == 0) return "";
-  const errors::identification::ChoiceSpread& spread = *way.spread;
+/// Returns how often the sensors were chosen, and their ranks by degree, for all sensors chosen in
+/// at least a tenth of the draws.
+std::string spread_text(const SensorChoiceGrade& grade, const std::vector<std::string>& sensors) {
+  constexpr double min_fraction = 0.1;
+  if (!grade.spread || grade.spread->draws == 0) return "";
+  const errors::identification::ChoiceSpread& spread = *grade.spread;
   std::string text;
   for (const int i : errors::identification::ranking(spread.chosen)) {
-    if (spread.chosen[i] < seldom) break;
+    if (spread.chosen[i] < min_fraction) break;
     text += fmt::format("{}{} {:.0f} %", text.empty() ? "" : ", ", escaped(sensors[std::size_t(i)]),
                         100.0 * spread.chosen[i]);
     if (const int best = spread.best_rank[std::size_t(i)],
@@ -254,23 +261,24 @@ std::string spread_text(const SensorChoiceGrade& way, const std::vector<std::str
 }
 
 /// Returns the results of one method.
-std::string strategy_text(const SensorChoiceGrade& way, const std::vector<std::string>& sensors) {
+std::string strategy_text(const SensorChoiceGrade& grade, const std::vector<std::string>& sensors) {
   std::string chosen;
-  for (const std::string& name : way.chosen) chosen += (chosen.empty() ? "" : ", ") + escaped(name);
-  std::string text = fmt::format("  {}: {}\n", escaped(name_of(way.way)), chosen);
-  if (way.begins)
-    for (const DegreeStart& begin : *way.begins) text += start_time_text(begin);
-  text += spread_text(way, sensors);
-  for (const ChannelGrade& channel : way.channels) text += displacement_text(channel);
-  if (way.rms_over_range)
+  for (const std::string& name : grade.chosen)
+    chosen += (chosen.empty() ? "" : ", ") + escaped(name);
+  std::string text = fmt::format("  {}: {}\n", escaped(name_of(grade.way)), chosen);
+  if (grade.begins)
+    for (const DegreeStart& begin : *grade.begins) text += start_time_text(begin);
+  text += spread_text(grade, sensors);
+  for (const ChannelGrade& channel : grade.channels) text += displacement_text(channel);
+  if (grade.rms_over_range)
     text += fmt::format("    together {:.1f} % of the range of days unseen\n",
-                        100.0 * *way.rms_over_range);
-  if (way.random)
+                        100.0 * *grade.rms_over_range);
+  if (grade.random)
     text += fmt::format(
         "    random choices of {}: {:.1f} % (median; 5 % of them below {:.1f}, 5 % above {:.1f}), "
         "{:.0f} % are worse than this choice\n",
-        way.chosen.size(), 100.0 * way.random->p50, 100.0 * way.random->p05,
-        100.0 * way.random->p95, 100.0 * way.random->fraction_beaten);
+        grade.chosen.size(), 100.0 * grade.random->p50, 100.0 * grade.random->p05,
+        100.0 * grade.random->p95, 100.0 * grade.random->fraction_beaten);
   return text;
 }
 
@@ -278,7 +286,7 @@ std::string strategy_text(const SensorChoiceGrade& way, const std::vector<std::s
 
 std::string sensor_choices_text(const ThermalChoice& choice) {
   std::string text = "\nsensors chosen, and RMS of the drift that their model leaves\n";
-  for (const SensorChoiceGrade& way : choice.ways) text += strategy_text(way, choice.sensors);
+  for (const SensorChoiceGrade& grade : choice.ways) text += strategy_text(grade, choice.sensors);
   for (const std::string& warning : choice.warnings)
     text += "  warning: " + escaped(warning) + "\n";
   return text;
@@ -288,20 +296,21 @@ std::string sensor_choices_text(const ThermalChoice& choice) {
 void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) {
   std::vector<render::Panel> panels;
   std::size_t days = 1;
-  for (const DriftSeries& one : choice.series) {
-    const double unit = one.angle ? units::urad : units::um;
-    const bool training = one.day == choice.series.front().day;
-    // One column per day: the channels repeat from the first one on.
-    if (one.channel == choice.series.front().channel && !training) ++days;
+  for (const DriftSeries& drift : choice.series) {
+    const double unit = drift.angle ? units::urad : units::um;
+    const bool is_training = drift.day == choice.series.front().day;
+    // Each day has a column of panels; it begins with the first channel.
+    if (drift.channel == choice.series.front().channel && !is_training) ++days;
     const double rms =
-        std::sqrt((one.read - one.predicted).squaredNorm() / double(one.read.size())) / unit;
+        std::sqrt((drift.read - drift.predicted).squaredNorm() / double(drift.read.size())) / unit;
     panels.push_back(
-        {fmt::format("{} on {} ({})", one.channel, one.day, training ? "trained" : "never seen"),
+        {fmt::format("{} on {} ({})", drift.channel, drift.day,
+                     is_training ? "trained" : "never seen"),
          "time / h",
-         one.angle ? "drift / µrad" : "drift / µm",
-         {{"read", one.hours, one.read / unit, {}, {}, render::Mark::Line, 1},
-          {"predicted", one.hours, one.predicted / unit, {}, {}, render::Mark::Line, 0}},
-         {fmt::format("RMS {:.2f} {}", rms, one.angle ? "µrad" : "µm")}});
+         drift.angle ? "drift / µrad" : "drift / µm",
+         {{"read", drift.hours, drift.read / unit, {}, {}, render::Mark::Line, 1},
+          {"predicted", drift.hours, drift.predicted / unit, {}, {}, render::Mark::Line, 0}},
+         {fmt::format("RMS {:.2f} {}", rms, drift.angle ? "µrad" : "µm")}});
   }
   if (panels.empty()) return;
   std::string chosen;

@@ -11,20 +11,22 @@
 
 namespace abbe::sim {
 
-/// Returns the contents of `thermal.json`; its keys are stable for scripts.
+/// Returns the contents of `thermal.json`. Its keys are stable, so that scripts may rely on them.
 nlohmann::ordered_json to_json(const ThermalChoice& choice);
 
-/// Returns the degrees of the sensors in falling order, the threshold and the groups of a choice.
+/// Returns the degrees of the sensors in descending order, the threshold and the groups of a
+/// choice.
 nlohmann::ordered_json choice_json(const errors::identification::SensorChoice& choice,
                                    const std::vector<std::string>& sensors);
 
-/// Returns the given name of a method, else "deng, regression screening".
+/// Returns the name that the scene gives a method or, without one, its measure and screening:
+/// "deng, regression screening".
 std::string name_of(const SensorChoiceDescription::Way& way);
 
-/// Returns the choices as text, a few lines each; every foreign text stays on one line.
+/// Returns the choices as text, a few lines each. Control characters in names are escaped.
 std::string sensor_choices_text(const ThermalChoice& choice);
 
-/// Draws the measured drift over time and its prediction from the chosen sensors, one panel for
+/// Draws the measured drift over time and its prediction from the chosen sensors in a panel for
 /// each channel and day. Writes nothing if the program was built without VTK.
 /// @throws OutputFailure
 void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice);

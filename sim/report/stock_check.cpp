@@ -22,9 +22,9 @@ using cutting::Findings;
 using nlohmann::ordered_json;
 
 constexpr std::array kinds{FindingKind::Rest, FindingKind::Gouge, FindingKind::Undercut};
-constexpr std::size_t said = 3;  // findings of a kind in the text
+constexpr std::size_t max_listed = 3;  // findings of a kind in the text
 
-/// Returns the design at the pose of the alignment; the body must be compared at the same pose as
+/// Returns the design displaced by the alignment, so that the body is compared in the same pose as
 /// the map.
 cutting::Design compared_design(const Job& job, const Verdict& verdict) {
   if (job.scene.alignment == Alignment::None) return job.design_w;
@@ -36,83 +36,86 @@ const Findings::Sums& finding_sums(const StockCheck& check, FindingKind kind) {
   return check.findings.sums[std::size_t(kind)];
 }
 
-std::vector<std::size_t> listed(const StockCheck& check, FindingKind kind) {
-  std::vector<std::size_t> rows;
+/// Returns the indices of the listed findings of a kind.
+std::vector<std::size_t> finding_indices(const StockCheck& check, FindingKind kind) {
+  std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < check.findings.list.size(); ++i)
-    if (check.findings.list[i].kind == kind) rows.push_back(i);
-  return rows;
+    if (check.findings.list[i].kind == kind) indices.push_back(i);
+  return indices;
 }
 
-const Finding* deepest(const StockCheck& check, FindingKind kind) {
-  const Finding* most = nullptr;
-  for (const Finding& one : check.findings.list)
-    if (one.kind == kind && (most == nullptr || one.depth > most->depth)) most = &one;
-  return most;
+/// Returns the deepest listed finding of a kind; null if there is none.
+const Finding* deepest_finding(const StockCheck& check, FindingKind kind) {
+  const Finding* deepest = nullptr;
+  for (const Finding& finding : check.findings.list)
+    if (finding.kind == kind && (deepest == nullptr || finding.depth > deepest->depth))
+      deepest = &finding;
+  return deepest;
 }
 
-std::string at_least(bool is) { return is ? "at least " : ""; }
-
-/// Returns the note about speckles: findings smaller than a cell of the grid, which its resolution
-/// explains.
+/// Returns the note on speckles: findings smaller than a cell of the grid, which may be errors of
+/// its resolution.
 std::string speckle_text(const Findings::Sums& sums) {
   if (sums.speckles == 0) return "";
   return fmt::format("; {} too small for the dexels left out, up to {:.3g} mm", sums.speckles,
                      sums.speckle_depth);
 }
 
-/// Returns the text about the findings that are left out.
-/// @param said  number of findings in the text
-std::string more_text(const Findings::Sums& sums, std::size_t said) {
-  if (sums.regions <= said) return "";
+/// Returns the line on the findings that the text leaves out.
+/// @param listed  number of findings in the text
+std::string more_text(const Findings::Sums& sums, std::size_t listed) {
+  if (sums.regions <= listed) return "";
   const std::size_t unlisted = sums.regions - sums.listed;
-  std::string text = fmt::format("  {} more, in summary.json", sums.regions - said);
+  std::string text = fmt::format("  {} more, in summary.json", sums.regions - listed);
   if (unlisted > 0) text += fmt::format(", the smallest {} as a sum", unlisted);
   return text + "\n";
 }
 
-/// Returns a line for one kind of finding, with its three largest ones.
+/// Returns the totals of one kind of finding, and its largest findings.
 std::string kind_text(const StockCheck& check, FindingKind kind) {
   const Findings::Sums& sums = finding_sums(check, kind);
   if (sums.regions == 0)
     return sums.speckles == 0
                ? ""
                : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
-  const std::vector<std::size_t> rows = listed(check, kind);
+  const std::vector<std::size_t> rows = finding_indices(check, kind);
   std::string text = fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind),
                                  volume_text(sums.volume), location_count_text(sums.regions),
                                  kind == FindingKind::Undercut ? "highest" : "deepest",
-                                 place_text(*deepest(check, kind)), speckle_text(sums));
+                                 finding_text(*deepest_finding(check, kind)), speckle_text(sums));
   if (rows.size() < 2) return text;
-  for (std::size_t i = 0; i < std::min(said, rows.size()); ++i) {
-    const Finding& one = check.findings.list[rows[i]];
-    text +=
-        fmt::format("  {}: {} mm^3, {}\n", rows[i] + 1, volume_text(one.volume), place_text(one));
+  const std::size_t listed = std::min(max_listed, rows.size());
+  for (std::size_t i = 0; i < listed; ++i) {
+    const Finding& finding = check.findings.list[rows[i]];
+    text += fmt::format("  {}: {} mm^3, {}\n", rows[i] + 1, volume_text(finding.volume),
+                        finding_text(finding));
   }
-  return text + more_text(sums, std::min(said, rows.size()));
+  return text + more_text(sums, listed);
 }
 
-/// Returns the text about the part of the skin that was not compared; empty if all of it was.
+/// Returns the areas of the skin that were not compared, in percent; empty if all of it was
+/// compared.
 std::string excluded_text(const StockCheck& check) {
-  const Findings& f = check.findings;
-  const double all = f.compared + f.no_design + f.unresolved;
-  if (!(all > 0.0)) return "";
+  const Findings& findings = check.findings;
+  const double total = findings.compared + findings.no_design + findings.unresolved;
+  if (!(total > 0.0)) return "";
   std::string text;
-  const auto add = [&](double area, const char* what) {
-    // Less than 0.05 % is not worth a mention.
-    if (!(area > 5e-4 * all)) return;
-    text += fmt::format("{}{:.3g} % {}", text.empty() ? "" : ", ", 100.0 * area / all, what);
+  const auto add = [&](double area, const char* description) {
+    // Less than 0.05 % is negligible.
+    if (!(area > 5e-4 * total)) return;
+    text +=
+        fmt::format("{}{:.3g} % {}", text.empty() ? "" : ", ", 100.0 * area / total, description);
   };
-  add(f.no_design, "has no design to it");
-  add(f.unresolved, "is wall along the dexels");
-  add(f.too_small, "is a blank too small for the part");
+  add(findings.no_design, "has no design to it");
+  add(findings.unresolved, "is wall along the dexels");
+  add(findings.too_small, "is a blank too small for the part");
   return text.empty() ? "" : "of the skin " + text + "\n";
 }
 
-/// Returns the effects of a case that its stock does not contain. Above the flank the stock removes
-/// what the shank meets, including the springback of tool and part; and it is cut by a cutter
-/// without wear.
+/// Returns the effects of a case that its stock does not show. The stock loses material that
+/// springs back to the shank above the flank, and it is cut by a cutter without wear.
 std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict) {
-  const auto in_map = [&] {
+  const auto map_note = [&] {
     const auto& max = verdict.residual.max;
     return max && *max > 0.0
                ? fmt::format("; the map has up to {:.4g} um of material left", *max / units::um)
@@ -122,34 +125,35 @@ std::vector<std::string> omitted_effects(const Job& job, const Verdict& verdict)
   const Process& process = verdict.cut.process;
   const bool is_loaded = std::ranges::any_of(
       process.steps, [](const ProcessStep& step) { return !step.load.on_tool_t.isZero(0.0); });
-  const bool yields = job.truth.compliance && verdict.cut.case_name != "error_free";
-  if (process.stock && is_loaded && yields)
+  const bool is_compliant = job.truth.compliance && verdict.cut.case_name != "error_free";
+  if (process.stock && is_loaded && is_compliant)
     effects.push_back(fmt::format(
         "the body does not show what springs back from the flank of the cutter: the shank, "
         "which goes on with its radius, takes up to {:.3g} mm of it off{}",
-        cutting::rubbing, in_map()));
+        cutting::rubbing, map_note()));
   if (!verdict.cut.wear.empty())
-    effects.push_back("the body does not show wear: it is cut by a fresh cutter" + in_map());
+    effects.push_back("the body does not show wear: it is cut by a fresh cutter" + map_note());
   return effects;
 }
 
-ordered_json finding_json(const Finding& one, std::size_t number) {
+ordered_json finding_json(const Finding& finding, std::size_t number) {
   return {{"number", number},
-          {"volume_mm3", one.volume},
-          {"area_mm2", one.area},
-          {"depth_mm", one.depth},
-          {"is_at_least", one.is_at_least},
-          {"at_mm", numbers(one.place_w)},
-          {"line", one.line},
-          {"by_crash", one.by_crash},
-          {"extent_mm", {numbers(one.extent_w.min()), numbers(one.extent_w.max())}},
-          {"vertices", one.vertices}};
+          {"volume_mm3", finding.volume},
+          {"area_mm2", finding.area},
+          {"depth_mm", finding.depth},
+          {"is_at_least", finding.is_at_least},
+          {"at_mm", numbers(finding.place_w)},
+          {"line", finding.line},
+          {"by_crash", finding.by_crash},
+          {"extent_mm", {numbers(finding.extent_w.min()), numbers(finding.extent_w.max())}},
+          {"vertices", finding.vertices}};
 }
 
+/// Returns the totals and the listed findings of a kind.
 ordered_json kind_json(const StockCheck& check, FindingKind kind) {
   const Findings::Sums& sums = finding_sums(check, kind);
   ordered_json list = ordered_json::array();
-  for (const std::size_t i : listed(check, kind))
+  for (const std::size_t i : finding_indices(check, kind))
     list.push_back(finding_json(check.findings.list[i], i + 1));
   return {{"regions", sums.regions},
           {"volume_mm3", sums.volume},
@@ -178,13 +182,14 @@ std::string location_count_text(std::size_t count) {
   return fmt::format("{} {}", count, count == 1 ? "place" : "places");
 }
 
-std::string place_text(const Finding& one) {
-  const Eigen::Vector3d& p = one.place_w;
-  return fmt::format("{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}) of the workpiece, {}",
-                     at_least(one.is_at_least), one.depth, p.x(), p.y(), p.z(),
-                     one.line == 0
-                         ? std::string("never cut")
-                         : fmt::format("{}line {}", one.by_crash ? "crash on " : "", one.line));
+std::string finding_text(const Finding& finding) {
+  const Eigen::Vector3d& p = finding.place_w;
+  return fmt::format(
+      "{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}) of the workpiece, {}",
+      finding.is_at_least ? "at least " : "", finding.depth, p.x(), p.y(), p.z(),
+      finding.line == 0
+          ? std::string("never cut")
+          : fmt::format("{}line {}", finding.by_crash ? "crash on " : "", finding.line));
 }
 
 std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& verdict) {
@@ -196,12 +201,12 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
       process.stock ? cutting::stock_skin(*process.stock) : cutting::stock_skin(*process.turned);
   check->is_turned = !process.stock;
   check->has_design = job.design_w.triangles.rows() > 0;
-  check->left_out = omitted_effects(job, verdict);
-  if (const auto& described = job.scene.cutting) {
-    // Undercuts are searched along the z axis of the part frame.
-    check->limits.rest = described->rest;
-    check->limits.gouge = described->gouge;
+  check->omitted_effects = omitted_effects(job, verdict);
+  if (const auto& settings = job.scene.cutting) {
+    check->limits.rest = settings->rest;
+    check->limits.gouge = settings->gouge;
   }
+  // Undercuts are searched along the z axis of the part frame.
   check->limits.undercut_along = job.scene.part.T_wm.linear().col(2);
   if (check->is_turned) check->limits.undercut_along.reset();
   cutting::DeviationOptions options;
@@ -225,7 +230,7 @@ std::string to_text(const StockCheck& check) {
         check.limits.rest / units::um, check.limits.gouge / units::um,
         check.is_turned ? "" : ", no undercut");
   text += excluded_text(check);
-  for (const std::string& effect : check.left_out) text += effect + "\n";
+  for (const std::string& effect : check.omitted_effects) text += effect + "\n";
   return text;
 }
 
@@ -245,7 +250,7 @@ ordered_json to_json(const StockCheck& check) {
           {"unresolved_mm2", f.unresolved},
           {"blank_too_small_mm2", f.too_small},
           {"undercuts_looked_for", !check.is_turned},
-          {"left_out", check.left_out},
+          {"left_out", check.omitted_effects},
           {"rest", kind_json(check, FindingKind::Rest)},
           {"gouges", kind_json(check, FindingKind::Gouge)},
           {"undercuts", kind_json(check, FindingKind::Undercut)}};
@@ -253,10 +258,11 @@ ordered_json to_json(const StockCheck& check) {
 
 std::vector<std::string> warnings_of(const StockCheck& check) {
   std::vector<std::string> warnings;
-  if (const Finding* most = deepest(check, FindingKind::Gouge))
-    warnings.push_back(fmt::format(
-        "the machined body is gouged in {}, deepest {}",
-        location_count_text(finding_sums(check, FindingKind::Gouge).regions), place_text(*most)));
+  if (const Finding* gouge = deepest_finding(check, FindingKind::Gouge))
+    warnings.push_back(
+        fmt::format("the machined body is gouged in {}, deepest {}",
+                    location_count_text(finding_sums(check, FindingKind::Gouge).regions),
+                    finding_text(*gouge)));
   const Findings& f = check.findings;
   if (f.compared == 0.0 && f.no_design + f.unresolved > 0.0)
     warnings.push_back(

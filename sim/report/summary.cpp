@@ -19,39 +19,41 @@ namespace abbe::sim {
 namespace {
 
 /// Returns the figures that summary and comparison have in common.
-CaseStatistics figures_of(const Job& job, const Verdict& verdict) {
-  CaseStatistics figures;
-  figures.name = verdict.cut.name;
-  figures.residual = verdict.residual;
+CaseStatistics case_statistics(const Job& job, const Verdict& verdict) {
+  CaseStatistics result;
+  result.name = verdict.cut.name;
+  result.residual = verdict.residual;
   const cutting::Surface& surface = verdict.aligned.surface;
-  // The figures of the vertices are reported as well: the program may pass over them on purpose.
+  // The figures of the vertices are reported separately, because the program may have been
+  // generated to pass exactly over them.
   if (surface.sampled_within == cutting::Surface::Within::Random)
-    figures.at_vertices =
+    result.at_vertices =
         cutting::statistics(cutting::at_vertices(surface), job.design_w, verdict.tolerance);
-  figures.machine = verdict.machine;
-  figures.form = verdict.form_part;
-  figures.texture = verdict.texture;
-  figures.form_cutoff = job.scene.part.form_cutoff;
-  figures.interpolation = verdict.cut.interpolation;
-  figures.tip_error = verdict.cut.tip_error;
-  figures.direction_error = verdict.cut.direction_error;
-  figures.chord_error = verdict.cut.chord_error;
-  figures.highest = verdict.highest;
-  figures.lowest = verdict.lowest;
-  figures.worst = verdict.worst;
-  return figures;
+  result.machine = verdict.machine;
+  result.form = verdict.form_part;
+  result.texture = verdict.texture;
+  result.form_cutoff = job.scene.part.form_cutoff;
+  result.interpolation = verdict.cut.interpolation;
+  result.tip_error = verdict.cut.tip_error;
+  result.direction_error = verdict.cut.direction_error;
+  result.chord_error = verdict.cut.chord_error;
+  result.highest = verdict.highest;
+  result.lowest = verdict.lowest;
+  result.worst = verdict.worst;
+  return result;
 }
 
-/// Returns the fall of a figure in percent; empty if it was zero or is missing.
-std::optional<double> fall(const std::optional<double>& before,
-                           const std::optional<double>& after) {
+/// Returns the reduction of a figure in percent; empty if it was zero, or if one is missing.
+std::optional<double> relative_reduction(const std::optional<double>& before,
+                                         const std::optional<double>& after) {
   if (!before || !after || *before == 0.0) return std::nullopt;
   return 100.0 * (1.0 - *after / *before);
 }
 
+/// Return the reductions of PV and RMS in percent.
 CaseStatistics::Reduction reduction(const cutting::Statistics& before,
                                     const cutting::Statistics& after) {
-  return {fall(before.pv, after.pv), fall(before.rms, after.rms)};
+  return {relative_reduction(before.pv, after.pv), relative_reduction(before.rms, after.rms)};
 }
 
 std::optional<CaseStatistics::Reduction> reduction(
@@ -61,15 +63,17 @@ std::optional<CaseStatistics::Reduction> reduction(
   return reduction(*before, *after);
 }
 
+/// Returns the reductions of the texture parameters in percent; empty without texture.
 std::optional<CaseStatistics::TextureReduction> texture_reduction(const Verdict& before,
                                                                   const Verdict& after) {
   if (!before.texture || !after.texture) return std::nullopt;
-  return CaseStatistics::TextureReduction{fall(before.texture->Sa, after.texture->Sa),
-                                          fall(before.texture->Sq, after.texture->Sq),
-                                          fall(before.texture->Sz, after.texture->Sz)};
+  return CaseStatistics::TextureReduction{
+      relative_reduction(before.texture->Sa, after.texture->Sa),
+      relative_reduction(before.texture->Sq, after.texture->Sq),
+      relative_reduction(before.texture->Sz, after.texture->Sz)};
 }
 
-/// Returns the deviation of a mesh's facets; empty for a part without a mesh.
+/// Returns the facet error of a mesh; empty if it is zero, as for a part without a mesh.
 std::optional<Spread> facet_error(const cutting::Design& design) {
   if (design.facet_error.size() == 0 || design.facet_error.maxCoeff() <= 0.0) return std::nullopt;
   return Spread{std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())),
@@ -77,7 +81,7 @@ std::optional<Spread> facet_error(const cutting::Design& design) {
 }
 
 /// Returns the temperature of every node at the start and the end of the program.
-std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& run) {
+std::vector<Summary::NodeTemperature> node_temperatures(const errors::ThermalRun& run) {
   const Eigen::VectorXd start = errors::temperatures(run, 0.0);
   const Eigen::VectorXd end = errors::temperatures(run, run.knots.back().time_s);
   std::vector<Summary::NodeTemperature> nodes;
@@ -86,9 +90,9 @@ std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& 
   return nodes;
 }
 
-/// Returns the assumptions of the program's reader; first the dialect, if it was recognised by its
-/// content.
-std::vector<program::Assumption> assumptions_of(const Job& job) {
+/// Returns the assumptions of the reader of the program. If the dialect was recognised by the
+/// content of the program, this is the first one.
+std::vector<program::Assumption> program_assumptions(const Job& job) {
   std::vector<program::Assumption> assumptions = job.path.assumptions;
   if (job.path.read_as.find(", as ") != std::string::npos)
     assumptions.insert(
@@ -105,10 +109,10 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.scene = job.scene.title;
   s.seed = job.scene.seed;
   s.moves = job.path.motion_blocks;
-  // A program in windows is never sampled as a whole.
+  // A program that is processed in windows is never sampled as a whole.
   s.samples = job.windows ? job.windows->samples : job.samples.states.size();
   s.unreached = job.unreached;
-  s.figures = figures_of(job, verdict);
+  s.figures = case_statistics(job, verdict);
   s.tolerance = job.scene.part.tolerance;
   s.sampling = job.sampled;
   s.recognised = job.recognised;
@@ -119,10 +123,10 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.alignment = job.scene.alignment;
   s.view = job.scene.view;
   if (s.alignment != Alignment::None)
-    s.taken_out = {verdict.aligned.displacement, verdict.aligned.undetermined};
+    s.removed_alignment = {verdict.aligned.displacement, verdict.aligned.undetermined};
   s.form = verdict.form;
   s.rings = verdict.rings;
-  if (job.truth.heat) s.temperatures = temperatures_of(job.truth.heat->run);
+  if (job.truth.heat) s.temperatures = node_temperatures(job.truth.heat->run);
   if (!cut.process.steps.empty())
     s.cut = {cut.process.steps.size(), totals(cut.process), cut.process.crash_lines};
   s.stock = verdict.stock;
@@ -131,50 +135,51 @@ Summary summary(const Job& job, const Verdict& verdict) {
   if (s.stock) s.timing_s.emplace_back("findings", s.stock->seconds);
   s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
-  s.assumptions = assumptions_of(job);
+  s.assumptions = program_assumptions(job);
   if (s.stock) add_warnings(warnings_of(*s.stock), s.warnings);
   return s;
 }
 
 Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                       const std::vector<FailedCase>& failed) {
-  Comparison all{job.scene.title,
-                 job.scene.seed,
-                 job.design_w.vertices.rows(),
-                 job.path.motion_blocks,
-                 job.unreached,
-                 job.scene.datum.kind,
-                 job.scene.alignment,
-                 job.scene.part.tolerance,
-                 {},
-                 failed,
-                 {},
-                 assumptions_of(job)};
-  for (const Compared& one : cases) {
-    const Verdict& verdict = one.verdict;
+  Comparison result{job.scene.title,
+                    job.scene.seed,
+                    job.design_w.vertices.rows(),
+                    job.path.motion_blocks,
+                    job.unreached,
+                    job.scene.datum.kind,
+                    job.scene.alignment,
+                    job.scene.part.tolerance,
+                    {},
+                    failed,
+                    {},
+                    program_assumptions(job)};
+  for (const Compared& compared : cases) {
+    const Verdict& verdict = compared.verdict;
     // Warnings that variants share are reported once.
-    for (const std::string& warning : one.job->warnings)
-      if (std::find(all.warnings.begin(), all.warnings.end(), warning) == all.warnings.end())
-        all.warnings.push_back(warning);
+    for (const std::string& warning : compared.job->warnings)
+      if (std::find(result.warnings.begin(), result.warnings.end(), warning) ==
+          result.warnings.end())
+        result.warnings.push_back(warning);
     for (const std::string& warning : verdict.cut.warnings)
-      all.warnings.push_back(verdict.cut.name + ": " + warning);
-    all.cases.push_back(figures_of(*one.job, verdict));
-    if (!one.uncompensated) continue;
-    const Verdict& before = cases[*one.uncompensated].verdict;
-    CaseStatistics& figures = all.cases.back();
+      result.warnings.push_back(verdict.cut.name + ": " + warning);
+    result.cases.push_back(case_statistics(*compared.job, verdict));
+    if (!compared.uncompensated) continue;
+    const Verdict& before = cases[*compared.uncompensated].verdict;
+    CaseStatistics& figures = result.cases.back();
     figures.residual_reduction = reduction(before.residual, verdict.residual);
     figures.machine_reduction = reduction(before.machine, verdict.machine);
     figures.form_reduction = reduction(before.form_part, verdict.form_part);
     figures.texture_reduction = texture_reduction(before, verdict);
   }
-  return all;
+  return result;
 }
 
 namespace {
 
 using nlohmann::ordered_json;
 
-/// Returns statistics in um; null where there are none.
+/// Returns statistics in um; null for values that do not exist.
 ordered_json statistics_um(const cutting::Statistics& s) {
   return {
       {"pv", number(s.pv, units::um)},
@@ -196,28 +201,27 @@ ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
   return {tolerance->lower / units::um, tolerance->upper / units::um};
 }
 
-/// Returns null if there is no point.
-ordered_json place(const std::optional<Verdict::Place>& one) {
-  if (!one) return {};
-  return {{"residual_um", one->residual / units::um},
-          {"is_bound", one->bound},
-          {"at_mm", numbers(one->at_m)},
-          {"line", one->line}};
+/// Returns an extreme point; null if there is none.
+ordered_json point_json(const std::optional<Verdict::Place>& point) {
+  if (!point) return {};
+  return {{"residual_um", point->residual / units::um},
+          {"is_bound", point->bound},
+          {"at_mm", numbers(point->at_m)},
+          {"line", point->line}};
 }
 
-/// Returns the conformance with the tolerance in percent of the judged area; null without a
-/// tolerance.
-ordered_json conformance(const CaseStatistics& one) {
-  const auto& c = one.residual.conformance;
+/// Returns the conformance in percent of the judged area; null without a tolerance.
+ordered_json conformance(const CaseStatistics& figures) {
+  const auto& c = figures.residual.conformance;
   if (!c) return {};
-  ordered_json json = {{"verdict", tolerance_verdict(c, one.worst)},
+  ordered_json json = {{"verdict", tolerance_verdict(c, figures.worst)},
                        {"passes", c->passes()},
                        {"in_percent", c->in},
                        {"over_percent", c->over},
                        {"under_percent", c->under},
                        {"uncut_percent", c->uncut}};
-  json["excess_um"] = one.worst ? ordered_json(c->excess / units::um) : ordered_json();
-  json["worst"] = place(one.worst);
+  json["excess_um"] = figures.worst ? ordered_json(c->excess / units::um) : ordered_json();
+  json["worst"] = point_json(figures.worst);
   return json;
 }
 
@@ -228,7 +232,7 @@ std::optional<double> uncut_percent(const cutting::Statistics& s) {
   return 100.0 * s.uncut_vertices / judged;
 }
 
-/// Returns the number of judged vertices by status.
+/// Returns the numbers of vertices by status.
 ordered_json vertex_counts(const cutting::Statistics& s) {
   return {
       {"vertices", s.vertices},
@@ -241,7 +245,8 @@ ordered_json vertex_counts(const cutting::Statistics& s) {
       {"outside_vertices", s.outside_vertices}};
 }
 
-/// Returns the unreached passes and points of a generated program; null if there are none.
+/// Returns the numbers of unreached passes and points of a generated program; null if all are
+/// reached.
 ordered_json unreached(const program::Unreached& u) {
   if (u.points == 0) return {};
   return {{"passes", u.passes},
@@ -255,20 +260,20 @@ ordered_json spread(const Spread& s, double unit) {
   return {{"rms", s.rms / unit}, {"max", s.max / unit}};
 }
 
-/// Returns the figures of the cutting process; torque in N m, from N mm.
+/// Returns the figures of the cutting process; the torque is converted from N mm to N m.
 ordered_json cut_json(const CutStatistics& cut) {
-  const ProcessTotals& all = cut.totals;
-  // The mean force is over the steps with a load.
+  const ProcessTotals& total = cut.totals;
+  // The mean force is that of the steps with a load.
   return {{"steps", cut.steps},
-          {"removed_mm3", all.removed},
-          {"force_max_N", all.force_max},
-          {"force_mean_N",
-           all.loaded > 0 ? ordered_json(all.force_sum / double(all.loaded)) : ordered_json()},
-          {"torque_max_Nm", all.torque_max * 1e-3},
-          {"power_max_W", all.power_max_W},
-          {"iterations_max", all.iterations_max},
-          {"contraction_max", all.contraction_max},
-          {"not_converged", all.open},
+          {"removed_mm3", total.removed},
+          {"force_max_N", total.force_max},
+          {"force_mean_N", total.loaded > 0 ? ordered_json(total.force_sum / double(total.loaded))
+                                            : ordered_json()},
+          {"torque_max_Nm", total.torque_max * 1e-3},
+          {"power_max_W", total.power_max_W},
+          {"iterations_max", total.iterations_max},
+          {"contraction_max", total.contraction_max},
+          {"not_converged", total.open},
           {"crash_lines", cut.crash_lines}};
 }
 
@@ -298,18 +303,18 @@ ordered_json interpolation(const std::optional<cutting::InterpolationError>& err
           {"unresolved_percent", 100.0 * error->unresolved}};
 }
 
-/// Returns the deviation of the actual path from the chords between samples, which the cut uses.
-ordered_json chord_error(const ChordError& found) {
-  if (found.looked_at == 0) return {};
-  return {{"intervals", found.looked_at},
-          {"max_nm", found.max / units::nm},
-          {"rms_nm", found.rms / units::nm},
-          {"line", found.line},
-          {"step_mm", found.step}};
+/// Returns the deviation of the actual path from the chords between samples, along which the tool
+/// cuts.
+ordered_json chord_error(const ChordError& error) {
+  if (error.looked_at == 0) return {};
+  return {{"intervals", error.looked_at},
+          {"max_nm", error.max / units::nm},
+          {"rms_nm", error.rms / units::nm},
+          {"line", error.line},
+          {"step_mm", error.step}};
 }
 
-/// Returns the sampling of the part: its resolution, and the areas that are excluded from
-/// judgement.
+/// Returns the sampling of the part: its resolution, and the judged and excluded areas.
 ordered_json sampling(const SampledSurface& sampled) {
   return {{"given_vertices", sampled.given},
           {"resolution_um", sampled.resolution / units::um},
@@ -323,80 +328,80 @@ ordered_json sampling(const SampledSurface& sampled) {
           {"run_out_area_mm2", sampled.excluded_area.lead_out}};
 }
 
-/// Returns the form that each face of a mesh was recognised as, with its deviation.
+/// Returns the analytic surfaces that were recognised as faces of a mesh, with their deviations.
 ordered_json recognised(const std::vector<cutting::AnalyticPatch>& patches) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   ordered_json list = ordered_json::array();
-  for (const cutting::AnalyticPatch& one : patches)
-    list.push_back({{"form", names[std::size_t(one.form)]},
-                    {"area_mm2", one.area},
-                    {"off_um", one.off / units::um}});
+  for (const cutting::AnalyticPatch& patch : patches)
+    list.push_back({{"form", names[std::size_t(patch.form)]},
+                    {"area_mm2", patch.area},
+                    {"off_um", patch.off / units::um}});
   return list;
 }
 
-/// Returns the reductions by the compensator in percent; null for other cases.
-ordered_json reduction_percent(const CaseStatistics& one) {
-  if (!one.residual_reduction) return nullptr;
-  ordered_json json{{"pv", number(one.residual_reduction->pv)},
-                    {"rms", number(one.residual_reduction->rms)}};
-  const auto put = [&](const std::string& of,
-                       const std::optional<CaseStatistics::Reduction>& fall) {
-    if (!fall) return;
-    json[of + "_pv"] = number(fall->pv);
-    json[of + "_rms"] = number(fall->rms);
+/// Returns the reductions by the compensator in percent; null for a case without one.
+ordered_json reduction_percent(const CaseStatistics& figures) {
+  if (!figures.residual_reduction) return nullptr;
+  ordered_json json{{"pv", number(figures.residual_reduction->pv)},
+                    {"rms", number(figures.residual_reduction->rms)}};
+  const auto add_reduction = [&](const std::string& name,
+                                 const std::optional<CaseStatistics::Reduction>& reduction) {
+    if (!reduction) return;
+    json[name + "_pv"] = number(reduction->pv);
+    json[name + "_rms"] = number(reduction->rms);
   };
-  put("machine", one.machine_reduction);
-  put("form", one.form_reduction);
-  if (!one.texture_reduction) return json;
-  json["texture_sa"] = number(one.texture_reduction->Sa);
-  json["texture_sq"] = number(one.texture_reduction->Sq);
-  json["texture_sz"] = number(one.texture_reduction->Sz);
+  add_reduction("machine", figures.machine_reduction);
+  add_reduction("form", figures.form_reduction);
+  if (!figures.texture_reduction) return json;
+  json["texture_sa"] = number(figures.texture_reduction->Sa);
+  json["texture_sq"] = number(figures.texture_reduction->Sq);
+  json["texture_sz"] = number(figures.texture_reduction->Sz);
   return json;
 }
 
-ordered_json case_json(const CaseStatistics& one) {
-  ordered_json json = {{"name", one.name},
-                       {"residual_um", statistics_um(one.residual)},
-                       {"at_vertices_um", statistics_um(one.at_vertices)},
-                       {"machine_um", statistics_um(one.machine)},
-                       {"form_cutoff_mm", one.form_cutoff},
-                       {"form_um", statistics_um(one.form)},
-                       {"texture_um", texture_um(one.texture)},
-                       {"interpolation", interpolation(one.interpolation)},
-                       {"reduction_percent", reduction_percent(one)},
-                       {"tip_error_um", spread(one.tip_error, units::um)},
-                       {"direction_error_urad", spread(one.direction_error, units::urad)},
-                       {"between_samples", chord_error(one.chord_error)},
-                       {"highest", place(one.highest)},
-                       {"lowest", place(one.lowest)},
-                       {"conformance", conformance(one)}};
-  json.update(vertex_counts(one.residual));
+/// Returns the figures of a case for comparison.json.
+ordered_json case_json(const CaseStatistics& figures) {
+  ordered_json json = {{"name", figures.name},
+                       {"residual_um", statistics_um(figures.residual)},
+                       {"at_vertices_um", statistics_um(figures.at_vertices)},
+                       {"machine_um", statistics_um(figures.machine)},
+                       {"form_cutoff_mm", figures.form_cutoff},
+                       {"form_um", statistics_um(figures.form)},
+                       {"texture_um", texture_um(figures.texture)},
+                       {"interpolation", interpolation(figures.interpolation)},
+                       {"reduction_percent", reduction_percent(figures)},
+                       {"tip_error_um", spread(figures.tip_error, units::um)},
+                       {"direction_error_urad", spread(figures.direction_error, units::urad)},
+                       {"between_samples", chord_error(figures.chord_error)},
+                       {"highest", point_json(figures.highest)},
+                       {"lowest", point_json(figures.lowest)},
+                       {"conformance", conformance(figures)}};
+  json.update(vertex_counts(figures.residual));
   return json;
 }
 
-/// Returns the head of the table of residuals.
+/// Returns the header of the table of residuals.
 std::string residual_header() {
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", "residual in um", "PV",
                      "RMS", "min", "max", "uncut %", "gouged");
 }
 
-/// Returns a row of the table, with the part of the area that its figures leave out.
-std::string residual_line(const CaseStatistics& one) {
-  const cutting::Statistics& s = one.residual;
+/// Returns a row of the table of residuals, with the area that its figures leave out.
+std::string residual_line(const CaseStatistics& figures) {
+  const cutting::Statistics& s = figures.residual;
   const auto um = [](const std::optional<double>& mm) {
     return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
   };
   const std::optional<double> uncut = uncut_percent(s);
-  return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", escaped(one.name), um(s.pv),
-                     um(s.rms), um(s.min), um(s.max), uncut ? fmt::format("{:.2f}", *uncut) : "-",
-                     s.gouged_vertices);
+  return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", escaped(figures.name),
+                     um(s.pv), um(s.rms), um(s.min), um(s.max),
+                     uncut ? fmt::format("{:.2f}", *uncut) : "-", s.gouged_vertices);
 }
 
-/// Returns a row for the vertices alone if the figures include random points between them: the
-/// program may pass over the vertices on purpose.
-std::string vertices_line(const CaseStatistics& one) {
-  if (!one.at_vertices) return {};
-  const cutting::Statistics& s = *one.at_vertices;
+/// Returns a row for the vertices alone; empty if the map has no random points between them.
+std::string vertices_line(const CaseStatistics& figures) {
+  if (!figures.at_vertices) return {};
+  const cutting::Statistics& s = *figures.at_vertices;
   const auto um = [](const std::optional<double>& mm) {
     return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
   };
@@ -405,83 +410,89 @@ std::string vertices_line(const CaseStatistics& one) {
                      um(s.pv), um(s.rms), um(s.min), um(s.max));
 }
 
-/// Returns the table of form and texture; the last column is the change by the compensator.
+/// Returns the table of form and texture, with the change by the compensator at the end of a row.
 std::string form_texture_table(const std::vector<CaseStatistics>& cases) {
   if (std::none_of(cases.begin(), cases.end(),
-                   [](const CaseStatistics& one) { return one.form && one.form->rms; }))
+                   [](const CaseStatistics& figures) { return figures.form && figures.form->rms; }))
     return {};
   std::string text =
       fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10}\n", "form and texture in um",
                   "form PV", "form RMS", "texture Sa", "Sq", "Sz", "cut-off mm");
-  for (const CaseStatistics& one : cases) {
+  for (const CaseStatistics& figures : cases) {
     const auto um = [](const std::optional<double>& mm) {
       return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
     };
-    const auto of = [&](double errors::metrology::Areal::*figure) {
-      return one.texture ? um((*one.texture).*figure) : "-";
+    const auto texture_um_text = [&](double errors::metrology::Areal::*figure) {
+      return figures.texture ? um((*figures.texture).*figure) : "-";
     };
     using errors::metrology::Areal;
-    text += fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10.4g}", escaped(one.name),
-                        one.form ? um(one.form->pv) : "-", one.form ? um(one.form->rms) : "-",
-                        of(&Areal::Sa), of(&Areal::Sq), of(&Areal::Sz), one.form_cutoff);
-    if (one.form_reduction && one.form_reduction->rms)
-      text += fmt::format("   form RMS {:+.2f} %", -*one.form_reduction->rms);
-    if (one.texture_reduction && one.texture_reduction->Sq)
-      text += fmt::format(", Sq {:+.2f} %", -*one.texture_reduction->Sq);
+    text +=
+        fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10.4g}", escaped(figures.name),
+                    figures.form ? um(figures.form->pv) : "-",
+                    figures.form ? um(figures.form->rms) : "-", texture_um_text(&Areal::Sa),
+                    texture_um_text(&Areal::Sq), texture_um_text(&Areal::Sz), figures.form_cutoff);
+    if (figures.form_reduction && figures.form_reduction->rms)
+      text += fmt::format("   form RMS {:+.2f} %", -*figures.form_reduction->rms);
+    if (figures.texture_reduction && figures.texture_reduction->Sq)
+      text += fmt::format(", Sq {:+.2f} %", -*figures.texture_reduction->Sq);
     text += "\n";
   }
   return text;
 }
 
-/// Returns a line about passes of a generated program that the machine does not reach.
+/// Returns a line on the passes of a generated program that the machine does not reach; empty if
+/// all are reached.
 std::string unreached_line(const program::Unreached& u) {
   if (u.points == 0) return {};
   return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n", u.passes,
                      u.all_passes, u.broken_passes);
 }
 
-/// Returns the RMS of the machine's part with its change; empty if there is no error-free map.
-std::string machine_text(const CaseStatistics& one) {
-  if (!one.machine || !one.machine->rms) return {};
-  std::string text = fmt::format("{:.6f}", *one.machine->rms / units::um);
-  if (one.machine_reduction && one.machine_reduction->rms)
-    text += fmt::format("  ({:+.2f} %)", -*one.machine_reduction->rms);
+/// Returns the RMS of the machine's contribution with its change; empty without an error-free map.
+std::string machine_text(const CaseStatistics& figures) {
+  if (!figures.machine || !figures.machine->rms) return {};
+  std::string text = fmt::format("{:.6f}", *figures.machine->rms / units::um);
+  if (figures.machine_reduction && figures.machine_reduction->rms)
+    text += fmt::format("  ({:+.2f} %)", -*figures.machine_reduction->rms);
   return text;
 }
 
 /// Returns the verdict on the tolerance of a case; empty without a tolerance.
-std::string verdict_line(const CaseStatistics& one) {
-  const auto& c = one.residual.conformance;
+std::string verdict_line(const CaseStatistics& figures) {
+  const auto& c = figures.residual.conformance;
   if (!c) return {};
-  std::string shares = fmt::format("{:.2f} % of the area in tolerance", c->in);
-  const auto add = [&](double percent, const char* what) {
-    if (percent > 0.0) shares += fmt::format(", {:.2f} % {}", percent, what);
+  std::string areas = fmt::format("{:.2f} % of the area in tolerance", c->in);
+  const auto add = [&](double percent, const char* status) {
+    if (percent > 0.0) areas += fmt::format(", {:.2f} % {}", percent, status);
   };
   add(c->over, "over");
   add(c->under, "under");
   add(c->uncut, "not cut");
-  return fmt::format("{:<36} {}; {}\n", escaped(one.name), tolerance_verdict(c, one.worst), shares);
+  return fmt::format("{:<36} {}; {}\n", escaped(figures.name), tolerance_verdict(c, figures.worst),
+                     areas);
 }
 
-/// Returns the assumptions about wear, and its amount at the end.
+/// Returns the wear of the tools at the end of the program, with the assumption about it.
 ordered_json wear_json(const std::vector<WornTool>& tools) {
-  ordered_json all = ordered_json::array();
-  for (const WornTool& one : tools)
-    all.push_back({{"tool", one.tool},
-                   {"assumed", "linear in what it cuts at feed; stock and force of a fresh cutter"},
-                   {"cut_min", one.use.time_s / 60.0},
-                   {"way_mm", one.use.way},
-                   {"radius_lost_um", one.radius / units::um},
-                   {"length_lost_um", one.length / units::um},
-                   {"followed_within_nm", one.within / units::nm}});
-  return all;
+  ordered_json list = ordered_json::array();
+  for (const WornTool& worn : tools)
+    list.push_back(
+        {{"tool", worn.tool},
+         {"assumed", "linear in what it cuts at feed; stock and force of a fresh cutter"},
+         {"cut_min", worn.use.time_s / 60.0},
+         {"way_mm", worn.use.way},
+         {"radius_lost_um", worn.radius / units::um},
+         {"length_lost_um", worn.length / units::um},
+         {"followed_within_nm", worn.within / units::nm}});
+  return list;
 }
 
 }  // namespace
 
 ordered_json to_json(const Summary& s) {
   ordered_json form = ordered_json::object(), timing = ordered_json::object();
-  for (const cutting::FormNumber& one : s.form) form[one.name + "_um"] = one.value_mm / units::um;
+  for (const cutting::FormNumber& deviation : s.form)
+    form[deviation.name + "_um"] = deviation.value_mm / units::um;
   for (const auto& [stage, seconds] : s.timing_s) timing[stage] = seconds;
   ordered_json json = {
       {"scene", s.scene},
@@ -502,8 +513,8 @@ ordered_json to_json(const Summary& s) {
       {"tip_error_um", spread(s.figures.tip_error, units::um)},
       {"direction_error_urad", spread(s.figures.direction_error, units::urad)},
       {"between_samples", chord_error(s.figures.chord_error)},
-      {"highest", place(s.figures.highest)},
-      {"lowest", place(s.figures.lowest)},
+      {"highest", point_json(s.figures.highest)},
+      {"lowest", point_json(s.figures.lowest)},
       {"tolerance_um", tolerance_um(s.tolerance)},
       {"conformance", conformance(s.figures)},
       {"point_left_um", s.point_left / units::um},
@@ -520,21 +531,21 @@ ordered_json to_json(const Summary& s) {
   json.update(vertex_counts(s.figures.residual));
   if (s.temperatures) {
     json["temperature_C"] = ordered_json::object();
-    for (const Summary::NodeTemperature& one : *s.temperatures)
-      json["temperature_C"][one.node] = {{"start", one.start_C}, {"end", one.end_C}};
+    for (const Summary::NodeTemperature& node : *s.temperatures)
+      json["temperature_C"][node.node] = {{"start", node.start_C}, {"end", node.end_C}};
   }
   if (s.cut) json["cut"] = cut_json(*s.cut);
   if (s.stock) json["stock"] = to_json(*s.stock);
   for (const Verdict::Ring& ring : s.rings)
     json["radii_um"][ring.name] = number(ring.radius, units::um);
   if (!s.wear.empty()) json["tool_wear"] = wear_json(s.wear);
-  if (s.taken_out) json["aligned_by"] = alignment_json(*s.taken_out);
+  if (s.removed_alignment) json["aligned_by"] = alignment_json(*s.removed_alignment);
   return json;
 }
 
 ordered_json to_json(const Comparison& c) {
-  ordered_json all = ordered_json::array();
-  for (const CaseStatistics& one : c.cases) all.push_back(case_json(one));
+  ordered_json cases = ordered_json::array();
+  for (const CaseStatistics& figures : c.cases) cases.push_back(case_json(figures));
   ordered_json json = {{"scene", c.scene},
                        {"seed", c.seed},
                        {"vertices", c.vertices},
@@ -543,9 +554,9 @@ ordered_json to_json(const Comparison& c) {
                        {"datum", name_of(c.datum)},
                        {"alignment", name_of(c.alignment)},
                        {"tolerance_um", tolerance_um(c.tolerance)},
-                       {"cases", all}};
-  for (const FailedCase& one : c.failed)
-    json["failed"].push_back({{"name", one.name}, {"reason", one.reason}});
+                       {"cases", cases}};
+  for (const FailedCase& failure : c.failed)
+    json["failed"].push_back({{"name", failure.name}, {"reason", failure.reason}});
   json["assumptions"] = to_json(c.assumptions);
   json["warnings"] = c.warnings;
   json["versions"] = versions();
@@ -560,10 +571,10 @@ std::string to_text(const Summary& s) {
 
 std::string to_text(const Comparison& c) {
   std::string text = residual_header() + "   machine's part, RMS\n";
-  for (const CaseStatistics& one : c.cases)
-    text += residual_line(one) + "   " + machine_text(one) + "\n" + vertices_line(one);
+  for (const CaseStatistics& figures : c.cases)
+    text += residual_line(figures) + "   " + machine_text(figures) + "\n" + vertices_line(figures);
   text += "\n" + form_texture_table(c.cases);
-  for (const CaseStatistics& one : c.cases) text += verdict_line(one);
+  for (const CaseStatistics& figures : c.cases) text += verdict_line(figures);
   return text + unreached_line(c.unreached);
 }
 

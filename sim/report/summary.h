@@ -12,31 +12,31 @@
 
 namespace abbe::sim {
 
-/// Figures of a case, and the reduction by its compensator.
+/// Figures of a case, and their reduction by its compensator.
 struct CaseStatistics {
   std::string name;
   cutting::Statistics residual;
-  std::optional<cutting::Statistics> at_vertices;  ///< of the vertices alone, if the others include
-                                                   ///< random points between them
-  std::optional<cutting::Statistics> machine;      ///< of the residual minus the error-free map
-  std::optional<cutting::Statistics> form;         ///< of the residual through the areal filter
+  std::optional<cutting::Statistics> at_vertices;   ///< of the vertices alone, if the map also has
+                                                    ///< random points between them
+  std::optional<cutting::Statistics> machine;       ///< of the residual minus the error-free map
+  std::optional<cutting::Statistics> form;          ///< of the residual through the areal filter
   std::optional<errors::metrology::Areal> texture;  ///< of the residual minus its form
-  double form_cutoff = 0.0;                         ///< mm, cut-off of that filter
+  double form_cutoff = 0.0;                         ///< mm, cut-off of the areal filter
   std::optional<cutting::InterpolationError> interpolation;
   Spread tip_error;        ///< mm
   Spread direction_error;  ///< rad
   ChordError chord_error;
   std::optional<Verdict::Place> highest, lowest, worst;  ///< as in Verdict
-  /// Percent by which a figure fell; empty if the uncompensated figure is zero or missing.
+  /// Reductions of figures in percent; empty if the uncompensated figure is zero or missing.
   struct Reduction {
     std::optional<double> pv, rms;
   };
   struct TextureReduction {
     std::optional<double> Sa, Sq, Sz;
   };
-  std::optional<Reduction> residual_reduction, machine_reduction;  ///< of a case with a compensator
-  std::optional<Reduction> form_reduction;                         ///< the same
-  std::optional<TextureReduction> texture_reduction;               ///< the same
+  // Reductions of a case with a compensator.
+  std::optional<Reduction> residual_reduction, machine_reduction, form_reduction;
+  std::optional<TextureReduction> texture_reduction;
 };
 
 /// Figures of the cutting process of a case.
@@ -56,7 +56,7 @@ struct Summary {
   CaseStatistics figures;
   std::optional<Tolerance> tolerance;              ///< of the part, if no region has its own
   std::vector<cutting::AnalyticPatch> recognised;  ///< faces recognised in a mesh
-  std::optional<SampledSurface> sampling;          ///< how the judged points were chosen
+  std::optional<SampledSurface> sampling;          ///< choice of the judged points
   double point_left = 0.0;  ///< mm, largest error that the compensator knew it could not correct
   double direction_left = 0.0;        ///< rad, the same for the direction
   std::optional<Spread> facet_error;  ///< mm, of the design's own mesh; empty if there is none
@@ -68,7 +68,7 @@ struct Summary {
     kinematics::Deviation displacement = kinematics::Deviation::Zero();  ///< mm and rad
     std::vector<std::string> undetermined;  ///< components that could not be determined
   };
-  std::optional<RemovedAlignment> taken_out;  ///< of a scene with an alignment
+  std::optional<RemovedAlignment> removed_alignment;  ///< of a scene with an alignment
   std::vector<cutting::FormNumber> form;
   std::vector<Verdict::Ring> rings;
   struct NodeTemperature {
@@ -77,13 +77,13 @@ struct Summary {
   };
   std::optional<std::vector<NodeTemperature>> temperatures;  ///< of a machine with heat
   std::optional<CutStatistics> cut;                          ///< of a scene with [cutting]
-  /// Stages; the last entry of a name counts.
+  /// Durations of stages; if a name occurs several times, its last entry is valid.
   std::vector<std::pair<std::string, double>> timing_s;
   std::shared_ptr<const StockCheck> stock;  ///< of the verdict
-  std::vector<WornTool> wear;               ///< of the tools that wear, at the end of the program
+  std::vector<WornTool> wear;               ///< of all tools with wear, at the end of the program
   std::vector<std::string> warnings;
-  std::vector<program::Assumption> assumptions;  ///< about the control, made by the reader of the
-                                                 ///< program
+  std::vector<program::Assumption> assumptions;  ///< that the reader of the program made about the
+                                                 ///< control
 };
 /// Returns the figures of a case.
 Summary summary(const Job& job, const Verdict& verdict);
@@ -94,7 +94,7 @@ struct FailedCase {
   std::string reason;
 };
 
-/// All cases, each compared with the uncompensated one of its variant.
+/// All cases of a scene, each compared with the uncompensated case of its variant.
 struct Comparison {
   std::string scene;
   std::uint64_t seed = 0;
@@ -113,11 +113,12 @@ struct Comparison {
 Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                       const std::vector<FailedCase>& failed = {});
 
-/// Return `summary.json` of a case and `comparison.json` of all; the keys are stable for scripts.
+/// Return `summary.json` of a case and `comparison.json` of all cases. Their keys are stable, so
+/// that scripts may rely on them.
 nlohmann::ordered_json to_json(const Summary& summary);
 nlohmann::ordered_json to_json(const Comparison& comparison);
 
-/// Return a table of residuals, one line per case.
+/// Return a table of residuals with a line per case.
 std::string to_text(const Summary& summary);
 std::string to_text(const Comparison& comparison);
 

@@ -21,9 +21,9 @@ namespace {
 
 /// Returns the texture parameters of the residual minus its form. Vertices and sampled points are
 /// weighted by the area that they represent. Empty if nothing is cut.
-std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design,
-                                                   const cutting::Surface& surface,
-                                                   const Eigen::VectorXd& filtered) {
+std::optional<errors::metrology::Areal> areal_texture(const cutting::Design& design,
+                                                      const cutting::Surface& surface,
+                                                      const Eigen::VectorXd& filtered) {
   const cutting::Weights weights = cutting::weights(surface, design);
   std::vector<double> texture, area;
   for (Eigen::Index i = 0; i < filtered.size(); ++i) {
@@ -42,9 +42,9 @@ std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design
     area.push_back(weights.within[t]);
   }
   const auto n = Eigen::Index(texture.size());
-  const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), parts(area.data(), n);
-  if (!(parts.sum() > 0.0)) return std::nullopt;
-  return errors::metrology::areal(Eigen::MatrixX2d::Zero(n, 2), heights, parts,
+  const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), areas(area.data(), n);
+  if (!(areas.sum() > 0.0)) return std::nullopt;
+  return errors::metrology::areal(Eigen::MatrixX2d::Zero(n, 2), heights, areas,
                                   {.reference = errors::metrology::ArealReference::Mean});
 }
 
@@ -52,74 +52,76 @@ std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design
 
 FormTextureSplit split_form_texture(const Job& job, const cutting::Surface& surface,
                                     const cutting::ToleranceBands& tolerance) {
-  FormTextureSplit parted;
-  parted.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
+  FormTextureSplit split;
+  split.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
   cutting::Surface form = surface;
-  form.residual = parted.filtered;
+  form.residual = split.filtered;
   form.sampled_within = cutting::Surface::Within::None;
   form.within.resize(0);  // the form is smooth, so its vertices suffice
-  parted.form = cutting::statistics(form, job.design_w, tolerance);
-  // Too few random points do not resolve the form, and the filter would compare each with distant
-  // ones: their texture would be meaningless.
+  split.form = cutting::statistics(form, job.design_w, tolerance);
+  // With too few random points the filter compares each with distant ones, so that their texture
+  // would be meaningless.
   if (surface.sampled_within != cutting::Surface::Within::Random ||
       cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
-    parted.texture = texture_of(job.design_w, surface, parted.filtered);
-  return parted;
+    split.texture = areal_texture(job.design_w, surface, split.filtered);
+  return split;
 }
 
 namespace {
 
-/// Returns the place of a vertex in the part frame. If it is gouged, the depth of the gouge is its
-/// residual.
-Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int vertex) {
+/// Returns a vertex in the part frame. If it is gouged, its residual is the negative depth of the
+/// gouge.
+Verdict::Place vertex_point(const Job& job, const cutting::Surface& surface, int vertex) {
   const Eigen::Vector3d p_w = job.design_w.vertices.row(vertex);
-  Verdict::Place place{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
+  Verdict::Place point{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
                        surface.cut_line[std::size_t(vertex)], false};
   for (const cutting::Gouge& gouge : surface.gouges) {
     if (gouge.vertex != vertex) continue;
-    place.residual = -gouge.depth;
-    place.bound = gouge.deeper;
+    point.residual = -gouge.depth;
+    point.bound = gouge.deeper;
   }
-  return place;
+  return point;
 }
 
-/// Returns the place of the point sampled in a triangle; its program line is that of the nearest
-/// corner.
-Verdict::Place location_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
+/// Returns the sampled point of a triangle in the part frame. Its program line is that of the
+/// nearest corner.
+Verdict::Place triangle_point(const Job& job, const cutting::Surface& surface, int triangle) {
   const cutting::Triangles& triangles = job.design_w.triangles;
   const Eigen::Vector3d p_w = cutting::value_at_place_within(
       surface.sampled_within, job.design_w.vertices, triangles, triangle);
-  const auto share = cutting::place_within(surface.sampled_within, triangle);
-  const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
+  const auto weights = cutting::place_within(surface.sampled_within, triangle);
+  const auto nearest = std::max_element(weights.begin(), weights.end()) - weights.begin();
   const int corner = triangles(triangle, nearest);
   return {surface.within[triangle], job.scene.part.T_wm.inverse() * p_w,
           surface.cut_line[std::size_t(corner)], false};
 }
 
-Verdict::Place place_of(const Job& job, const cutting::Surface& surface,
-                        const cutting::SampleValue& sample) {
-  return sample.vertex >= 0 ? place_of(job, surface, sample.vertex)
-                            : location_in_triangle(job, surface, sample.triangle);
+/// Returns the vertex or sampled point of a sample in the part frame.
+Verdict::Place sample_point(const Job& job, const cutting::Surface& surface,
+                            const cutting::SampleValue& sample) {
+  return sample.vertex >= 0 ? vertex_point(job, surface, sample.vertex)
+                            : triangle_point(job, surface, sample.triangle);
 }
 
-/// Sets the extreme points of a verdict. A gouge deeper than the band is lower than any cut vertex.
+/// Sets the extreme points of a verdict. A gouge deeper than the searched band is lower than any
+/// cut vertex.
 void find_extremes(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
-  if (s.highest) verdict.highest = place_of(job, surface, *s.highest);
+  if (s.highest) verdict.highest = sample_point(job, surface, *s.highest);
   if (s.deepest)
-    verdict.lowest = place_of(job, surface, s.deepest->vertex);
+    verdict.lowest = vertex_point(job, surface, s.deepest->vertex);
   else if (s.lowest)
-    verdict.lowest = place_of(job, surface, *s.lowest);
+    verdict.lowest = sample_point(job, surface, *s.lowest);
   if (s.conformance && s.conformance->vertex >= 0)
-    verdict.worst = place_of(job, surface, s.conformance->vertex);
+    verdict.worst = vertex_point(job, surface, s.conformance->vertex);
   if (s.conformance && s.conformance->triangle >= 0)
-    verdict.worst = location_in_triangle(job, surface, s.conformance->triangle);
+    verdict.worst = triangle_point(job, surface, s.conformance->triangle);
 }
 
 /// Returns a warning if the facets of a mesh may deviate from the true surface by more than the PV
-/// measured on it; else empty.
-std::string coarse_warning(const Job& job, const cutting::Statistics& residual) {
+/// of the map; else empty.
+std::string facet_warning(const Job& job, const cutting::Statistics& residual) {
   if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
   const double facet_error = cutting::coarseness(job.design_w).facet_error;
   if (facet_error <= *residual.pv) return {};
@@ -129,17 +131,16 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
       facet_error / units::um, *residual.pv / units::um);
 }
 
-/// Returns a warning if a tolerance or limit was probably written in the wrong unit, i.e. differs
-/// from the PV of the uncompensated machine by a factor of more than 250; else empty. Compensated
-/// cases are not checked, since a compensator may leave a thousandth; nor are machines without
-/// errors.
+/// Returns a warning if a tolerance or limit is probably in the wrong unit, because it differs from
+/// the PV of the uncompensated machine by a factor of more than 250; else empty. Machines without
+/// errors and compensated cases are not checked, since a compensator may reduce PV to a thousandth.
 std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
-  constexpr double most = 250.0;  // a wrong unit is a factor of 1000; a factor of 4 of it may come
-                                  // from the machine
+  // A wrong unit is a factor of 1000, of which a factor of 4 may be due to the machine.
+  constexpr double max_ratio = 250.0;
   if (cut.case_name != "uncompensated" || !map.pv || !(cut.tip_error.max > 0.0)) return {};
   const double pv_um = *map.pv / units::um;
   const auto text = [&](const char* key, double width_um) -> std::string {
-    if (width_um >= pv_um / most && width_um <= most * pv_um) return {};
+    if (width_um >= pv_um / max_ratio && width_um <= max_ratio * pv_um) return {};
     return fmt::format(
         "{} allows {:.4g} um, the machine without compensation leaves PV {:.4g} um: "
         "the key is in um, the number looks like {}",
@@ -148,13 +149,13 @@ std::string tolerance_warning(const Job& job, const Cut& cut, const cutting::Sta
   if (!(pv_um > 0.0)) return {};
   const std::optional<double> half = narrowest_half_width(job.scene.part);
   if (half && *half > 0.0)
-    if (std::string odd = text("part.tolerance_um", 2.0 * *half / units::um); !odd.empty())
-      return odd;
+    if (std::string warning = text("part.tolerance_um", 2.0 * *half / units::um); !warning.empty())
+      return warning;
   const std::optional<double> limit = job.scene.limits.pv_um;
   return limit && *limit > 0.0 ? text("limits.pv_um", *limit) : "";
 }
 
-/// Returns the mean radius of each ring of the part, weighted by area; empty where nothing is cut.
+/// Returns the mean radius of each ring of the part, weighted by area.
 std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& surface) {
   if (job.scene.part.rings.empty()) return {};
   const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
@@ -164,27 +165,27 @@ std::vector<Verdict::Ring> ring_results(const Job& job, const cutting::Surface& 
   };
   std::vector<Verdict::Ring> rings;
   for (const PartDescription::Ring& ring : job.scene.part.rings) {
-    double weighted = 0.0, area = 0.0;
+    double weighted_sum = 0.0, area = 0.0;
     const auto add = [&](double along, double weight, double radius) {
       if (!(weight > 0.0) || std::abs(along - ring.along) > 0.5 * ring.width) return;
-      weighted += weight * radius;
+      weighted_sum += weight * radius;
       area += weight;
     };
     for (Eigen::Index v = 0; v < weights.vertex.size(); ++v)
       add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
     for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
       if (!(weights.within[t] > 0.0)) continue;
-      const std::array<double, 3> share = cutting::place_within(surface.sampled_within, t);
+      const std::array<double, 3> corner_weights = cutting::place_within(surface.sampled_within, t);
       double along = 0.0, mean = 0.0;
       for (std::size_t k = 0; k < 3; ++k) {
         const Eigen::Index v = part.triangles(t, Eigen::Index(k));
-        along += share[k] * part.vertices(v, 2);
-        mean += share[k] * radius(v, surface.within[t]);
+        along += corner_weights[k] * part.vertices(v, 2);
+        mean += corner_weights[k] * radius(v, surface.within[t]);
       }
       add(along, weights.within[t], mean);
     }
     rings.push_back({ring.name, std::nullopt});
-    if (area > 0.0) rings.back().radius = weighted / area;
+    if (area > 0.0) rings.back().radius = weighted_sum / area;
   }
   return rings;
 }
@@ -221,16 +222,16 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   verdict.tolerance = tolerance_bands(job.scene.part, job.face_groups, job.design_w);
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
   find_extremes(job, verdict);
-  FormTextureSplit parted = split_form_texture(job, verdict.aligned.surface, verdict.tolerance);
-  verdict.filtered = std::move(parted.filtered);
-  verdict.form_part = std::move(parted.form);
-  verdict.texture = parted.texture;
+  FormTextureSplit split = split_form_texture(job, verdict.aligned.surface, verdict.tolerance);
+  verdict.filtered = std::move(split.filtered);
+  verdict.form_part = std::move(split.form);
+  verdict.texture = split.texture;
   if (error_free != nullptr) {
     verdict.machine = cutting::statistics(
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
   for (std::string text :
-       {coarse_warning(job, verdict.residual), tolerance_warning(job, cut, verdict.residual)})
+       {facet_warning(job, verdict.residual), tolerance_warning(job, cut, verdict.residual)})
     if (!text.empty()) cut.warnings.push_back(std::move(text));
   verdict.rings = ring_results(job, verdict.aligned.surface);
   for (const Verdict::Ring& ring : verdict.rings)
@@ -254,51 +255,52 @@ std::string tolerance_verdict(const std::optional<cutting::Conformance>& conform
 }
 
 std::vector<std::string> exceeded_limits(const Limits& limits, const Verdict& verdict) {
-  std::vector<std::string> all;
-  const auto look = [&](const char* what, const std::optional<double>& limit_um,
-                        std::optional<double> value) {
-    // A limit on an unknown value counts as exceeded, so that no case passes unjudged.
+  std::vector<std::string> messages;
+  const auto check = [&](const char* figure_name, const std::optional<double>& limit_um,
+                         std::optional<double> value) {
+    // A limit on an unknown value counts as exceeded, so that no case passes unchecked.
     if (limit_um && !value)
-      all.push_back(fmt::format(
+      messages.push_back(fmt::format(
           "{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
-          verdict.cut.name, what, *limit_um));
+          verdict.cut.name, figure_name, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
-      all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name,
-                                what, *value / units::um, *limit_um));
+      messages.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um",
+                                     verdict.cut.name, figure_name, *value / units::um, *limit_um));
   };
   if (verdict.cut.collisions && !is_clear(*verdict.cut.collisions))
-    all.push_back(
+    messages.push_back(
         fmt::format("{}: {} collisions", verdict.cut.name, contacts(*verdict.cut.collisions)));
   const cutting::Statistics& s = verdict.residual;
-  const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
-                       limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||
-                       limits.texture_sz_um;
-  // No figure includes a gouge beyond the searched band, so it violates any limit.
-  if (limited && s.deepest)
-    all.push_back(fmt::format(
+  const bool has_limit = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
+                         limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||
+                         limits.texture_sz_um;
+  // The figures do not include gouges beyond the searched band, so such a gouge violates any limit.
+  if (has_limit && s.deepest)
+    messages.push_back(fmt::format(
         "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "
         "which no limit allows",
         verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
         s.deepest->depth / units::um));
-  look("PV", limits.pv_um, s.pv);
-  look("RMS", limits.rms_um, s.rms);
-  look("largest deviation", limits.max_abs_um,
-       s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
+  check("PV", limits.pv_um, s.pv);
+  check("RMS", limits.rms_um, s.rms);
+  check("largest deviation", limits.max_abs_um,
+        s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
   using errors::metrology::Areal;
-  const auto texture = [&](double Areal::*figure) {
+  const auto texture_figure = [&](double Areal::*figure) {
     return verdict.texture ? std::optional((*verdict.texture).*figure) : std::nullopt;
   };
   const cutting::Statistics form = verdict.form_part.value_or(cutting::Statistics{});
-  look("PV of form", limits.form_pv_um, form.pv);
-  look("RMS of form", limits.form_rms_um, form.rms);
-  look("Sa of texture", limits.texture_sa_um, texture(&Areal::Sa));
-  look("Sq of texture", limits.texture_sq_um, texture(&Areal::Sq));
-  look("Sz of texture", limits.texture_sz_um, texture(&Areal::Sz));
-  const std::string tolerated = tolerance_verdict(s.conformance, verdict.worst);
+  check("PV of form", limits.form_pv_um, form.pv);
+  check("RMS of form", limits.form_rms_um, form.rms);
+  check("Sa of texture", limits.texture_sa_um, texture_figure(&Areal::Sa));
+  check("Sq of texture", limits.texture_sq_um, texture_figure(&Areal::Sq));
+  check("Sz of texture", limits.texture_sz_um, texture_figure(&Areal::Sz));
+  const std::string conformance = tolerance_verdict(s.conformance, verdict.worst);
   if (limits.tolerance && !(s.conformance && s.conformance->passes()))
-    all.push_back(verdict.cut.name + ": " +
-                  (tolerated.empty() ? "no verdict, since nothing of it is judged" : tolerated));
-  return all;
+    messages.push_back(
+        verdict.cut.name + ": " +
+        (conformance.empty() ? "no verdict, since nothing of it is judged" : conformance));
+  return messages;
 }
 
 }  // namespace abbe::sim

@@ -24,11 +24,11 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
                "of a mesh: its size is meant, however small or large; else one below 1 mm, or that "
                "does not fit the travel or the program, is doubted")
       .check([](TableReader& reader, MeshFile& mesh) {
-        // Mesh errors found later name the position of the file name, because the mesh has none in
-        // the scene.
+        // Errors inside the mesh are found when it is loaded; they are then reported at the
+        // position of the file name.
         if (const Node* file = reader.node().find("file")) mesh.place = file->place;
-        std::error_code failure;
-        if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure))
+        std::error_code error_code;
+        if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, error_code))
           reader.refuse("file", "a file that can be read", missing_file_text(mesh.file));
       });
 }
@@ -39,13 +39,14 @@ constexpr Range body_size{0.0, 100'000.0, true, false};  // mm
 constexpr Range scale_range{0.0, 1e6, true, false};
 
 void read_size(TableReader& reader, BoxShape& box) {
-  // A vector that failed to parse is already reported; a second message about its size would
-  // mislead.
-  const std::size_t before = reader.input_errors().list().size();
+  // If the vector itself is invalid, that is reported already. A second message about its values
+  // would mislead.
+  const std::size_t error_count = reader.input_errors().list().size();
   box.size = reader.vector("size_mm");
-  const bool read = reader.has("size_mm") && reader.input_errors().list().size() == before;
+  const bool is_vector =
+      reader.has("size_mm") && reader.input_errors().list().size() == error_count;
   // The negated comparison also rejects NaN.
-  if (read && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
+  if (is_vector && !(box.size.minCoeff() > 0.0 && box.size.maxCoeff() <= body_size.max))
     reader.refuse("size_mm",
                   fmt::format("three sizes above 0 and up to {:g} mm for size_mm", body_size.max),
                   fmt::format("{:g}, {:g}, {:g}", box.size.x(), box.size.y(), box.size.z()));
@@ -85,15 +86,15 @@ Fields<SphereShape> sphere_fields() {
 }
 
 /// Reads two lists of equal length as the columns of points.
-Eigen::MatrixX2d read_points(TableReader& reader, const char* first, const char* second) {
+Eigen::MatrixX2d read_points(TableReader& reader, const char* first_key, const char* second_key) {
   constexpr Eigen::Index max_points = 10000;
-  const auto x = reader.maybe_numbers(first), y = reader.maybe_numbers(second);
-  // Both keys are tested before the return, so that one run reports both when both are missing.
-  if (!reader.has(first)) reader.missing(first, "a list of numbers");
-  if (!reader.has(second)) reader.missing(second, "a list of numbers");
+  const auto x = reader.maybe_numbers(first_key), y = reader.maybe_numbers(second_key);
+  // Both keys are tested before the function returns, so that one run reports both.
+  if (!reader.has(first_key)) reader.missing(first_key, "a list of numbers");
+  if (!reader.has(second_key)) reader.missing(second_key, "a list of numbers");
   if (!x || !y) return Eigen::MatrixX2d(0, 2);
   if (x->size() != y->size() || x->size() < 2 || x->size() > max_points) {
-    reader.refuse(second, fmt::format("as many numbers as {}, 2 to {}", first, max_points),
+    reader.refuse(second_key, fmt::format("as many numbers as {}, 2 to {}", first_key, max_points),
                   fmt::format("{} and {}", x->size(), y->size()));
     return Eigen::MatrixX2d(0, 2);
   }
@@ -102,32 +103,35 @@ Eigen::MatrixX2d read_points(TableReader& reader, const char* first, const char*
   return points;
 }
 
-/// Returns the fields of two keys that together state a list of points.
-/// @param refused  returns a message that names the error of the points, or an empty text
+/// Returns the fields of two keys that hold the first and second coordinates of a list of points.
+/// @param first_sentence, second_sentence  descriptions of the keys for the manual
+/// @param validate  returns what is wrong with the points; empty if they are valid
 Fields<Eigen::MatrixX2d> point_fields(
-    const char* first, const char* of_first, const char* second, const char* of_second,
-    const std::function<std::string(const Eigen::MatrixX2d&)>& refused) {
+    const char* first_key, const char* first_sentence, const char* second_key,
+    const char* second_sentence,
+    const std::function<std::string(const Eigen::MatrixX2d&)>& validate) {
   return Fields<Eigen::MatrixX2d>(Eigen::MatrixX2d(0, 2))
       .custom(
-          {make_numbers_key(must(first), 0, of_first),
-           make_numbers_key(must(second), 0, of_second)},
+          {make_numbers_key(must(first_key), 0, first_sentence),
+           make_numbers_key(must(second_key), 0, second_sentence)},
           [=](TableReader& reader, Eigen::MatrixX2d& points) {
-            points = read_points(reader, first, second);
+            points = read_points(reader, first_key, second_key);
             // An empty matrix means that read_points() has already reported the error.
             if (points.rows() == 0) return;
-            if (const std::string fault = refused(points); !fault.empty())
-              reader.refuse(second, fmt::format("{} and {} that make a body", first, second),
-                            fault);
+            if (const std::string message = validate(points); !message.empty())
+              reader.refuse(second_key,
+                            fmt::format("{} and {} that make a body", first_key, second_key),
+                            message);
           },
           [=](const Eigen::MatrixX2d& points, Node::Table& table) {
             if (points.rows() == 0) return;
-            put_numbers(table, first, points.col(0), 1.0);
-            put_numbers(table, second, points.col(1), 1.0);
+            put_numbers(table, first_key, points.col(0), 1.0);
+            put_numbers(table, second_key, points.col(1), 1.0);
           });
 }
 
-/// Returns a message that names the error of a profile, or an empty text for a valid one.
-std::string profile_fault(const Eigen::MatrixX2d& profile) {
+/// Returns what is wrong with a profile; empty if it is valid.
+std::string profile_error(const Eigen::MatrixX2d& profile) {
   // Comparisons are negated so that NaN is rejected as well.
   if (!(profile.col(0).minCoeff() >= 0.0)) return "a radius below 0";
   if (!(profile.col(0).maxCoeff() > 0.0)) return "no radius above 0";
@@ -146,13 +150,14 @@ std::string profile_fault(const Eigen::MatrixX2d& profile) {
   return {};
 }
 
-std::string outline_fault(const Eigen::MatrixX2d& outline) {
+/// Returns what is wrong with an outline; empty if it is valid.
+std::string outline_error(const Eigen::MatrixX2d& outline) {
   try {
-    // The mesher applies its own tests, so the reader accepts exactly the outlines it can mesh.
+    // Building the mesh is the test, so that the reader accepts exactly the outlines it can mesh.
     cutting::extruded_mesh(outline, 1.0);
     return {};
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
   }
 }
 
@@ -165,7 +170,7 @@ Fields<ExtrudedShape> extruded_fields() {
   return Fields<ExtrudedShape>()
       .all_of(&ExtrudedShape::outline,
               point_fields("x_mm", "of the corners, counter-clockwise seen from its own +z", "y_mm",
-                           "of the same corners", outline_fault))
+                           "of the same corners", outline_error))
       .number(must("height_mm"), &ExtrudedShape::height, body_size, "from its own z = 0 up");
 }
 
@@ -178,16 +183,16 @@ Fields<MeshShape> mesh_shape_fields() {
 
 }  // namespace
 
-Fields<Eigen::MatrixX2d> profile_fields(const char* from) {
-  const std::string heights = fmt::format("of the same points, rising, {}", from);
+Fields<Eigen::MatrixX2d> profile_fields(const char* height_origin) {
+  const std::string heights_sentence = fmt::format("of the same points, rising, {}", height_origin);
   return point_fields("radii_mm", "of the points of the profile about the axis, 0 or more",
-                      "heights_mm", heights.c_str(), profile_fault);
+                      "heights_mm", heights_sentence.c_str(), profile_error);
 }
 
 Fields<BodyDescription> body_fields() {
   return Fields<BodyDescription>()
       .text("name", &BodyDescription::name, "of the body, by which it is reported")
-      .kinds(KeyName("shape").otherwise("box"), &BodyDescription::shape,
+      .variant(KeyName("shape").otherwise("box"), &BodyDescription::shape,
              {alternative<BodyShape>("box", box_shape_fields(), "about its middle"),
               alternative<BodyShape>("cylinder", cylinder_shape_fields(), "about z"),
               alternative<BodyShape>("cone", cone_shape_fields(), "about z"),

@@ -13,16 +13,17 @@
 
 namespace abbe::sim {
 
-/// A surface read from a file, which describes a part, a blank or a body.
+/// A mesh file that describes a part, a blank or a body.
 struct MeshFile {
   std::filesystem::path file;
   double unit = 1.0;      ///< mm per unit of the file
   bool any_size = false;  ///< the size is intended, so no warning questions the unit
   bool open = false;      ///< a surface with a rim is intended
-  Place place = {};       ///< the position in the scene file that names it
+  Place place = {};       ///< position of the file name in the scene, for messages
 };
 
 // Bodies of the machine, the tool and the clamping, used for pictures and for collision checks.
+// Each shape is described in the body's own frame.
 
 struct BoxShape {                                  ///< centred on the origin
   Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< mm
@@ -60,16 +61,16 @@ struct BodyDescription {
                                                       ///< of its carrier
 };
 
-/// A part of the machine, such as its ram or its table.
+/// A component of the machine, such as its ram or its table.
 struct MachineBody {
   std::optional<int> joint;  ///< the joint that carries the body; none for the bed
-  BodyDescription body;      ///< placed in the bed frame with all axes at zero
+  BodyDescription body;      ///< its pose is in the bed frame, with all axes at zero
 };
 
-/// Settings of the collision check, and the switch that makes every run perform it.
+/// Settings of the collision check.
 struct CollisionDescription {
-  bool on = false;
-  bool stop = false;         ///< a run with a collision cuts nothing
+  bool on = false;           ///< every run checks for collisions
+  bool stop = false;         ///< a run with a collision ends before anything is cut
   double clearance = 1.0;    ///< mm; smaller distances are reported as a near miss
   double gouge = 0.1;        ///< mm; a tool deeper in the part than this collides with it
   double resolution = 5e-3;  ///< mm; bodies nearer than this are in contact
@@ -90,8 +91,8 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file);
 /// Returns the fields of a body and of its placement on its carrier.
 Fields<BodyDescription> body_fields();
 /// Returns the fields of a profile of revolution, `radii_mm` and `heights_mm`.
-/// @param from  the origin of the heights, in words for the manual
-Fields<Eigen::MatrixX2d> profile_fields(const char* from);
+/// @param height_origin  the origin of the heights, in words for the manual
+Fields<Eigen::MatrixX2d> profile_fields(const char* height_origin);
 /// Returns the fields of `[collision]`.
 const Fields<CollisionDescription>& collision_fields();
 

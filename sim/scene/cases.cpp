@@ -24,40 +24,41 @@ using Channel = CaseDescription::Channel;
 using compensation::Strategy;
 
 template <typename T, std::size_t n>
-using Words = std::array<std::pair<const char*, T>, n>;
+using TokenTable = std::array<std::pair<const char*, T>, n>;
 
-constexpr Words<Belief, 7> beliefs{{{"perfect", Belief::Perfect},
-                                    {"identified", Belief::Identified},
-                                    {"thermal", Belief::Thermal},
-                                    {"composite", Belief::Composite},
-                                    {"force", Belief::Force},
-                                    {"part", Belief::Part},
-                                    {"fused", Belief::Fused}}};
-constexpr Words<Strategy, 3> strategies{{{"position", Strategy::Position},
-                                         {"decoupled", Strategy::Decoupled},
-                                         {"iterated", Strategy::Iterated}}};
-constexpr Words<Channel, 7> channels{{{"ideal", Channel::Ideal},
-                                      {"program", Channel::Program},
-                                      {"pulses", Channel::Pulses},
-                                      {"open", Channel::Open},
-                                      {"origin", Channel::Origin},
-                                      {"table", Channel::Table},
-                                      {"piezo", Channel::Piezo}}};
+constexpr TokenTable<Belief, 7> beliefs{{{"perfect", Belief::Perfect},
+                                         {"identified", Belief::Identified},
+                                         {"thermal", Belief::Thermal},
+                                         {"composite", Belief::Composite},
+                                         {"force", Belief::Force},
+                                         {"part", Belief::Part},
+                                         {"fused", Belief::Fused}}};
+constexpr TokenTable<Strategy, 3> strategies{{{"position", Strategy::Position},
+                                              {"decoupled", Strategy::Decoupled},
+                                              {"iterated", Strategy::Iterated}}};
+constexpr TokenTable<Channel, 7> channels{{{"ideal", Channel::Ideal},
+                                           {"program", Channel::Program},
+                                           {"pulses", Channel::Pulses},
+                                           {"open", Channel::Open},
+                                           {"origin", Channel::Origin},
+                                           {"table", Channel::Table},
+                                           {"piezo", Channel::Piezo}}};
 
-/// Returns the choice that a token names.
+/// Returns the value that a token names.
+/// @param kind  noun for the message, such as "belief"
 /// @throws std::invalid_argument with the values the token may take
 template <typename T, std::size_t n>
-T chosen(const Words<T, n>& words, const std::string& token, const char* what) {
-  std::string list;
-  std::set<std::string> known;
-  for (const auto& [word, value] : words) {
-    if (token == word) return value;
-    list += (list.empty() ? "" : ", ") + std::string(word);
-    known.insert(word);
+T parse_token(const TokenTable<T, n>& words, const std::string& token, const char* kind) {
+  std::string choices;
+  std::set<std::string> names;
+  for (const auto& [name, value] : words) {
+    if (token == name) return value;
+    choices += (choices.empty() ? "" : ", ") + std::string(name);
+    names.insert(name);
   }
-  const auto meant = nearest(token, known);
-  throw std::invalid_argument(fmt::format("expected a {} ({}), seen \"{}\"{}", what, list, token,
-                                          meant ? " (nearest: \"" + *meant + "\")" : ""));
+  const auto suggestion = nearest(token, names);
+  throw std::invalid_argument(fmt::format("expected a {} ({}), seen \"{}\"{}", kind, choices, token,
+                                          suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
 }
 
 std::vector<std::string> split_case_name(const std::string& name) {
@@ -92,16 +93,16 @@ CaseDescription parse_case(const std::string& name) {
         fmt::format("expected belief-strategy-channel such as perfect-iterated-ideal, or a "
                     "plug-in's file such as ./mine.py, seen \"{}\"",
                     name));
-  description.belief = chosen(beliefs, tokens[0], "belief");
-  description.strategy = chosen(strategies, tokens[1], "strategy");
-  description.channel = chosen(channels, tokens[2], "channel");
+  description.belief = parse_token(beliefs, tokens[0], "belief");
+  description.strategy = parse_token(strategies, tokens[1], "strategy");
+  description.channel = parse_token(channels, tokens[2], "channel");
   return description;
 }
 
 CaseDescription plug_in_case(const std::filesystem::path& file) {
   CaseDescription description;
   description.name = file.filename().string();
-  // The absolute name contains a slash, so it is recognised as a file when the scene is read again
+  // The absolute name contains a slash, so it is recognised as a file when the scene is read again.
   description.plug_in = std::filesystem::absolute(file).lexically_normal();
   // Both names are reserved for the reference cases that every comparison writes.
   if (description.name == "error_free" || description.name == "uncompensated")
@@ -119,16 +120,16 @@ CaseDescription parse_plug_in_method(const std::string& words) {
   if (tokens.size() != 2)
     throw std::invalid_argument(
         fmt::format("expected strategy-channel such as iterated-ideal, seen \"{}\"", words));
-  CaseDescription way;
-  way.strategy = chosen(strategies, tokens[0], "strategy");
-  way.channel = chosen(channels, tokens[1], "channel");
-  // A compensation table is filled one position at a time, and a plug-in can be such a table
-  // itself.
-  if (way.channel == Channel::Table)
+  CaseDescription method;
+  method.strategy = parse_token(strategies, tokens[0], "strategy");
+  method.channel = parse_token(channels, tokens[1], "channel");
+  // A compensation table requests corrections at single positions, whereas a plug-in answers for a
+  // whole path.
+  if (method.channel == Channel::Table)
     throw std::invalid_argument(
         "expected another channel than table, which asks for one place "
         "at a time; a plug-in can be a table itself");
-  return way;
+  return method;
 }
 
 std::string plug_in_method(const CaseDescription& plug_in) {
@@ -141,15 +142,15 @@ namespace {
 /// A folder and the case it holds.
 struct CaseFolder {
   std::string name;
-  std::string of;  ///< description of the case for messages
+  std::string owner;  ///< the case or variant, in words for messages
   Place place;
 };
 
 /// Returns the position of the cases of the scene, for messages.
 Place place_of_cases(const Node& scene) {
   const Node* compare = scene.find("compare");
-  const Node* cases = compare ? compare->find("cases") : nullptr;
-  return cases ? cases->place : scene.place;
+  const Node* list = compare ? compare->find("cases") : nullptr;
+  return list ? list->place : scene.place;
 }
 
 Place place_of_variant(const Node& scene, std::size_t index) {
@@ -160,49 +161,52 @@ Place place_of_variant(const Node& scene, std::size_t index) {
   return name ? name->place : variant.place;
 }
 
-std::vector<CaseFolder> listed(const Node& scene, const ComparedNames& names) {
-  std::vector<CaseFolder> all;
-  const Place cases = place_of_cases(scene);
-  // Every comparison writes these two cases, so their folders are taken in every scene.
+/// Returns the folders of the reference cases, of the cases of the scene and of each variant.
+std::vector<CaseFolder> compared_folders(const Node& scene, const ComparedNames& names) {
+  std::vector<CaseFolder> folders;
+  const Place cases_position = place_of_cases(scene);
+  // Every comparison writes these two reference cases, so their folder names are always in use.
   for (const char* name : {"error_free", "uncompensated"})
-    all.push_back({name, fmt::format("the case \"{}\"", name), cases});
-  for (const CaseDescription& one : names.cases)
-    all.push_back({one.name, fmt::format("the case \"{}\"", one.name), cases});
+    folders.push_back({name, fmt::format("the case \"{}\"", name), cases_position});
+  for (const CaseDescription& description : names.cases)
+    folders.push_back(
+        {description.name, fmt::format("the case \"{}\"", description.name), cases_position});
   for (std::size_t i = 0; i < names.variants.size(); ++i) {
-    const auto& [variant, own] = names.variants[i];
+    const auto& [variant, variant_cases] = names.variants[i];
     const Place place = place_of_variant(scene, i);
-    all.push_back({variant, fmt::format("the variant \"{}\"", variant), place});
-    for (const CaseDescription& one : own)
-      all.push_back({case_folder(variant, one.name),
-                     fmt::format("the case \"{}\" of the variant \"{}\"", one.name, variant),
-                     place});
+    folders.push_back({variant, fmt::format("the variant \"{}\"", variant), place});
+    for (const CaseDescription& description : variant_cases)
+      folders.push_back(
+          {case_folder(variant, description.name),
+           fmt::format("the case \"{}\" of the variant \"{}\"", description.name, variant), place});
   }
-  return all;
+  return folders;
 }
 
 }  // namespace
 
 std::string case_folder(const std::string& variant, const std::string& case_name) {
   if (variant.empty()) return case_name;
-  // The uncompensated part of a variant has the variant's own name, because each variant has one.
+  // Every variant has an uncompensated case; its folder has the name of the variant alone.
   return case_name == "uncompensated" ? variant : variant + "-" + case_name;
 }
 
 std::vector<std::string> case_folders(const ComparedNames& names) {
-  std::vector<std::string> all;
-  for (CaseFolder& one : listed({}, names)) all.push_back(std::move(one.name));
-  return all;
+  std::vector<std::string> folders;
+  for (CaseFolder& folder : compared_folders({}, names)) folders.push_back(std::move(folder.name));
+  return folders;
 }
 
 void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors) {
-  std::map<std::string, std::string> taken;
-  // Result files come first, so that the message calls the case the intruder and not the file.
-  for (const char* name : result_names) taken.emplace(name, "a file of the results");
-  for (const CaseFolder& one : listed(scene, names)) {
-    const auto [other, is_new] = taken.emplace(one.name, one.of);
+  std::map<std::string, std::string> owners;
+  // Result files come first, so that a conflict is reported at the case and not at the file.
+  for (const char* name : result_names) owners.emplace(name, "a file of the results");
+  for (const CaseFolder& folder : compared_folders(scene, names)) {
+    const auto [first_owner, is_new] = owners.emplace(folder.name, folder.owner);
     if (!is_new)
-      input_errors.add(one.place, "a folder of its own for every case",
-                       fmt::format("\"{}\" for {} and for {}", one.name, one.of, other->second));
+      input_errors.add(
+          folder.place, "a folder of its own for every case",
+          fmt::format("\"{}\" for {} and for {}", folder.name, folder.owner, first_owner->second));
   }
 }
 
@@ -220,15 +224,17 @@ void read_cases(TableReader& reader, std::vector<CaseDescription>& cases) {
       continue;
     }
     try {
-      const CaseDescription one = parse_case(*name.text());
-      // The case is added although it is repeated: the scene is rejected in any event, and the
-      // checks that follow see the full list.
-      const bool twice = std::any_of(cases.begin(), cases.end(),
-                                     [&](const auto& other) { return other.name == one.name; });
-      if (twice) reader.input_errors().add(name.place, "each case once", shown(name) + " again");
-      cases.push_back(one);
-    } catch (const std::invalid_argument& fault) {
-      reader.input_errors().add(name.place, "a case that this version has", fault.what());
+      const CaseDescription description = parse_case(*name.text());
+      // A repeated case is reported and still added: the scene is rejected anyway, and later checks
+      // need the full list.
+      const bool is_repeated = std::any_of(cases.begin(), cases.end(), [&](const auto& other) {
+        return other.name == description.name;
+      });
+      if (is_repeated)
+        reader.input_errors().add(name.place, "each case once", shown(name) + " again");
+      cases.push_back(description);
+    } catch (const std::invalid_argument& error) {
+      reader.input_errors().add(name.place, "a case that this version has", error.what());
     }
   }
 }
@@ -255,10 +261,9 @@ const Fields<Variant>& variant_fields() {
                         "}`; tried when the scene is read")},
               read_set, [](const Variant& variant, Node::Table& table) {
                 Node::Table set;
-                for (const Override& one : variant.set)
-                  // The TOML parser turns the text of an override back into a node of the
-                  // proper type.
-                  put(set, one.path, parse_toml("v = " + one.value, "").find("v")->value);
+                for (const Override& change : variant.set)
+                  // Parsing the text of the override gives a node of the right type.
+                  put(set, change.path, parse_toml("v = " + change.value, "").find("v")->value);
                 put(table, "set", std::move(set));
               });
   return fields;
@@ -274,7 +279,8 @@ const Fields<std::vector<CaseDescription>>& compare_fields() {
                     "`\"fused-iterated-pulses\"`, or the file of one of your own")},
           read_cases, [](const std::vector<CaseDescription>& cases, Node::Table& table) {
             Node::Array names;
-            for (const CaseDescription& one : cases) names.push_back(Node{{}, one.name});
+            for (const CaseDescription& description : cases)
+              names.push_back(Node{{}, description.name});
             put(table, "cases", std::move(names));
           });
   return fields;
@@ -294,14 +300,14 @@ std::vector<Variant> read_variants(TableReader& scene) {
     TableReader reader(*node, "variant", scene.input_errors());
     Variant variant = variant_fields().read(reader);
     // Variant names become folders beside those of the two reference cases.
-    const bool taken = variant.name == "error_free" || variant.name == "uncompensated" ||
-                       std::any_of(variants.begin(), variants.end(), [&](const Variant& other) {
-                         return other.name == variant.name;
-                       });
+    const bool is_name_taken =
+        variant.name == "error_free" || variant.name == "uncompensated" ||
+        std::any_of(variants.begin(), variants.end(),
+                    [&](const Variant& other) { return other.name == variant.name; });
     if (reader.has("name") && !is_folder_name(variant.name)) {
       reader.refuse("name", "a name of letters, digits, blanks, _ - . for a variant's folder",
                     "\"" + variant.name + "\"");
-    } else if (taken) {
+    } else if (is_name_taken) {
       reader.refuse("name", "a name that no other case has", "\"" + variant.name + "\" again");
     }
     reader.close();

@@ -38,7 +38,7 @@ struct CaseDescription {
     Piezo
   } channel = Channel::Ideal;
   std::filesystem::path plug_in;  ///< if set, the file supplies belief and strategy itself
-  /// Called instead of the file, whose name then serves only as a label.
+  /// If set, called instead of the plug-in file, whose name is then only a label.
   std::shared_ptr<const compensation::PlugInFunction> function = {};
 };
 
@@ -62,7 +62,7 @@ class TableReader;
 template <typename T>
 class Fields;
 
-/// Returns true for a name that a file or folder may have: letters, digits, blanks, _ - .
+/// Returns true if a name can be that of a file or folder: letters, digits, blanks, _ - .
 bool is_folder_name(const std::string& name);
 
 /// Fields and readers of `[compare]` and `[[variant]]`.
@@ -71,7 +71,7 @@ std::vector<Variant> read_variants(TableReader& scene);
 Node::Table written_variant(const Variant& variant);
 std::vector<Key> variant_keys();
 
-// Folders in which `compare` stores its cases, and the files beside them.
+// Names of the folders in which `compare` stores its cases, and of the files beside them.
 
 /// Files that `run` and `compare` may write to their folder.
 inline constexpr std::array result_names{
@@ -82,8 +82,8 @@ inline constexpr std::array result_names{
     "comparison.json", "comparison.png", "thermal.json",  "thermal.png",   "tolerance.png",
     "report.html"};
 
-/// Returns the folder of a case of a variant, which is also its name in tables; with an empty
-/// `variant`, that of a case of the scene itself.
+/// Returns the folder name of a case of a variant, which is also its label in tables. An empty
+/// `variant` stands for the scene itself.
 std::string case_folder(const std::string& variant, const std::string& case_name);
 
 /// The compared cases: those of the scene, then those of each variant.
@@ -95,11 +95,11 @@ struct ComparedNames {
   std::vector<CaseDescription> cases;
   std::vector<VariantCases> variants;
 };
-/// Returns all folders; repeated names appear again.
+/// Returns the folder names of all cases and variants, duplicates included.
 std::vector<std::string> case_folders(const ComparedNames& names);
 
-/// Reports two cases that share a folder, and a folder whose name a result file takes, each at its
-/// position in the scene.
+/// Reports every folder name that two cases share or that is also the name of a result file, at the
+/// position of the case in the scene.
 void check_case_folders(const Node& scene, const ComparedNames& names, InputErrors& input_errors);
 
 }  // namespace abbe::sim

@@ -34,8 +34,8 @@ void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
   try {
     belief.thermal =
         compensation::parse_thermal_belief(read_text(file, max_thermal_belief_bytes), file);
-  } catch (const BadInput& fault) {
-    reader.input_errors().add(fault);
+  } catch (const BadInput& error) {
+    reader.input_errors().add(error);
   }
 }
 
@@ -57,14 +57,15 @@ Key thermal_key() {
   return thermal;
 }
 
-/// Returns the fields of the training scene and the instrument that measures its part.
+/// Returns the fields of the scene whose part trains the law, and of the instrument that measures
+/// that part.
 Fields<Force> training_fields() {
   return Fields<Force>()
       .text(must("file"), &Force::training, "scene of that part")
       .text(must("instrument"), &Force::instrument, "of that scene, which measures it");
 }
 
-/// Returns the keys that belong to one source of the force.
+/// Returns the fields of a force that comes from one source.
 Fields<Force> force_source_fields(From from, const MachineDescription& machine) {
   Fields<Force> fields;
   // A modelled force carries no measurement noise, so it needs no smoothing.
@@ -75,7 +76,7 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
                "runs from which is learnt, each corrected by what the last taught");
   // The current yields a fitted deflection directly, so no compliance is needed with it.
   if (from == From::Current)
-    return fields.table(must("training"), itself, training_fields(),
+    return fields.table(must("training"), whole_struct, training_fields(),
                         "the part from which a law is fitted, d = c1 x + c2 x², x the current "
                         "above that in air; the tool gives way by d along its own z");
   Key compliance = make_key(must("compliance"), Key::Kind::Table,
@@ -86,8 +87,7 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
       [machine](TableReader& reader, Force& force) {
         if (const Node* node = reader.section("compliance"))
           force.compliance = read_compliance(*node, machine, reader.input_errors());
-        // The test separates a missing key from a key of the wrong type, which section() has
-        // reported.
+        // If the key has a value of the wrong type, section() has reported that already.
         else if (!reader.has("compliance"))
           reader.missing("compliance", "a table or a file");
       },
@@ -97,35 +97,36 @@ Fields<Force> force_source_fields(From from, const MachineDescription& machine) 
 }
 
 Fields<Force> force_fields(const MachineDescription& machine) {
-  Key from = make_key(must("from"), Key::Kind::Text, "what the force is known by");
-  const std::array ways{From::Current, From::Dynamometer, From::Model};
-  from.words = {{"current", "read, `[signals]` must have it", {}},
-                {"dynamometer", "read, `[signals]` must have it", {}},
-                {"model",
-                 "computed, the scene's blank and material on a machine that is right but as soft "
-                 "as `compliance` says",
-                 {}}};
-  for (std::size_t i = 0; i < ways.size(); ++i)
-    from.words[i].keys = force_source_fields(ways[i], machine).keys();
+  Key source_key = make_key(must("from"), Key::Kind::Text, "what the force is known by");
+  const std::array sources{From::Current, From::Dynamometer, From::Model};
+  source_key.words = {
+      {"current", "read, `[signals]` must have it", {}},
+      {"dynamometer", "read, `[signals]` must have it", {}},
+      {"model",
+       "computed, the scene's blank and material on a machine that is right but as soft "
+       "as `compliance` says",
+       {}}};
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    source_key.words[i].keys = force_source_fields(sources[i], machine).keys();
   return Fields<Force>().custom(
-      {from},
-      [from, ways, machine](TableReader& reader, Force& force) {
-        const auto word = reader.word("from", words_of(from), true);
-        // An unknown word is already reported; the first source then stands in so that the other
-        // keys are read without follow-on errors.
-        force.from = ways.front();
-        for (std::size_t i = 0; i < ways.size(); ++i)
-          if (word == from.words[i].word) force.from = ways[i];
+      {source_key},
+      [source_key, sources, machine](TableReader& reader, Force& force) {
+        const auto source_name = reader.word("from", words_of(source_key), true);
+        // An unknown source is already reported. Reading continues with the first source, so that
+        // its keys cause no further errors.
+        force.from = sources.front();
+        for (std::size_t i = 0; i < sources.size(); ++i)
+          if (source_name == source_key.words[i].word) force.from = sources[i];
         force = force_source_fields(force.from, machine).read(reader, force);
       },
-      [from, ways, machine](const Force& force, Node::Table& table) {
-        for (std::size_t i = 0; i < ways.size(); ++i)
-          if (force.from == ways[i]) put(table, "from", from.words[i].word);
+      [source_key, sources, machine](const Force& force, Node::Table& table) {
+        for (std::size_t i = 0; i < sources.size(); ++i)
+          if (force.from == sources[i]) put(table, "from", source_key.words[i].word);
         append_entries(table, force_source_fields(force.from, machine).written(force));
       });
 }
 
-Fields<BeliefDescription::Part> believed_part_fields() {
+Fields<BeliefDescription::Part> measured_part_fields() {
   using Part = BeliefDescription::Part;
   return Fields<Part>()
       .text(must("instrument"), &Part::instrument,
@@ -153,7 +154,7 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
           })
       .custom({thermal_key()}, read_thermal_belief, put_thermal_belief)
       .table("force", &Description::force, force_fields(machine), "how far the cut bends")
-      .table("part", &Description::part, believed_part_fields(),
+      .table("part", &Description::part, measured_part_fields(),
              "what was measured of a part that was cut before; beside other beliefs (`fused`) they "
              "act while the first part is cut, and it wants a `cmm`: a probe on a machine that "
              "nothing corrects would undo them")
@@ -183,9 +184,10 @@ using Description = CompensationDescription;
 constexpr Range cycle_ms{0.0, 1e6, true, false};
 constexpr Range delay_ms{0.0, 1e6, false, false};
 
-Fields<PositionLoop> loop_fields(const PositionLoop& usual) {
+/// @param defaults  values of the keys that are left out
+Fields<PositionLoop> loop_fields(const PositionLoop& defaults) {
   using Order = PositionLoop::Order;
-  return Fields<PositionLoop>(usual)
+  return Fields<PositionLoop>(defaults)
       .word(must("order"), &PositionLoop::order,
             {{"none", Order::None, "at once"},
              {"first", Order::First, "1 / (1 + s / w)"},
@@ -205,7 +207,7 @@ Fields<Description::Pulses> pulses_fields() {
       .number("cycle_ms", &Pulses::cycle_s, cycle_ms, "at which a pair may go in")
       .number("pulse_ms", &Pulses::pulse_s, cycle_ms,
               "that a pair takes, while both signals are low")
-      // A pulse longer than the cycle would still be low when the next pair goes in.
+      // The signals must return to high before the next pair of pulses begins.
       .check([](TableReader& reader, Pulses& pulses) {
         if (pulses.pulse_s > pulses.cycle_s)
           reader.refuse("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
@@ -233,7 +235,7 @@ Fields<OriginShift> origin_fields() {
 Fields<Description::Table> table_fields(const std::vector<kinematics::Joint>& joints) {
   using compensation::ControlFormat;
   using Table = Description::Table;
-  // The fields address members of the options nested in the table description.
+  // Accessor of a member of `Table::options`, for fields of the table.
   const auto option = [](auto member) {
     return [member](auto& table) -> auto& { return table.options.*member; };
   };
@@ -272,8 +274,8 @@ Fields<Piezo> piezo_fields() {
 void read_plug_in(TableReader& reader, Description& compensation) {
   try {
     compensation.plug_in = parse_plug_in_method(reader.text("plug_in", "iterated-ideal"));
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("plug_in", "strategy and channel of plug-ins", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("plug_in", "strategy and channel of plug-ins", error.what());
   }
 }
 
@@ -303,9 +305,10 @@ Fields<Description> compensation_fields(const std::vector<kinematics::Joint>& jo
       .table("origin", &Description::origin, origin_fields(), "work zero, shifted by the PLC")
       .table("table", &Description::table, table_fields(joints), "tables over one axis each")
       .table("piezo", &Description::piezo, piezo_fields(), "actuator that carries the tool")
-      .custom({plug_in_key()}, read_plug_in, [](const Description& from, Node::Table& table) {
-        put(table, "plug_in", plug_in_method(from.plug_in));
-      });
+      .custom({plug_in_key()}, read_plug_in,
+              [](const Description& compensation, Node::Table& table) {
+                put(table, "plug_in", plug_in_method(compensation.plug_in));
+              });
 }
 
 }  // namespace

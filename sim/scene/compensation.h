@@ -17,7 +17,7 @@
 
 namespace abbe::sim {
 
-/// Knowledge given to a compensator, one member for each belief of a case name.
+/// Knowledge given to a compensator; each belief of a case name uses one or several members.
 struct BeliefDescription {
   std::optional<errors::GeometricErrors> identified;
   std::optional<compensation::ThermalBelief> thermal;
@@ -25,17 +25,17 @@ struct BeliefDescription {
   struct Force {
     enum class From { Current, Dynamometer, Model } from = From::Model;
     errors::ComplianceErrors compliance;  ///< as believed; unused with From::Current
-    std::filesystem::path training;       ///< with From::Current: scene of the part that trains the
-                                          ///< law
+    std::filesystem::path training;       ///< with From::Current: scene of the part from which the
+                                          ///< law is fitted
     std::string instrument;               ///< instrument that measures that part
-    double smoothing_s = 0.0;             ///< smoothing time of current or dynamometer
+    double smoothing_s = 0.0;             ///< averaging time of current or dynamometer readings
     int passes = 2;                       ///< training runs, each corrected by the law of the
                                           ///< previous run
   };
   std::optional<Force> force;
   struct Part {
     std::string instrument;  ///< instrument of the scene that measures the part
-    int passes = 1;          ///< parts that are cut and measured before the one that counts
+    int passes = 1;          ///< number of parts cut and measured before the final one
   };
   std::optional<Part> part;
   double scale = 1.0;  ///< factor of identified and thermal; 0 disables both
@@ -43,7 +43,8 @@ struct BeliefDescription {
 
 /// Limits and parameters of strategies and channels.
 struct CompensationDescription {
-  double rotary_bound = 0.1 * 0.017453292519943295;       ///< rad, default 0.1 deg
+  double rotary_bound = 0.1 * 0.017453292519943295;       ///< rad, largest correction of a rotary
+                                                          ///< axis
   double word_resolution = 1e-4;                          ///< mm, of a rewritten NC program
   double angle_resolution = 1e-4 * 0.017453292519943295;  ///< rad, the same for rotary words
   double path_tolerance = 0.0;  ///< mm, between the corrected path and that of the rewritten

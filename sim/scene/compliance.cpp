@@ -19,24 +19,21 @@
 
 namespace abbe::sim {
 
-inline constexpr Range poisson_range{-1.0, 0.5, true, false};
-inline constexpr Range bar_diameter{1e-3, 1e5};  // mm
-
-/// Returns the fields of `[compliance.workpiece]`: how the part gives way where the tool touches
-/// it.
-Fields<errors::ComplianceErrors> workpiece_fields();
-
 namespace {
+
+constexpr Range poisson_range{-1.0, 0.5, true, false};
+constexpr Range bar_diameter{1e-3, 1e5};  // mm
 
 using errors::WorkpieceBar;
 using errors::WorkpieceCompliance;
 using errors::WorkpieceField;
 using errors::WorkpiecePlate;
 
+/// Reads the second moment of area of a bar, stated directly or by the diameter of a round bar.
 void read_second_moment(TableReader& reader, WorkpieceBar& bar) {
   const auto diameter = reader.maybe_number("diameter_mm", bar_diameter);
   const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
-  // Each key determines the bending stiffness, so two of them could contradict each other.
+  // Either key determines the bending stiffness, so the two could contradict each other.
   if (diameter && second_moment) {
     reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
   } else if (!reader.has("diameter_mm") && !reader.has("second_moment_mm4")) {
@@ -79,28 +76,28 @@ Fields<WorkpiecePlate> plate_fields() {
 }
 
 WorkpieceField read_csv_field(const std::filesystem::path& file) {
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(file, failure))
+  std::error_code error_code;
+  if (!std::filesystem::is_regular_file(file, error_code))
     throw BadInput(file.string(), 0, 0, "a file that can be read", "no such file");
-  // The size is checked first, so that a wrong file cannot fill the memory.
-  const std::uintmax_t size = std::filesystem::file_size(file, failure);
-  if (failure || size > errors::max_field_bytes)
+  // The size is checked before reading, so that a wrong file cannot fill the memory.
+  const std::uintmax_t size = std::filesystem::file_size(file, error_code);
+  if (error_code || size > errors::max_field_bytes)
     throw BadInput(file.string(), 0, 0, "at most 64 MiB", std::to_string(size) + " bytes");
-  std::ifstream in(file, std::ios::binary);
+  std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
-  text << in.rdbuf();
-  // Without this check a read error in the middle would silently truncate the field.
-  if (!in)
+  text << stream.rdbuf();
+  // Without this check, a read error would silently truncate the field.
+  if (!stream)
     throw BadInput(file.string(), 0, 0, "a file that can be read", "a failure while reading");
   return errors::read_compliance_field(text.view(), file.string());
 }
 
 WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file) {
 #if ABBE_RENDER
-  render::PointTensors read = render::read_vtu(file, "compliance_um_per_N");
+  render::PointTensors field = render::read_vtu(file, "compliance_um_per_N");
   // um/N in the file, mm/N in the models.
-  for (Eigen::Matrix3d& C : read.tensors) C *= units::um;
-  return {std::move(read.points), std::move(read.tensors)};
+  for (Eigen::Matrix3d& C : field.tensors) C *= units::um;
+  return {std::move(field.points), std::move(field.tensors)};
 #else
   throw BadInput(file.string(), 0, 0, "a program built with -DABBE_RENDER=ON, or a .csv file",
                  "one without VTK");
@@ -117,14 +114,15 @@ void read_field(TableReader& reader, WorkpieceField& field) {
       field = read_vtu_field(file);
     else
       reader.refuse("file", "a field named .csv or .vtu", file.string());
-    // The readers return a new field without its file name.
+    // The readers return a new field, which has no file name.
     field.file = file.string();
-  } catch (const BadInput& fault) {
-    // An error without a line concerns the file itself and is reported at its key in the scene.
-    if (fault.line == 0) {
-      reader.refuse("file", fault.expected, file.string() + ": " + fault.seen);
+  } catch (const BadInput& error) {
+    // An error without a line number concerns the file as a whole, so it is reported at the key
+    // `file` of the scene.
+    if (error.line == 0) {
+      reader.refuse("file", error.expected, file.string() + ": " + error.seen);
     } else {
-      reader.input_errors().add(fault);
+      reader.input_errors().add(error);
     }
   }
 }
@@ -137,9 +135,9 @@ Fields<WorkpieceField> field_fields() {
       .check(read_field);
 }
 
-const Fields<WorkpieceCompliance>& kind_fields() {
-  static const Fields<WorkpieceCompliance> fields = Fields<WorkpieceCompliance>().kinds(
-      must("kind"), itself,
+const Fields<WorkpieceCompliance>& workpiece_kind_fields() {
+  static const Fields<WorkpieceCompliance> fields = Fields<WorkpieceCompliance>().variant(
+      must("kind"), whole_struct,
       {alternative<WorkpieceCompliance>("bar", bar_fields(), "cantilever, gives way across itself"),
        alternative<WorkpieceCompliance>(
            "plate", plate_fields(), "endless wall clamped along its foot, gives way across itself"),
@@ -159,32 +157,31 @@ void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors&
   const Node* section = compliance.section("workpiece");
   if (!section) return;
   TableReader reader(*section, compliance.name_of("workpiece"), compliance.input_errors());
-  const std::size_t before = reader.input_errors().list().size();
-  WorkpieceCompliance part = kind_fields().read(reader);
+  const std::size_t error_count = reader.input_errors().list().size();
+  WorkpieceCompliance part = workpiece_kind_fields().read(reader);
   reader.close();
-  // A part that could not be read completely would cause misleading errors.
-  if (reader.input_errors().list().size() != before) return;
+  // If a key is invalid, the validation below would report misleading errors.
+  if (reader.input_errors().list().size() != error_count) return;
   try {
-    // Checked by the module of the models, so that a scene accepts exactly what they accept.
+    // The validation of the models is used, so that a scene accepts exactly what they accept.
     errors::validate(part);
     errors.workpiece = std::move(part);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse(offending_key(part), "a workpiece that can be", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse(offending_key(part), "a workpiece that can be", error.what());
   }
 }
 
-}  // namespace
-
+/// Returns the fields of `[compliance.workpiece]`, the deflection of the part under the tool.
 Fields<errors::ComplianceErrors> workpiece_fields() {
   return Fields<errors::ComplianceErrors>().custom(
       {make_key(KeyName("workpiece").otherwise("stiff"), Key::Kind::Table,
-                "the part where it is touched, in the workpiece frame", kind_fields().keys())},
+                "the part where it is touched, in the workpiece frame",
+                workpiece_kind_fields().keys())},
       read_workpiece_stiffness, [](const errors::ComplianceErrors& errors, Node::Table& table) {
-        if (errors.workpiece) put(table, "workpiece", kind_fields().written(*errors.workpiece));
+        if (errors.workpiece)
+          put(table, "workpiece", workpiece_kind_fields().written(*errors.workpiece));
       });
 }
-
-namespace {
 
 using errors::CantileverSection;
 using errors::Compliance;
@@ -195,31 +192,32 @@ using kinematics::Wrench;
 constexpr double standard_gravity = 9806.65;  // mm/s^2
 constexpr double min_stiffness_N_per_um = 1e-6;
 constexpr double min_stiffness_Nm_per_urad = 1e-9;
-constexpr double max_softness = 1e3;  // largest entry of a matrix, mm/N (which is 1e-6 N/um) or
-                                      // rad/(N mm)
+// Largest entry of a compliance matrix, mm/N (the inverse of min_stiffness_N_per_um) or rad/(N mm).
+constexpr double max_compliance = 1e3;
 
-/// Returns the compliances 1/k of three stiffnesses; zero, i.e. stiff, if the key is missing.
-/// @param least  smallest stiffness, in the unit of the key
-Eigen::Vector3d softness(TableReader& reader, const std::string& key, double least) {
-  Eigen::Vector3d c = Eigen::Vector3d::Zero();
-  const auto k = reader.numbers_as_written(key, 3);
-  if (!k) return c;
+/// Reads three stiffnesses k and returns the compliances 1/k; zero, i.e. stiff, without the key.
+/// @param min_stiffness  in the unit of the key
+Eigen::Vector3d read_inverse_stiffness(TableReader& reader, const std::string& key,
+                                       double min_stiffness) {
+  Eigen::Vector3d compliances = Eigen::Vector3d::Zero();
+  const auto stiffnesses = reader.numbers_as_written(key, 3);
+  if (!stiffnesses) return compliances;
   // Checked before the inversion, since a stiffness near zero would give an unbounded compliance.
-  if (k->minCoeff() < least) {
+  if (stiffnesses->minCoeff() < min_stiffness) {
     reader.refuse(
         key,
         fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff), for {}",
-                    least, key),
-        fmt::format("{}", k->minCoeff()));
-    return c;
+                    min_stiffness, key),
+        fmt::format("{}", stiffnesses->minCoeff()));
+    return compliances;
   }
-  return (*k * unit_of(key)).cwiseInverse();
+  return (*stiffnesses * unit_of(key)).cwiseInverse();
 }
 
 Compliance read_matrix(TableReader& reader) {
   const auto numbers = reader.maybe_numbers("matrix", 36);
   if (!numbers) return Compliance::Zero();
-  // Rejects matrices in a wrong unit with a clearer message than their eigenvalues would give.
+  // A matrix in a wrong unit gets a clearer message here than from the test of its eigenvalues.
   if (numbers->cwiseAbs().maxCoeff() > max_softness) {
     reader.refuse("matrix", fmt::format("entries of at most {} for matrix", max_softness),
                   fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
@@ -229,8 +227,8 @@ Compliance read_matrix(TableReader& reader) {
       Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(numbers->data());
   try {
     errors::validate(C, "matrix");
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("matrix", "a compliance that can be", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("matrix", "a compliance that can be", error.what());
     return Compliance::Zero();
   }
   return C;
@@ -242,29 +240,32 @@ Compliance read_stiffness(TableReader& reader) {
   const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", min_stiffness_N_per_um);
   const Eigen::Vector3d angular =
       softness(reader, "turning_stiffness_Nm_per_urad", min_stiffness_Nm_per_urad);
-  const bool by_numbers =
+  const bool has_stiffness =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
-  if (by_numbers && reader.has("matrix"))
+  if (has_stiffness && reader.has("matrix"))
     reader.refuse("matrix", "stiffnesses or a matrix", "both");
-  // `turn_deg` has no effect on a matrix, which is stated in the frame of the element.
-  if (reader.has("turn_deg") && !by_numbers)
+  // A matrix is stated in the frame of the element, so `turn_deg` would have no effect on it.
+  if (reader.has("turn_deg") && !has_stiffness)
     reader.refuse("turn_deg", "stiffnesses that it turns", "none");
   const Eigen::Matrix3d R = read_turn(reader);
   Compliance C = Compliance::Zero();
-  // From the turned axes, along which the stiffnesses act, into the frame of the element.
+  // The stiffnesses act along the turned axes; R transforms them to the frame of the element.
   C.topLeftCorner<3, 3>() = R * linear.asDiagonal() * R.transpose();
   C.bottomRightCorner<3, 3>() = R * angular.asDiagonal() * R.transpose();
   return C + read_matrix(reader);
 }
 
-/// Returns the fields of one compliant element, which is always written as its matrix.
-Fields<Compliance> element_stiffness_fields() {
-  const auto stiffness = [](const char* name, const char* letters, double least) {
-    return make_numbers_key(name, 3, fmt::format("{}, each at least {}", letters, least).c_str());
+/// Returns the fields of one compliant element. It is always written as its matrix, however it was
+/// stated.
+Fields<Compliance> make_stiffness_fields() {
+  const auto make_stiffness_key = [](const char* name, const char* letters, double min_stiffness) {
+    return make_numbers_key(name, 3,
+                            fmt::format("{}, each at least {}", letters, min_stiffness).c_str());
   };
   std::vector<Key> keys{
-      stiffness("stiffness_N_per_um", "[kx, ky, kz]", min_stiffness_N_per_um),
-      stiffness("turning_stiffness_Nm_per_urad", "[ka, kb, kc]", min_stiffness_Nm_per_urad)};
+      make_stiffness_key("stiffness_N_per_um", "[kx, ky, kz]", min_stiffness_N_per_um),
+      make_stiffness_key("turning_stiffness_Nm_per_urad", "[ka, kb, kc]",
+                         min_stiffness_Nm_per_urad)};
   for (Key& key : turn_fields().keys()) keys.push_back(std::move(key));
   keys.push_back(make_numbers_key(
       "matrix", 36,
@@ -274,13 +275,13 @@ Fields<Compliance> element_stiffness_fields() {
       .custom(
           std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
           [](const Compliance& C, Node::Table& table) {
-            // Stiff is the default and need not be written.
+            // A stiff element is the default.
             if (!C.isZero(0.0)) put_numbers(table, "matrix", C.reshaped<Eigen::RowMajor>(), 1.0);
           });
 }
 
 const Fields<Compliance>& stiffness_fields() {
-  static const Fields<Compliance> fields = element_stiffness_fields();
+  static const Fields<Compliance> fields = make_stiffness_fields();
   return fields;
 }
 
@@ -298,20 +299,21 @@ void read_joint_stiffness(TableReader& compliance, const MachineDescription& mac
       errors.joints.push_back({letter, stiffness_fields().read_table(*node, reader.name_of(key),
                                                                      reader.input_errors())});
   }
-  // Reports unknown keys. Without joints, i.e. if the machine could not be read, every axis would
-  // look unknown.
+  // Reports unknown axes. If the machine could not be read, there are no joints, and every axis
+  // would be reported.
   if (!machine.joints.empty()) reader.close();
 }
 
 Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
-  Key one = make_key("<axis>", Key::Kind::Table,
-                     "at the point of the axis, along the axes of its deviations; S is the spindle",
-                     stiffness_fields().keys());
-  one.pattern = "[A-Z]";
-  const Key axis = make_key(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
-                            "stiffness of the carriages", {one});
+  Key axis_key =
+      make_key("<axis>", Key::Kind::Table,
+               "at the point of the axis, along the axes of its deviations; S is the spindle",
+               stiffness_fields().keys());
+  axis_key.pattern = "[A-Z]";
+  const Key key = make_key(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
+                           "stiffness of the carriages", {axis_key});
   return Fields<ComplianceErrors>().custom(
-      {axis},
+      {key},
       [machine](TableReader& reader, ComplianceErrors& errors) {
         read_joint_stiffness(reader, machine, errors);
       },
@@ -337,21 +339,21 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
   const Node* section = compliance.section("tool");
   if (!section) return;
   TableReader reader(*section, compliance.name_of("tool"), compliance.input_errors());
-  const std::size_t before = reader.input_errors().list().size();
+  const std::size_t error_count = reader.input_errors().list().size();
   errors.tool = stiffness_fields().read(reader);
-  std::vector<CantileverSection> pieces;
+  std::vector<CantileverSection> sections;
   for (const Node* node : reader.tables("section"))
-    pieces.push_back(
+    sections.push_back(
         section_fields().read_table(*node, reader.name_of("section"), reader.input_errors()));
   reader.close();
-  // If a section could not be read, the compliance of the others would be wrong.
-  if (pieces.empty() || reader.input_errors().list().size() != before) return;
+  // If a section is invalid, the sum over the others would be wrong.
+  if (sections.empty() || reader.input_errors().list().size() != error_count) return;
   try {
-    // Compliances add, because the sections and the stated stiffness are in series between nose and
-    // tip.
-    errors.tool += errors::stepped_cantilever(pieces);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("section", "sections that can be", fault.what());
+    // The sections and the stated stiffness are in series between nose and tip, so their
+    // compliances add up.
+    errors.tool += errors::stepped_cantilever(sections);
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("section", "sections that can be", error.what());
   }
 }
 
@@ -366,26 +368,27 @@ Fields<ComplianceErrors> tool_compliance_fields() {
   return Fields<ComplianceErrors>().custom(
       {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
         // Stiffness and sections are written as one matrix.
-        Node::Table own = stiffness_fields().written(errors.tool);
-        if (!own.empty()) put(table, "tool", std::move(own));
+        Node::Table tool = stiffness_fields().written(errors.tool);
+        if (!tool.empty()) put(table, "tool", std::move(tool));
       });
 }
 
-/// Binds a mass by itself, so that an error is reported at its own position.
-void check_mass(TableReader& mass, const MovingMass& read, const MachineDescription& machine) {
+/// Checks that the machine has the axis that carries the mass, and reports an error at the key of
+/// this mass.
+void check_mass(TableReader& reader, const MovingMass& mass, const MachineDescription& machine) {
   if (machine.joints.empty()) return;
   std::optional<kinematics::Chain> chain;
   try {
     chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
-    return;  // the machine is invalid, which is reported elsewhere
+    return;  // the invalid machine is reported by its own reader
   }
   try {
-    ComplianceErrors alone;
-    alone.masses = {read};
-    errors::bind(alone, *chain);
-  } catch (const std::invalid_argument& fault) {
-    mass.refuse("axis", "a carriage of the machine, \"t\" or \"w\"", fault.what());
+    ComplianceErrors errors;
+    errors.masses = {mass};
+    errors::bind(errors, *chain);
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("axis", "a carriage of the machine, \"t\" or \"w\"", error.what());
   }
 }
 
@@ -412,11 +415,11 @@ void read_masses(TableReader& compliance, const MachineDescription& machine,
                  ComplianceErrors& errors) {
   for (const Node* node : compliance.tables("mass")) {
     TableReader reader(*node, compliance.name_of("mass"), compliance.input_errors());
-    const std::size_t before = reader.input_errors().list().size();
+    const std::size_t error_count = reader.input_errors().list().size();
     const MovingMass mass = mass_fields().read(reader);
     reader.close();
-    if (reader.input_errors().list().size() != before) continue;
-    // The field keeps only the first letter, so the length of the text is checked here.
+    if (reader.input_errors().list().size() != error_count) continue;
+    // The field keeps only the first letter, so the length of the text is checked separately.
     if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
       reader.refuse("axis", "one letter", axis);
       continue;
@@ -444,7 +447,7 @@ Fields<ComplianceErrors> gravity_fields() {
           {make_numbers_key(KeyName("gravity").otherwise("off"), 3,
                             "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
           [](TableReader& reader, ComplianceErrors& errors) {
-            // The key is optional: without it gravity stays off. direction() would require it.
+            // direction() would report a missing key, but gravity is optional.
             if (reader.accept_key("gravity"))
               errors.gravity_b = standard_gravity * reader.direction("gravity");
           },
@@ -459,7 +462,7 @@ Fields<ComplianceErrors> gravity_fields() {
 Fields<Wrench> clamping_fields() {
   Fields<Wrench> fields(Wrench::Zero());
   const std::array keys{"FX_N", "FY_N", "FZ_N", "MX_Nm", "MY_Nm", "MZ_Nm"};
-  // The six keys set the components of one vector, so each has an accessor with its index.
+  // Each key sets one component of the wrench.
   for (int i = 0; i < 6; ++i)
     fields.number(
         keys[std::size_t(i)], [i](auto& wrench) -> auto& { return wrench[i]; }, any_number,
@@ -471,13 +474,13 @@ Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
   return Fields<ComplianceErrors>()
       .remark("name", "of what gives way")
       .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of every compliance")
-      .all_of(itself, joints_fields(machine))
-      .all_of(itself, tool_compliance_fields())
+      .all_of(whole_struct, joints_fields(machine))
+      .all_of(whole_struct, tool_compliance_fields())
       .table(KeyName("fixture").otherwise("stiff"), &ComplianceErrors::fixture, stiffness_fields(),
              "of the part on its carriage, at the origin of the workpiece frame")
-      .all_of(itself, workpiece_fields())
-      .all_of(itself, masses_fields(machine))
-      .all_of(itself, gravity_fields())
+      .all_of(whole_struct, workpiece_fields())
+      .all_of(whole_struct, masses_fields(machine))
+      .all_of(whole_struct, gravity_fields())
       .table("clamping", &ComplianceErrors::clamping_w, clamping_fields(),
              "wrench on the part at the origin of the workpiece frame, which bears on the fixture "
              "alone");

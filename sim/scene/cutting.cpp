@@ -14,17 +14,23 @@ namespace abbe::sim {
 namespace {
 
 const Fields<cutting::CuttingCoefficients>& material_fields() {
-  using K = cutting::CuttingCoefficients;
-  static const Fields<K> fields =
-      Fields<K>()
-          .text(must("name"), &K::name, "of the material and the tool")
-          .text(must("source"), &K::source, "where the figures come from")
-          .number(must("K_tc_N_per_mm2"), &K::K_tc, positive, "tangential force per chip area")
-          .number(must("K_rc_N_per_mm2"), &K::K_rc, non_negative, "radial force per chip area")
-          .number(must("K_ac_N_per_mm2"), &K::K_ac, any_number, "axial force per chip area")
-          .number(must("K_te_N_per_mm"), &K::K_te, non_negative, "tangential force per edge length")
-          .number(must("K_re_N_per_mm"), &K::K_re, non_negative, "radial force per edge length")
-          .number(must("K_ae_N_per_mm"), &K::K_ae, any_number, "axial force per edge length");
+  using Coefficients = cutting::CuttingCoefficients;
+  static const Fields<Coefficients> fields =
+      Fields<Coefficients>()
+          .text(must("name"), &Coefficients::name, "of the material and the tool")
+          .text(must("source"), &Coefficients::source, "where the figures come from")
+          .number(must("K_tc_N_per_mm2"), &Coefficients::K_tc, positive,
+                  "tangential force per chip area")
+          .number(must("K_rc_N_per_mm2"), &Coefficients::K_rc, non_negative,
+                  "radial force per chip area")
+          .number(must("K_ac_N_per_mm2"), &Coefficients::K_ac, any_number,
+                  "axial force per chip area")
+          .number(must("K_te_N_per_mm"), &Coefficients::K_te, non_negative,
+                  "tangential force per edge length")
+          .number(must("K_re_N_per_mm"), &Coefficients::K_re, non_negative,
+                  "radial force per edge length")
+          .number(must("K_ae_N_per_mm"), &Coefficients::K_ae, any_number,
+                  "axial force per edge length");
   return fields;
 }
 
@@ -57,16 +63,15 @@ constexpr Range spacing_range{0.001, 20.0};
 constexpr Range step_range{0.0, 100.0, true, false};
 constexpr Range run_out_range{0.0, 1000.0};
 
-void refuse_flat(TableReader& reader, BoxBlank& box) {
-  // A missing corner is already reported, and its default would make the comparison meaningless.
+void check_box_corners(TableReader& reader, BoxBlank& box) {
+  // A missing corner is reported already; its default must not be compared.
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
   for (int i = 0; i < 3; ++i) {
     if (box.lower_k[i] < box.upper_k[i]) continue;
     reader.refuse("upper_mm",
                   fmt::format("cutting.upper_mm above cutting.lower_mm in {}", "xyz"[i]),
                   fmt::format("{} and {}", box.upper_k[i], box.lower_k[i]));
-    // One message suffices, since every direction has the same cause.
-    return;
+    return;  // one message is enough for all three directions
   }
 }
 
@@ -74,7 +79,7 @@ Fields<BoxBlank> box_fields() {
   return Fields<BoxBlank>()
       .vector(must("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
       .vector(must("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
-      .check(refuse_flat);
+      .check(check_box_corners);
 }
 
 Fields<CylinderBlank> cylinder_fields() {
@@ -83,7 +88,7 @@ Fields<CylinderBlank> cylinder_fields() {
       .number(must("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
       .number(must("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
       .check([](TableReader& reader, CylinderBlank& blank) {
-        // Heights at their defaults are not compared, because the missing key is already reported.
+        // A missing height is reported already; its default must not be compared.
         if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
           reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
                         fmt::format("{} and {}", blank.upper, blank.lower));
@@ -108,10 +113,10 @@ Fields<Corner> corner_fields() {
       .number(must("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
 }
 
-/// Reads the corners of the blank over the spindle line, which may step but not go back.
+/// Reads the profile of a turned blank, whose positions on the spindle line must not decrease.
 void read_profile(TableReader& reader, TurnedBlank& blank) {
   if (!reader.has("profile")) reader.missing("profile", "a list of tables");
-  const std::size_t before = reader.input_errors().list().size();
+  const std::size_t error_count = reader.input_errors().list().size();
   const auto corners = reader.tables("profile");
   if (reader.has("profile") && (corners.size() < 2 || corners.size() > max_corners)) {
     reader.refuse("profile", fmt::format("2 to {} corners for cutting.profile", max_corners),
@@ -120,22 +125,22 @@ void read_profile(TableReader& reader, TurnedBlank& blank) {
   }
   blank.profile.resize(Eigen::Index(corners.size()), 2);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    TableReader table(*corners[i], reader.name_of("profile"), reader.input_errors());
-    const Corner corner = corner_fields().read(table);
+    TableReader corner_reader(*corners[i], reader.name_of("profile"), reader.input_errors());
+    const Corner corner = corner_fields().read(corner_reader);
     const Eigen::Index k = Eigen::Index(i);
     blank.profile.row(k) << corner.along, corner.radius;
-    // The first corner has no predecessor, so it is compared with itself.
-    const double before_mm = k > 0 ? blank.profile(k - 1, 0) : corner.along;
-    if (table.has("along_mm") && corner.along < before_mm) {
-      table.refuse("along_mm", fmt::format("along_mm of at least {}, the corner before", before_mm),
-                   fmt::format("{}", corner.along));
+    if (k > 0 && corner_reader.has("along_mm") && corner.along < blank.profile(k - 1, 0)) {
+      corner_reader.refuse(
+          "along_mm",
+          fmt::format("along_mm of at least {}, the corner before", blank.profile(k - 1, 0)),
+          fmt::format("{}", corner.along));
     }
-    table.close();
+    corner_reader.close();
   }
-  const Eigen::Index last = blank.profile.rows() - 1;
-  // Corners of equal position enclose no volume; other errors have been reported already.
-  if (last > 0 && reader.input_errors().list().size() == before &&
-      !(blank.profile(last, 0) > blank.profile(0, 0))) {
+  const Eigen::Index last_row = blank.profile.rows() - 1;
+  // A blank of no length has no volume. Invalid corners are reported already and not compared.
+  if (last_row > 0 && reader.input_errors().list().size() == error_count &&
+      !(blank.profile(last_row, 0) > blank.profile(0, 0))) {
     reader.refuse("profile", "corners at two places or more for cutting.profile", "one place");
   }
 }
@@ -153,9 +158,10 @@ Fields<TurnedBlank> turned_fields() {
                                       });
 }
 
-/// Returns the fields of the blank, which must be a turned one under a turning tool and only there.
+/// Returns the fields of the blank. A turning tool requires a turned blank; a milling cutter
+/// excludes it.
 Fields<CuttingDescription> blank_fields(Operation operation) {
-  const Fields<CuttingDescription> blank = Fields<CuttingDescription>().kinds(
+  const Fields<CuttingDescription> blank = Fields<CuttingDescription>().variant(
       must("blank"), &CuttingDescription::blank,
       {alternative<Blank>("box", box_fields(), "along the axes of the part"),
        alternative<Blank>("cylinder", cylinder_fields(), "about z of the part"),
@@ -166,15 +172,15 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
   return Fields<CuttingDescription>().custom(
       blank.keys(),
       [blank, operation](TableReader& reader, CuttingDescription& cutting) {
-        const std::size_t before = reader.input_errors().list().size();
+        const std::size_t error_count = reader.input_errors().list().size();
         cutting = blank.read(reader, std::move(cutting));
-        // An unreadable blank still holds its default kind, which says nothing about the tool.
-        if (reader.input_errors().list().size() != before) return;
-        const bool turning = operation == Operation::Turning;
-        const bool turned = std::holds_alternative<TurnedBlank>(cutting.blank);
-        if (turning && !turned)
+        // An invalid blank has the default kind, which must not be compared with the tool.
+        if (reader.input_errors().list().size() != error_count) return;
+        const bool is_turning_tool = operation == Operation::Turning;
+        const bool is_turned_blank = std::holds_alternative<TurnedBlank>(cutting.blank);
+        if (is_turning_tool && !is_turned_blank)
           reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
-        if (!turning && turned)
+        if (!is_turning_tool && is_turned_blank)
           reader.refuse("blank", "a blank for a milling cutter for cutting.blank", "\"turned\"");
       },
       [blank](const CuttingDescription& cutting, Node::Table& table) {
@@ -183,11 +189,11 @@ Fields<CuttingDescription> blank_fields(Operation operation) {
 }
 
 Fields<Flutes> flutes_fields() {
-  Flutes usual;
-  usual.helix = 30.0 * units::deg;
-  return Fields<Flutes>(usual)
-      // Keys that the file leaves out fall back to these defaults and not to those of the struct.
-      .then([usual](Flutes& flutes) { flutes = usual; })
+  Flutes defaults;
+  defaults.helix = 30.0 * units::deg;
+  return Fields<Flutes>(defaults)
+      // Reading starts from these defaults and not from those of `CuttingDescription`.
+      .derive([defaults](Flutes& flutes) { flutes = defaults; })
       .whole("flutes", &Flutes::count, 1, 100, "milling: of the cutter")
       .number("helix_deg", &Flutes::helix, helix_range, "milling: + right-hand")
       .number("run_out_um", &Flutes::run_out, run_out_range,
@@ -199,20 +205,22 @@ Fields<Flutes> flutes_fields() {
             "milling: of the spindle");
 }
 
-/// Returns the keys of milling only, since turning has neither flutes nor dexels.
+/// Returns the fields that only milling has: flutes, dexels and the step of the engagement.
 Fields<CuttingDescription> milling_fields() {
-  Key directions = make_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
-                            "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
-                            "to it) or 3");
-  directions.range = {1, 3};
+  Key directions_key =
+      make_key(KeyName("directions").otherwise("3"), Key::Kind::Whole,
+               "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
+               "to it) or 3");
+  directions_key.range = {1, 3};
   return Fields<CuttingDescription>()
       .custom(
-          {directions},
+          {directions_key},
           [](TableReader& reader, CuttingDescription& cutting) {
-            const auto seen = reader.maybe_integer("directions", 1, 3);
-            // Two of three directions would leave one family of faces unresolved.
-            if (seen == 2) reader.refuse("directions", "1 or 3 for cutting.directions", "2");
-            cutting.three_directions = seen != 1;
+            const auto direction_count = reader.maybe_integer("directions", 1, 3);
+            // Two directions would leave faces across the third unresolved.
+            if (direction_count == 2)
+              reader.refuse("directions", "1 or 3 for cutting.directions", "2");
+            cutting.three_directions = direction_count != 1;
           },
           [](const CuttingDescription& cutting, Node::Table& table) {
             put(table, "directions", std::int64_t(cutting.three_directions ? 3 : 1));
@@ -225,31 +233,31 @@ Fields<CuttingDescription> milling_fields() {
 
 Fields<CuttingDescription> memory_fields() {
   constexpr std::int64_t max_MiB = std::int64_t(1) << 24;
-  Key most = make_key("max_MiB", Key::Kind::Whole,
-                      "milling: of dexels; more is refused with the estimate");
-  most.range = {1, double(max_MiB)};
-  most.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
+  Key key = make_key("max_MiB", Key::Kind::Whole,
+                     "milling: of dexels; more is refused with the estimate");
+  key.range = {1, double(max_MiB)};
+  key.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
   return Fields<CuttingDescription>().custom(
-      {most},
+      {key},
       [](TableReader& reader, CuttingDescription& cutting) {
-        if (const auto seen = reader.maybe_integer("max_MiB", 1, max_MiB))
-          cutting.max_bytes = std::size_t(*seen) << 20;
+        if (const auto limit_MiB = reader.maybe_integer("max_MiB", 1, max_MiB))
+          cutting.max_bytes = std::size_t(*limit_MiB) << 20;
       },
       [](const CuttingDescription& cutting, Node::Table& table) {
         put(table, "max_MiB", std::int64_t(cutting.max_bytes >> 20));
       });
 }
 
-Fields<CuttingDescription> fields_of(Operation operation) {
-  // A turned blank is stored as a profile, so the memory limit of dexels does not apply to it.
+Fields<CuttingDescription> make_cutting_fields(Operation operation) {
+  // A turned blank is stored as a profile and not as dexels, so no memory limit applies to it.
   const auto has_dexels = [](const CuttingDescription& cutting) {
     return !std::holds_alternative<TurnedBlank>(cutting.blank);
   };
   Fields<CuttingDescription> fields = blank_fields(operation);
   fields.number("spacing_mm", &CuttingDescription::spacing, spacing_range,
                 "of dexels; of a turned blank along the spindle line");
-  if (operation == Operation::Milling) fields.all_of(itself, milling_fields());
-  return fields.where(has_dexels, memory_fields())
+  if (operation == Operation::Milling) fields.all_of(whole_struct, milling_fields());
+  return fields.only_if(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
               "to which force and deflection agree at every step")
       .whole("most_iterations", &CuttingDescription::max_iterations, 1, 1000,
@@ -261,9 +269,9 @@ Fields<CuttingDescription> fields_of(Operation operation) {
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
-  // Both sets of fields are built once, because the manual and every scene ask for them again.
-  static const Fields<CuttingDescription> milling = fields_of(Operation::Milling),
-                                          turning = fields_of(Operation::Turning);
+  // Both lists of fields are built once, because every scene and the manual need them.
+  static const Fields<CuttingDescription> milling = make_cutting_fields(Operation::Milling),
+                                          turning = make_cutting_fields(Operation::Turning);
   return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;
 }
 

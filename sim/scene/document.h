@@ -23,24 +23,25 @@ struct Override {
   }
 };
 
-/// A program that a scene or study would run, namely a compensator supplied by the user.
+/// A program that running a scene or study would start, i.e. a compensator of the user.
 struct NamedProgram {
   std::filesystem::path program;  ///< absolute
   std::filesystem::path file;     ///< the file that names the program
   int line = 0;
   int column = 0;
-  bool typed = false;  ///< true if the user gave it on the command line
+  bool typed = false;  ///< the user named it on the command line
 };
 
+/// A named set of changes to a scene.
 struct Variant {
   std::string name;
   std::vector<Override> set;
 };
 
-// The text of a scene as one tree, with its section files read in and values changed by path.
+// A scene as one tree: its section files are read in, and values can be changed by path.
 
-/// A value assigned to a dotted path. A table merges with the existing one; other values replace
-/// it.
+/// Assigns a value to a dotted path. A table is merged with the existing one; any other value
+/// replaces it.
 struct Change {
   std::string path;
   Node value;  ///< carries the position that messages name
@@ -49,48 +50,49 @@ struct Change {
 /// Returns the override that makes a change, with the position of the change.
 Override make_override(const Change& change);
 
-/// Returns the scene file with the files of its sections read in and every data file named by its
-/// absolute path. Syntax errors and missing files are collected; a section whose file was rejected
-/// keeps the name of that file. Returns nothing if the scene file itself was rejected.
+/// Reads a scene file and the files of its sections, and makes the names of data files absolute.
+/// Collects syntax errors and missing files; a section whose file is invalid keeps the name of that
+/// file. Returns nothing if the scene file itself is invalid.
 std::optional<Node> read_tree(const std::filesystem::path& file, InputErrors& input_errors);
 
 /// A section of a scene that is stored in a file of its own.
 struct SectionFileReference {
   std::string section;  ///< dotted: "belief.identified"; "part.file" for a mesh or a program
-  Place place;          ///< the position of the file name
+  Place place;          ///< position of the file name
   std::filesystem::path file;
 };
 
-/// Returns the sections, mesh and program that a scene, as written, takes from files.
-/// @param folder  of the scene
+/// Returns the sections, mesh and program that a scene takes from files.
+/// @param as_written  the scene file alone, without the contents of its section files
+/// @param folder  folder of the scene
 std::vector<SectionFileReference> section_files(const Node& as_written,
                                                 const std::filesystem::path& folder,
                                                 InputErrors& input_errors);
 
-/// Returns the tree with the changes applied in order and the files that they name read in. In a
-/// path, a list takes an index, the `name` of one of its tables, or neither; with neither, every
-/// table is changed.
+/// Returns the tree after the changes, applied in order, with the files that they name read in.
+/// Below a list, a path continues with an index, with the `name` of one of its tables, or directly
+/// with a key; the latter changes every table of the list.
 /// @param folder  base of relative paths in the changes
 Node changed(Node tree, const std::vector<Change>& changes, const std::filesystem::path& folder,
              InputErrors& input_errors);
-/// Returns the same for overrides, whose values are TOML, or a bare word if that is unambiguous;
-/// any other value is an error.
+/// Returns the same for overrides. Their values are TOML, or text without quotes if it cannot be
+/// mistaken; any other value is an input error.
 Node changed(Node tree, const std::vector<Override>& overrides, const std::filesystem::path& folder,
              InputErrors& input_errors);
 
 /// Returns the changes in the `set` table of a variant, one for each value, with their positions.
 std::vector<Change> changes_from_set(const Node& set);
 
-/// A file of a copied scene, with the origin of its text.
+/// A file of a copied scene.
 struct CopiedFile {
   std::string name;
   std::string text;
-  std::filesystem::path from;
+  std::filesystem::path from;  ///< the original
 };
 
-/// Returns a scene and the files of its sections as they would be stored in a folder of their own:
-/// `scene.toml`, `machine.toml`, `program.ngc` and so on, each named after its section. The texts
-/// equal the originals, comments included, except for these names in the scene.
+/// Returns copies of a scene file and of the files of its sections for one folder: `scene.toml`,
+/// `machine.toml`, `program.ngc` and so on, each named after its section. The texts equal the
+/// originals, comments included, except for these names in the scene.
 /// @throws BadScene if a file cannot be read
 std::vector<CopiedFile> scene_copy(const std::filesystem::path& scene);
 

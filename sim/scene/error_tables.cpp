@@ -22,31 +22,30 @@ using Eigen::VectorXd;
 using errors::ElementName;
 using errors::Shape;
 
-template <typename Series>
-Fields<Series> series_fields(const ElementUnits& unit) {
-  return Fields<Series>()
-      .numbers(must("coefficients" + unit.value), &Series::c, 0, "from order 0")
-      .number("centre" + unit.position, &Series::centre, any_number, "where t is 0")
-      .number(must("half_range" + unit.position), &Series::half_range, positive,
+template <typename Polynomial>
+Fields<Polynomial> polynomial_fields(const ElementUnits& unit) {
+  return Fields<Polynomial>()
+      .numbers(must("coefficients" + unit.value), &Polynomial::c, 0, "from order 0")
+      .number("centre" + unit.position, &Polynomial::centre, any_number, "where t is 0")
+      .number(must("half_range" + unit.position), &Polynomial::half_range, positive,
               "from where t is 0 to where it is 1");
 }
 
-// Extends the shorter of A and B with zeros to the length of the other.
-void complete(TableReader& reader, errors::Fourier& fourier, const ElementUnits& unit) {
+// Pads the shorter list of amplitudes with zeros. One of the two lists must be stated.
+void pad_amplitudes(TableReader& reader, errors::Fourier& fourier, const ElementUnits& unit) {
   const std::string a = "a" + unit.value, b = "b" + unit.value;
-  // One list is enough, since the other is zero; a curve with neither has no amplitude at all.
   if (!reader.has(a) && !reader.has(b)) reader.missing(a, "an array of numbers, or " + b + ",");
   const Eigen::Index n = std::max(fourier.a.size(), fourier.b.size());
-  for (VectorXd* one : {&fourier.a, &fourier.b}) {
-    VectorXd whole = VectorXd::Zero(n);
-    whole.head(one->size()) = *one;
-    *one = std::move(whole);
+  for (VectorXd* amplitudes : {&fourier.a, &fourier.b}) {
+    VectorXd padded = VectorXd::Zero(n);
+    padded.head(amplitudes->size()) = *amplitudes;
+    *amplitudes = std::move(padded);
   }
 }
 
 Fields<errors::Fourier> fourier_fields(const ElementUnits& unit) {
   using errors::Fourier;
-  // no sampling resolves a period below a thousandth of a mm or a degree
+  // No sampling of an axis resolves a period below a thousandth of a mm or a degree.
   constexpr Range period{1e-3, 1e9};
   const auto orders_key = [](const std::string& key) { return KeyName(key).otherwise("zeros"); };
   return Fields<Fourier>()
@@ -54,55 +53,60 @@ Fields<errors::Fourier> fourier_fields(const ElementUnits& unit) {
       .numbers(orders_key("a" + unit.value), &Fourier::a, 0,
                "of the cosines of orders 1, 2, ...; one of the two lists at least")
       .numbers(orders_key("b" + unit.value), &Fourier::b, 0, "of the sines of orders 1, 2, ...")
-      .check([unit](TableReader& reader, Fourier& fourier) { complete(reader, fourier, unit); });
+      .check(
+          [unit](TableReader& reader, Fourier& fourier) { pad_amplitudes(reader, fourier, unit); });
 }
 
+/// Rows of a table of one element.
 struct Rows {
   VectorXd q;
   VectorXd value;
 };
 
-std::optional<Rows> rows_of_file(TableReader& reader, const ElementName& name) {
+/// Reads rows from the column of a file.
+std::optional<Rows> read_file_rows(TableReader& reader, const ElementName& name) {
   ElementName column = name;
-  const std::string wanted = reader.text("column", to_string(name));
+  const std::string column_name = reader.text("column", to_string(name));
   try {
-    column = errors::parse_element_name(wanted);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("column", "a column named as an element", fault.what());
+    column = errors::parse_element_name(column_name);
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("column", "a column named as an element", error.what());
   }
   const auto table = read_table_file(reader);
   if (!table) return std::nullopt;
-  const auto found = std::find(table->elements.begin(), table->elements.end(), column);
-  if (found == table->elements.end()) {
-    // The message goes to the key that chose the column.
-    reader.refuse(reader.has("column") ? "column" : "file", "a table with the column " + wanted,
-                  "none");
+  const auto position = std::find(table->elements.begin(), table->elements.end(), column);
+  if (position == table->elements.end()) {
+    // The error is reported at the key that selects the column.
+    reader.refuse(reader.has("column") ? "column" : "file",
+                  "a table with the column " + column_name, "none");
     return std::nullopt;
   }
-  return Rows{table->q, table->values.col(found - table->elements.begin())};
+  return Rows{table->q, table->values.col(position - table->elements.begin())};
 }
 
-std::optional<Rows> rows_as_written(TableReader& reader, const ElementUnits& unit) {
+/// Reads rows that are written in the scene.
+std::optional<Rows> read_scene_rows(TableReader& reader, const ElementUnits& unit) {
   Rows rows{reader.numbers("q" + unit.position), reader.numbers("value" + unit.value)};
-  // Positions and values form the rows together, so their numbers must match.
   if (rows.q.size() == rows.value.size()) return rows;
   reader.refuse("value" + unit.value, fmt::format("as many values as positions, {}", rows.q.size()),
                 fmt::format("{}", rows.value.size()));
   return std::nullopt;
 }
 
+/// Reads the rows of a table whose interpolation is known.
 errors::Table read_rows(TableReader& reader, const ElementName& name, const ElementUnits& unit,
-                        const errors::Table& how) {
+                        const errors::Table& interpolation) {
   const std::string key = reader.has("file") ? "file" : "q" + unit.position;
-  auto rows = reader.has("file") ? rows_of_file(reader, name) : rows_as_written(reader, unit);
+  auto rows = reader.has("file") ? read_file_rows(reader, name) : read_scene_rows(reader, unit);
   if (!rows) return {};
-  const bool missing = rows->q.isZero() && rows->value.isZero() && !reader.has(key);
-  if (missing) return {};  // reported already
+  // A missing key is reported already and gives zeros.
+  if (rows->q.isZero() && rows->value.isZero() && !reader.has(key)) return {};
   try {
-    // The table is built by its own module, so the tests for rising positions are made once.
-    return errors::make_table(std::move(rows->q), std::move(rows->value), how.between, how.outside);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse(key, "a table with rising positions and at least 2 rows", fault.what());
+    // make_table() tests the rows, so a scene accepts exactly what the models accept.
+    return errors::make_table(std::move(rows->q), std::move(rows->value), interpolation.between,
+                              interpolation.outside);
+  } catch (const std::invalid_argument& error) {
+    reader.refuse(key, "a table with rising positions and at least 2 rows", error.what());
     return {};
   }
 }
@@ -126,9 +130,9 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
       [name, unit](TableReader& reader, Table& table) {
         table = read_rows(reader, name, unit, table);
       },
-      [q, value](const Table& from, Node::Table& to) {
-        put_numbers(to, q, from.q, unit_of(q));
-        put_numbers(to, value, from.value, unit_of(value));
+      [q, value](const Table& table, Node::Table& entries) {
+        put_numbers(entries, q, table.q, unit_of(q));
+        put_numbers(entries, value, table.value, unit_of(value));
       });
 }
 
@@ -136,8 +140,7 @@ Fields<errors::Table> table_fields(const ElementName& name, const ElementUnits& 
 template <typename T>
 Fields<T> seed_fields(std::uint64_t seed) {
   return Fields<T>()
-      // The check runs before the key is read, so the derived seed remains where no key states
-      // another.
+      // This step runs before the key is read, so the default remains if the key is missing.
       .check([seed](TableReader&, T& shape) { shape.seed = seed; })
       .whole(KeyName("seed").otherwise("from the scene's"), &T::seed, 0,
              std::numeric_limits<std::int64_t>::max(), "curves of equal seed move together");
@@ -153,17 +156,18 @@ Fields<errors::Asynchronous> asynchronous_fields(const ElementName& name, const 
       .number("highest_order", &Asynchronous::highest_order, positive,
               "of the cosines, per turn; at most 10000")
       .check([name, unit](TableReader& reader, Asynchronous&) {
-        // The orders count per turn, which a slide does not have.
+        // The orders count per revolution, and a slide makes none.
         if (unit.position != "_deg")
           reader.refuse("kind", "\"asynchronous\" on an axis that turns", to_string(name));
       });
 }
 
-std::vector<Alternative<Shape>> shapes(const ElementName& name, const ElementUnits& unit,
-                                       std::uint64_t seed) {
+std::vector<Alternative<Shape>> shape_alternatives(const ElementName& name,
+                                                   const ElementUnits& unit, std::uint64_t seed) {
   const Fields<errors::Table> rows = table_fields(name, unit);
   auto table = alternative<Shape>("table", rows, "values at positions");
-  // `detrend` belongs to the curve and not to the table, but the manual lists it with the table.
+  // `detrend` is a field of the curve, but the manual lists it with the table, as only tables have
+  // it.
   for (const Key& key : detrend_fields<CurveEntry>().keys()) table.word.keys.push_back(key);
   return {
       alternative<Shape>(
@@ -171,9 +175,9 @@ std::vector<Alternative<Shape>> shapes(const ElementName& name, const ElementUni
           Fields<errors::Constant>().number(must("value" + unit.value), &errors::Constant::value,
                                             any_number, "wherever the axis is"),
           "the same everywhere"),
-      alternative<Shape>("polynomial", series_fields<errors::Polynomial>(unit),
+      alternative<Shape>("polynomial", polynomial_fields<errors::Polynomial>(unit),
                          "sum of powers of t = (q - centre)/half range"),
-      alternative<Shape>("legendre", series_fields<errors::Legendre>(unit),
+      alternative<Shape>("legendre", polynomial_fields<errors::Legendre>(unit),
                          "sum of Legendre polynomials of t = (q - centre)/half range"),
       alternative<Shape>("fourier", fourier_fields(unit), "sum of cosines and sines"),
       table,
@@ -214,12 +218,12 @@ std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
   if (file.empty()) return std::nullopt;
   try {
     return errors::read_element_table_file(file);
-  } catch (const BadInput& fault) {
-    // Without a line number the file as a whole is at fault, so the key gets the message.
-    if (fault.line == 0) {
-      reader.refuse("file", fault.expected, file + ": " + fault.seen);
+  } catch (const BadInput& error) {
+    // An error without a line number concerns the file as a whole, so it is reported at the key.
+    if (error.line == 0) {
+      reader.refuse("file", error.expected, file + ": " + error.seen);
     } else {
-      reader.input_errors().add(fault);
+      reader.input_errors().add(error);
     }
     return std::nullopt;
   }
@@ -228,23 +232,23 @@ std::optional<errors::ElementTable> read_table_file(TableReader& reader) {
 Fields<CurveEntry> curve_fields(const ElementName& name, const ElementUnits& units,
                                 std::uint64_t seed) {
   using errors::Curve;
-  const auto curve =
-      Fields<Curve>()
-          .text("name", &Curve::name, "of the curve, for reports")
-          .all_of(std::identity{}, argument_fields<Curve>())
-          .number("scale", &Curve::scale, any_number, "factor of the curve")
-          .kinds(must("kind"), &Curve::shape, shapes(name, units, seed), "shape of the curve");
-  const auto read_detrend = [](TableReader& reader, CurveEntry& to) {
-    // Only a table has a straight line that can be removed from it.
-    if (std::holds_alternative<errors::Table>(to.curve.shape))
-      to = detrend_fields<CurveEntry>().read(reader, std::move(to));
+  const auto curve = Fields<Curve>()
+                         .text("name", &Curve::name, "of the curve, for reports")
+                         .all_of(std::identity{}, argument_fields<Curve>())
+                         .number("scale", &Curve::scale, any_number, "factor of the curve")
+                         .variant(must("kind"), &Curve::shape,
+                                  shape_alternatives(name, units, seed), "shape of the curve");
+  const auto read_detrend = [](TableReader& reader, CurveEntry& entry) {
+    // A straight line can be removed from tables only.
+    if (std::holds_alternative<errors::Table>(entry.curve.shape))
+      entry = detrend_fields<CurveEntry>().read(reader, std::move(entry));
   };
   return Fields<CurveEntry>().all_of(&CurveEntry::curve, curve).check(read_detrend);
 }
 
 std::vector<Key> curve_keys() {
-  // The keys appear with both units, because the manual describes curves of angles and lengths
-  // together.
+  // The manual describes curves of angles and of lengths together, so every key appears with both
+  // units.
   const std::vector<Key> keys = curve_fields({}, {"_um", "_mm"}, 0).keys();
   return with_other_unit(with_other_unit(keys, "um", "urad"), "mm", "deg");
 }
@@ -254,65 +258,69 @@ namespace {
 using Eigen::Index;
 using errors::Element;
 
-/// The covariance matrix in the form of the file.
+/// The covariance matrix as the file states it.
 struct Uncertainties {
   std::vector<errors::Coefficient> of;  ///< (m)
   VectorXd sigma;                       ///< (m) um or urad
   std::optional<VectorXd> correlation;  ///< (m (m - 1) / 2) lower triangle, row by row
 };
 
-double unit_of_number(const errors::Coefficient& number, const std::vector<Element>& elements) {
+/// Returns the unit of a number in the file, um or urad.
+double number_unit(const errors::Coefficient& number, const std::vector<Element>& elements) {
   return elements[std::size_t(number.element)].name.is_angle() ? units::urad : units::um;
 }
 
-std::vector<errors::Coefficient> known_numbers(TableReader& reader, const Node& of,
-                                               const std::vector<Element>& elements) {
+/// Returns the numbers that a list of names denotes.
+std::vector<errors::Coefficient> read_number_names(TableReader& reader, const Node& list,
+                                                   const std::vector<Element>& elements) {
   std::map<std::string, errors::Coefficient> known;
   std::set<std::string> names;
-  for (const errors::Coefficient& one : errors::coefficients(elements)) {
-    known.emplace(errors::name_of(one, elements), one);
-    names.insert(errors::name_of(one, elements));
+  for (const errors::Coefficient& number : errors::coefficients(elements)) {
+    known.emplace(errors::name_of(number, elements), number);
+    names.insert(errors::name_of(number, elements));
   }
   std::vector<errors::Coefficient> numbers;
-  if (!of.array()) reader.refuse("of", "a list of names such as \"EXX[1]\"", shown(of));
-  for (const Node& name : of.array() ? *of.array() : Node::Array{}) {
-    const auto found = name.text() ? known.find(*name.text()) : known.end();
-    if (found == known.end()) {
-      // A suggestion helps with long names such as `EXX screw pitch cos 1`.
-      const auto meant = name.text() ? nearest(*name.text(), names) : std::nullopt;
-      reader.input_errors().add(name.place, "a number of this file's curves such as \"EXX[1]\"",
-                                shown(name) + (meant ? " (did you mean " + *meant + "?)" : ""));
+  if (!list.array()) reader.refuse("of", "a list of names such as \"EXX[1]\"", shown(list));
+  for (const Node& name : list.array() ? *list.array() : Node::Array{}) {
+    const auto entry = name.text() ? known.find(*name.text()) : known.end();
+    if (entry == known.end()) {
+      // Names may be long, such as `EXX screw pitch cos 1`.
+      const auto suggestion = name.text() ? nearest(*name.text(), names) : std::nullopt;
+      reader.input_errors().add(
+          name.place, "a number of this file's curves such as \"EXX[1]\"",
+          shown(name) + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
       continue;
     }
-    if (std::find(numbers.begin(), numbers.end(), found->second) != numbers.end())
+    if (std::find(numbers.begin(), numbers.end(), entry->second) != numbers.end())
       reader.input_errors().add(name.place, "each number once", shown(name) + " again");
-    // A repeated number is added nevertheless, so that the lengths of the following arrays agree.
-    numbers.push_back(found->second);
+    // A repeated number is added as well, so that the lengths of the following arrays agree.
+    numbers.push_back(entry->second);
   }
   return numbers;
 }
 
 Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
-  const auto read_uncertainties = [elements](TableReader& reader, Uncertainties& to) {
-    const Node* of = reader.accept_key("of");
-    if (!of) reader.missing("of", "a list of names such as \"EXX[1]\"");
-    if (of) to.of = known_numbers(reader, *of, elements);
+  const auto read_names = [elements](TableReader& reader, Uncertainties& uncertainties) {
+    const Node* list = reader.accept_key("of");
+    if (!list) reader.missing("of", "a list of names such as \"EXX[1]\"");
+    if (list) uncertainties.of = read_number_names(reader, *list, elements);
   };
-  const auto write_uncertainties = [elements](const Uncertainties& from, Node::Table& to) {
+  const auto write_names = [elements](const Uncertainties& uncertainties, Node::Table& table) {
     Node::Array names;
-    for (const errors::Coefficient& one : from.of)
-      names.push_back(Node{{}, errors::name_of(one, elements)});
-    put(to, "of", std::move(names));
+    for (const errors::Coefficient& number : uncertainties.of)
+      names.push_back(Node{{}, errors::name_of(number, elements)});
+    put(table, "of", std::move(names));
   };
-  const auto read_matrix = [](TableReader& reader, Uncertainties& to) {
-    const int m = int(to.of.size());
-    to.sigma = reader.numbers("standard_uncertainty_um_urad", m);
-    // A single number has no correlation, and an empty list would not parse as one.
-    if (m > 1) to.correlation = reader.maybe_numbers("correlation", m * (m - 1) / 2);
+  const auto read_matrix = [](TableReader& reader, Uncertainties& uncertainties) {
+    const int m = int(uncertainties.of.size());
+    uncertainties.sigma = reader.numbers("standard_uncertainty_um_urad", m);
+    // A single number has no correlations, and a list must not be empty.
+    if (m > 1) uncertainties.correlation = reader.maybe_numbers("correlation", m * (m - 1) / 2);
   };
-  const auto write_matrix = [](const Uncertainties& from, Node::Table& to) {
-    put_numbers(to, "standard_uncertainty_um_urad", from.sigma, 1.0);
-    if (from.correlation) put_numbers(to, "correlation", *from.correlation, 1.0);
+  const auto write_matrix = [](const Uncertainties& uncertainties, Node::Table& table) {
+    put_numbers(table, "standard_uncertainty_um_urad", uncertainties.sigma, 1.0);
+    if (uncertainties.correlation)
+      put_numbers(table, "correlation", *uncertainties.correlation, 1.0);
   };
   return Fields<Uncertainties>()
       .custom(
@@ -320,7 +328,7 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
                     "numbers of the file's curves: `EXX[2]` (order, or row of a table), `EXC cos "
                     "1`, `EXX backlash`, `EC0Y`; of a named curve among several `EXX screw pitch "
                     "cos 1`")},
-          read_uncertainties, write_uncertainties)
+          read_names, write_names)
       .custom(
           {make_key(must("standard_uncertainty_um_urad"), Key::Kind::Numbers,
                     "one for each, >= 0, in um or urad as its element is; 0: zero by convention"),
@@ -335,20 +343,20 @@ Fields<Uncertainties> covariance_fields(const std::vector<Element>& elements) {
 errors::Covariance read_covariance(const Node& table, const std::vector<Element>& elements,
                                    InputErrors& input_errors) {
   TableReader reader(table, "errors.covariance", input_errors);
-  const std::size_t before = input_errors.list().size();
+  const std::size_t error_count = input_errors.list().size();
   auto [of, sigma, correlation] = covariance_fields(elements).read(reader);
   reader.close();
-  // The arrays below have consistent lengths only after an error-free reading.
-  if (input_errors.list().size() != before) return {};
+  // After an input error the lengths of the arrays may differ.
+  if (input_errors.list().size() != error_count) return {};
   if ((sigma.array() < 0.0).any())
     reader.refuse("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
   const auto m = Index(of.size());
-  for (Index i = 0; i < m; ++i) sigma[i] *= unit_of_number(of[std::size_t(i)], elements);
+  for (Index i = 0; i < m; ++i) sigma[i] *= number_unit(of[std::size_t(i)], elements);
   Eigen::MatrixXd R = Eigen::MatrixXd::Identity(m, m);
-  Index at = 0;
+  Index triangle_index = 0;
   for (Index i = 0; i < m && correlation; ++i)
-    for (Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[at++];
-  // A small negative eigenvalue is tolerated, since the numbers in the file are rounded.
+    for (Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[triangle_index++];
+  // The numbers in the file are rounded, which may make an eigenvalue slightly negative.
   if (eigenvalues(R)[0] < -1e-9 * double(m))
     reader.refuse("correlation", "a correlation that can be (no negative variance)", "another");
   return {std::move(of), sigma.asDiagonal() * R * sigma.asDiagonal()};
@@ -358,21 +366,22 @@ Node::Table written_covariance(const errors::Covariance& covariance,
                                const std::vector<Element>& elements) {
   const auto m = Index(covariance.of.size());
   const VectorXd sigma = covariance.matrix.diagonal().cwiseSqrt();
-  Uncertainties written{covariance.of, sigma, std::nullopt};
+  Uncertainties uncertainties{covariance.of, sigma, std::nullopt};
   for (Index i = 0; i < m; ++i)
-    written.sigma[i] /= unit_of_number(covariance.of[std::size_t(i)], elements);
+    uncertainties.sigma[i] /= number_unit(covariance.of[std::size_t(i)], elements);
   VectorXd correlation = VectorXd::Zero(m * (m - 1) / 2);
-  Index at = 0;
+  Index triangle_index = 0;
   for (Index i = 0; i < m; ++i) {
-    for (Index k = 0; k < i; ++k, ++at) {
-      // A number of zero variance has no defined correlation and stays at zero.
-      const double most = sigma[i] * sigma[k];
-      if (most > 0.0) correlation[at] = covariance.matrix(i, k) / most;
+    for (Index k = 0; k < i; ++k, ++triangle_index) {
+      // The correlation of a number of zero variance is undefined; zero is written.
+      const double max_covariance = sigma[i] * sigma[k];
+      if (max_covariance > 0.0)
+        correlation[triangle_index] = covariance.matrix(i, k) / max_covariance;
     }
   }
-  // An uncorrelated matrix is written without the key, which is its default.
-  if (!correlation.isZero(0.0)) written.correlation = std::move(correlation);
-  return covariance_fields(elements).written(written);
+  // No correlation is the default of the key.
+  if (!correlation.isZero(0.0)) uncertainties.correlation = std::move(correlation);
+  return covariance_fields(elements).written(uncertainties);
 }
 
 std::vector<Key> covariance_keys() { return covariance_fields({}).keys(); }
@@ -381,7 +390,7 @@ namespace {
 
 constexpr const char* unidentified_name = "unidentified";
 
-UnidentifiedNumber read_number(const Node& node, InputErrors& input_errors) {
+UnidentifiedNumber read_unidentified_number(const Node& node, InputErrors& input_errors) {
   TableReader reader(node, unidentified_name, input_errors);
   UnidentifiedNumber result{reader.text("number"), {}};
   const std::vector<std::string> names = reader.texts("hidden_by");
@@ -398,24 +407,23 @@ UnidentifiedNumber read_number(const Node& node, InputErrors& input_errors) {
 
 std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors) {
   std::vector<UnidentifiedNumber> numbers;
-  // Several tables of errors form one section, so the numbers are collected over all of them.
   if (errors.array())
     for (const Node& table : *errors.array())
-      for (UnidentifiedNumber& one : unidentified_numbers(table)) numbers.push_back(std::move(one));
+      for (UnidentifiedNumber& number : unidentified_numbers(table))
+        numbers.push_back(std::move(number));
   const Node* list = errors.table() ? errors.find(unidentified_name) : nullptr;
   for (const Node& node : list && list->array() ? *list->array() : Node::Array{}) {
-    // Errors are dropped here because the reader of the errors table reports them.
     InputErrors input_errors;
-    UnidentifiedNumber number = read_number(node, input_errors);
+    UnidentifiedNumber number = read_unidentified_number(node, input_errors);
     if (input_errors.empty()) numbers.push_back(std::move(number));
   }
   return numbers;
 }
 
 void read_unidentified(TableReader& reader) {
-  // The numbers are read for their errors only; studies read them again from the tree.
+  // Only the input errors matter here; studies read the numbers from the tree.
   for (const Node* node : reader.tables(unidentified_name))
-    read_number(*node, reader.input_errors());
+    read_unidentified_number(*node, reader.input_errors());
 }
 
 Key unidentified_key() {
@@ -433,10 +441,10 @@ Key unidentified_key() {
 std::string unidentified_lines(const std::vector<UnidentifiedNumber>& numbers) {
   if (numbers.empty()) return "";
   std::string text = "unidentified = [\n";
-  for (const UnidentifiedNumber& one : numbers) {
-    text += fmt::format("  {{ number = {}", to_toml_value(one.number));
+  for (const UnidentifiedNumber& number : numbers) {
+    text += fmt::format("  {{ number = {}", to_toml_value(number.number));
     std::string names, amounts;
-    for (const auto& [name, amount] : one.hidden_by) {
+    for (const auto& [name, amount] : number.hidden_by) {
       names += (names.empty() ? "" : ", ") + to_toml_value(name);
       amounts += fmt::format("{}{}", amounts.empty() ? "" : ", ", amount);
     }

@@ -13,34 +13,33 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/table_reader.h"
 
-/// Fields for the curves of error elements in a scene, and those that other sections share with
-/// them.
+/// Fields of the curves of error elements, some of them shared with other sections of a scene.
 namespace abbe::sim {
 
-/// Suffixes of keys by the units of an element: "_um" or "_urad" for its value, "_mm" or "_deg" for
-/// the position of its axis.
+/// Unit suffixes of the keys of an element: "_um" or "_urad" for its value, "_mm" or "_deg" for the
+/// position of its axis.
 struct ElementUnits {
   std::string value;
   std::string position;
 };
 
-/// A curve, and how a straight line is removed from its table.
+/// A curve, and the method by which a straight line is removed from its table, if any.
 struct CurveEntry {
   errors::Curve curve;
   std::optional<errors::Detrend> detrend;
 };
 
 /// Returns the fields of a curve.
-/// @param name  element, which is also the name of its column in a file
-/// @param seed  for a random curve without a seed of its own
+/// @param name  element; a file has a column of this name
+/// @param seed  seed of a random curve that states none
 Fields<CurveEntry> curve_fields(const errors::ElementName& name, const ElementUnits& units,
                                 std::uint64_t seed);
 
-/// Returns the keys that the curve of an element may have, whatever the element.
+/// Returns the keys that a curve may have, of all elements together.
 std::vector<Key> curve_keys();
 
-/// Reads the key `file`, which names a table in the format of volumetric compensation. Empty if the
-/// key is missing or the table has input errors.
+/// Reads the table that the key `file` names, in the format of volumetric compensation. Returns
+/// nothing if the key is missing or the table has input errors.
 std::optional<errors::ElementTable> read_table_file(TableReader& reader);
 Key table_file_key();
 
@@ -81,35 +80,36 @@ Fields<T> detrend_fields() {
       "of the two slides, its offset is dropped");
 }
 
-// The key `covariance` of an errors table: the uncertainty of its numbers.
+// The key `covariance` of an errors table states the uncertainty of its numbers.
 
 /// Reads the key `covariance`.
-/// @param elements  elements to whose numbers it refers
+/// @param elements  elements whose numbers it names
 errors::Covariance read_covariance(const Node& table, const std::vector<errors::Element>& elements,
                                    InputErrors& input_errors);
 Node::Table written_covariance(const errors::Covariance& covariance,
                                const std::vector<errors::Element>& elements);
 std::vector<Key> covariance_keys();
 
-// The key `unidentified` of an errors table: numbers that the readings behind a belief do not
+// The key `unidentified` of an errors table lists numbers that the readings behind a belief do not
 // determine.
 
 /// A number that was set to 0 because the readings could not determine it.
 struct UnidentifiedNumber {
   std::string number;  ///< "EY0A", "EAX[1]"
-  /// The numbers that absorbed it, and how much of each (um or urad) one um or urad of it adds.
+  /// The numbers that absorbed it. The factor is the change of such a number, in um or urad, per um
+  /// or urad of the unidentified one.
   std::vector<std::pair<std::string, double>> hidden_by;
 };
 
-/// Returns the unidentified numbers of an errors table, or of all tables of a list. Malformed
-/// entries are skipped: the reader of the table reports them.
+/// Returns the unidentified numbers of an errors table, or of all tables of a list. Invalid entries
+/// are skipped, because read_unidentified() reports them.
 std::vector<UnidentifiedNumber> unidentified_numbers(const Node& errors);
 
-/// Checks the key and reports malformed entries while an errors table is read.
+/// Reports invalid entries of the key while an errors table is read.
 void read_unidentified(TableReader& reader);
 Key unidentified_key();
 
-/// Returns the text of the key for a belief file, one line per number.
+/// Returns the key as text for a belief file, one line per number; empty without numbers.
 std::string unidentified_lines(const std::vector<UnidentifiedNumber>& numbers);
 
 }  // namespace abbe::sim

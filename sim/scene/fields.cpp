@@ -59,21 +59,22 @@ std::set<std::string> words_of(const Key& key) {
 }
 
 double in_unit(double value, double unit) {
-  const double divided = value / unit;
-  const double rounded = std::strtod(fmt::format("{:.15g}", divided).c_str(), nullptr);
+  const double quotient = value / unit;
+  const double rounded = std::strtod(fmt::format("{:.15g}", quotient).c_str(), nullptr);
+  // The division may round to a neighbour of the number that the user wrote.
   for (const double number :
-       {rounded, divided, std::nextafter(divided, infinity), std::nextafter(divided, -infinity)})
+       {rounded, quotient, std::nextafter(quotient, infinity), std::nextafter(quotient, -infinity)})
     if (number * unit == value) return number;
-  return divided;
+  return quotient;
 }
 
 std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
                                  const std::string& other) {
-  const std::string either = "_(" + unit + "|" + other + ")_";
+  const std::string either_unit = "_(" + unit + "|" + other + ")_";
   for (Key& key : keys) {
     std::string names = "_" + (key.pattern.empty() ? key.name : key.pattern) + "_";
     if (const std::size_t at = names.find("_" + unit + "_"); at != std::string::npos) {
-      names.replace(at, unit.size() + 2, either);
+      names.replace(at, unit.size() + 2, either_unit);
       key.pattern = names.substr(1, names.size() - 2);
     }
     key.keys = with_other_unit(std::move(key.keys), unit, other);
@@ -102,6 +103,7 @@ void append_entries(Node::Table& table, Node::Table entries) {
 }
 
 std::string default_text(double value) {
+  // Unlimited members hold the largest double and not infinity.
   return std::abs(value) < 1e300 ? fmt::format("{:.12g}", value) : "";
 }
 
@@ -114,13 +116,13 @@ std::string default_text(const Eigen::VectorXd& values) {
 namespace fields_detail {
 namespace {
 
-// Fields of a nested struct are shared by the functions that read and write it: `std::function`
-// copies what it captures.
+// The functions that read and write a nested struct share its fields, since `std::function` would
+// copy them.
 std::shared_ptr<const FieldList> shared(FieldList fields) {
   return std::make_shared<const FieldList>(std::move(fields));
 }
 
-// `Member` is declared for the struct that is read into; callers of this one do not change it.
+// `Member` takes a struct that is read into; the callers of this function do not change it.
 const void* const_member(const Member& member, const void* value) {
   return member(const_cast<void*>(value));
 }
@@ -140,21 +142,21 @@ std::vector<Key> FieldList::keys() const {
   return keys;
 }
 
-void FieldList::read_into(TableReader& reader, void* to) const {
-  for (const Field& field : fields_) field.read(reader, to);
+void FieldList::read_into(TableReader& reader, void* target) const {
+  for (const Field& field : fields_) field.read(reader, target);
 }
 
 void FieldList::read_table_into(const Node& table, const std::string& where,
-                                InputErrors& input_errors, void* to) const {
+                                InputErrors& input_errors, void* target) const {
   TableReader reader(table, where, input_errors);
-  read_into(reader, to);
+  read_into(reader, target);
   reader.close();
 }
 
-Node::Table FieldList::written_from(const void* from) const {
+Node::Table FieldList::written_from(const void* source) const {
   Node::Table table;
   for (const Field& field : fields_)
-    if (field.write) field.write(from, table);
+    if (field.write) field.write(source, table);
   return table;
 }
 
@@ -162,9 +164,9 @@ void FieldList::add(std::vector<Key>&& keys, Read&& read, Write&& write) {
   fields_.push_back({std::move(keys), std::move(read), std::move(write)});
 }
 
-// The initial value is looked up only for a fallback: a member function such as
-// `std::get<Cutter>(tool.nominal)` may throw for a default struct, and such keys are required or
-// state their fallback.
+// The members of the initial value are accessed only if their fallback is needed, because a
+// function such as `std::get<Cutter>(tool.nominal)` throws for a default struct. The keys of such
+// members are required or state their fallback.
 
 void FieldList::add_number(const KeyName& name, Member member, const NumberAccess& access,
                            const Range& range, const char* sentence, double unit) {
@@ -175,16 +177,17 @@ void FieldList::add_number(const KeyName& name, Member member, const NumberAcces
       key->fallback = default_text(*value / unit);
   add(
       {*key},
-      [key, member, access, unit](TableReader& reader, void* to) {
+      [key, member, access, unit](TableReader& reader, void* target) {
         const auto written = reader.number_as_written(key->name, key->range);
         if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
         if (written)
-          access.set(member(to), *written * unit);
+          access.set(member(target), *written * unit);
         else if (key->required)
-          access.set(member(to), 1.0);  // harmless, so that reading goes on to the next error
+          // One is harmless as a factor, a divisor and a length, so reading can continue.
+          access.set(member(target), 1.0);
       },
-      [key, member, access, unit](const void* from, Node::Table& table) {
-        if (const auto value = access.get(const_member(member, from)))
+      [key, member, access, unit](const void* source, Node::Table& table) {
+        if (const auto value = access.get(const_member(member, source)))
           put(table, key->name, in_unit(*value, unit));
       });
 }
@@ -198,30 +201,30 @@ void FieldList::add_integer(const KeyName& name, Member member, const IntegerAcc
       key->fallback = std::to_string(*value);
   add(
       {*key},
-      [key, member, access, min, max](TableReader& reader, void* to) {
+      [key, member, access, min, max](TableReader& reader, void* target) {
         if (key->required && !reader.has(key->name)) reader.missing(key->name, "a whole number");
         if (const auto value = reader.maybe_integer(key->name, min, max))
-          access.set(member(to), *value);
+          access.set(member(target), *value);
       },
-      [key, member, access](const void* from, Node::Table& table) {
-        if (const auto value = access.get(const_member(member, from)))
+      [key, member, access](const void* source, Node::Table& table) {
+        if (const auto value = access.get(const_member(member, source)))
           put(table, key->name, *value);
       });
 }
 
 void FieldList::add_boolean(const KeyName& name, Member member, const char* sentence) {
-  const auto get = [member](const void* from) {
-    return *static_cast<const bool*>(const_member(member, from));
+  const auto get = [member](const void* source) {
+    return *static_cast<const bool*>(const_member(member, source));
   };
   const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Boolean, sentence));
   if (key->fallback.empty()) key->fallback = get(initial()) ? "true" : "false";
   add(
       {*key},
-      [key, member](TableReader& reader, void* to) {
-        bool& value = *static_cast<bool*>(member(to));
+      [key, member](TableReader& reader, void* target) {
+        bool& value = *static_cast<bool*>(member(target));
         value = reader.boolean(key->name, value);
       },
-      [key, get](const void* from, Node::Table& table) { put(table, key->name, get(from)); });
+      [key, get](const void* source, Node::Table& table) { put(table, key->name, get(source)); });
 }
 
 void FieldList::add_text(const KeyName& name, Member member, const TextAccess& access,
@@ -230,13 +233,13 @@ void FieldList::add_text(const KeyName& name, Member member, const TextAccess& a
   if (key->fallback.empty()) key->fallback = access.get(const_member(member, initial()));
   add(
       {*key},
-      [key, member, access](TableReader& reader, void* to) {
+      [key, member, access](TableReader& reader, void* target) {
         if (key->required && !reader.has(key->name)) reader.missing(key->name, "a text");
-        void* value = member(to);
+        void* value = member(target);
         access.set(value, reader.text(key->name, access.get(value)));
       },
-      [key, member, access](const void* from, Node::Table& table) {
-        std::string text = access.get(const_member(member, from));
+      [key, member, access](const void* source, Node::Table& table) {
+        std::string text = access.get(const_member(member, source));
         if (!text.empty()) put(table, key->name, std::move(text));
       });
 }
@@ -246,13 +249,13 @@ void FieldList::add_texts(const KeyName& name, Member member, const char* senten
   const auto key = std::make_shared<Key>(make_key(name, Key::Kind::Texts, sentence));
   add(
       {*key},
-      [key, member](TableReader& reader, void* to) {
+      [key, member](TableReader& reader, void* target) {
         if (reader.accept_key(key->name))
-          *static_cast<Texts*>(member(to)) = reader.texts(key->name);
+          *static_cast<Texts*>(member(target)) = reader.texts(key->name);
       },
-      [key, member](const void* from, Node::Table& table) {
+      [key, member](const void* source, Node::Table& table) {
         Node::Array texts;
-        for (const std::string& text : *static_cast<const Texts*>(const_member(member, from)))
+        for (const std::string& text : *static_cast<const Texts*>(const_member(member, source)))
           texts.push_back(Node{{}, text});
         if (!texts.empty()) put(table, key->name, std::move(texts));
       });
@@ -273,35 +276,35 @@ void FieldList::add_enum(const KeyName& name, Member member, EnumAccess access,
       key->fallback = key->words[*index].word;
   add(
       {*key},
-      [key, member, set = std::move(access.set)](TableReader& reader, void* to) {
+      [key, member, set = std::move(access.set)](TableReader& reader, void* target) {
         const std::optional<std::string> word =
             reader.word(key->name, words_of(*key), key->required);
-        if (!word && key->required) set(member(to), 0);
+        if (!word && key->required) set(member(target), 0);
         for (std::size_t i = 0; i < key->words.size(); ++i)
-          if (word == key->words[i].word) set(member(to), i);
+          if (word == key->words[i].word) set(member(target), i);
       },
-      [key, member, get = std::move(access.get)](const void* from, Node::Table& table) {
-        if (const auto index = get(const_member(member, from)))
+      [key, member, get = std::move(access.get)](const void* source, Node::Table& table) {
+        if (const auto index = get(const_member(member, source)))
           put(table, key->name, key->words[*index].word);
       });
 }
 
 void FieldList::add_direction(const KeyName& name, Member member, const char* sentence) {
-  const auto get = [member](const void* from) -> const Vector3d& {
-    return *static_cast<const Vector3d*>(const_member(member, from));
+  const auto get = [member](const void* source) -> const Vector3d& {
+    return *static_cast<const Vector3d*>(const_member(member, source));
   };
   const auto key = std::make_shared<Key>(make_numbers_key(name, 3, sentence));
   if (!key->required && key->fallback.empty())
     key->fallback = default_text(Eigen::VectorXd(get(initial())));
   add(
       {*key},
-      [key, member](TableReader& reader, void* to) {
-        Vector3d& direction = *static_cast<Vector3d*>(member(to));
+      [key, member](TableReader& reader, void* target) {
+        Vector3d& direction = *static_cast<Vector3d*>(member(target));
         direction =
             key->required ? reader.direction(key->name) : reader.direction(key->name, direction);
       },
-      [key, get](const void* from, Node::Table& table) {
-        put_numbers(table, key->name, get(from).normalized(), 1.0);
+      [key, get](const void* source, Node::Table& table) {
+        put_numbers(table, key->name, get(source).normalized(), 1.0);
       });
 }
 
@@ -313,14 +316,14 @@ void FieldList::add_numbers(const KeyName& name, Member member, const VectorAcce
       key->fallback = default_text(Eigen::VectorXd(*values / unit_of(name.name)));
   add(
       {*key},
-      [key, member, access](TableReader& reader, void* to) {
+      [key, member, access](TableReader& reader, void* target) {
         if (key->required)
-          access.set(member(to), reader.numbers(key->name, key->size));
+          access.set(member(target), reader.numbers(key->name, key->size));
         else if (const auto values = reader.maybe_numbers(key->name, key->size))
-          access.set(member(to), *values);
+          access.set(member(target), *values);
       },
-      [key, member, access](const void* from, Node::Table& table) {
-        if (const auto values = access.get(const_member(member, from)))
+      [key, member, access](const void* source, Node::Table& table) {
+        if (const auto values = access.get(const_member(member, source)))
           put_numbers(table, key->name, *values, unit_of(key->name));
       });
 }
@@ -332,15 +335,15 @@ void FieldList::add_table(const KeyName& name, Member member, const TableAccess&
       std::make_shared<Key>(make_key(name, Key::Kind::Table, sentence, fields->keys()));
   add(
       {*key},
-      [key, member, access, fields](TableReader& reader, void* to) {
+      [key, member, access, fields](TableReader& reader, void* target) {
         const Node* node = reader.section(key->name);
         if (!node && key->required && !reader.has(key->name)) reader.missing(key->name, "a table");
         if (!node) return;
         fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
-                                access.make(member(to), fields->initial()));
+                                access.make(member(target), fields->initial()));
       },
-      [key, member, access, fields](const void* from, Node::Table& table) {
-        const void* value = access.get(const_member(member, from));
+      [key, member, access, fields](const void* source, Node::Table& table) {
+        const void* value = access.get(const_member(member, source));
         if (!value) return;
         Node::Table entries = fields->written_from(value);
         if (access.optional || !entries.empty()) put(table, key->name, std::move(entries));
@@ -353,42 +356,46 @@ void FieldList::add_tables(const KeyName& name, Member member, const ListAccess&
   const auto key =
       std::make_shared<Key>(make_key(name, Key::Kind::Tables, sentence, fields->keys()));
   if (!read)
-    read = [key, member, access, fields](TableReader& reader, void* to) {
+    read = [key, member, access, fields](TableReader& reader, void* target) {
       if (key->required && !reader.has(key->name)) reader.missing(key->name, "a list of tables");
       for (const Node* node : reader.tables(key->name))
         fields->read_table_into(*node, reader.name_of(key->name), reader.input_errors(),
-                                access.append(member(to), fields->initial()));
+                                access.append(member(target), fields->initial()));
     };
-  add({*key}, std::move(read), [key, member, access, fields](const void* from, Node::Table& table) {
-    const void* list = const_member(member, from);
-    Node::Array tables;
-    for (std::size_t i = 0; i < access.size(list); ++i)
-      tables.push_back(Node{{}, fields->written_from(access.get(list, i))});
-    if (!tables.empty()) put(table, key->name, std::move(tables));
-  });
+  add({*key}, std::move(read),
+      [key, member, access, fields](const void* source, Node::Table& table) {
+        const void* list = const_member(member, source);
+        Node::Array tables;
+        for (std::size_t i = 0; i < access.size(list); ++i)
+          tables.push_back(Node{{}, fields->written_from(access.get(list, i))});
+        if (!tables.empty()) put(table, key->name, std::move(tables));
+      });
 }
 
 void FieldList::add_all(Member member, FieldList nested) {
   const auto fields = shared(std::move(nested));
   add(
       fields->keys(),
-      [member, fields](TableReader& reader, void* to) { fields->read_into(reader, member(to)); },
-      [member, fields](const void* from, Node::Table& table) {
-        append_entries(table, fields->written_from(const_member(member, from)));
+      [member, fields](TableReader& reader, void* target) {
+        fields->read_into(reader, member(target));
+      },
+      [member, fields](const void* source, Node::Table& table) {
+        append_entries(table, fields->written_from(const_member(member, source)));
       });
 }
 
 void FieldList::add_conditional(std::function<bool(const void*)> condition, FieldList conditional) {
   const auto fields = shared(std::move(conditional));
   std::vector<Key> keys = fields->keys();
+  // A table that does not meet the condition is complete without these keys.
   for (Key& key : keys) key.required = false;
   add(
       std::move(keys),
-      [condition, fields](TableReader& reader, void* to) {
-        if (condition(to)) fields->read_into(reader, to);
+      [condition, fields](TableReader& reader, void* target) {
+        if (condition(target)) fields->read_into(reader, target);
       },
-      [condition, fields](const void* from, Node::Table& table) {
-        if (condition(from)) append_entries(table, fields->written_from(from));
+      [condition, fields](const void* source, Node::Table& table) {
+        if (condition(source)) append_entries(table, fields->written_from(source));
       });
 }
 
@@ -401,18 +408,19 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
       std::make_shared<const std::vector<AlternativeAccess>>(std::move(alternatives));
   add(
       {*key},
-      [key, member, accesses](TableReader& reader, void* to) {
-        const auto given = reader.word(key->name, words_of(*key), key->required);
-        // a wrong value does not tell which keys belong to it: accept those of every alternative
-        if (!given && reader.has(key->name)) return accept_keys(reader, key->words);
-        const std::string word = given.value_or(key->words.front().word);
+      [key, member, accesses](TableReader& reader, void* target) {
+        const auto stated_word = reader.word(key->name, words_of(*key), key->required);
+        // With an invalid value it is unknown which keys belong to the table, so the keys of every
+        // alternative are accepted.
+        if (!stated_word && reader.has(key->name)) return accept_keys(reader, key->words);
+        const std::string word = stated_word.value_or(key->words.front().word);
         for (const AlternativeAccess& alternative : *accesses)
-          if (alternative.word.word == word) alternative.read(reader, member(to));
+          if (alternative.word.word == word) alternative.read(reader, member(target));
       },
-      [key, member, accesses](const void* from, Node::Table& table) {
+      [key, member, accesses](const void* source, Node::Table& table) {
         for (const AlternativeAccess& alternative : *accesses) {
           Node::Table entries;
-          if (!alternative.write(const_member(member, from), entries)) continue;
+          if (!alternative.write(const_member(member, source), entries)) continue;
           put(table, key->name, alternative.word.word);
           return append_entries(table, std::move(entries));
         }
@@ -423,15 +431,15 @@ void FieldList::add_alternatives(const KeyName& name, Member member,
 
 namespace {
 
-/// Sine of an angle in degrees, exact at multiples of 90.
+/// Returns the sine of an angle in degrees, exact at multiples of 90.
 double exact_sine(double degrees) {
-  const double turns = std::remainder(degrees, 360.0);
-  if (turns == 0.0 || std::abs(turns) == 180.0) return 0.0;
-  if (std::abs(turns) == 90.0) return std::copysign(1.0, turns);
-  return std::sin(turns * units::deg);
+  const double remainder = std::remainder(degrees, 360.0);
+  if (remainder == 0.0 || std::abs(remainder) == 180.0) return 0.0;
+  if (std::abs(remainder) == 90.0) return std::copysign(1.0, remainder);
+  return std::sin(remainder * units::deg);
 }
 
-/// Rotation by a vector in degrees, exact for multiples of 90 about one axis.
+/// Returns the rotation by a rotation vector in degrees, exact for multiples of 90 about one axis.
 Matrix3d turn_rotation(const Vector3d& degrees) {
   for (int axis = 0; axis < 3; ++axis) {
     const int j = (axis + 1) % 3;
@@ -448,7 +456,7 @@ Matrix3d turn_rotation(const Vector3d& degrees) {
   return kinematics::rotation(degrees * units::deg);
 }
 
-/// Rotation vector in degrees; rounded to 1e-9 if the same bits follow from it.
+/// Returns the rotation vector in degrees, rounded to 1e-9 if that gives the same bits of R.
 Vector3d turn_vector(const Matrix3d& R) {
   const Vector3d degrees = kinematics::rotation_vector(R) / units::deg;
   const Vector3d rounded = (degrees * 1e9).array().round() / 1e9;

@@ -17,15 +17,15 @@
 #include "kinematics/pose.h"
 #include "sim/scene/table_reader.h"
 
-/// The keys of a table and the members that they set, declared once: `Fields` reads a struct from a
-/// table, writes it to a table and describes each key.
+/// `Fields` declares the keys of a TOML table and the members of a struct that they set. From one
+/// declaration it reads the struct from a table, writes it to a table and describes each key.
 namespace abbe::sim {
 
-/// Name of a key and the properties that do not follow from the member it sets.
+/// Name of a key, with the properties that do not follow from the type of its member.
 struct KeyName {
   std::string name;
   bool required = false;
-  std::string fallback;  ///< shown to people if it differs from the default of the struct
+  std::string fallback;  ///< default in words, if it is not that of the struct
   std::string either;    ///< `Key::either`
 
   KeyName(const char* key) : name(key) {}
@@ -36,42 +36,43 @@ struct KeyName {
 /// Makes a key required.
 KeyName must(KeyName key);
 
-/// Makes the key of a name; the caller sets the members that belong to `kind`.
-/// @param keys  of a table
+/// Returns the description of a key. The caller sets the members that only some kinds have.
+/// @param keys  keys of the table, for kinds of tables
 Key make_key(const KeyName& name, Key::Kind kind, const char* sentence, std::vector<Key> keys = {});
-/// Makes the key of `size` numbers; 0: any size.
+/// Returns the description of a key for `size` numbers; 0 for any size.
 Key make_numbers_key(const KeyName& name, int size, const char* sentence);
 
-/// Puts `key = value` at the end of a table.
+/// Appends `key = value` to a table.
 template <typename V>
 void put(Node::Table& table, const std::string& key, V value) {
   table.push_back({key, {}, Node{{}, std::move(value)}});
 }
-/// Returns the value in a unit. The result times the unit has the bits of the value if any number
-/// has this property; among such numbers one of at most 15 digits is preferred.
+/// Returns value / unit, adjusted so that the result times the unit gives the same bits again if
+/// any number does. Among such numbers, one of at most 15 digits is preferred.
 double in_unit(double value, double unit);
-/// Puts numbers, each divided by the unit of the key, at the end of a table.
+/// Appends an array of numbers, each divided by the unit of the key, to a table.
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit);
 
-/// Puts the entries of another table at the end of a table.
+/// Appends the entries of another table to a table.
 void append_entries(Node::Table& table, Node::Table entries);
 
-/// Selects the value itself where `Fields` takes a member.
-inline constexpr auto itself = [](auto& value) -> auto& { return value; };
+/// Selects the whole struct where `Fields` takes a member.
+inline constexpr auto whole_struct = [](auto& value) -> auto& { return value; };
 
-/// Marks the keys of enum values as known without reading them.
+/// Marks the keys of all enum values as known, so that they are not reported as unknown.
 void accept_keys(TableReader& reader, const std::vector<Word>& words);
 
-/// Names of the values that a key may have.
+/// Returns the enum values of a key.
 std::set<std::string> words_of(const Key& key);
 
-/// Lets every key with `unit` in its name, nested keys included, have `other` instead: the pattern
-/// of "value_um" becomes "value_(um|urad)".
+/// Allows every key with `unit` in its name, nested keys included, to have `other` instead: the
+/// pattern of "value_um" becomes "value_(um|urad)".
 std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
                                  const std::string& other);
 
-/// A number in the unit of its key as documents show it, 12 digits; empty if it is infinite.
+/// Returns a default for documents, with 12 digits and in the unit of its key; empty if it is
+/// infinite.
 std::string default_text(double value);
 std::string default_text(const Eigen::VectorXd& values);
 
@@ -85,8 +86,8 @@ struct Alternative {
 };
 
 /// The part of `Fields` that does not depend on the struct. Structs and members are passed as
-/// `void*`, so that each kind of field is compiled once; the `...Access` structs hold the few
-/// operations that depend on the type of a member.
+/// `void*`, so that each kind of field is compiled once and not for every struct. The `...Access`
+/// structs hold the few operations that depend on the type of a member.
 namespace fields_detail {
 
 template <typename V>
@@ -103,13 +104,13 @@ struct WithoutOptional<std::optional<V>> {
   using type = V;
 };
 
-/// Returns the address of a member from the address of its struct.
+/// Maps the address of a struct to the address of one of its members.
 using Member = std::function<void*(void*)>;
 
-/// Reads and sets a `double` or an optional one.
+/// Gets and sets a `double` or an optional one.
 struct NumberAccess {
   bool optional;
-  std::optional<double> (*get)(const void* member);  ///< empty: not written
+  std::optional<double> (*get)(const void* member);  ///< empty for a value that is not written
   void (*set)(void* member, double value);
 };
 template <typename V>
@@ -125,7 +126,7 @@ NumberAccess number_access() {
           [](void* member, double value) { *static_cast<V*>(member) = value; }};
 }
 
-/// Reads and sets any integer or an optional one.
+/// Gets and sets any integer or an optional one.
 struct IntegerAccess {
   bool optional;
   std::optional<std::int64_t> (*get)(const void* member);
@@ -146,7 +147,7 @@ IntegerAccess integer_access() {
           [](void* member, std::int64_t value) { *static_cast<V*>(member) = Integer(value); }};
 }
 
-/// Reads and sets a `std::string` or a path.
+/// Gets and sets a `std::string` or a path.
 struct TextAccess {
   std::string (*get)(const void* member);
   void (*set)(void* member, std::string value);
@@ -157,7 +158,7 @@ TextAccess text_access() {
           [](void* member, std::string value) { *static_cast<V*>(member) = std::move(value); }};
 }
 
-/// Reads and sets an Eigen vector of any size or an optional one.
+/// Gets and sets an Eigen vector of any size or an optional one.
 struct VectorAccess {
   bool optional;
   std::optional<Eigen::VectorXd> (*get)(const void* member);
@@ -178,7 +179,7 @@ VectorAccess vector_access() {
       [](void* member, const Eigen::VectorXd& value) { *static_cast<V*>(member) = Vector(value); }};
 }
 
-/// Name and description of an enum value, and the value.
+/// An enum value with its name and description.
 template <typename V>
 struct EnumValue {
   const char* word;
@@ -190,19 +191,19 @@ struct EnumLabel {
   const char* sentence;
 };
 
-/// Reads and sets a value by its index in a list of enum values.
+/// Gets and sets an enum value by its index in a list.
 struct EnumAccess {
   std::vector<EnumLabel> labels;
-  std::function<std::optional<std::size_t>(const void* member)> get;  ///< the first that is equal
+  std::function<std::optional<std::size_t>(const void* member)> get;  ///< the first equal value
   std::function<void(void* member, std::size_t index)> set;
 };
 template <typename V>
-EnumAccess enum_access(std::vector<EnumValue<V>> enum_values) {
+EnumAccess enum_access(std::vector<EnumValue<V>> labelled_values) {
   std::vector<EnumLabel> labels;
-  for (const EnumValue<V>& enum_value : enum_values)
-    labels.push_back({enum_value.word, enum_value.sentence});
+  for (const EnumValue<V>& labelled_value : labelled_values)
+    labels.push_back({labelled_value.word, labelled_value.sentence});
   const auto shared_values =
-      std::make_shared<const std::vector<EnumValue<V>>>(std::move(enum_values));
+      std::make_shared<const std::vector<EnumValue<V>>>(std::move(labelled_values));
   return {std::move(labels),
           [shared_values](const void* member) -> std::optional<std::size_t> {
             const V& value = *static_cast<const V*>(member);
@@ -215,7 +216,7 @@ EnumAccess enum_access(std::vector<EnumValue<V>> enum_values) {
           }};
 }
 
-/// Finds and makes the struct of a section, which is the member or stands in an optional.
+/// Gets and creates the struct of a section. The member is the struct or an optional one.
 struct TableAccess {
   bool optional;
   const void* (*get)(const void* member);  ///< null if the optional is empty
@@ -245,7 +246,7 @@ TableAccess table_access() {
           }};
 }
 
-/// Reads and extends a `std::vector` of structs.
+/// Gets and appends the structs of a `std::vector`.
 struct ListAccess {
   std::size_t (*size)(const void* list);
   const void* (*get)(const void* list, std::size_t index);
@@ -264,7 +265,7 @@ ListAccess list_access() {
           }};
 }
 
-/// `Alternative` of a variant whose type is not known.
+/// An `Alternative` without the type of its variant.
 struct AlternativeAccess {
   Word word;
   std::function<void(TableReader&, void* variant)> read;
@@ -286,13 +287,13 @@ std::vector<AlternativeAccess> alternative_access(std::vector<Alternative<V>> al
   return accesses;
 }
 
-/// Fields of a struct whose type is not known; `to` and `from` are its address.
+/// Fields without the type of their struct; the parameters `target` and `source` are its address.
 class FieldList {
  public:
   using Read = std::function<void(TableReader&, void*)>;
   using Write = std::function<void(const void*, Node::Table&)>;
 
-  // defined in fields.cpp: inline they would be repeated wherever a `Fields` is passed on
+  // Defined in fields.cpp, because inline copies would appear wherever a `Fields` is passed on.
   FieldList(const FieldList& other);
   FieldList(FieldList&& other) noexcept;
   FieldList& operator=(const FieldList& other);
@@ -305,10 +306,10 @@ class FieldList {
   explicit FieldList(std::shared_ptr<const void> initial);
 
   const void* initial() const { return initial_.get(); }
-  void read_into(TableReader& reader, void* to) const;
+  void read_into(TableReader& reader, void* target) const;
   void read_table_into(const Node& table, const std::string& where, InputErrors& input_errors,
-                       void* to) const;
-  Node::Table written_from(const void* from) const;
+                       void* target) const;
+  Node::Table written_from(const void* source) const;
 
   /// @param write  may be empty
   void add(std::vector<Key>&& keys, Read&& read, Write&& write);
@@ -324,10 +325,10 @@ class FieldList {
   void add_direction(const KeyName& name, Member member, const char* sentence);
   void add_numbers(const KeyName& name, Member member, const VectorAccess& access, int size,
                    const char* sentence);
-  // `Fields` has no data of its own, so that the fields of a nested struct are passed as their base
+  // The fields of a nested struct are passed as their base class, as `Fields` has no data members.
   void add_table(const KeyName& name, Member member, const TableAccess& access, FieldList nested,
                  const char* sentence);
-  /// @param read  empty: every table of the list gives a struct
+  /// @param read  reads the list; if it is empty, every table of the list gives one struct
   void add_tables(const KeyName& name, Member member, const ListAccess& access, FieldList nested,
                   const char* sentence, Read read);
   void add_all(Member member, FieldList nested);
@@ -348,8 +349,9 @@ class FieldList {
 
 }  // namespace fields_detail
 
-/// Keys of a table in the order in which they are read. Members are pointers to members or
-/// functions `(T&) -> M&`; a member keeps its value if its key is left out.
+/// Declares the keys of a table in the order in which they are read. Each function below adds one
+/// kind of field. A `member` is a pointer to a member or a function `(T&) -> M&`; it keeps its
+/// value if its key is missing.
 template <typename T>
 class Fields : public fields_detail::FieldList {
  public:
@@ -362,23 +364,24 @@ class Fields : public fields_detail::FieldList {
   template <typename M>
   using Value = std::remove_cvref_t<std::invoke_result_t<M, T&>>;
 
-  // in place: moving a struct that leaves an Eigen vector uninitialized is a warning of GCC
+  // Constructed in place, because GCC warns if a struct with an uninitialized Eigen vector is
+  // moved.
   Fields() : FieldList(std::make_shared<const T>()) {}
-  /// @param initial  value if every key is left out
+  /// @param initial  the value if all keys are missing
   explicit Fields(T initial) : FieldList(std::make_shared<const T>(std::move(initial))) {}
 
-  /// double in mm, rad, s, N, K; an optional one has no fallback
+  /// Adds a double in mm, rad, s, N, K; an optional one has no fallback.
   template <typename M>
   Fields& number(const KeyName& key, M member, const Range& range, const char* sentence) {
     return number_in(unit_of(key.name), key, std::move(member), range, sentence);
   }
-  /// double in the unit of its key
+  /// Adds a double in the unit of its key.
   template <typename M>
   Fields& number_as_written(const KeyName& key, M member, const Range& range,
                             const char* sentence) {
     return number_in(1.0, key, std::move(member), range, sentence);
   }
-  /// double, times a unit that does not follow from the key: "um_per_K" is a unit from end to end
+  /// Adds a double with a given unit, for keys such as "um_per_K" that consist of a unit only.
   template <typename M>
   Fields& number_in(double unit, const KeyName& key, M member, const Range& range,
                     const char* sentence) {
@@ -386,7 +389,7 @@ class Fields : public fields_detail::FieldList {
                sentence, unit);
     return *this;
   }
-  /// any integer from min to max, or an optional one
+  /// Adds an integer of any type from min to max, or an optional one.
   template <typename M>
   Fields& whole(const KeyName& key, M member, std::int64_t min, std::int64_t max,
                 const char* sentence) {
@@ -400,52 +403,53 @@ class Fields : public fields_detail::FieldList {
     add_boolean(key, untyped(std::move(member)), sentence);
     return *this;
   }
-  /// std::string or path, not empty if it is given
+  /// Adds a std::string or path; an empty text is an input error.
   template <typename M>
   Fields& text(const KeyName& key, M member, const char* sentence) {
     add_text(key, untyped(std::move(member)), fields_detail::text_access<Value<M>>(), sentence);
     return *this;
   }
-  /// std::vector<std::string>
+  /// Adds a std::vector<std::string>.
   template <typename M>
   Fields& texts(const KeyName& key, M member, const char* sentence) {
     static_assert(std::is_same_v<Value<M>, std::vector<std::string>>);
     add_texts(key, untyped(std::move(member)), sentence);
     return *this;
   }
-  /// A text for people, which is read and not kept.
+  /// Adds a text for people, which is not stored.
   Fields& remark(const KeyName& key, const char* sentence) {
     add_remark(key, sentence);
     return *this;
   }
-  /// A value of a list. A required one that is missing or wrong is read as the first of the list.
+  /// Adds an enum value. If a required key is missing or invalid, the first value is set.
   template <typename M>
   Fields& word(const KeyName& key, M member,
-               std::vector<fields_detail::EnumValue<Value<M>>> enum_values, const char* sentence) {
-    add_enum(key, untyped(std::move(member)), fields_detail::enum_access(std::move(enum_values)),
-             sentence);
+               std::vector<fields_detail::EnumValue<Value<M>>> labelled_values,
+               const char* sentence) {
+    add_enum(key, untyped(std::move(member)),
+             fields_detail::enum_access(std::move(labelled_values)), sentence);
     return *this;
   }
-  /// Eigen::Vector3d
+  /// Adds an Eigen::Vector3d.
   template <typename M>
   Fields& vector(const KeyName& key, M member, const char* sentence) {
     return numbers(key, std::move(member), 3, sentence);
   }
-  /// Eigen::Vector3d, normalized
+  /// Adds a normalised Eigen::Vector3d.
   template <typename M>
   Fields& direction(const KeyName& key, M member, const char* sentence) {
     static_assert(std::is_same_v<Value<M>, Eigen::Vector3d>);
     add_direction(key, untyped(std::move(member)), sentence);
     return *this;
   }
-  /// A vector of `size` numbers, 0: any; or an optional one
+  /// Adds a vector of `size` numbers, 0 for any size, or an optional one.
   template <typename M>
   Fields& numbers(const KeyName& key, M member, int size, const char* sentence) {
     add_numbers(key, untyped(std::move(member)), fields_detail::vector_access<Value<M>>(), size,
                 sentence);
     return *this;
   }
-  /// A section: U, or an optional one that is filled if the section is there
+  /// Adds a section, which sets a U, or an optional one that stays empty without the section.
   template <typename M, typename U>
   Fields& table(const KeyName& key, M member, Fields<U> fields, const char* sentence) {
     static_assert(std::is_same_v<typename fields_detail::WithoutOptional<Value<M>>::type, U>);
@@ -453,8 +457,8 @@ class Fields : public fields_detail::FieldList {
               std::move(fields), sentence);
     return *this;
   }
-  /// std::vector<U>, one for every table of a list
-  /// @param read  reads the list instead, if given: a table may depend on those before it
+  /// Adds a list of tables, which sets a std::vector<U>.
+  /// @param read  reads the list if its tables depend on each other; may be empty
   template <typename M, typename U>
   Fields& tables(const KeyName& key, M member, Fields<U> fields, const char* sentence,
                  std::function<void(TableReader&, T&)> read = {}) {
@@ -463,56 +467,58 @@ class Fields : public fields_detail::FieldList {
                sentence, untyped_read(std::move(read)));
     return *this;
   }
-  /// A member whose own keys stand in this table.
+  /// Adds the keys of a member to this table.
   template <typename M, typename U>
   Fields& all_of(M member, Fields<U> fields) {
     static_assert(std::is_same_v<Value<M>, U>);
     add_all(untyped(std::move(member)), std::move(fields));
     return *this;
   }
-  /// A variant whose alternative is selected by a key. The first alternative is read if the key is
-  /// missing; none is read if its value is wrong.
+  /// Adds a variant whose alternative is selected by a key. If the key is missing, the first
+  /// alternative is read; if its value is invalid, none is read.
   template <typename M>
-  Fields& kinds(const KeyName& key, M member, std::vector<Alternative<Value<M>>> alternatives,
-                const char* sentence) {
+  Fields& variant(const KeyName& key, M member, std::vector<Alternative<Value<M>>> alternatives,
+                  const char* sentence) {
     add_alternatives(key, untyped(std::move(member)),
                      fields_detail::alternative_access(std::move(alternatives)), sentence);
     return *this;
   }
-  /// Keys that are read together by a function of their own.
+  /// Adds keys that are read together by a function of their own.
   Fields& custom(std::vector<Key> keys, std::function<void(TableReader&, T&)> read,
                  std::function<void(const T&, Node::Table&)> write) {
     add(std::move(keys), untyped_read(std::move(read)),
-        [write = std::move(write)](const void* from, Node::Table& table) {
-          write(*static_cast<const T*>(from), table);
+        [write = std::move(write)](const void* source, Node::Table& table) {
+          write(*static_cast<const T*>(source), table);
         });
     return *this;
   }
-  /// Checks the keys before it against each other.
+  /// Adds a check of the keys declared so far.
   Fields& check(std::function<void(TableReader&, T&)> read) {
     add({}, untyped_read(std::move(read)), {});
     return *this;
   }
-  /// Sets members that follow from the keys before it.
-  Fields& then(std::function<void(T&)> set) {
-    add({}, [set = std::move(set)](TableReader&, void* to) { set(*static_cast<T*>(to)); }, {});
+  /// Adds a function that derives members from the keys declared so far.
+  Fields& derive(std::function<void(T&)> set) {
+    add({}, [set = std::move(set)](TableReader&, void* target) { set(*static_cast<T*>(target)); },
+        {});
     return *this;
   }
-  /// Keys that this table has only if the keys before them meet a condition.
-  Fields& where(std::function<bool(const T&)> condition, Fields fields) {
+  /// Adds keys that are read only if the keys declared so far meet a condition.
+  Fields& only_if(std::function<bool(const T&)> condition, Fields fields) {
     add_conditional([condition = std::move(condition)](
                         const void* value) { return condition(*static_cast<const T*>(value)); },
                     std::move(fields));
     return *this;
   }
 
-  /// Sets the members of `start` whose keys are there; `TableReader::close` reports other keys.
+  /// Returns `start` with the members set whose keys are present. `TableReader::close` reports
+  /// other keys.
   T read(TableReader& reader) const { return read(reader, initial_value()); }
   T read(TableReader& reader, T start) const {
     read_into(reader, std::addressof(start));
     return start;
   }
-  /// Reads a whole table: an unknown key is an input error.
+  /// Reads a whole table and reports unknown keys.
   T read_table(const Node& table, const std::string& where, InputErrors& input_errors) const {
     return read_table(table, where, input_errors, initial_value());
   }
@@ -521,7 +527,7 @@ class Fields : public fields_detail::FieldList {
     read_table_into(table, where, input_errors, std::addressof(start));
     return start;
   }
-  /// Returns the table that gives this value, without the keys of empty members.
+  /// Returns the table from which `read` gives this value, without the keys of empty members.
   Node::Table written(const T& value) const { return written_from(std::addressof(value)); }
 
  private:
@@ -533,30 +539,30 @@ class Fields : public fields_detail::FieldList {
   }
   static Read untyped_read(std::function<void(TableReader&, T&)> read) {
     if (!read) return {};
-    return [read = std::move(read)](TableReader& reader, void* to) {
-      read(reader, *static_cast<T*>(to));
+    return [read = std::move(read)](TableReader& reader, void* target) {
+      read(reader, *static_cast<T*>(target));
     };
   }
   const T& initial_value() const { return *static_cast<const T*>(initial()); }
 };
 
-/// An alternative A of the variant V, whose keys stand in the same table as the key that selects
-/// it.
+/// Returns an alternative A of the variant V. Its keys are in the same table as the key that
+/// selects it.
 template <typename V, typename A>
 Alternative<V> alternative(const char* word, Fields<A> fields, const char* sentence = "") {
-  Word enum_value{word, sentence, fields.keys()};
+  Word selector{word, sentence, fields.keys()};
   const auto shared_fields = std::make_shared<const Fields<A>>(std::move(fields));
-  return {std::move(enum_value),
+  return {std::move(selector),
           [shared_fields](TableReader& reader) -> V { return shared_fields->read(reader); },
           [shared_fields](const V& value, Node::Table& table) {
-            const A* held = std::get_if<A>(&value);
-            if (!held) return false;
-            append_entries(table, shared_fields->written(*held));
+            const A* member = std::get_if<A>(&value);
+            if (!member) return false;
+            append_entries(table, shared_fields->written(*member));
             return true;
           }};
 }
 
-/// Puts a list of tables, one for each value, at the end of a table, unless there is no value.
+/// Appends a list of tables, one for each value, to a table; nothing if there are no values.
 template <typename U>
 void put_tables(Node::Table& table, const std::string& key, const std::vector<U>& values,
                 const Fields<U>& fields) {
@@ -565,15 +571,15 @@ void put_tables(Node::Table& table, const std::string& key, const std::vector<U>
   if (!tables.empty()) put(table, key, std::move(tables));
 }
 
-/// `turn_deg`: a rotation vector in degrees; the identity if it is left out. Turns by multiples of
-/// 90 degrees about one axis are exact.
+/// Returns the field `turn_deg`: a rotation vector in degrees, by default zero. Rotations by
+/// multiples of 90 degrees about one axis are exact.
 const Fields<Eigen::Matrix3d>& turn_fields();
 Eigen::Matrix3d read_turn(TableReader& reader);
 
-/// Pose of a body in its parent: `at_mm` and `turn_deg`.
+/// Returns the fields `at_mm` and `turn_deg`, the pose of a body in its parent.
 const Fields<kinematics::Pose>& placement_fields();
 
-/// Positions of axes (joints) by keys such as Z_mm and A_deg; an axis that is left out stands at
+/// Returns the fields of axis positions (joints) with keys such as Z_mm and A_deg; the default is
 /// zero.
 /// @param joints  empty if only the keys are needed
 Fields<kinematics::AxisVector> axis_position_fields(const std::vector<kinematics::Joint>& joints);

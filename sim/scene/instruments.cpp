@@ -16,7 +16,7 @@ namespace {
 
 Fields<SignalsDescription::Current> current_fields() {
   using Current = SignalsDescription::Current;
-  const auto per_rpm = [](TableReader& reader, Current& current) {
+  const auto read_viscous_torque = [](TableReader& reader, Current& current) {
     // The unit table converts the Nm of the key but not its rpm.
     if (const auto torque = reader.maybe_number("viscous_torque_Nm_per_rpm", non_negative))
       current.viscous_torque = *torque / units::rpm;
@@ -30,7 +30,7 @@ Fields<SignalsDescription::Current> current_fields() {
               "torque of the spindle's motor")
       .number("idle_torque_Nm", &Current::idle_torque, non_negative,
               "torque of the idle spindle at any speed")
-      .custom({viscous}, per_rpm,
+      .custom({viscous}, read_viscous_torque,
               [](const Current& current, Node::Table& table) {
                 put(table, "viscous_torque_Nm_per_rpm",
                     current.viscous_torque * units::rpm / unit_of("viscous_torque_Nm_per_rpm"));
@@ -79,9 +79,9 @@ const Fields<SignalsDescription>& signals_fields() {
 namespace {
 
 using namespace errors::identification;
-using Way = SensorChoiceDescription::Way;
+using SelectionMethod = SensorChoiceDescription::Way;
 
-/// The meaning of a word of `similarity_measure`.
+/// An enum value of the key `likeness`.
 struct SimilarityName {
   const char* word;
   SimilarityMeasure similarity_measure;
@@ -103,15 +103,14 @@ constexpr std::array similarity_names{
 Key similarity_key() {
   Key key = make_key(KeyName("likeness").otherwise(similarity_names.front().word), Key::Kind::Text,
                      "how like an error a sensor must run");
-  // The words come from the table, so the manual, reader and writer cannot disagree.
-  for (const SimilarityName& one : similarity_names)
-    key.words.push_back({one.word, one.sentence, {}});
+  for (const SimilarityName& name : similarity_names)
+    key.words.push_back({name.word, name.sentence, {}});
   return key;
 }
 
-/// Returns the keys of the choice of sensors, common to `[sensor_choice]` and the methods of
-/// comparison.
-Fields<SensorChoiceOptions> way_fields() {
+/// Returns the fields of a selection method, common to `[sensor_choice]` and the methods it is
+/// compared with.
+Fields<SensorChoiceOptions> selection_fields() {
   using Options = SensorChoiceOptions;
   const Key similarity_measure = similarity_key();
   return Fields<Options>()
@@ -121,17 +120,17 @@ Fields<SensorChoiceOptions> way_fields() {
           [similarity_measure](TableReader& reader, Options& choice) {
             const auto word =
                 reader.word(similarity_measure.name, words_of(similarity_measure), false);
-            for (const SimilarityName& one : similarity_names)
-              if (word == one.word) {
-                choice.similarity_measure = one.similarity_measure;
-                choice.grey.kind = one.grey;
+            for (const SimilarityName& name : similarity_names)
+              if (word == name.word) {
+                choice.similarity_measure = name.similarity_measure;
+                choice.grey.kind = name.grey;
               }
           },
           [similarity_measure](const Options& choice, Node::Table& table) {
-            for (const SimilarityName& one : similarity_names)
-              if (choice.similarity_measure == one.similarity_measure &&
-                  choice.grey.kind == one.grey)
-                put(table, similarity_measure.name, std::string(one.word));
+            for (const SimilarityName& name : similarity_names)
+              if (choice.similarity_measure == name.similarity_measure &&
+                  choice.grey.kind == name.grey)
+                put(table, similarity_measure.name, std::string(name.word));
           })
       .word(
           "image", [](auto& choice) -> auto& { return choice.grey.image; },
@@ -153,58 +152,59 @@ std::vector<std::string> read_names(TableReader& reader, const std::string& key)
   const Node* list = reader.accept_key(key);
   if (!list) return {};
   std::vector<std::string> names;
-  for (const Node& one : list->array() ? *list->array() : Node::Array{})
-    if (one.text() && !one.text()->empty())
-      names.push_back(*one.text());
+  for (const Node& node : list->array() ? *list->array() : Node::Array{})
+    if (node.text() && !node.text()->empty())
+      names.push_back(*node.text());
     else
-      reader.input_errors().add(one.place, "a name", shown(one));
-  // An empty list would silently mean the default.
+      reader.input_errors().add(node.place, "a name", shown(node));
+  // An empty list stands for the default and must not be written by mistake.
   if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
   return names;
 }
 
 template <typename M>
-void add_names(Fields<Way>& fields, const KeyName& name, M member, const char* sentence) {
+void add_names(Fields<SelectionMethod>& fields, const KeyName& name, M member,
+               const char* sentence) {
   const Key key = make_key(name, Key::Kind::Texts, sentence);
   fields.custom(
       {key},
-      [key, member](TableReader& reader, Way& way) {
-        std::invoke(member, way) = read_names(reader, key.name);
+      [key, member](TableReader& reader, SelectionMethod& method) {
+        std::invoke(member, method) = read_names(reader, key.name);
       },
-      [key, member](const Way& way, Node::Table& table) {
+      [key, member](const SelectionMethod& method, Node::Table& table) {
         Node::Array names;
-        for (const std::string& one : std::invoke(member, way)) names.push_back(Node{{}, one});
+        for (const std::string& name : std::invoke(member, method)) names.push_back(Node{{}, name});
         if (!names.empty()) put(table, key.name, std::move(names));
       });
 }
 
-Fields<Way> further_way_fields() {
-  Fields<Way> fields;
-  fields.text(must("name"), &Way::name, "of this way");
+Fields<SelectionMethod> method_fields() {
+  Fields<SelectionMethod> fields;
+  fields.text(must("name"), &SelectionMethod::name, "of this way");
   add_names(
-      fields, "sensors", [](auto& way) -> auto& { return way.choice.fixed; },
+      fields, "sensors", [](auto& method) -> auto& { return method.choice.fixed; },
       "names that are taken as they are; then nothing is chosen");
-  add_names(fields, KeyName("for").otherwise("all"), &Way::drifts,
+  add_names(fields, KeyName("for").otherwise("all"), &SelectionMethod::drifts,
             "displacements to choose for: [\"Z\"]");
   return fields.custom(
-      way_fields().keys(),
-      [](TableReader& reader, Way& way) {
-        // Fixed sensors leave nothing to choose, so the keys of the choice stay unknown and are
-        // rejected.
-        if (way.choice.fixed.empty()) way.choice = way_fields().read(reader, way.choice);
+      selection_fields().keys(),
+      [](TableReader& reader, SelectionMethod& method) {
+        // With fixed sensors nothing is selected; the keys of the selection are then unknown.
+        if (method.choice.fixed.empty())
+          method.choice = selection_fields().read(reader, method.choice);
       },
-      [](const Way& way, Node::Table& table) {
-        if (!way.choice.fixed.empty()) return;
-        append_entries(table, way_fields().written(way.choice));
+      [](const SelectionMethod& method, Node::Table& table) {
+        if (!method.choice.fixed.empty()) return;
+        append_entries(table, selection_fields().written(method.choice));
       });
 }
 
-void read_further_ways(TableReader& reader, SensorChoiceDescription& description) {
+void read_methods(TableReader& reader, SensorChoiceDescription& description) {
   std::set<std::string> names;
   for (const Node* node : reader.tables("beside")) {
     description.beside.push_back(
-        further_way_fields().read_table(*node, reader.name_of("beside"), reader.input_errors()));
-    // Results of the methods are listed by name.
+        method_fields().read_table(*node, reader.name_of("beside"), reader.input_errors()));
+    // Results are listed by the name of the method.
     const std::string& name = description.beside.back().name;
     if (!name.empty() && !names.insert(name).second)
       reader.input_errors().add(node->place, "a name that no other way beside has",
@@ -212,17 +212,17 @@ void read_further_ways(TableReader& reader, SensorChoiceDescription& description
   }
 }
 
-void put_further_ways(const SensorChoiceDescription& description, Node::Table& table) {
-  Node::Array all;
-  for (const Way& way : description.beside)
-    all.push_back(Node{{}, further_way_fields().written(way)});
-  if (!all.empty()) put(table, "beside", std::move(all));
+void put_methods(const SensorChoiceDescription& description, Node::Table& table) {
+  Node::Array methods;
+  for (const SelectionMethod& method : description.beside)
+    methods.push_back(Node{{}, method_fields().written(method)});
+  if (!methods.empty()) put(table, "beside", std::move(methods));
 }
 
-Key further_ways_key() {
+Key methods_key() {
   Key beside = make_key("beside", Key::Kind::Tables,
                         "other ways to choose, graded beside by the same model");
-  beside.keys = further_way_fields().keys();
+  beside.keys = method_fields().keys();
   return beside;
 }
 
@@ -232,9 +232,10 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
       Fields<Description>()
           .text("instrument", &Description::instrument, "name of the drift instrument")
           .all_of(
-              [](auto& d) -> auto& { return d.study.choice; }, way_fields())
+              [](auto& description) -> auto& { return description.study.choice; },
+              selection_fields())
           .word(
-              "model", [](auto& d) -> auto& { return d.study.model.kind; },
+              "model", [](auto& description) -> auto& { return description.study.model.kind; },
               {{"linear", ModelKind::Linear},
                {"ridge", ModelKind::Ridge},
                {"lasso", ModelKind::Lasso},
@@ -243,15 +244,19 @@ const Fields<SensorChoiceDescription>& sensor_choice_fields() {
                {"network", ModelKind::Network}},
               "of the drift, by the temperatures of the sensors chosen")
           .boolean(
-              "since_start", [](auto& d) -> auto& { return d.study.features.since_start; },
+              "since_start",
+              [](auto& description) -> auto& { return description.study.features.since_start; },
               "temperatures count from the start of the day")
           .number(
-              "lag_rows", [](auto& d) -> auto& { return d.study.features.lag_rows; }, non_negative,
+              "lag_rows",
+              [](auto& description) -> auto& { return description.study.features.lag_rows; },
+              non_negative,
               "beside each temperature its copy behind a lag of so many readings; 0: none")
           .whole(
-              "random_subsets", [](auto& d) -> auto& { return d.study.random_subsets; }, 0, 10000,
+              "random_subsets",
+              [](auto& description) -> auto& { return description.study.random_subsets; }, 0, 10000,
               "as large as the choice, to compare with")
-          .custom({further_ways_key()}, read_further_ways, put_further_ways);
+          .custom({methods_key()}, read_methods, put_methods);
   return fields;
 }
 
@@ -280,9 +285,9 @@ constexpr Range speed{1e-3, 1e9, false, false};  // mm/min; below this no day is
 
 constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
 
-bool is_part_instrument(const std::string& word) { return word == cmm || word == touch_probe; }
+bool is_part_instrument(const std::string& kind) { return kind == cmm || kind == touch_probe; }
 
-/// The readings of each kind, with the quality of a typical instrument.
+/// Each kind of instrument, with the readings and the quality of a typical one.
 constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Laser,
      "interferometer, positioning of each slide, both ways (ISO 230-2); 0.05 µm, scale 0.25 µm/m, "
@@ -327,29 +332,29 @@ constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
     {Kind::Temperature, "the machine's sensors alone, as good as they are"},
 }};
 
-KeyName of_kind(const char* key) { return KeyName(key).otherwise("of the kind"); }
+KeyName typical_value(const char* key) { return KeyName(key).otherwise("of the kind"); }
 
 void add_noise_fields(Fields<Instrument>& fields) {
   fields
-      .number(of_kind("noise_um"), &Instrument::noise, quality,
+      .number(typical_value("noise_um"), &Instrument::noise, quality,
               "standard deviation of one reading of a length")
-      .number(of_kind("noise_urad"), &Instrument::noise_rad, quality,
+      .number(typical_value("noise_urad"), &Instrument::noise_rad, quality,
               "standard deviation of one reading of an angle")
-      .number(of_kind("resolution_um"), &Instrument::resolution, quality,
+      .number(typical_value("resolution_um"), &Instrument::resolution, quality,
               "readings of lengths are multiples of it; 0: not rounded")
-      .number(of_kind("resolution_urad"), &Instrument::resolution_rad, quality,
+      .number(typical_value("resolution_urad"), &Instrument::resolution_rad, quality,
               "readings of angles are multiples of it; 0: not rounded")
-      .number(of_kind("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
+      .number(typical_value("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
               "standard deviation of how a beam, an artefact or a nest lies")
-      .number(of_kind("position_um"), &Instrument::position_sigma, {0.0, 1e4},
+      .number(typical_value("position_um"), &Instrument::position_sigma, {0.0, 1e4},
               "standard deviation of the places of reflectors, balls and stations")
-      .number(of_kind("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
+      .number(typical_value("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
               "standard deviation of wavelength, material temperature or the length of a bar")
       .number("drift_um_per_h", &Instrument::drift_sigma, non_negative,
               "standard deviation of the instrument's drift, from the first reading of a set-up");
 }
 
-void read_instrument_axes(TableReader& reader, Instrument& one) {
+void read_instrument_axes(TableReader& reader, Instrument& instrument) {
   const Node* list = reader.accept_key("axes");
   if (!list) return;
   // The list replaces the axes of the kind and does not add to them.
@@ -358,15 +363,15 @@ void read_instrument_axes(TableReader& reader, Instrument& one) {
     reader.refuse("axes", "a list of letters such as [\"X\", \"Y\"]", shown(*list));
   for (const Node& letter : list->array() ? *list->array() : Node::Array{}) {
     if (letter.text() && letter.text()->size() == 1)
-      one.axes.push_back(letter.text()->front());
+      instrument.axes.push_back(letter.text()->front());
     else
       reader.input_errors().add(letter.place, "the letter of an axis", shown(letter));
   }
 }
 
-void put_axes(const Instrument& one, Node::Table& table) {
+void put_axes(const Instrument& instrument, Node::Table& table) {
   Node::Array letters;
-  for (const char axis : one.axes) letters.push_back(Node{{}, std::string(1, axis)});
+  for (const char axis : instrument.axes) letters.push_back(Node{{}, std::string(1, axis)});
   if (!letters.empty()) put(table, "axes", std::move(letters));
 }
 
@@ -375,9 +380,9 @@ void add_targets(Fields<Instrument>& fields) {
       .custom({make_key(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
                         "letters of axes; of planes and diagonals those between them")},
               read_instrument_axes, put_axes)
-      .whole(of_kind("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
+      .whole(typical_value("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
       .whole(
-          of_kind("targets"), &Instrument::targets, 2, 10000,
+          typical_value("targets"), &Instrument::targets, 2, 10000,
           "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
           "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
           "first not again at the end")
@@ -397,21 +402,23 @@ void add_targets(Fields<Instrument>& fields) {
               "from the tip to the reflector or ball, in the tool's frame")
       .number("radius_mm", &Instrument::radius, positive,
               "of circles and bar; of a ball from a rotary axis")
-      .number(of_kind("lever_mm"), &Instrument::lever, positive,
+      .number(typical_value("lever_mm"), &Instrument::lever, positive,
               "between the parallel lines; the two heights of a spindle's artefact")
       .number("from_deg", &Instrument::from_rad, any_number,
               "where the arc of circles and rotary axes begins, cut to the travel of an axis")
       .number("to_deg", &Instrument::to_rad, any_number, "where that arc ends");
 }
 
-void check_interval(TableReader& reader, Instrument& one) {
-  // Only these two kinds read over time; others ignore the keys.
-  const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
-  if (over_time && one.interval_s > one.duration_s)
-    reader.refuse("interval_s",
-                  "an instrument.interval_s of at most instrument.duration_h, so that "
-                  "something is read twice",
-                  fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
+void check_interval(TableReader& reader, Instrument& instrument) {
+  // Only these two kinds use the interval and the duration.
+  const bool reads_over_time =
+      instrument.kind == Kind::Drift || instrument.kind == Kind::Temperature;
+  if (reads_over_time && instrument.interval_s > instrument.duration_s)
+    reader.refuse(
+        "interval_s",
+        "an instrument.interval_s of at most instrument.duration_h, so that "
+        "something is read twice",
+        fmt::format("{:g} s in {:g} h", instrument.interval_s, instrument.duration_s / 3600.0));
 }
 
 void add_times(Fields<Instrument>& fields) {
@@ -421,41 +428,41 @@ void add_times(Fields<Instrument>& fields) {
       .number("duration_h", &Instrument::duration_s, {0.0, 1e5}, "of drift and temperature")
       .check(check_interval)
       .number("speed_mm_per_min", &Instrument::speed, speed, "between targets")
-      .number(of_kind("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
-      .number(of_kind("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
+      .number(typical_value("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
+      .number(typical_value("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
               "of a person for each set-up; with speed and dwell what the hours are made of")
-      .number(of_kind("spindle_rpm"), &Instrument::spindle_speed, non_negative,
+      .number(typical_value("spindle_rpm"), &Instrument::spindle_speed, non_negative,
               "of a spindle test, and while drift is read");
 }
 
-void read_starts(TableReader& reader, InstrumentDescription& one) {
+void read_starts(TableReader& reader, InstrumentDescription& description) {
   const Node* node = reader.accept_key("start_h");
   if (!node) return;
   // A single number is allowed as a list of one start.
   if (!node->array()) {
-    one.starts_s = {reader.number("start_h", any_number)};
+    description.starts_s = {reader.number("start_h", any_number)};
     return;
   }
   const Eigen::VectorXd starts = reader.numbers("start_h");
-  one.starts_s.assign(starts.begin(), starts.end());
+  description.starts_s.assign(starts.begin(), starts.end());
 }
 
-void put_starts(const InstrumentDescription& one, Node::Table& table) {
-  const auto& starts = one.starts_s;
+void put_starts(const InstrumentDescription& description, Node::Table& table) {
+  const auto& starts = description.starts_s;
   put_numbers(table, "start_h",
               Eigen::Map<const Eigen::VectorXd>(starts.data(), Eigen::Index(starts.size())),
               unit_of("start_h"));
 }
 
-/// Returns every key except kind and name; a kind ignores the keys that it does not need.
+/// Returns all fields except kind and name. They are the same for all kinds; each kind uses those
+/// that it needs.
 Fields<InstrumentDescription> instrument_fields(Kind kind) {
-  Fields<Instrument> own;
-  add_noise_fields(own);
-  add_targets(own);
-  add_times(own);
-  // The typical instrument of the kind supplies the defaults of all keys.
+  Fields<Instrument> fields;
+  add_noise_fields(fields);
+  add_targets(fields);
+  add_times(fields);
   return Fields<InstrumentDescription>({metrology::typical(kind), {0.0}})
-      .all_of(&InstrumentDescription::instrument, own)
+      .all_of(&InstrumentDescription::instrument, fields)
       .custom(
           {make_key(KeyName("start_h").otherwise("0"), Key::Kind::Any,
                     "when the first reading is taken, in hours, or a list: everything is read "
@@ -478,10 +485,10 @@ Fields<CoordinateMachine> cmm_fields() {
 }
 
 TouchProbe default_probe(const MachineDescription& machine) {
-  TouchProbe usual;
-  // The pose needs one entry per joint, which the default of the struct cannot know.
-  usual.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
-  return usual;
+  TouchProbe probe;
+  // The default of the struct has no axis positions, as their number depends on the machine.
+  probe.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  return probe;
 }
 
 Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
@@ -500,15 +507,18 @@ Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
              axis_position_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
 }
 
-/// Returns every key except kind and name.
-template <typename How>
-Fields<PartInstrument> part_instrument_kind_fields(const How& usual, const Fields<How>& how) {
-  return Fields<PartInstrument>({"", "", usual})
+/// Returns all fields except kind and name.
+/// @param defaults  typical instrument of the kind
+/// @param kind_fields  fields that only this kind has
+template <typename PartInstrumentKind>
+Fields<PartInstrument> part_instrument_kind_fields(const PartInstrumentKind& defaults,
+                                                   const Fields<PartInstrumentKind>& kind_fields) {
+  return Fields<PartInstrument>({"", "", defaults})
       .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
             "of which case the part is")
       .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
       .all_of(
-          [](auto& part) -> auto& { return std::get<How>(part.how); }, how);
+          [](auto& part) -> auto& { return std::get<PartInstrumentKind>(part.how); }, kind_fields);
 }
 
 Fields<PartInstrument> part_instrument_fields(const std::string& kind,
@@ -519,49 +529,50 @@ Fields<PartInstrument> part_instrument_fields(const std::string& kind,
 
 const Key& kind_key() {
   static const Key key = [] {
-    Key all =
+    Key kind_key =
         make_key(must("kind"), Key::Kind::Text, "what it is, and how good if nothing is said");
-    // The manual prints the defaults of each kind, so every word carries its own keys.
+    // The defaults depend on the kind, so each kind has a list of keys for the manual.
     for (const auto& [kind, sentence] : kinds)
-      all.words.push_back({metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
-    all.words.push_back({cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
-                         part_instrument_fields(cmm, {}).keys()});
-    all.words.push_back({touch_probe,
-                         "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
-                         part_instrument_fields(touch_probe, {}).keys()});
-    return all;
+      kind_key.words.push_back(
+          {metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
+    kind_key.words.push_back({cmm,
+                              "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
+                              part_instrument_fields(cmm, {}).keys()});
+    kind_key.words.push_back(
+        {touch_probe, "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
+         part_instrument_fields(touch_probe, {}).keys()});
+    return kind_key;
   }();
   return key;
 }
 
 std::string read_kind(TableReader& reader) {
-  static const std::set<std::string> words = words_of(kind_key());
-  std::string word = reader.text("kind");
-  if (word.empty() || words.contains(word)) return word;
+  static const std::set<std::string> kind_names = words_of(kind_key());
+  std::string kind = reader.text("kind");
+  if (kind.empty() || kind_names.contains(kind)) return kind;
   std::string list;
-  for (const std::string& one : words) list += (list.empty() ? "" : ", ") + one;
-  // The kind decides which other keys exist, so the message offers the nearest one.
-  const auto meant = nearest(word, words);
+  for (const std::string& name : kind_names) list += (list.empty() ? "" : ", ") + name;
+  const auto suggestion = nearest(kind, kind_names);
   reader.refuse("kind", "one of " + list,
-                "\"" + word + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
+                "\"" + kind + "\"" + (suggestion ? " (did you mean " + *suggestion + "?)" : ""));
   return "";
 }
 
 InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std::string& name,
                                       const MachineDescription& machine) {
-  const std::size_t before = reader.input_errors().list().size();
+  const std::size_t error_count = reader.input_errors().list().size();
   InstrumentDescription description = instrument_fields(kind).read(reader);
   description.instrument.name = name;
   reader.close();
-  // A plan needs a valid chain and a valid instrument.
-  if (reader.input_errors().list().size() != before || machine.joints.empty()) return description;
+  // A measuring plan needs a valid machine and a valid instrument.
+  if (reader.input_errors().list().size() != error_count || machine.joints.empty())
+    return description;
   try {
-    // The plan is made only for its errors: an instrument without targets on this machine is
-    // rejected here.
+    // The plan is made only to test whether the instrument has targets on this machine.
     metrology::plan(description.instrument,
                     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("kind", "an instrument that can measure this machine", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("kind", "an instrument that can measure this machine", error.what());
   }
   return description;
 }
@@ -574,11 +585,12 @@ PartInstrument read_part_instrument(TableReader& reader, const std::string& kind
   return description;
 }
 
-Node::Table named(const std::string& kind, const std::string& name, Node::Table others) {
+Node::Table named_instrument(const std::string& kind, const std::string& name,
+                             Node::Table entries) {
   Node::Table table;
   put(table, "kind", kind);
   put(table, "name", name);
-  append_entries(table, std::move(others));
+  append_entries(table, std::move(entries));
   return table;
 }
 
@@ -591,17 +603,17 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
   for (const Node* node : tables) {
     TableReader reader(*node, "instrument", input_errors);
     const std::string kind = read_kind(reader);
-    // The name becomes that of a file of readings, and the kind serves as its default.
+    // The file of the readings has this name.
     const std::string name = reader.text("name", kind.empty() ? "?" : kind);
     if (!is_folder_name(name))
       reader.refuse("name", "a name of letters, digits, blanks, _ - . for a file", name);
-    // With an unknown kind the default name would repeat for every faulty table.
+    // Tables of an unknown kind would all have the same default name.
     if (!kind.empty() && !names.insert(name).second)
       reader.refuse(reader.has("name") ? "name" : "kind", "a name that no other instrument has",
                     "\"" + name + "\" again");
     if (!reader.has("kind")) reader.refuse("kind", "a kind such as \"laser\"", "none");
     if (kind.empty()) continue;
-    // The words of the part instruments are not kinds of the metrology module.
+    // Part instruments are not kinds of the metrology module.
     if (is_part_instrument(kind))
       instruments.of_part.push_back(read_part_instrument(reader, kind, name, machine));
     else
@@ -614,12 +626,15 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
 std::vector<Node::Table> written_instruments(const Instruments& instruments,
                                              const MachineDescription& machine) {
   std::vector<Node::Table> tables;
-  for (const InstrumentDescription& one : instruments.of_machine)
-    tables.push_back(named(metrology::to_string(one.instrument.kind), one.instrument.name,
-                           instrument_fields(one.instrument.kind).written(one)));
-  for (const PartInstrument& one : instruments.of_part) {
-    const char* kind = std::holds_alternative<CoordinateMachine>(one.how) ? cmm : touch_probe;
-    tables.push_back(named(kind, one.name, part_instrument_fields(kind, machine).written(one)));
+  for (const InstrumentDescription& description : instruments.of_machine)
+    tables.push_back(named_instrument(
+        metrology::to_string(description.instrument.kind), description.instrument.name,
+        instrument_fields(description.instrument.kind).written(description)));
+  for (const PartInstrument& description : instruments.of_part) {
+    const char* kind =
+        std::holds_alternative<CoordinateMachine>(description.how) ? cmm : touch_probe;
+    tables.push_back(named_instrument(kind, description.name,
+                                      part_instrument_fields(kind, machine).written(description)));
   }
   return tables;
 }

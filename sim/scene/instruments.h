@@ -13,33 +13,33 @@
 
 namespace abbe::sim {
 
-/// An instrument of the scene, with the times of its use.
+/// An instrument that measures the machine, with the times of its use.
 struct InstrumentDescription {
   errors::metrology::Instrument instrument;
-  std::vector<double> starts_s;  ///< (n >= 1) s; everything is read once from each start; time 0 is
-                                 ///< the start of the program
+  std::vector<double> starts_s;  ///< (n >= 1) s, start of each measurement; 0 is the start of the
+                                 ///< program
 };
 
-/// An instrument for the finished part: a touch probe on the machine that cut it, or a separate
+/// An instrument that measures the finished part: a touch probe on the machine that cut it, or a
 /// coordinate measuring machine.
 struct PartInstrumentDescription {
   std::string name;
   std::string case_name;  ///< the case whose part is measured; empty: uncompensated
   std::variant<errors::metrology::CoordinateMachine, errors::metrology::TouchProbe> how;
-  double spacing = 5.0;  ///< mm, approximate, between points
+  double spacing = 5.0;  ///< mm, approximate distance of the points
 };
 
-/// Settings of the choice of temperature sensors, and of the model that uses the chosen ones.
+/// Settings of the selection of temperature sensors and of the model of the thermal drift.
 struct SensorChoiceDescription {
-  std::string instrument = "drift";  ///< the instrument that reads the drift; its readings over the
-                                     ///< scene's own history train the model, those over the
-                                     ///< histories of the variants test it
+  std::string instrument = "drift";  ///< instrument that reads the drift. Its readings over the
+                                     ///< thermal history of the scene train the model, those over
+                                     ///< the histories of the variants test it
   errors::identification::ThermalStudyOptions study;
-  /// Another method of choice, rated for comparison.
+  /// Another selection method, rated for comparison.
   struct Way {
     std::string name;
     errors::identification::SensorChoiceOptions choice;
-    std::vector<std::string> drifts;  ///< displacements such as "Z" for which sensors are chosen;
+    std::vector<std::string> drifts;  ///< displacements such as "Z" for which sensors are selected;
                                       ///< empty: all
   };
   std::vector<Way> beside;
@@ -47,30 +47,29 @@ struct SensorChoiceDescription {
 
 struct Key;
 
-/// The `[[instrument]]` tables, divided into instruments for the machine and for the part. Values
-/// that a table leaves out are those of a typical instrument of its kind.
+/// The `[[instrument]]` tables, divided into instruments for the machine and for the part. Keys
+/// that a table leaves out have the values of a typical instrument of its kind.
 struct Instruments {
   std::vector<InstrumentDescription> of_machine;
   std::vector<PartInstrumentDescription> of_part;
 };
 /// Reads the instruments.
-/// @param machine  tries every measuring plan, so that an impossible one is rejected at its
-///                 position
+/// @param machine  machine on which every measuring plan is tested; a plan that the machine cannot
+///                 execute is reported at its position
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, InputErrors& input_errors);
 std::vector<Node::Table> written_instruments(const Instruments& instruments,
                                              const MachineDescription& machine);
 std::vector<Key> instrument_keys();
 
-/// Reads and writes `[sensor_choice]`: the number of sensors, the similarity measure, the screening
-/// and the model.
+/// Reads and writes `[sensor_choice]`: number of sensors, similarity measure, screening and model.
 SensorChoiceDescription read_sensor_choice(const Node& table, InputErrors& input_errors);
 Node::Table written_sensor_choice(const SensorChoiceDescription& choice);
 std::vector<Key> sensor_choice_keys();
 
-/// Readings available to the control, with their quality.
+/// Signals that the control can read, with their noise, resolution and bandwidth.
 struct SignalsDescription {
-  double interval = 0.0;  ///< s between rows of signals.csv; 0: as fine as 20 000 rows allow
+  double interval = 0.0;  ///< s between rows of signals.csv; 0: the least that 20 000 rows allow
   double history_interval = 0.0;    ///< s between rows of the thermal history; 0: no rows
   double encoder_resolution = 0.0;  ///< mm; 0: not rounded
   double encoder_resolution_rad = 0.0;
@@ -78,7 +77,7 @@ struct SignalsDescription {
   double encoder_noise_rad = 0.0;
   struct Current {
     double torque_per_current = 1e3;  ///< N mm/A
-    double idle_torque = 0.0;         ///< N mm, of bearings at any speed
+    double idle_torque = 0.0;         ///< N mm, of the bearings, independent of speed
     double viscous_torque = 0.0;      ///< N mm s/rad
     double noise_A = 0.0;             ///< standard deviation
     double bandwidth = 0.0;           ///< Hz, first order; 0: none
@@ -95,7 +94,7 @@ struct SignalsDescription {
 template <typename T>
 class Fields;
 
-/// Returns the fields of `[signals]`: the readings of the control and the interval of their output.
+/// Returns the fields of `[signals]`.
 const Fields<SignalsDescription>& signals_fields();
 
 }  // namespace abbe::sim

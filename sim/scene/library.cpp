@@ -18,90 +18,97 @@ namespace {
 
 using std::filesystem::path;
 
-constexpr std::array endings{".toml", ".csv", ".ngc", ".nc",  ".tap", ".pvt",
-                             ".stl",  ".obj", ".off", ".ply", ".txt", ".vtu"};
-constexpr std::size_t names_listed = 12;
+constexpr std::array known_extensions{".toml", ".csv", ".ngc", ".nc",  ".tap", ".pvt",
+                                      ".stl",  ".obj", ".off", ".ply", ".txt", ".vtu"};
+constexpr std::size_t max_listed_names = 12;
 
 bool is_file(const path& file) {
-  std::error_code failure;
-  return std::filesystem::is_regular_file(file, failure);
+  std::error_code error_code;
+  return std::filesystem::is_regular_file(file, error_code);
 }
 
 bool is_library(const path& folder) {
-  std::error_code failure;
-  // The folder of machines serves as the mark of a library.
-  return std::filesystem::is_directory(folder / "machines", failure);
+  std::error_code error_code;
+  // Every library has a folder of machines.
+  return std::filesystem::is_directory(folder / "machines", error_code);
 }
 
-/// Returns the files below one folder of the library, as sorted paths in the library.
-std::vector<path> files_of(const path& library, std::string_view kind) {
+/// Returns the sorted files below one folder of the library, relative to the library.
+std::vector<path> library_files(const path& library, std::string_view kind) {
   std::vector<path> files;
-  // The error code keeps a missing folder from throwing; such a folder has no files.
-  std::error_code failure;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(library / kind, failure)) {
-    const bool known = std::ranges::find(endings, entry.path().extension()) != endings.end();
-    if (known && is_file(entry.path())) files.push_back(entry.path().lexically_relative(library));
+  // With an error code, a missing folder does not throw and simply has no files.
+  std::error_code error_code;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(library / kind, error_code)) {
+    const bool has_known_extension =
+        std::ranges::find(known_extensions, entry.path().extension()) != known_extensions.end();
+    if (has_known_extension && is_file(entry.path()))
+      files.push_back(entry.path().lexically_relative(library));
   }
-  // The order of a directory listing depends on the file system, and messages must not.
+  // The order of a directory listing depends on the file system; that of messages must not.
   std::ranges::sort(files);
   return files;
 }
 
-path strip_extension(path file) { return file.replace_extension(); }
+path without_extension(path file) { return file.replace_extension(); }
 
-/// Returns the shortest name that denotes this file alone.
-std::string shortest(const path& file, const std::vector<path>& files, std::string_view kind) {
-  const auto same = [&](const path& other) {
-    return strip_extension(other) == strip_extension(file);
+/// Returns the shortest library name that denotes this file and no other.
+std::string shortest_name(const path& file, const std::vector<path>& files, std::string_view kind) {
+  const auto has_same_stem = [&](const path& other) {
+    return without_extension(other) == without_extension(file);
   };
-  // Files such as a program and its tool table may differ in the extension only.
-  const path name = std::ranges::count_if(files, same) > 1 ? file : strip_extension(file);
+  // A program and its tool table, for example, may differ in the extension only.
+  const path name =
+      std::ranges::count_if(files, has_same_stem) > 1 ? file : without_extension(file);
   return std::string(library_prefix) +
          (kind.empty() ? name : name.lexically_relative(kind)).generic_string();
 }
 
-/// Returns the files that a name may denote, by its path in the library or in the folder of its
-/// kind.
-std::vector<path> meant(const path& name, const std::vector<path>& files, std::string_view kind) {
-  std::vector<path> found;
+/// Returns the files that a name may denote, which is relative to the library or to the folder of
+/// the kind.
+std::vector<path> matching_files(const path& name, const std::vector<path>& files,
+                                 std::string_view kind) {
+  std::vector<path> matches;
   for (const path& file : files)
-    for (const path& in : {path(), path(kind)})
-      if (in / name == file || in / name == strip_extension(file)) {
-        found.push_back(file);
-        // With an empty kind both folders coincide, and the file must not be found twice.
+    for (const path& folder : {path(), path(kind)})
+      if (folder / name == file || folder / name == without_extension(file)) {
+        matches.push_back(file);
+        // With an empty kind both folders are the same; the file must appear only once.
         break;
       }
-  return found;
+  return matches;
 }
 
-std::string listed(std::vector<path> files, std::string_view kind, std::string_view name) {
-  const std::vector<path> all = files;
-  const auto far = [&](const path& file) {
+/// Returns the names of files as text, nearest to a name first.
+std::string joined_names(const std::vector<path>& files, std::string_view kind,
+                         std::string_view name) {
+  std::vector<path> sorted_files = files;
+  // A misspelling is the usual cause, so the nearest names come first and the others may be cut.
+  std::ranges::stable_sort(sorted_files, {}, [&](const path& file) {
     return edit_distance(path(name).stem().string(), file.stem().string());
-  };
-  // The nearest name comes first, since the list is cut and a misspelling is the usual cause.
-  std::ranges::stable_sort(files, {}, far);
+  });
   std::string text;
-  for (std::size_t i = 0; i < std::min(files.size(), names_listed); ++i)
-    text += (i == 0 ? "" : ", ") + shortest(files[i], all, kind);
-  if (files.size() > names_listed) text += fmt::format(" and {} more", files.size() - names_listed);
+  for (std::size_t i = 0; i < std::min(files.size(), max_listed_names); ++i)
+    text += (i == 0 ? "" : ", ") + shortest_name(sorted_files[i], files, kind);
+  if (files.size() > max_listed_names)
+    text += fmt::format(" and {} more", files.size() - max_listed_names);
   return text;
 }
 
-path in_library(const FileName& wanted, InputErrors& input_errors) {
-  const path name = path(wanted.name.substr(library_prefix.size())).lexically_normal();
+path locate_library_file(const FileName& file_name, InputErrors& input_errors) {
+  const path name = path(file_name.name.substr(library_prefix.size())).lexically_normal();
   const path library = library_folder();
-  std::vector<path> found = meant(name, files_of(library, ""), wanted.kind);
-  if (found.size() == 1) return library / found.front();
-  if (found.size() > 1) {
-    input_errors.add(wanted.place, "one of " + listed(found, "", name.string()),
-                     fmt::format("\"{}\", which may mean each of them", wanted.name));
+  std::vector<path> matches = matching_files(name, library_files(library, ""), file_name.kind);
+  if (matches.size() == 1) return library / matches.front();
+  if (matches.size() > 1) {
+    input_errors.add(file_name.place, "one of " + joined_names(matches, "", name.string()),
+                     fmt::format("\"{}\", which may mean each of them", file_name.name));
   } else {
-    // Names of the wanted kind only, because other files would not fit the section.
-    const std::vector<path> files = files_of(library, wanted.kind);
-    input_errors.add(wanted.place,
-                     "a name of the library: " + listed(files, wanted.kind, name.string()),
-                     fmt::format("\"{}\"", wanted.name));
+    // Only files of this kind fit the section.
+    const std::vector<path> files = library_files(library, file_name.kind);
+    input_errors.add(file_name.place,
+                     "a name of the library: " + joined_names(files, file_name.kind, name.string()),
+                     fmt::format("\"{}\"", file_name.name));
   }
   return name;
 }
@@ -109,12 +116,11 @@ path in_library(const FileName& wanted, InputErrors& input_errors) {
 }  // namespace
 
 path library_folder() {
-  // The variable takes precedence, so that a user can replace the installed library.
-  if (const char* named = std::getenv("ABBE_LIBRARY")) {
-    // A wrong variable is an error and not ignored, as results would else come from another
-    // library.
-    if (is_library(named)) return std::filesystem::canonical(named);
-    throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named);
+  // The variable takes precedence, so that users can replace the installed library.
+  if (const char* named_folder = std::getenv("ABBE_LIBRARY")) {
+    // An invalid variable is an error; otherwise results would come from another library.
+    if (is_library(named_folder)) return std::filesystem::canonical(named_folder);
+    throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named_folder);
   }
   const path program = program_folder();
   for (const path& folder : {program / "scenes", program / ABBE_LIBRARY_FROM_PROGRAM})
@@ -126,18 +132,20 @@ path library_folder() {
 }
 
 path locate_file(const FileName& name, const path& folder, InputErrors& input_errors) {
-  const path beside = (folder / name.name).lexically_normal();
+  const path relative_file = (folder / name.name).lexically_normal();
   try {
-    if (name.name.starts_with(library_prefix)) return in_library(name, input_errors);
-    const path inside = path(name.name).lexically_normal();
-    // Names with `..` leave the library and are never looked up in it.
-    if (is_file(beside) || inside.is_absolute() || *inside.begin() == "..") return beside;
-    const path file = library_folder() / inside;
-    return is_file(file) ? file : beside;
-  } catch (const BadInput& fault) {  // without a library only a name with the prefix is an error
+    if (name.name.starts_with(library_prefix)) return locate_library_file(name, input_errors);
+    const path library_path = path(name.name).lexically_normal();
+    // A name with `..` would leave the library.
+    if (is_file(relative_file) || library_path.is_absolute() || *library_path.begin() == "..")
+      return relative_file;
+    const path file = library_folder() / library_path;
+    return is_file(file) ? file : relative_file;
+  } catch (const BadInput& error) {
+    // There is no library, which matters only for names with the prefix.
     if (name.name.starts_with(library_prefix))
-      input_errors.add(name.place, fault.expected, fault.seen);
-    return beside;
+      input_errors.add(name.place, error.expected, error.seen);
+    return relative_file;
   }
 }
 
@@ -152,18 +160,18 @@ path library_file(const path& name) {
 
 std::string library_name(const path& file) {
   try {
-    const path inside = file.lexically_relative(library_folder());
-    if (!inside.empty() && *inside.begin() != "..")
-      return std::string(library_prefix) + inside.generic_string();
+    const path library_path = file.lexically_relative(library_folder());
+    if (!library_path.empty() && *library_path.begin() != "..")
+      return std::string(library_prefix) + library_path.generic_string();
   } catch (const BadInput&) {
-    // without a library no file is in it
+    // There is no library, so the file is not in it.
   }
   return file.string();
 }
 
 std::string library_names(std::string_view kind, std::string_view name) {
   try {
-    return listed(files_of(library_folder(), kind), kind, name);
+    return joined_names(library_files(library_folder(), kind), kind, name);
   } catch (const BadInput&) {
     return {};
   }

@@ -30,36 +30,40 @@ std::string carrier_name(const MachineDescription& machine, const MachineBody& b
   return body.joint ? std::string(1, machine.joints[std::size_t(*body.joint)].name) : "b";
 }
 
-/// Returns "fixture" for a single body, "fixture 2" among several. @param of  " of X", or empty
-std::string numbered(const char* word, int number, int count, const std::string& of) {
-  return count == 1 ? word + of : fmt::format("{} {}{}", word, number, of);
+/// Returns a name such as "body of X", or "body 2 of X" if there are several.
+/// @param suffix  " of X", or empty
+std::string numbered_name(const char* noun, int number, int count, const std::string& suffix) {
+  return count == 1 ? noun + suffix : fmt::format("{} {}{}", noun, number, suffix);
 }
 
-/// Returns the tables of a list, or the table itself if it is not in a list.
-std::vector<const Node*> tables_of(const Node* list) {
+/// Returns the tables of a list; a single table counts as a list of one.
+std::vector<const Node*> listed_tables(const Node* list) {
   std::vector<const Node*> tables;
   if (list != nullptr && list->table() != nullptr) tables.push_back(list);
   if (list != nullptr && list->array() != nullptr)
-    for (const Node& one : *list->array()) tables.push_back(&one);
+    for (const Node& table : *list->array()) tables.push_back(&table);
   return tables;
 }
 
-/// Rejects names that are taken. @param taken  owner of each taken name; extended by `names`
-void check_free(InputErrors& input_errors, const std::vector<const Node*>& tables,
-                const std::vector<std::string>& names, const char* of,
-                std::map<std::string, std::string> taken) {
-  if (tables.size() != names.size()) return;  // a rejected table would shift the names
+/// Reports every name that another body has or that is reserved.
+/// @param kind  the kind of the named bodies, for messages
+/// @param owners  description of the owner of each name in use
+void check_unique_names(InputErrors& input_errors, const std::vector<const Node*>& tables,
+                        const std::vector<std::string>& names, const char* kind,
+                        std::map<std::string, std::string> owners) {
+  // An invalid table gives no body, so names and tables would not correspond.
+  if (tables.size() != names.size()) return;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    // A default name has no text in the file, so the body itself is the position of the message.
-    const Node* stated = tables[i]->find("name");
-    const Place& place = stated != nullptr ? stated->place : tables[i]->place;
-    const auto whose = is_reserved_name(names[i])
+    // A default name is not in the file, so the position of the body is reported.
+    const Node* name_node = tables[i]->find("name");
+    const Place& place = name_node != nullptr ? name_node->place : tables[i]->place;
+    const auto owner = is_reserved_name(names[i])
                            ? fmt::format("the name of the {} itself", names[i])
-                           : (taken.contains(names[i]) ? taken[names[i]] : std::string());
-    if (!whose.empty())
-      input_errors.add(place, fmt::format("a name for {} that nothing else has", of),
-                       fmt::format("\"{}\", {}", names[i], whose));
-    taken.emplace(names[i], fmt::format("that of {} before it", of));
+                           : (owners.contains(names[i]) ? owners[names[i]] : std::string());
+    if (!owner.empty())
+      input_errors.add(place, fmt::format("a name for {} that nothing else has", kind),
+                       fmt::format("\"{}\", {}", names[i], owner));
+    owners.emplace(names[i], fmt::format("that of {} before it", kind));
   }
 }
 
@@ -67,15 +71,15 @@ void check_free(InputErrors& input_errors, const std::vector<const Node*>& table
 
 std::vector<std::string> machine_body_names(const MachineDescription& machine) {
   std::map<std::string, int> count, number;
-  for (const MachineBody& one : machine.bodies)
-    // Named bodies do not count, as only unnamed ones need a number.
-    count[carrier_name(machine, one)] += one.body.name.empty();
+  // Only bodies without a name are numbered.
+  for (const MachineBody& body : machine.bodies)
+    count[carrier_name(machine, body)] += body.body.name.empty();
   std::vector<std::string> names;
-  for (const MachineBody& one : machine.bodies) {
-    const std::string carrier = carrier_name(machine, one);
-    names.push_back(one.body.name.empty()
-                        ? numbered("body", ++number[carrier], count[carrier], " of " + carrier)
-                        : one.body.name);
+  for (const MachineBody& body : machine.bodies) {
+    const std::string carrier = carrier_name(machine, body);
+    names.push_back(body.body.name.empty()
+                        ? numbered_name("body", ++number[carrier], count[carrier], " of " + carrier)
+                        : body.body.name);
   }
   return names;
 }
@@ -84,40 +88,41 @@ std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtu
   const auto count = int(std::ranges::count(fixtures, std::string(), &BodyDescription::name));
   int number = 0;
   std::vector<std::string> names;
-  for (const BodyDescription& one : fixtures)
-    names.push_back(one.name.empty() ? numbered("fixture", ++number, count, "") : one.name);
+  for (const BodyDescription& fixture : fixtures)
+    names.push_back(fixture.name.empty() ? numbered_name("fixture", ++number, count, "")
+                                         : fixture.name);
   return names;
 }
 
-void check_body_names(TableReader& machine, const MachineDescription& described) {
-  check_free(machine.input_errors(), tables_of(machine.accept_key("body")),
-             machine_body_names(described), "a body of the machine", {});
+void check_body_names(TableReader& reader, const MachineDescription& machine) {
+  check_unique_names(reader.input_errors(), listed_tables(reader.accept_key("body")),
+                     machine_body_names(machine), "a body of the machine", {});
 }
 
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures) {
-  std::map<std::string, std::string> taken;
+  std::map<std::string, std::string> owners;
   for (const std::string& name : machine_body_names(machine))
-    taken.emplace(name, "that of a body of the machine");
-  check_free(scene.input_errors(), tables_of(scene.accept_key("fixture")), fixture_names(fixtures),
-             "a fixture", std::move(taken));
+    owners.emplace(name, "that of a body of the machine");
+  check_unique_names(scene.input_errors(), listed_tables(scene.accept_key("fixture")),
+                     fixture_names(fixtures), "a fixture", std::move(owners));
 }
 
 void check_ignored_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures) {
   const Node* collision = scene.accept_key("collision");
-  // A scene with errors may lack bodies, which would make correct names look unknown.
+  // After an input error bodies may be missing, and correct names would be reported as unknown.
   if (collision == nullptr || !scene.input_errors().empty()) return;
   std::vector<std::string> names = machine_body_names(machine);
   for (const std::string& name : fixture_names(fixtures)) names.push_back(name);
   names.insert(names.end(), reserved_names.begin(), reserved_names.end());
-  for (const Node* pair : tables_of(collision->find("ignore"))) {
+  for (const Node* pair : listed_tables(collision->find("ignore"))) {
     const Node *a = pair->find("a"), *b = pair->find("b");
-    for (const Node* one : {a, b})
-      if (std::ranges::find(names, *one->text()) == names.end())
-        scene.input_errors().add(
-            one->place, fmt::format("the name of a body: {}", fmt::join(names, ", ")), shown(*one));
-    // A body cannot collide with itself.
+    for (const Node* name : {a, b})
+      if (std::ranges::find(names, *name->text()) == names.end())
+        scene.input_errors().add(name->place,
+                                 fmt::format("the name of a body: {}", fmt::join(names, ", ")),
+                                 shown(*name));
     if (*a->text() == *b->text())
       scene.input_errors().add(b->place, "the name of another body than collision.ignore.a",
                                shown(*b));
@@ -130,13 +135,15 @@ using Eigen::Vector3d;
 using kinematics::Joint;
 using kinematics::Motion;
 
-Motion motion_of(char name) {
+/// Returns the motion that the letter of an axis stands for.
+Motion default_motion(char name) {
   if (name == 's') return Motion::Spindle;
   return std::string_view("XYZUVWPQR").find(name) != std::string_view::npos ? Motion::Linear
                                                                             : Motion::Rotary;
 }
 
-// ISO 841 assigns each rotary letter to the slide about which it turns.
+/// Returns the direction of an axis by its letter: ISO 841 names X, Y, Z and their parallel axes,
+/// and A, B, C, which rotate about them.
 std::optional<Vector3d> default_direction(char name) {
   if (std::string_view("XUPA").find(name) != std::string_view::npos) return Vector3d::UnitX();
   if (std::string_view("YVQB").find(name) != std::string_view::npos) return Vector3d::UnitY();
@@ -157,14 +164,14 @@ void read_travel(TableReader& reader, Joint& joint) {
 }
 
 void put_travel(const Joint& joint, Node::Table& table) {
-  const Joint without_end;
-  // Travel without end is the default and has no representation in TOML numbers.
-  if (joint.min == without_end.min && joint.max == without_end.max) return;
+  // The default is an endless axis.
+  const Joint endless;
+  if (joint.min == endless.min && joint.max == endless.max) return;
   const char* key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
   put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_of(key));
 }
 
-/// @param axis  default values, with the motion of its letter
+/// @param axis  default values, which depend on the letter of the axis
 Fields<Joint> axis_fields(const Joint& axis) {
   using kinematics::DeviationAxes;
   using kinematics::Squareness;
@@ -206,7 +213,7 @@ Fields<Joint> axis_fields(const Joint& axis) {
             "what an angle of location turns; the angle is the same");
 }
 
-/// An axis with its rollover, which is a property of the control.
+/// A joint with its rollover, a property of the control and not of the kinematics.
 struct MachineAxis {
   Joint joint;
   program::Rollover rollover = program::Rollover::ByControl;
@@ -216,30 +223,32 @@ Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
   using program::Rollover;
   return Fields<MachineAxis>(axis)
       .all_of(&MachineAxis::joint, axis_fields(axis.joint))
-      .where([](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
-             Fields<MachineAxis>().word(
-                 "rollover", &MachineAxis::rollover,
-                 {{"by_control", Rollover::ByControl,
-                   "\"shortest\" in a program of Fanuc for an axis that carries the workpiece and "
-                   "turns without end, or by more than two turns; else \"none\""},
-                  {"none", Rollover::None, "it turns by the difference of the positions"},
-                  {"shortest", Rollover::Shortest, "whole turns do not count: the short way"},
-                  {"sign", Rollover::Sign,
-                   "whole turns do not count: in the direction of the word's sign"}},
-                 "how the control turns it to an absolute position"));
+      .only_if(
+          [](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
+          Fields<MachineAxis>().word(
+              "rollover", &MachineAxis::rollover,
+              {{"by_control", Rollover::ByControl,
+                "\"shortest\" in a program of Fanuc for an axis that carries the workpiece and "
+                "turns without end, or by more than two turns; else \"none\""},
+               {"none", Rollover::None, "it turns by the difference of the positions"},
+               {"shortest", Rollover::Shortest, "whole turns do not count: the short way"},
+               {"sign", Rollover::Sign,
+                "whole turns do not count: in the direction of the word's sign"}},
+              "how the control turns it to an absolute position"));
 }
 
-Joint axis_of(const kinematics::CodeAxis& code) {
+/// Returns the default joint of a letter in the structural code.
+Joint make_default_joint(const kinematics::CodeAxis& code) {
   Joint joint;
   joint.name = code.name;
   joint.side = code.side;
-  joint.motion = motion_of(code.name);
-  // A letter without a default must state its direction; X is a placeholder until then.
+  joint.motion = default_motion(code.name);
+  // If the letter has no default direction, the key is required and replaces this one.
   joint.direction_b = default_direction(code.name).value_or(Vector3d::UnitX());
   return joint;
 }
 
-// The spindle nose is the mount of the tool, so its frame replaces the keys of an axis section.
+/// Returns the joint of the spindle, whose axis is the z axis of the nose frame.
 Joint make_nose_joint(const kinematics::CodeAxis& code, const kinematics::Pose& T_bs) {
   Joint joint;
   joint.name = code.name;
@@ -254,17 +263,17 @@ kinematics::Pose read_nose(TableReader& reader) {
   kinematics::Pose T_bs = kinematics::Pose::Identity();
   T_bs.translation() = reader.vector("at_mm");
   const Vector3d z = reader.direction("axis", Vector3d::UnitZ());
-  // The default x direction must not be parallel to the axis.
-  const Vector3d usual_x = std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitZ();
-  const Vector3d wanted_x = reader.direction("x", (usual_x - usual_x.dot(z) * z).normalized());
-  const Vector3d across = wanted_x - wanted_x.dot(z) * z;
-  // Within about a milliradian of the axis the projection has no reliable direction.
-  if (across.norm() < 1e-3) {
+  // The default x direction must not be parallel to z.
+  const Vector3d default_x = std::abs(z.x()) < 0.9 ? Vector3d::UnitX() : Vector3d::UnitZ();
+  const Vector3d stated_x = reader.direction("x", (default_x - default_x.dot(z) * z).normalized());
+  const Vector3d projected_x = stated_x - stated_x.dot(z) * z;
+  // Within about a milliradian of z the projection has no reliable direction.
+  if (projected_x.norm() < 1e-3) {
     reader.refuse("x", "a direction across the axis for machine.nose.x", "one along it");
     return T_bs;
   }
-  // An exact unit vector is kept, so that a written scene reads back the same bits.
-  const Vector3d x = across.norm() == 1.0 ? across : Vector3d(across.normalized());
+  // An exact unit vector is kept, so that a written scene reads back as the same bits.
+  const Vector3d x = projected_x.norm() == 1.0 ? projected_x : Vector3d(projected_x.normalized());
   T_bs.linear().col(0) = x;
   T_bs.linear().col(1) = z.cross(x);
   T_bs.linear().col(2) = z;
@@ -293,61 +302,60 @@ std::optional<kinematics::Topology> read_code(TableReader& reader) {
   if (code.empty()) return std::nullopt;
   try {
     return kinematics::parse_structural_code(code);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("code", "a structural code such as \"w C' b X Y Z A s t\"", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("code", "a structural code such as \"w C' b X Y Z A s t\"", error.what());
     return std::nullopt;
   }
 }
 
 std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topology& topology,
                                    const kinematics::Pose& T_bs) {
-  std::vector<MachineAxis> read;
+  std::vector<MachineAxis> axes;
   const Node* section = machine.section("axis");
-  // Without the section an empty table stands in, so that each missing axis is reported by its
-  // letter.
-  Node none;
-  none.place = machine.place();
-  none.value = Node::Table{};
-  TableReader axes(section ? *section : none, machine.name_of("axis"), machine.input_errors());
+  // If the section is missing, an empty one is read, so that each missing axis is reported.
+  Node empty_section;
+  empty_section.place = machine.place();
+  empty_section.value = Node::Table{};
+  TableReader reader(section ? *section : empty_section, machine.name_of("axis"),
+                     machine.input_errors());
   for (const kinematics::CodeAxis& code : topology) {
-    // The nose is described by its own section and has no axis table.
-    if (motion_of(code.name) == Motion::Spindle) {
-      read.push_back({make_nose_joint(code, T_bs)});
+    // The nose has a section of its own.
+    if (default_motion(code.name) == Motion::Spindle) {
+      axes.push_back({make_nose_joint(code, T_bs)});
       continue;
     }
     const std::string name(1, code.name);
-    if (const Node* table = axes.section(name)) {
-      read.push_back(machine_axis_fields({axis_of(code)})
-                         .read_table(*table, axes.name_of(name), machine.input_errors()));
-    } else if (!axes.has(name)) {
-      // A value of the wrong type has been reported by section().
-      axes.missing(name, "a table");
+    if (const Node* table = reader.section(name)) {
+      axes.push_back(machine_axis_fields({make_default_joint(code)})
+                         .read_table(*table, reader.name_of(name), machine.input_errors()));
+    } else if (!reader.has(name)) {  // section() reports a value of the wrong type
+      reader.missing(name, "a table");
     }
   }
-  axes.close();
-  return read;
+  reader.close();
+  return axes;
 }
 
 void read_joints(TableReader& reader, MachineDescription& machine) {
-  // The keys are marked as known at once, so that an error in the code does not make them look
-  // unknown.
+  // An invalid code ends the reading; these keys must not be reported as unknown then.
   reader.accept_key("axis");
   for (const char* key : {"home", "reference", "machine_zero"}) reader.accept_key(key);
   const auto topology = read_code(reader);
   if (!topology) return;
-  const std::size_t before = reader.input_errors().list().size();
+  const std::size_t error_count = reader.input_errors().list().size();
   for (const MachineAxis& axis : read_axes(reader, *topology, machine.T_bs)) {
     machine.joints.push_back(axis.joint);
     machine.rollover.push_back(axis.rollover);
   }
-  // A partly read machine would be rejected once more by the chain, with a misleading message.
-  if (machine.joints.size() != topology->size() || reader.input_errors().list().size() != before)
+  // The chain of an incomplete machine would report a misleading second error.
+  if (machine.joints.size() != topology->size() ||
+      reader.input_errors().list().size() != error_count)
     return;
   try {
-    // The chain is built for its tests only.
+    // The chain is built only for its validation.
     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("code", "a machine that makes a chain", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("code", "a machine that makes a chain", error.what());
   }
 }
 
@@ -355,7 +363,7 @@ void put_joints(const MachineDescription& machine, Node::Table& table) {
   put(table, "code", kinematics::to_string(kinematics::chain_topology(machine.joints)));
   Node::Table axes;
   for (std::size_t j = 0; j < machine.joints.size(); ++j) {
-    // Rollover is empty for machines that were not read from a file.
+    // A machine that was not read from a file has no rollover.
     const MachineAxis axis{machine.joints[j], j < machine.rollover.size()
                                                   ? machine.rollover[j]
                                                   : program::Rollover::ByControl};
@@ -373,22 +381,22 @@ void read_home(TableReader& reader, MachineDescription& machine) {
   if (const Node* reference = reader.section("reference"))
     machine.reference =
         fields.read_table(*reference, reader.name_of("reference"), reader.input_errors());
-  if (const Node* zero = reader.section("machine_zero"))
+  if (const Node* machine_zero = reader.section("machine_zero"))
     machine.machine_zero =
-        fields.read_table(*zero, reader.name_of("machine_zero"), reader.input_errors());
+        fields.read_table(*machine_zero, reader.name_of("machine_zero"), reader.input_errors());
 }
 
-/// Reads the joint that a letter of the code names; none for b, the bed.
+/// Reads the letter of the joint that carries a body; b is the bed.
 void read_carrier(TableReader& reader, const std::vector<Joint>& joints, MachineBody& body) {
   const std::string letter = reader.text("carried_by", "b");
-  std::string known = "b";
+  std::string known_letters = "b";
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    known += std::string(" ") + joints[j].name;
+    known_letters += std::string(" ") + joints[j].name;
     if (letter == std::string(1, joints[j].name)) body.joint = int(j);
   }
-  // With an unreadable code no letter is known, and that error is reported already.
+  // If the code is invalid, which is reported already, there are no joints.
   if (!body.joint && letter != "b" && !joints.empty())
-    reader.refuse("carried_by", "a letter of the machine's code: " + known, letter);
+    reader.refuse("carried_by", "a letter of the machine's code: " + known_letters, letter);
 }
 
 /// @param joints  of the machine
@@ -431,7 +439,7 @@ Key code_key() {
       "workpiece, `s` is the spindle nose");
 }
 
-/// Returns the key of a table with one table for every axis letter.
+/// Returns the key of a section with one table for each axis letter.
 Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
   Key letter = make_key("<axis>", Key::Kind::Table, sentence, std::move(keys));
   letter.pattern = pattern;
@@ -459,7 +467,7 @@ Key machine_zero_key() {
 void put_home(const MachineDescription& machine, Node::Table& table) {
   const auto fields = axis_position_fields(machine.joints);
   put(table, "home", fields.written(machine.home));
-  // Empty vectors stand for the defaults, which need not be written.
+  // Empty vectors stand for the defaults.
   if (machine.reference.size() > 0) put(table, "reference", fields.written(machine.reference));
   if (machine.machine_zero.size() > 0)
     put(table, "machine_zero", fields.written(machine.machine_zero));
@@ -483,14 +491,14 @@ const Fields<MachineDescription>& machine_fields() {
           .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_speed,
                   positive, "largest speed of the spindle under constant surface speed (G96)")
           .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
-                                        axis_fields(axis_of({})).keys())},
+                                        axis_fields(make_default_joint({})).keys())},
                   read_joints, put_joints)
           .custom({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
           .custom({body_key()}, read_bodies, put_bodies);
   return fields;
 }
 
-Fields<Joint> believed_fields(const Joint& joint) {
+Fields<Joint> believed_joint_fields(const Joint& joint) {
   return Fields<Joint>(joint)
       .vector(KeyName("point_mm").otherwise("as it is"), &Joint::point_b,
               "where the control believes it to be")
@@ -498,25 +506,26 @@ Fields<Joint> believed_fields(const Joint& joint) {
                  "that the control believes in");
 }
 
-void read_believed(TableReader& reader, const std::vector<Joint>& joints,
-                   ControlDescription& control) {
+void read_believed_joints(TableReader& reader, const std::vector<Joint>& joints,
+                          ControlDescription& control) {
   const Node* section = reader.section("axis");
   if (!section) return;
-  // All joints start as designed, so that the section lists differences only.
+  // The section states differences only; the remaining joints are as designed.
   control.joints = joints;
   TableReader axes(*section, reader.name_of("axis"), reader.input_errors());
   for (Joint& joint : control.joints) {
     const std::string name(1, joint.name);
     if (const Node* axis = axes.section(name))
-      joint = believed_fields(joint).read_table(*axis, axes.name_of(name), reader.input_errors());
+      joint =
+          believed_joint_fields(joint).read_table(*axis, axes.name_of(name), reader.input_errors());
   }
   axes.close();
 }
 
-void put_believed(const ControlDescription& control, Node::Table& table) {
+void put_believed_joints(const ControlDescription& control, Node::Table& table) {
   Node::Table axes;
   for (const Joint& joint : control.joints)
-    put(axes, std::string(1, joint.name), believed_fields(joint).written(joint));
+    put(axes, std::string(1, joint.name), believed_joint_fields(joint).written(joint));
   if (!axes.empty()) put(table, "axis", std::move(axes));
 }
 
@@ -527,11 +536,11 @@ Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
               any_number, "of the tool, as the control believes")
       .custom(
           {axis_key("[A-Zs]", "an axis that the control believes elsewhere",
-                    believed_fields({}).keys())},
+                    believed_joint_fields({}).keys())},
           [joints](TableReader& reader, ControlDescription& control) {
-            read_believed(reader, joints, control);
+            read_believed_joints(reader, joints, control);
           },
-          put_believed);
+          put_believed_joints);
 }
 
 }  // namespace
@@ -565,7 +574,8 @@ Fields<DatumDescription::Touch> touch_fields() {
                  "in which the probe moves, towards the face");
 }
 
-/// Returns the fields of an instant, negative in the thermal history before the program.
+/// Returns the fields of the time of the datum, which is negative in the thermal history before the
+/// program.
 Fields<DatumDescription> time_fields() {
   Key hours = make_key("time_h", Key::Kind::Number, "the same in hours");
   return Fields<DatumDescription>()
@@ -576,7 +586,7 @@ Fields<DatumDescription> time_fields() {
           [](TableReader& reader, DatumDescription& datum) {
             const auto time_s = reader.maybe_number("time_h", any_number);
             if (!reader.has("time_h")) return;
-            // Both keys state the same time.
+            // The keys state the same time in different units.
             if (reader.has("time_s")) reader.refuse("time_h", "one of time_s and time_h", "both");
             datum.time_s = time_s.value_or(1.0);
           },
@@ -585,11 +595,11 @@ Fields<DatumDescription> time_fields() {
 
 Fields<DatumDescription> datum_kind_fields(DatumDescription::Kind kind) {
   Fields<DatumDescription> fields;
-  // Each kind has its own keys; those of another kind are rejected as unknown.
+  // Only the keys of this kind are read; those of another are reported as unknown.
   if (kind == DatumDescription::Kind::Ideal)
     fields.vector("point_mm", &DatumDescription::point_w,
                   "where the tip is set exactly, in the workpiece frame");
-  if (kind != DatumDescription::Kind::None) fields.all_of(itself, time_fields());
+  if (kind != DatumDescription::Kind::None) fields.all_of(whole_struct, time_fields());
   if (kind == DatumDescription::Kind::TouchOff)
     fields.tables(
         must("touch"), &DatumDescription::touches, touch_fields(),
@@ -602,17 +612,15 @@ Fields<DatumDescription> datum_kind_fields(DatumDescription::Kind kind) {
 
 const Fields<Deviation>& setup_fields() {
   static const Fields<Deviation> fields = [] {
-    Fields<Deviation> all;
-    // All six components share one vector, so each key gets an accessor with its index.
-    const auto part = [](int i) {
-      return [i](auto& setup) -> auto& { return setup[i]; };
-    };
+    Fields<Deviation> components;
     const char* names[] = {"EX_um", "EY_um", "EZ_um", "EA_urad", "EB_urad", "EC_urad"};
     for (int i = 0; i < 6; ++i)
-      all.number(KeyName(names[i]).otherwise("0"), part(i), any_number,
-                 i < 3 ? "displacement of the part, actual minus nominal"
-                       : "rotation of the part, actual minus nominal");
-    return all;
+      components.number(
+          KeyName(names[i]).otherwise("0"), [i](auto& setup) -> auto& { return setup[i]; },
+          any_number,
+          i < 3 ? "displacement of the part, actual minus nominal"
+                : "rotation of the part, actual minus nominal");
+    return components;
   }();
   return fields;
 }
@@ -625,23 +633,22 @@ const Fields<DatumDescription>& datum_fields() {
         {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
         {DatumDescription::Kind::TouchOff,
          {"touch_off", "by a probe with the machine's errors", {}}}};
-    for (auto [one, word] : kinds) {
-      word.keys = datum_kind_fields(one).keys();
+    for (auto [datum_kind, word] : kinds) {
+      word.keys = datum_kind_fields(datum_kind).keys();
       kind.words.push_back(std::move(word));
     }
     return Fields<DatumDescription>().custom(
         {kind},
         [kind, kinds](TableReader& reader, DatumDescription& datum) {
           const auto word = reader.word("kind", words_of(kind), true);
-          for (const auto& [one, named] : kinds)
-            if (word == named.word) datum.kind = one;
+          for (const auto& [datum_kind, choice] : kinds)
+            if (word == choice.word) datum.kind = datum_kind;
           datum = datum_kind_fields(datum.kind).read(reader, datum);
         },
         [kinds](const DatumDescription& datum, Node::Table& table) {
-          for (const auto& [one, named] : kinds)
-            if (datum.kind == one) put(table, "kind", named.word);
-          for (Node::Entry& entry : datum_kind_fields(datum.kind).written(datum))
-            table.push_back(std::move(entry));
+          for (const auto& [datum_kind, choice] : kinds)
+            if (datum.kind == datum_kind) put(table, "kind", choice.word);
+          append_entries(table, datum_kind_fields(datum.kind).written(datum));
         });
   }();
   return fields;

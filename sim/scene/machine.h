@@ -10,20 +10,18 @@
 #include "sim/scene/table_reader.h"
 #include "sim/scene/toml.h"
 
-/// A machine as designed, with the beliefs and findings of its control.
+/// Descriptions of the machine as designed, of the belief of its control, and of the datum.
 namespace abbe::sim {
 
-/// A machine as described in its file; lengths in mm, angles in rad, in the bed frame with all axes
-/// at zero.
+/// A machine as designed. Lengths in mm and angles in rad, in the bed frame with all axes at zero.
 struct MachineDescription {
   std::string name;
   std::vector<kinematics::Joint> joints;                 ///< in the order of the structural code
   kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece frame, axes at zero
   kinematics::Pose T_bs =
       kinematics::Pose::Identity();         ///< spindle nose or tool post; z = tool axis
-  kinematics::AxisVector home;              ///< (joints) positions of the axes at the beginning of
-                                            ///< a program
-  std::vector<program::Rollover> rollover;  ///< (joints) used for rotary axes
+  kinematics::AxisVector home;              ///< (joints) axis positions at the start of a program
+  std::vector<program::Rollover> rollover;  ///< (joints) matters for rotary axes only
   kinematics::AxisVector reference;         ///< (joints) reference position of G28; empty: `home`
   kinematics::AxisVector machine_zero;      ///< (joints) origin of G53; empty: the zero of the axes
   double rapid_speed = 10000.0 / 60.0;      ///< mm/s
@@ -39,22 +37,24 @@ struct ControlDescription {
   std::optional<double> tool_length;      ///< mm
 };
 
+/// The datum: how the control finds the part.
 struct DatumDescription {
   enum class Kind { None, Ideal, TouchOff } kind = Kind::None;
   struct Touch {
     Eigen::Vector3d point_w;      ///< mm
     Eigen::Vector3d direction_w;  ///< unit, direction of the touch
   };
-  std::vector<Touch> touches;                         ///< touch_off
-  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< ideal: the point to which the tip is set
-                                                      ///< exactly
-  double time_s = 0.0;
+  std::vector<Touch> touches;                         ///< for TouchOff
+  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< for Ideal: mm, point at which the tip is
+                                                      ///< set exactly
+  double time_s = 0.0;  ///< time at which the datum is set, negative before the program
 };
 
 struct Key;
 template <typename T>
 class Fields;
 
+/// Reads and writes `[machine]`.
 MachineDescription read_machine(const Node& table, InputErrors& input_errors);
 Node::Table written_machine(const MachineDescription& machine);
 std::vector<Key> machine_keys();
@@ -66,31 +66,32 @@ ControlDescription read_control(const Node& table, const std::vector<kinematics:
 Node::Table written_control(const ControlDescription& control);
 std::vector<Key> control_keys();
 
-/// Returns the fields of `[setup]`, whose value starts from zero, and of `[datum]`.
+/// Returns the fields of `[setup]`, the deviation of the clamped part, and of `[datum]`.
 const Fields<kinematics::Deviation>& setup_fields();
 const Fields<DatumDescription>& datum_fields();
 
-// Names of bodies in reports of the collision check, also used to ignore pairs.
+// Names of bodies in the reports of the collision check and in its list of ignored pairs.
 
-/// Returns the body names of a machine in its order. A body without a name is "body of X", or "body
-/// 2 of X" if axis X carries several such.
+/// Returns the names of the bodies of a machine, in its order. A body without a name is called
+/// "body of X", or "body 2 of X" if axis X carries several such bodies.
 std::vector<std::string> machine_body_names(const MachineDescription& machine);
 
-/// Returns the fixture names. A fixture without a name is "fixture", or "fixture 2" among several
-/// such.
+/// Returns the names of fixtures. A fixture without a name is called "fixture", or "fixture 2" if
+/// there are several such fixtures.
 std::vector<std::string> fixture_names(const std::vector<BodyDescription>& fixtures);
 
-/// Rejects a body of a machine with the name of another body, or with a name reserved for part,
+/// Reports every body of a machine that has the name of another body or a name reserved for part,
 /// stock and tool.
-/// @param machine  the table from which it was read
-void check_body_names(TableReader& machine, const MachineDescription& described);
+/// @param reader  reader of the table `machine`
+void check_body_names(TableReader& reader, const MachineDescription& machine);
 
-/// Rejects fixtures in the same manner, also with names of machine bodies. @param scene  the table
-/// from which they were read
+/// Reports every fixture that has the name of another body or a reserved name.
+/// @param scene  reader of the scene
 void check_fixture_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures);
 
-/// Rejects ignored pairs with an unknown body. @param scene  the table from which they were read
+/// Reports every ignored pair with an unknown body.
+/// @param scene  reader of the scene
 void check_ignored_names(TableReader& scene, const MachineDescription& machine,
                          const std::vector<BodyDescription>& fixtures);
 

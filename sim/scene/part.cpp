@@ -18,10 +18,10 @@ namespace abbe::sim {
 
 std::vector<std::filesystem::path> material_files(const PartDescription& part) {
   const auto* mesh = std::get_if<MeshFile>(&part.shape);
-  const bool asks = std::ranges::any_of(
+  const bool uses_colours = std::ranges::any_of(
       part.regions, [](const PartRegion& region) { return region.colour.has_value(); });
   // Only OBJ files keep their colours in separate files.
-  if (mesh == nullptr || !asks || cutting::lower(mesh->file.extension().string()) != ".obj")
+  if (mesh == nullptr || !uses_colours || cutting::lower(mesh->file.extension().string()) != ".obj")
     return {};
   return cutting::material_files(mesh->file);
 }
@@ -38,11 +38,14 @@ using cutting::SphereCap;
 using cutting::Torus;
 using Ring = PartDescription::Ring;
 
-constexpr Range half_turn_open{0.0, 90.0, true, true};
-constexpr Range part_size{1e-3, 1e5};  // mm
+constexpr Range half_apex_range{0.0, 90.0, true, true};  // deg
+constexpr Range part_size{1e-3, 1e5};                    // mm
 
-constexpr auto declared = [](auto& part) -> auto& { return std::get<Primitive>(part.shape); };
-constexpr auto mesh = [](auto& part) -> auto& { return std::get<MeshFile>(part.shape); };
+// Accessors of the shape of a part, for its fields.
+constexpr auto primitive_shape = [](auto& part) -> auto& {
+  return std::get<Primitive>(part.shape);
+};
+constexpr auto mesh_shape = [](auto& part) -> auto& { return std::get<MeshFile>(part.shape); };
 
 Fields<RevolvedProfile::Piece> piece_fields() {
   using Piece = RevolvedProfile::Piece;
@@ -59,18 +62,18 @@ Fields<RevolvedProfile> revolved_profile_fields() {
   return Fields<RevolvedProfile>().custom(
       {start, pieces},
       [](TableReader& reader, RevolvedProfile& profile) {
-        Eigen::Vector2d from = reader.numbers("start_mm", 2);
+        Eigen::Vector2d start = reader.numbers("start_mm", 2);
         if (!reader.has("profile")) reader.missing("profile", "a list of tables");
         for (const Node* node : reader.tables("profile")) {
           profile.pieces.push_back(
               piece_fields().read_table(*node, reader.name_of("profile"), reader.input_errors()));
-          // A piece begins at the end of the previous one, so the profile has no gaps.
-          profile.pieces.back().from = from;
-          from = profile.pieces.back().to;
+          // Each segment starts at the end of the previous one.
+          profile.pieces.back().from = start;
+          start = profile.pieces.back().to;
         }
       },
       [](const RevolvedProfile& profile, Node::Table& table) {
-        // Without pieces there is no start point to write.
+        // The start point belongs to the first segment.
         if (profile.pieces.empty()) return;
         put_numbers(table, "start_mm", profile.pieces.front().from, 1.0);
         put_tables(table, "profile", profile.pieces, piece_fields());
@@ -99,7 +102,7 @@ Fields<Cone> cone_fields() {
   return Fields<Cone>()
       .number(must("base_radius_mm"), &Cone::base_radius, part_size, "at z = 0")
       .number(must("height_mm"), &Cone::height, part_size, "from z = 0 upwards")
-      .number(must("half_apex_deg"), &Cone::half_apex_angle, half_turn_open,
+      .number(must("half_apex_deg"), &Cone::half_apex_angle, half_apex_range,
               "between the axis and the wall");
 }
 
@@ -117,10 +120,10 @@ Fields<Torus> torus_fields() {
               "at most that of the centre line");
 }
 
-Fields<PartDescription> declared_fields() {
+Fields<PartDescription> primitive_fields() {
   return Fields<PartDescription>()
-      .kinds(
-          must("surface").one_of("shape"), declared,
+      .variant(
+          must("surface").one_of("shape"), primitive_shape,
           {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
            alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
            alternative<Primitive>("cylinder", cylinder_surface_fields(), "the outer wall about z"),
@@ -137,8 +140,8 @@ Fields<PartDescription> declared_fields() {
 
 Fields<PartDescription> mesh_fields() {
   return Fields<PartDescription>().all_of(
-      mesh, mesh_file_fields(must("file").one_of("shape"))
-                .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+      mesh_shape, mesh_file_fields(must("file").one_of("shape"))
+                      .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
 }
 
 Fields<PartSampling> part_sampling_fields() {
@@ -164,8 +167,8 @@ Fields<PartSampling> part_sampling_fields() {
 
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
 
-void choose_shape(TableReader& reader, PartDescription& part) {
-  // The key decides the kind of shape before any of the fields that depend on it is read.
+void select_shape(TableReader& reader, PartDescription& part) {
+  // Which of the following fields are read depends on the kind of shape.
   if (reader.has("file")) part.shape = MeshFile{};
   reader.accept_key("file");
   reader.accept_key("surface");
@@ -178,7 +181,7 @@ Fields<PartDescription> judged_fields() {
       .number(KeyName("judged_radius_min_mm").otherwise("all"), &PartDescription::judged_radius_min,
               non_negative, "from the part's z axis; vertices nearer are not judged")
       .check([](TableReader& reader, PartDescription& part) {
-        // A ring whose inner radius is not below the outer one contains no vertex.
+        // Otherwise the judged ring would contain no vertex.
         if (part.judged_radius_min && part.judged_radius_max &&
             !(*part.judged_radius_min < *part.judged_radius_max))
           reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm",
@@ -194,7 +197,7 @@ Fields<PartDescription> judged_fields() {
              {"regions", PartDescription::JudgedArea::Regions,
               "what lies in a `[[part.region]]`, cut or not"}},
             "which vertices have a verdict, of those that the keys below leave")
-      .where(
+      .only_if(
           is_mesh,
           Fields<PartDescription>()
               .word("facets", &PartDescription::flat_facets,
@@ -229,19 +232,21 @@ Fields<Ring> ring_fields() {
 void read_rings(TableReader& reader, PartDescription& part) {
   std::vector<Ring>& rings = part.rings;
   for (const Node* node : reader.tables("ring")) {
-    TableReader ring(*node, reader.name_of("ring"), reader.input_errors());
-    rings.push_back(ring_fields().read(ring));
-    ring.close();
-    // Rings are reported by name in `summary.json`.
+    TableReader ring_reader(*node, reader.name_of("ring"), reader.input_errors());
+    rings.push_back(ring_fields().read(ring_reader));
+    ring_reader.close();
+    // `summary.json` reports rings by name.
     for (std::size_t i = 0; i + 1 < rings.size(); ++i)
       if (rings[i].name == rings.back().name)
-        ring.refuse("name", "a name that no other ring has", "\"" + rings[i].name + "\" again");
+        ring_reader.refuse("name", "a name that no other ring has",
+                           "\"" + rings[i].name + "\" again");
   }
 }
 
 constexpr const char* tolerance_key = "tolerance_um";
 
-/// Reads a half width, where 0 means none, or two limits.
+/// Reads a tolerance, stated as a half width or as two limits. Returns nothing for the half width
+/// 0.
 std::optional<Tolerance> read_tolerance(TableReader& reader) {
   const Node* node = reader.accept_key(tolerance_key);
   if (!node) return std::nullopt;
@@ -261,14 +266,14 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
 void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
   const double unit = unit_of(tolerance_key);
   const Tolerance limits = tolerance.value_or(Tolerance{});
-  // Symmetric limits are written in the short form of a half width.
+  // Symmetric limits are written as a half width; no tolerance as 0.
   if (limits.lower == -limits.upper)
     put(table, tolerance_key, in_unit(limits.upper, unit));
   else
     put_numbers(table, tolerance_key, Eigen::Vector2d(limits.lower, limits.upper), unit);
 }
 
-Key tolerance_key_of(KeyName name, const char* sentence) {
+Key make_tolerance_key(KeyName name, const char* sentence) {
   Key key = make_key(name, Key::Kind::NumberOrNumbers, sentence);
   key.range = non_negative;
   key.size = 2;
@@ -277,7 +282,7 @@ Key tolerance_key_of(KeyName name, const char* sentence) {
 
 void read_colour(TableReader& reader, PartRegion& region) {
   const std::string text = reader.text("colour", "");
-  // An absent colour means every colour.
+  // Without the key the region has faces of every colour.
   if (text.empty()) return;
   region.colour = cutting::colour_of(text);
   if (!region.colour) reader.refuse("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
@@ -288,15 +293,14 @@ Fields<PartRegion> region_fields() {
   return Fields<Region>()
       .text(must("name"), &Region::name, "of the region, for people")
       .custom(
-          {tolerance_key_of(KeyName(tolerance_key).otherwise("that of the part"),
-                            "as `part.tolerance_um`, above 0")},
+          {make_tolerance_key(KeyName(tolerance_key).otherwise("that of the part"),
+                              "as `part.tolerance_um`, above 0")},
           [](TableReader& reader, Region& region) {
-            const std::size_t before = reader.input_errors().list().size();
+            const std::size_t error_count = reader.input_errors().list().size();
             region.tolerance = read_tolerance(reader);
-            // A region with the tolerance 0 would cancel the tolerance of the part without saying
-            // so.
-            const bool good = region.tolerance || !reader.has(tolerance_key);
-            if (!good && reader.input_errors().list().size() == before)
+            // For a part the tolerance 0 means none; a region would silently have that of the part.
+            const bool is_zero = !region.tolerance && reader.has(tolerance_key);
+            if (is_zero && reader.input_errors().list().size() == error_count)
               reader.refuse(tolerance_key, "above 0", "0");
           },
           [](const Region& region, Node::Table& table) {
@@ -320,35 +324,37 @@ Fields<PartRegion> region_fields() {
             if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
           })
       .check([](TableReader& reader, Region& region) {
-        const auto ordered = [&](const char* key, const std::optional<Eigen::VectorXd>& limits) {
-          // The first half of the numbers holds lower limits, the second half upper limits.
+        const auto check_order = [&](const char* key,
+                                     const std::optional<Eigen::VectorXd>& limits) {
+          // The first half of the numbers are lower limits, the second half upper limits.
           const Eigen::Index half = limits ? limits->size() / 2 : 0;
           if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
             reader.refuse(key, "the least first", "not less");
         };
-        ordered("z_mm", region.z);
-        ordered("radius_mm", region.radius);
-        ordered("box_mm", region.box);
+        check_order("z_mm", region.z);
+        check_order("radius_mm", region.radius);
+        check_order("box_mm", region.box);
       });
 }
 
 void read_regions(TableReader& reader, PartDescription& part) {
   for (const Node* node : reader.tables("region")) {
-    TableReader region(*node, reader.name_of("region"), reader.input_errors());
-    part.regions.push_back(region_fields().read(region));
+    TableReader region_reader(*node, reader.name_of("region"), reader.input_errors());
+    part.regions.push_back(region_fields().read(region_reader));
     part.regions.back().place = node->place;
-    // Only meshes have groups and colours of faces.
+    // Only meshes have faces with groups and colours.
     for (const char* key : {"group", "colour"})
-      if (region.has(key) && !is_mesh(part))
-        region.refuse(key, "a part from a mesh `file`", "a declared surface, which has no faces");
-    region.close();
+      if (region_reader.has(key) && !is_mesh(part))
+        region_reader.refuse(key, "a part from a mesh `file`",
+                             "a declared surface, which has no faces");
+    region_reader.close();
   }
 }
 
 Fields<PartDescription> tolerance_fields() {
   return Fields<PartDescription>()
       .custom(
-          {tolerance_key_of(
+          {make_tolerance_key(
               KeyName(tolerance_key).otherwise("none"),
               "how far the residual may lie to either side of the design, or "
               "`[lower, upper]`: + is material left; with it a case has a "
@@ -371,20 +377,20 @@ const Fields<PartDescription>& part_fields() {
   static const Fields<PartDescription> fields =
       Fields<PartDescription>()
           .text("name", &PartDescription::name, "of the part")
-          .check(choose_shape)
-          .where(is_mesh, mesh_fields())
-          .where(std::not_fn(is_mesh), declared_fields())
+          .check(select_shape)
+          .only_if(is_mesh, mesh_fields())
+          .only_if(std::not_fn(is_mesh), primitive_fields())
           .all_of(&PartDescription::T_wm, placement_fields())
           .all_of(&PartDescription::sampling, part_sampling_fields())
           .check([](TableReader& reader, PartDescription& part) {
-            // A stated number of vertices implies that the user wants exactly these vertices.
+            // A user who states the number of vertices wants these vertices and no refinement.
             if (reader.has("vertices") && !reader.has("sampling"))
               part.sampling.kind = PartSampling::Kind::Vertices;
           })
-          .all_of(itself, judged_fields())
+          .all_of(whole_struct, judged_fields())
           .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
                   "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
-          .all_of(itself, tolerance_fields())
+          .all_of(whole_struct, tolerance_fields())
           .custom({make_key(
                       "ring", Key::Kind::Tables,
                       "where the radius of a part of revolution is reported: `radii_um` in "
@@ -397,12 +403,13 @@ const Fields<PartDescription>& part_fields() {
   return fields;
 }
 
-void check_surface(TableReader& reader, const Primitive& primitive) {
-  if (std::holds_alternative<RectanglePlane>(primitive)) return;  // numbers are checked singly
+void check_primitive(TableReader& reader, const Primitive& primitive) {
+  // A rectangle has no profile, and its lengths are checked by their keys.
+  if (std::holds_alternative<RectanglePlane>(primitive)) return;
   try {
     cutting::profile(primitive);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("surface", "a surface that can be, of the keys of part", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("surface", "a surface that can be, of the keys of part", error.what());
   }
 }
 
@@ -410,11 +417,12 @@ void check_surface(TableReader& reader, const Primitive& primitive) {
 
 PartDescription read_part(const Node& table, InputErrors& input_errors) {
   TableReader reader(table, "part", input_errors);
-  const std::size_t before = input_errors.list().size();
+  const std::size_t error_count = input_errors.list().size();
   PartDescription part = part_fields().read(reader);
   reader.close();
-  // The profile of a partly read surface would give misleading errors.
-  if (!is_mesh(part) && input_errors.list().size() == before) check_surface(reader, declared(part));
+  // After an input error the profile would give misleading errors.
+  if (!is_mesh(part) && input_errors.list().size() == error_count)
+    check_primitive(reader, primitive_shape(part));
   return part;
 }
 

@@ -16,19 +16,19 @@
 
 namespace abbe::sim {
 
-/// Settings of the points on the part's surface at which the residual is evaluated.
+/// Selects the points of the part's surface at which the residual is evaluated.
 struct PartSampling {
   enum class Kind {
-    Adaptive,  ///< refined where the cut requires it, until the residual is linear between vertices
-    Spacing,   ///< no edge longer than a spacing
-    Vertices,  ///< those of the mesh, or the number stated by `vertices`
+    Adaptive,  ///< edges are refined until the residual is linear between vertices
+    Spacing,   ///< no edge is longer than `spacing`
+    Vertices,  ///< the vertices of the mesh, or `PartDescription::vertices` of them
   };
   Kind kind = Kind::Adaptive;
   std::optional<double> resolution;  ///< mm, tolerance of linear interpolation; none: a fraction of
                                      ///< the PV
   double spacing = 0.1;              ///< mm
-  double finest = 2e-3;              ///< mm, no edge is made shorter
-  int points = 1'000'000;            ///< upper limit
+  double finest = 2e-3;              ///< mm, least length of a refined edge
+  int points = 1'000'000;            ///< largest number of vertices
 };
 
 /// Limits of the residual in mm, lower < upper.
@@ -36,7 +36,7 @@ struct Tolerance {
   double lower = 0.0, upper = 0.0;
 };
 
-/// A region of the part that is judged or excluded, or has its own tolerance.
+/// A region of the part that is judged or excluded, or that has a tolerance of its own.
 struct PartRegion {
   std::string name;
   std::optional<Eigen::VectorXd> z, radius;  ///< (2) mm, from and to, in the part frame
@@ -48,6 +48,7 @@ struct PartRegion {
   Place place;  ///< position in the scene, for errors found in the mesh
 };
 
+/// The part: its design, the points at which it is evaluated, and the tolerances.
 struct PartDescription {
   std::string name;
   std::variant<cutting::Primitive, MeshFile> shape;
@@ -57,16 +58,16 @@ struct PartDescription {
   /// Judged surface, within the limits of the regions and numbers below.
   enum class JudgedArea { Cut, All, Regions };  ///< Cut: as the program intends
   JudgedArea judged = JudgedArea::Cut;
-  bool flat_facets = false;  ///< mesh files: the facets themselves are the surface, without
-                             ///< smoothing
+  bool flat_facets = false;  ///< mesh files: the facets are the surface; else a smooth surface
+                             ///< through the vertices
   double recognise = 1e-4;   ///< mesh files: mm; a face within this distance of a plane, sphere,
                              ///< cylinder, cone or torus is treated as that surface; 0: never
   double edge_angle =
       30.0 * std::numbers::pi / 180.0;  ///< mesh files: rad; edges sharper than this separate faces
   std::optional<double> edge_margin;  ///< mesh files: mm, excluded margin along sharp edges; none:
                                       ///< a fraction of the tool radius
-  double form_cutoff = 2.5;           ///< mm, wavelength of which half the amplitude passes into
-                                      ///< the form
+  double form_cutoff = 2.5;           ///< mm, cut-off wavelength of the areal filter, which passes
+                                      ///< half of its amplitude into the form
   std::optional<double>
       judged_radius_max;  ///< mm from the part's z axis; vertices farther out are excluded
   std::optional<double> judged_radius_min;
@@ -75,8 +76,8 @@ struct PartDescription {
   std::optional<double> judged_margin;  ///< mesh files: mm, excluded margin along the rim
   std::optional<Tolerance> tolerance;
   std::vector<PartRegion> regions;  ///< the last region that contains a point applies there
-  struct Ring {                     ///< a zone in which the radius of a part of revolution is
-                                    ///< reported
+  struct Ring {                     ///< a zone whose mean radius is reported, for parts of
+                                    ///< revolution
     std::string name;
     double along = 0.0;  ///< mm, z of the part frame
     double width = 0.0;  ///< mm, > 0
@@ -86,21 +87,23 @@ struct PartDescription {
 
 using Alignment = cutting::Alignment;
 
+/// Limits of the residual; `abbe` exits with 1 if one of them is exceeded.
 struct Limits {
-  std::optional<double> pv_um, rms_um, max_abs_um;  ///< exceeding one gives exit code 1
-  std::optional<double> form_pv_um, form_rms_um;    ///< of the map after the areal filter
+  std::optional<double> pv_um, rms_um, max_abs_um;
+  std::optional<double> form_pv_um, form_rms_um;  ///< of the residual after the areal filter
   std::optional<double> texture_sa_um, texture_sq_um, texture_sz_um;  ///< of the remainder
-  bool tolerance = false;  ///< a verdict of FAIL counts as exceeded
+  bool tolerance = false;  ///< a verdict of FAIL counts as an exceeded limit
 };
 
 struct Key;
 
+/// Reads and writes `[part]`.
 PartDescription read_part(const Node& table, InputErrors& input_errors);
 Node::Table written_part(const PartDescription& part);
 std::vector<Key> part_keys();
 
-/// Returns the material libraries that define the face colours of a part, namely those named by its
-/// OBJ file, if a region selects by colour. No key of a scene names these files.
+/// Returns the material libraries that define the face colours of the part. They are named by its
+/// OBJ file and not by the scene. Empty if no region selects faces by colour.
 /// @throws BadInput if the OBJ file cannot be read
 std::vector<std::filesystem::path> material_files(const PartDescription& part);
 

@@ -33,7 +33,7 @@ using File = ProgramDescription::File;
 using Source = decltype(ProgramDescription::source);
 
 constexpr Range spindle_rpm{0.0, 1e6, true, false};
-constexpr Range lean{-89.0, 89.0, false, false};
+constexpr Range tool_tilt_deg{-89.0, 89.0, false, false};
 
 Fields<NcFormat> format_fields() {
   return Fields<NcFormat>()
@@ -45,8 +45,8 @@ Fields<Raster> raster_fields() {
   return Fields<Raster>()
       .number("step_over_mm", &Raster::step_over, positive, "between passes, along the design")
       .number("step_mm", &Raster::step, positive, "between points of a pass, along the design")
-      .number("lead_deg", &Raster::lead, lean, "of the tool's axis, forward")
-      .number("tilt_deg", &Raster::tilt, lean, "of the tool's axis, about the feed")
+      .number("lead_deg", &Raster::lead, tool_tilt_deg, "of the tool's axis, forward")
+      .number("tilt_deg", &Raster::tilt, tool_tilt_deg, "of the tool's axis, about the feed")
       .number("feed_mm_per_min", &Raster::feed, positive, "of the tip")
       .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "of the spindle")
       .number("clearance_mm", &Raster::clearance, positive, "of the retract between passes")
@@ -73,8 +73,8 @@ Fields<Spiral> spiral_fields() {
   return Fields<Spiral>()
       .number(must("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
       .number(must("feed_um_per_rev"), &Spiral::feed_per_revolution, positive, "inwards, per turn")
-      // The default start depends on another key, so it is set after the feed has been read.
-      .then([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
+      // By default the cut starts one feed beyond the rim.
+      .derive([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
       .number(KeyName("start_beyond_rim_mm").otherwise("one feed"), &Spiral::start_beyond_rim,
               non_negative, "where the cut begins")
       .number("end_radius_mm", &Spiral::end_radius, non_negative,
@@ -86,30 +86,31 @@ Fields<Spiral> spiral_fields() {
 
 void check_file(TableReader& reader, File& program) {
   const std::filesystem::path& file = program.file;
-  const std::string ending = file.extension().string();
-  std::error_code failure;
-  constexpr std::array<std::string_view, 18> endings = {
+  const std::string extension = file.extension().string();
+  std::error_code error_code;
+  constexpr std::array<std::string_view, 18> known_extensions = {
       ".ngc", ".nc",  ".tap", ".cnc", ".gcode", ".eia", ".mpf", ".spf", ".h",
       ".cl",  ".cls", ".apt", ".ncl", ".txt",   ".min", ".iso", ".csv", ".pvt"};
-  // The extension decides how the file is read.
-  if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
+  // How the file is read depends on its extension.
+  if (std::find(known_extensions.begin(), known_extensions.end(), extension) ==
+      known_extensions.end()) {
     reader.refuse("file",
                   "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
                   ".apt, .ncl, .txt, .min, .iso, .csv or .pvt",
                   file.string());
-  } else if (!std::filesystem::is_regular_file(file, failure)) {
+  } else if (!std::filesystem::is_regular_file(file, error_code)) {
     reader.refuse("file", "a file that can be read", missing_file_text(file));
   }
-  const bool pvt = program.dialect != Dialect::Cl && (ending == ".csv" || ending == ".pvt");
-  // A PVT table lists axis positions, so there are no tool vectors to which a pole rule could
-  // apply.
-  if (pvt && program.pole.rule != PoleRule::AsProgrammed)
+  const bool is_pvt =
+      program.dialect != Dialect::Cl && (extension == ".csv" || extension == ".pvt");
+  // A PVT table lists axis positions, so it has no tool vectors to which a pole rule would apply.
+  if (is_pvt && program.pole.rule != PoleRule::AsProgrammed)
     reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
-  if (pvt && !program.startup_code.empty())
+  if (is_pvt && !program.startup_code.empty())
     reader.refuse("startup_code", "none beside a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
-  // LinuxCNC's interpreter reads only its own dialect.
-  if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
+  // The interpreter of LinuxCNC reads no other dialect.
+  if (is_pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
     reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
                   "\"linuxcnc\"");
 }
@@ -123,7 +124,7 @@ void read_block_skip(TableReader& reader, File& program) {
 }
 
 Fields<PoleOptions> pole_fields() {
-  constexpr Range near{0.0, 45.0, true, false}, change{0.0, 90.0};
+  constexpr Range near_range{0.0, 45.0, true, false}, change_range{0.0, 90.0};
   return Fields<PoleOptions>()
       .word("pole", &PoleOptions::rule,
             {{"as_programmed", PoleRule::AsProgrammed, "what the dialect does by itself"},
@@ -135,14 +136,15 @@ Fields<PoleOptions> pole_fields() {
              {"siemens", PoleRule::Siemens,
               "vectors on great circles, for Siemens and cutter locations"}},
             "the control's rule for vectors of the tool and near a pole")
-      .where([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
-             Fields<PoleOptions>()
-                 .number(must("pole_near_deg"), &PoleOptions::near, near,
-                         "parameter 19738: nearer to a pole than this is close; must be given with "
-                         "pole = \"fanuc\"")
-                 .number(must("pole_change_deg"), &PoleOptions::max_change, change,
-                         "parameter 19739: by which the end of a block may be turned about the "
-                         "pole; must be given with pole = \"fanuc\""));
+      .only_if(
+          [](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
+          Fields<PoleOptions>()
+              .number(must("pole_near_deg"), &PoleOptions::near, near_range,
+                      "parameter 19738: nearer to a pole than this is close; must be given with "
+                      "pole = \"fanuc\"")
+              .number(must("pole_change_deg"), &PoleOptions::max_change, change_range,
+                      "parameter 19739: by which the end of a block may be turned about the "
+                      "pole; must be given with pole = \"fanuc\""));
 }
 
 Fields<TurningOptions> turning_fields() {
@@ -174,23 +176,23 @@ Fields<InterpreterLimits> interpreter_fields() {
               "of its commands, about 120 bytes a move");
 }
 
-void read_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
+void read_control_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
   if (table.file.empty()) return;
   try {
     table.table = dialects::read_control_table_file(table.file, kind, table.unit);
-  } catch (const dialects::BadProgram& bad) {
-    // A table can have many errors; each keeps its own line in the file.
-    for (const BadInput& fault : bad.input_errors) reader.input_errors().add(fault);
+  } catch (const dialects::BadProgram& bad_program) {
+    // Every error has its own line in the table.
+    for (const BadInput& error : bad_program.input_errors) reader.input_errors().add(error);
   } catch (const BadInput&) {
     reader.refuse("file", "a file that can be read", missing_file_text(table.file));
   }
 }
 
 Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
-  const bool tools = kind == dialects::TableKind::Tools;
+  const bool is_tool_table = kind == dialects::TableKind::Tools;
   return Fields<ControlTableFile>()
       .text(must("file"), &ControlTableFile::file,
-            tools
+            is_tool_table
                 ? "a tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
                   "Heidenhain .t"
                 : "work offsets: LinuxCNC .var, a listing of Fanuc's G10 L2 and L20, Siemens "
@@ -201,12 +203,12 @@ Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
              {"inch", units::inch, "inches"}},
             "of lengths in it; must be given where the file does not say it")
       .check([kind](TableReader& reader, ControlTableFile& table) {
-        read_table(reader, table, kind);
+        read_control_table(reader, table, kind);
       });
 }
 
-void check_tables(TableReader& reader, ProgramDescription& program) {
-  // The table replaces these keys entirely; a mixture would leave the origin of a length unclear.
+void check_table_keys(TableReader& reader, ProgramDescription& program) {
+  // A table replaces these keys as a whole; with both, it would be unclear which value applies.
   if (program.tools && reader.has("tool_length_mm"))
     reader.refuse("tool_length_mm", "either it or tools, which has every length", "both");
   if (program.offsets && reader.has("work_offset"))
@@ -219,7 +221,7 @@ Fields<ProgramDescription> control_table_fields() {
              "what the control believes of its tools; what they are stands in [[tool]], by number")
       .table("offsets", &ProgramDescription::offsets, table_fields(dialects::TableKind::Offsets),
              "the work offsets of the control, instead of work_offset")
-      .check(check_tables);
+      .check(check_table_keys);
 }
 
 Fields<ProgramDescription> file_fields() {
@@ -279,7 +281,7 @@ Fields<ProgramDescription> file_fields() {
 }
 
 Fields<ProgramDescription> generator_fields() {
-  return Fields<ProgramDescription>().kinds(
+  return Fields<ProgramDescription>().variant(
       must("generator").one_of("source"), &ProgramDescription::source,
       {alternative<Source>("raster", raster_fields(), "parallel passes of a milling cutter"),
        alternative<Source>("flank", flank_fields(), "the flank of a cutter once around a cone"),
@@ -291,8 +293,8 @@ bool is_program_file(const ProgramDescription& program) {
   return std::holds_alternative<File>(program.source);
 }
 
-void choose_source(TableReader& reader, ProgramDescription& program) {
-  // A missing `file` selects the generators, so their keys are known before they are read.
+void select_source(TableReader& reader, ProgramDescription& program) {
+  // Which of the following fields are read depends on the source.
   if (!reader.has("file")) program.source = Raster{};
   reader.accept_key("file");
   reader.accept_key("generator");
@@ -310,10 +312,10 @@ void read_tool_lengths(TableReader& program, ProgramDescription& description) {
   if (!section) return;
   TableReader reader(*section, program.name_of("tool_length_mm"), program.input_errors());
   for (const Node::Entry& entry : *section->table()) {
-    const bool digits =
+    const bool is_h_number =
         entry.key.size() <= 3 && entry.key.find_first_not_of("0123456789") == std::string::npos;
-    if (!digits) {
-      // The key is marked as known, so that it is not reported twice.
+    if (!is_h_number) {
+      // Accepted, so that it is not reported as an unknown key as well.
       reader.accept_key(entry.key);
       program.input_errors().add(entry.place, "an H number from 0 to 999", entry.key);
       continue;
@@ -332,13 +334,14 @@ void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
 using Joints = std::vector<kinematics::Joint>;
 
 Key work_offset_key() {
-  Key one = make_key("G<54..59>", Key::Kind::Table,
-                     "where the words of the program count from: with rotary axes a place in the "
-                     "workpiece, else positions of the slides",
-                     axis_position_fields({}).keys());
-  one.pattern = "G5[4-9]";
+  Key offset =
+      make_key("G<54..59>", Key::Kind::Table,
+               "where the words of the program count from: with rotary axes a place in the "
+               "workpiece, else positions of the slides",
+               axis_position_fields({}).keys());
+  offset.pattern = "G5[4-9]";
   return make_key("work_offset", Key::Kind::Table,
-                  "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`", {one});
+                  "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`", {offset});
 }
 
 std::string work_offset_name(std::size_t i) { return "G" + std::to_string(54 + i); }
@@ -351,10 +354,10 @@ void read_work_offsets(TableReader& program, const Joints& joints,
   for (std::size_t i = 0; i < description.work_offset.size(); ++i) {
     const Node* node = reader.section(work_offset_name(i));
     if (!node) continue;
-    TableReader words(*node, reader.name_of(work_offset_name(i)), program.input_errors());
-    description.work_offset[i] = read_axis_positions(words, joints);
-    // Without joints every axis word would look unknown.
-    if (!joints.empty()) words.close();
+    TableReader offset(*node, reader.name_of(work_offset_name(i)), program.input_errors());
+    description.work_offset[i] = read_axis_positions(offset, joints);
+    // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
+    if (!joints.empty()) offset.close();
   }
   reader.close();
 }
@@ -362,21 +365,21 @@ void read_work_offsets(TableReader& program, const Joints& joints,
 void put_work_offsets(const ProgramDescription& program, const Joints& joints, Node::Table& table) {
   Node::Table offsets;
   for (std::size_t i = 0; i < program.work_offset.size(); ++i)
-    // An empty vector means that the offset is not set.
+    // An empty vector stands for an offset that is not set.
     if (program.work_offset[i].size() > 0)
       put(offsets, work_offset_name(i),
           axis_position_fields(joints).written(program.work_offset[i]));
   if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
 }
 
-/// Returns all keys except those of work offsets, which depend on the axes of the machine.
+/// Returns all fields except the work offsets, which depend on the axes of the machine.
 const Fields<ProgramDescription>& program_fields() {
   static const Fields<ProgramDescription> fields =
       Fields<ProgramDescription>()
-          .check(choose_source)
-          .where(is_program_file, file_fields())
-          .where(is_program_file, control_table_fields())
-          .where(std::not_fn(is_program_file), generator_fields())
+          .check(select_source)
+          .only_if(is_program_file, file_fields())
+          .only_if(is_program_file, control_table_fields())
+          .only_if(std::not_fn(is_program_file), generator_fields())
           .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths);
   return fields;
 }
@@ -384,30 +387,31 @@ const Fields<ProgramDescription>& program_fields() {
 }  // namespace
 
 void check_axes(dialects::ControlTable& offsets, const Joints& joints, InputErrors& input_errors) {
-  constexpr int first_deferred_offset = 500;  // of Siemens and Heidenhain
+  // Offsets of Siemens and Heidenhain are numbered from 500. Their tables may serve several
+  // machines, and the control itself reports a call of an offset that it does not have.
+  constexpr int first_removable_offset = 500;
   if (joints.empty()) return;
   const std::string letters = kinematics::letters(joints);
-  std::string left_out;
-  std::erase_if(offsets.offsets, [&](const auto& one) {
-    const auto& [number, offset] = one;
-    bool fits = true;
+  std::string removed_names;
+  std::erase_if(offsets.offsets, [&](const auto& entry) {
+    const auto& [number, offset] = entry;
+    bool fits_machine = true;
     for (const auto& [axis, value] : offset.axes) {
-      // An offset of zero has no effect, so an axis that the machine lacks is harmless there.
+      // An offset of zero has no effect.
       if (value.value == 0.0 || letters.find(axis) != std::string::npos) continue;
-      fits = false;
-      // Offsets from this number on are common to many machines in one table, so they are removed
-      // with a note.
-      if (number < first_deferred_offset)
+      fits_machine = false;
+      if (number < first_removable_offset)
         input_errors.add(BadInput(offsets.file, value.line, value.column,
                                   "an offset of an axis of this machine (" + letters + ")",
                                   std::string(1, axis)));
     }
-    if (!fits) left_out += (left_out.empty() ? "" : ", ") + offset_name(offsets.control, number);
-    return !fits;
+    if (!fits_machine)
+      removed_names += (removed_names.empty() ? "" : ", ") + offset_name(offsets.control, number);
+    return !fits_machine;
   });
-  if (!left_out.empty())
-    offsets.notes.push_back(offsets.file +
-                            ": left out, being of axes that this machine has not: " + left_out);
+  if (!removed_names.empty())
+    offsets.notes.push_back(
+        offsets.file + ": left out, being of axes that this machine has not: " + removed_names);
 }
 
 ProgramDescription read_program(const Node& table, const Joints& joints,

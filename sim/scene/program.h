@@ -20,35 +20,35 @@ namespace abbe::sim {
 
 /// A program stored in a file.
 struct ProgramFile {
-  std::filesystem::path file;  ///< .csv and .pvt are PVT unless `dialect` is Cl; other files are
-                               ///< machining programs
+  std::filesystem::path file;  ///< a PVT table if it ends in .csv or .pvt and `dialect` is not Cl;
+                               ///< else a machining program
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::UnknownWordPolicy on_unknown = dialects::UnknownWordPolicy::Refuse;
   program::BlockSkip block_skip = program::BlockSkip().set();
   std::string startup_code;  ///< a block that is read before the first line
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   dialects::InterpreterLimits interpreter_limits = {};
-  int max_moves = 20'000'000;  ///< limit of moves and executed blocks; each pass of a loop or cycle
-                               ///< counts
+  int max_moves = 20'000'000;  ///< limit of moves and executed blocks, counted in every iteration
+                               ///< of a loop or cycle
   dialects::PoleOptions pole = {};
   dialects::TurningOptions turning = {};
-  double pole_warning = 2.0 * units::deg;  ///< rad, distance from a pole below which a warning is
-                                           ///< given; 0: never
+  double pole_warning = 2.0 * units::deg;  ///< rad, distance from a pole below which there is a
+                                           ///< warning; 0: never
 };
 
-/// A table of the control from a file, read together with the scene.
+/// A tool table or work offsets of the control, read from a file.
 struct ControlTableFile {
   std::filesystem::path file;
   std::optional<double> unit;  ///< mm per unit of length; none if the file states it
   dialects::ControlTable table;
 };
 
-/// A program, either from a file or written by a generator.
+/// A program from a file or from a generator, with the tool lengths and work offsets of the
+/// control.
 struct ProgramDescription {
   using File = ProgramFile;
   std::variant<File, program::Raster, program::Flank, program::Spiral> source;
-  std::map<int, double> tool_length;  ///< mm by H number; that of the tool in use is present
-                                      ///< already
+  std::map<int, double> tool_length;  ///< mm by H number
   std::array<kinematics::AxisVector, 6> work_offset{};
   std::optional<ControlTableFile> tools;    ///< replaces `tool_length` and the tools of the scene
   std::optional<ControlTableFile> offsets;  ///< replaces `work_offset`
@@ -56,13 +56,13 @@ struct ProgramDescription {
 
 struct Key;
 
-/// Reads `program`.
-/// @param joints  of the machine, for the words of work offsets
+/// Reads and writes `[program]`.
+/// @param joints  joints of the machine, to which the work offsets refer
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 InputErrors& input_errors);
-/// Rejects offsets of axes that the machine lacks. Offsets that their control itself rejects when
-/// they are called and absent are removed and noted instead.
-/// @param joints  of the machine; if empty, nothing is checked
+/// Reports offsets of axes that the machine does not have. Offsets of Siemens and Heidenhain
+/// tables, which serve several machines, are removed with a note instead.
+/// @param joints  joints of the machine; if empty, nothing is checked
 void check_axes(dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
                 InputErrors& input_errors);
 Node::Table written_program(const ProgramDescription& program,

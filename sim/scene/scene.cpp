@@ -26,27 +26,30 @@ std::vector<ToolDescription> all_tools(const Scene& scene) {
 namespace {
 
 /// Returns the entry of a tool in the control's table; null without a table or an entry.
-const dialects::TableTool* in_table(const Scene& scene, const ToolDescription& tool) {
+const dialects::TableTool* find_table_entry(const Scene& scene, const ToolDescription& tool) {
   if (!scene.program.tools || !tool.number) return nullptr;
-  const auto& known = scene.program.tools->table.tools;
-  const auto found = known.find(*tool.number);
-  return found == known.end() ? nullptr : &found->second;
+  const auto& entries = scene.program.tools->table.tools;
+  const auto entry = entries.find(*tool.number);
+  return entry == entries.end() ? nullptr : &entry->second;
 }
 
-/// Returns "a length of 80.005 mm, 5 um more than the true one"; empty if both agree.
-std::string apart(const char* what, double believed, double truly) {
-  constexpr double same = 1e-6;  // mm; tables have four to six decimals
-  const double more = believed - truly;
-  if (std::abs(more) <= same) return "";
-  return fmt::format("a {} of {:.10g} mm, {:.6g} um {} than the true {:.10g} mm", what, believed,
-                     std::abs(more) / units::um, more > 0.0 ? "more" : "less", truly);
+/// Returns a text such as "a length of 80.005 mm, 5 um more than the true 80 mm"; empty if both
+/// values agree.
+/// @param quantity  "length" or "radius"
+std::string difference_text(const char* quantity, double believed, double actual) {
+  constexpr double tolerance = 1e-6;  // mm; tables have four to six decimals
+  const double difference = believed - actual;
+  if (std::abs(difference) <= tolerance) return "";
+  return fmt::format("a {} of {:.10g} mm, {:.6g} um {} than the true {:.10g} mm", quantity,
+                     believed, std::abs(difference) / units::um, difference > 0.0 ? "more" : "less",
+                     actual);
 }
 
 }  // namespace
 
 double control_tool_length(const Scene& scene, const ToolDescription& tool) {
-  const dialects::TableTool* known = in_table(scene, tool);
-  if (known && known->length) return *known->length;
+  const dialects::TableTool* entry = find_table_entry(scene, tool);
+  if (entry && entry->length) return *entry->length;
   return scene.control.tool_length.value_or(tool.length);
 }
 
@@ -54,36 +57,36 @@ std::vector<std::string> tool_table_warnings(const Scene& scene) {
   if (!scene.program.tools) return {};
   std::vector<std::string> warnings;
   for (const ToolDescription& tool : all_tools(scene)) {
-    const dialects::TableTool* known = in_table(scene, tool);
-    // The program may never call the tool, so its absence is a warning and not an error.
-    if (!known) {
+    const dialects::TableTool* entry = find_table_entry(scene, tool);
+    // The program may never call the tool, so this is a warning and not an input error.
+    if (!entry) {
       warnings.push_back(
           fmt::format("the tool table of the control has no T{}: a program that "
                       "calls it is refused",
                       tool.number.value_or(0)));
       continue;
     }
-    std::string text;
-    const auto add = [&](const std::string& one) {
-      if (!one.empty()) text += (text.empty() ? "" : ", and ") + one;
+    std::string differences;
+    const auto add = [&](const std::string& difference) {
+      if (!difference.empty()) differences += (differences.empty() ? "" : ", and ") + difference;
     };
-    if (known->length) add(apart("length", *known->length, tool.actual_length));
+    if (entry->length) add(difference_text("length", *entry->length, tool.actual_length));
     const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
     // Only milling cutters have a radius that can be compared.
-    if (cutter && known->radius) add(apart("radius", *known->radius, cutter->radius));
-    if (!text.empty())
+    if (cutter && entry->radius) add(difference_text("radius", *entry->radius, cutter->radius));
+    if (!differences.empty())
       warnings.push_back(
-          fmt::format("the control believes T{} to have {}", tool.number.value_or(0), text));
+          fmt::format("the control believes T{} to have {}", tool.number.value_or(0), differences));
   }
   return warnings;
 }
 
 Scene with_tool(Scene scene, int number) {
   const std::vector<ToolDescription> tools = all_tools(scene);
-  const auto wanted = std::ranges::find_if(
-      tools, [&](const ToolDescription& tool) { return tool.number == number; });
-  if (wanted == tools.end()) throw std::out_of_range("a tool that the scene describes");
-  scene.tool = *wanted;
+  const auto tool = std::ranges::find_if(
+      tools, [&](const ToolDescription& candidate) { return candidate.number == number; });
+  if (tool == tools.end()) throw std::out_of_range("a tool that the scene describes");
+  scene.tool = *tool;
   scene.additional_tools.clear();
   return scene;
 }

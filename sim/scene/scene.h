@@ -26,7 +26,7 @@
 
 namespace abbe::sim {
 
-/// A view of a picture, given by the camera position in the part frame.
+/// The camera of pictures, in the part frame.
 struct ViewDescription {
   Eigen::Vector3d from =
       Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< direction from the part to the camera
@@ -34,13 +34,11 @@ struct ViewDescription {
   std::optional<double> range_um;  ///< colour scale from -range to +range; none: fitted
 };
 
-// The complete sequence: description (TOML), compiled machine, part and path, simulation, report.
-
 struct Node;
 
-/// A scene as read, a description without compiled parts.
+/// A scene as its file describes it: machine, errors, tool, program, part and judgement.
 struct Scene {
-  // defined in one source file, which spares every other the compilation of copies and moves
+  // Defined in scene.cpp, so that no other source file compiles copies and moves of a scene.
   Scene();
   Scene(const Scene&);
   Scene(Scene&&) noexcept;
@@ -67,46 +65,44 @@ struct Scene {
   kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping deviation of the part,
                                                                 ///< at w
   ToolDescription tool;
-  std::vector<ToolDescription>
-      additional_tools;  ///< further tools; then every tool has its own number
+  std::vector<ToolDescription> additional_tools;  ///< if there are any, every tool has a number
   PartDescription part;
   ProgramDescription program;
   ControlDescription control;
   DatumDescription datum;
   Alignment alignment = Alignment::None;
-  double chord_tolerance = 5e-7;  ///< mm
-  double max_step = 1.0;          ///< mm
-  double band = 2.0;              ///< mm
+  double chord_tolerance = 5e-7;  ///< mm, of the sampled path of the tool
+  double max_step = 1.0;          ///< mm, between two samples of the path
+  double band = 2.0;              ///< mm, within which the machined surface is searched for
   ViewDescription view;
   Limits limits;
   BeliefDescription belief;
   CompensationDescription compensation;
-  std::string case_name;  ///< the case that `run` cuts without --case, as stated in the scene.toml
-                          ///< of a finished result; empty: uncompensated
-  std::vector<CaseDescription> cases;  ///< compensators for comparison runs, in order
+  std::string case_name;  ///< the case that `run` cuts without --case; the scene.toml of a result
+                          ///< states its own. Empty: uncompensated
+  std::vector<CaseDescription> cases;  ///< the cases of `compare`, in order
   std::vector<Variant> variants;
   std::string
-      resolved;  ///< TOML text with the section files included; running it again gives identical
-                 ///< bits. Data files (mesh, tables, program) are named by absolute path
-  std::shared_ptr<const Node> tree;            ///< the tree from which the scene was read, with all
-                                               ///< changes
-  std::vector<std::filesystem::path> files;    ///< files read or named; set by read_scene
-  std::vector<NamedProgram> programs;          ///< programs that it would run; set by read_scene
-  std::vector<std::filesystem::path> trusted;  ///< programs that it may run: sim/scene/trust.h
+      resolved;  ///< TOML text with the section files included and data files (mesh, tables,
+                 ///< program) named by absolute path; it gives the same results to the bit
+  std::shared_ptr<const Node> tree;            ///< from which the scene was read, with all changes
+  std::vector<std::filesystem::path> files;    ///< files that it names; set by read_scene
+  std::vector<NamedProgram> programs;          ///< programs that it names; set by read_scene
+  std::vector<std::filesystem::path> trusted;  ///< programs that it may run, see sim/scene/trust.h
 };
 
-/// Returns all tools of a scene in the order of their description.
+/// Returns all tools of a scene in the order of its file.
 std::vector<ToolDescription> all_tools(const Scene& scene);
 
-/// Returns the length from the nose to the tip as the control knows it, mm: from its tool table,
-/// else from its own section, else from the scene.
+/// Returns the length from the nose to the tip that the control believes, mm: from the tool table,
+/// else from `[control]`, else the nominal length.
 double control_tool_length(const Scene& scene, const ToolDescription& tool);
 
-/// Returns warnings with figures for tools whose entries in the control's table differ from the
-/// true ones by more than 1 nm, and for tools missing there.
+/// Returns warnings for tools whose length or radius in the control's tool table differs from the
+/// true one by more than 1 nm, and for tools that are missing in the table.
 std::vector<std::string> tool_table_warnings(const Scene& scene);
 
-/// Returns the scene with the tool of that number as its only tool.
+/// Returns the scene with one of its tools as the only tool.
 /// @throws std::out_of_range if the scene has no such tool
 Scene with_tool(Scene scene, int number);
 

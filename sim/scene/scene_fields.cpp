@@ -22,10 +22,7 @@
 
 namespace abbe::sim {
 
-template <typename T>
-class Fields;
-
-/// Returns the fields of `[sampling]`, `[search]`, `[view]` and `[limits]`.
+/// Return the fields of `[sampling]`, `[search]`, `[view]` and `[limits]`.
 const Fields<Scene>& sampling_fields();
 const Fields<Scene>& search_fields();
 const Fields<ViewDescription>& view_fields();
@@ -45,13 +42,13 @@ Key list_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
   return key;
 }
 
-Key with_file(Key key) {
+Key allow_file(Key key) {
   key.or_file = true;
   return key;
 }
 
-/// Returns the table of a section; null if it is missing or is still the name of a file. The latter
-/// could not be read, which has been reported already.
+/// Returns the table of a section; null if it is missing or if its file is invalid. In the latter
+/// case the value is still the name of the file, and the error is reported already.
 const Node* section(TableReader& scene, const Key& key) {
   const Node* node = scene.accept_key(key.name);
   if (!node && key.required) scene.missing(key.name, "a table or a file");
@@ -59,19 +56,19 @@ const Node* section(TableReader& scene, const Key& key) {
   return node ? scene.section(key.name) : nullptr;
 }
 
-/// Adds a section that may be stored in a file of its own, with functions to read and write it.
+/// Adds a section that may be stored in a file of its own.
 /// @param read  (const Node&, Scene&, InputErrors&)
 /// @param write  (const Scene&) -> optional<Node::Table>
 template <typename Read, typename Write>
 void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
-  key = with_file(std::move(key));
+  key = allow_file(std::move(key));
   fields.custom(
       {key},
       [key, read](TableReader& reader, Scene& scene) {
         if (const Node* node = section(reader, key)) read(*node, scene, reader.input_errors());
       },
       [key, write](const Scene& scene, Node::Table& table) {
-        if (auto own = write(scene)) put(table, key.name, std::move(*own));
+        if (auto section = write(scene)) put(table, key.name, std::move(*section));
       });
 }
 
@@ -81,24 +78,24 @@ void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
 template <typename Read, typename Write>
 void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
   fields.custom({key}, read, [key, write](const Scene& scene, Node::Table& table) {
-    Node::Array all;
-    for (Node::Table& own : write(scene)) all.push_back(Node{{}, std::move(own)});
-    if (!all.empty()) put(table, key.name, std::move(all));
+    Node::Array list;
+    for (Node::Table& element : write(scene)) list.push_back(Node{{}, std::move(element)});
+    if (!list.empty()) put(table, key.name, std::move(list));
   });
 }
 
 void add_errors(Fields<Scene>& fields) {
   Key key =
-      with_file(list_key("errors", errors_keys(),
-                         "geometric errors: a table, a file, or a list of them, which add up"));
+      allow_file(list_key("errors", errors_keys(),
+                          "geometric errors: a table, a file, or a list of them, which add up"));
   fields.custom(
       {key},
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.accept_key("errors");
         if (!node) return;
-        ErrorsSection read = read_errors(*node, scene.machine, scene.seed, reader.input_errors());
-        scene.geometric = std::move(read.geometric);
-        scene.error_scale = read.scale;
+        ErrorsSection errors = read_errors(*node, scene.machine, scene.seed, reader.input_errors());
+        scene.geometric = std::move(errors.geometric);
+        scene.error_scale = errors.scale;
       },
       [](const Scene& scene, Node::Table& table) {
         put(table, "errors", written_errors({scene.geometric, scene.error_scale}, scene.machine));
@@ -106,26 +103,26 @@ void add_errors(Fields<Scene>& fields) {
 }
 
 void add_tools(Fields<Scene>& fields) {
-  Key key = with_file(list_key(must("tool"), tool_keys(),
-                               "cutter or turning tool: a table, a file, or a list of them, each "
-                               "with its `number`, for a program that changes tools"));
+  Key key = allow_file(list_key(must("tool"), tool_keys(),
+                                "cutter or turning tool: a table, a file, or a list of them, each "
+                                "with its `number`, for a program that changes tools"));
   fields.custom(
       {key},
       [](TableReader& reader, Scene& scene) {
         const Node* node = reader.accept_key("tool");
         if (!node) reader.missing("tool", "a table or a file");
-        if (!node || node->text()) return;  // a file that could not be read
+        if (!node || node->text()) return;  // the file is invalid, which is reported
         std::vector<ToolDescription> tools = read_tools(*node, reader.input_errors());
         scene.tool = std::move(tools.front());
         scene.additional_tools.assign(tools.begin() + 1, tools.end());
       },
       [](const Scene& scene, Node::Table& table) {
-        // Most scenes have one tool and write it as a table, so it is written back as one.
+        // A single tool is written as a table and not as a list.
         if (scene.additional_tools.empty()) return put(table, "tool", written_tool(scene.tool));
-        Node::Array all;
+        Node::Array tools;
         for (const ToolDescription& tool : all_tools(scene))
-          all.push_back(Node{{}, written_tool(tool)});
-        put(table, "tool", std::move(all));
+          tools.push_back(Node{{}, written_tool(tool)});
+        put(table, "tool", std::move(tools));
       });
 }
 
@@ -156,40 +153,39 @@ void add_machine_to_program(Fields<Scene>& fields) {
       });
 }
 
-/// Reads the thermal section of the machine. History and room temperature at the top level of the
-/// scene replace those of the section.
+/// Reads the section `thermal`. History and room temperature at the top level of the scene replace
+/// those of the section.
 std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& thermal,
                                             const Scene& scene) {
   const Node* node = section(reader, thermal);
-  // Merged in a copy: the section may come from a file that other scenes use too.
-  std::optional<Node> with_day;
-  if (node) with_day = *node;
+  std::optional<Node> merged_section;
+  if (node) merged_section = *node;
   for (const std::string key : {"history", "room", "room_C"}) {
-    const Node* day = reader.accept_key(key);
-    if (!day) continue;
+    const Node* scene_value = reader.accept_key(key);
+    if (!scene_value) continue;
     if (!node) {
-      // If the section exists but could not be read, that has been reported.
+      // A section that is present but invalid is reported already.
       if (!reader.has("thermal")) reader.refuse(key, "a [thermal] section beside " + key, "none");
       continue;
     }
-    std::erase_if(*with_day->table(), [&](const Node::Entry& entry) {
+    std::erase_if(*merged_section->table(), [&](const Node::Entry& entry) {
       // `room` and `room_C` exclude each other, so either one of the scene replaces both.
-      const bool other_room = entry.key.starts_with("room") && !reader.has(entry.key);
-      return entry.key == key || (key != "history" && other_room);
+      const bool is_other_room = entry.key.starts_with("room") && !reader.has(entry.key);
+      return entry.key == key || (key != "history" && is_other_room);
     });
-    with_day->table()->push_back({key, day->place, *day});
+    merged_section->table()->push_back({key, scene_value->place, *scene_value});
   }
-  if (!with_day) return std::nullopt;
-  return read_thermal(*with_day, scene.machine, scene.seed, reader.input_errors());
+  if (!merged_section) return std::nullopt;
+  return read_thermal(*merged_section, scene.machine, scene.seed, reader.input_errors());
 }
 
 void add_thermal(Fields<Scene>& fields) {
-  const Key thermal = with_file(table_key("thermal", thermal_keys(), "heat, and what it does"));
+  const Key thermal = allow_file(table_key("thermal", thermal_keys(), "heat, and what it does"));
   std::vector<Key> keys{thermal};
   for (Key key : thermal.keys) {
     if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
     key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
-    // Inside the section one of these keys is required; at the top level each is optional.
+    // One of these keys is required in the section, but none at the top level.
     key.either.clear();
     key.required = false;
     keys.push_back(std::move(key));
@@ -205,7 +201,7 @@ void add_thermal(Fields<Scene>& fields) {
       });
 }
 
-void add_force(Fields<Scene>& fields) {
+void add_compliance_and_vibration(Fields<Scene>& fields) {
   add_section(
       fields, table_key("compliance", compliance_keys(), "what gives way"),
       [](const Node& node, Scene& scene, InputErrors& input_errors) {
@@ -222,9 +218,10 @@ void add_force(Fields<Scene>& fields) {
           scene.vibrations.push_back(read_vibration(*node, scene.machine, reader.input_errors()));
       },
       [](const Scene& scene) {
-        std::vector<Node::Table> all;
-        for (const auto& one : scene.vibrations) all.push_back(written_vibration(one));
-        return all;
+        std::vector<Node::Table> tables;
+        for (const errors::Vibration& vibration : scene.vibrations)
+          tables.push_back(written_vibration(vibration));
+        return tables;
       });
 }
 
@@ -239,16 +236,17 @@ void add_stock(Fields<Scene>& fields) {
         if (scene.cutting) put(table, "cutting", written_cutting(*scene.cutting, scene.tool));
       });
   const Key material =
-      with_file(table_key(KeyName("material").otherwise("none: no forces"), material_keys(),
-                          "cutting coefficients, beside `[cutting]`"));
+      allow_file(table_key(KeyName("material").otherwise("none: no forces"), material_keys(),
+                           "cutting coefficients, beside `[cutting]`"));
   fields.custom(
       {material},
       [material](TableReader& reader, Scene& scene) {
         const Node* node = section(reader, material);
         if (!node) return;
-        const cutting::CuttingCoefficients read = read_material(*node, reader.input_errors());
+        const cutting::CuttingCoefficients coefficients =
+            read_material(*node, reader.input_errors());
         if (scene.cutting)
-          scene.cutting->material = read;
+          scene.cutting->material = coefficients;
         else
           reader.refuse("material", "a [cutting] section beside the material", "none");
       },
@@ -278,9 +276,9 @@ void add_instruments(Fields<Scene>& fields) {
         const Node* node = reader.section("sensor_choice");
         if (!node) return;
         scene.sensor_choice = read_sensor_choice(*node, reader.input_errors());
-        // The choice draws random subsets, from the seed of the scene.
+        // The seed of the random subsets.
         scene.sensor_choice->study.seed = scene.seed;
-        // Without heat there is no drift by which sensors could be judged.
+        // Without heat there is no drift by which sensors could be rated.
         if (!scene.thermal && !reader.has("thermal"))
           reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
       },
@@ -298,27 +296,27 @@ void add_control(Fields<Scene>& fields) {
           scene.control = read_control(*node, scene.machine.joints, reader.input_errors());
       },
       [](const Scene& scene, Node::Table& table) {
-        Node::Table own = written_control(scene.control);
-        // Without entries the control believes in the nominal machine; the section may be omitted.
-        if (!own.empty()) put(table, "control", std::move(own));
+        Node::Table control = written_control(scene.control);
+        // By default the control believes in the nominal machine.
+        if (!control.empty()) put(table, "control", std::move(control));
       });
 }
 
-/// Adds a section whose fields set one member of the scene, or with `itself` the scene.
+/// Adds a section whose fields set one member of the scene, or with `whole_struct` the scene.
 template <typename U, typename M>
-void add_own(Fields<Scene>& fields, const char* name, M member, const Fields<U>& own,
-             const char* sentence) {
-  const Key key = table_key(name, own.keys(), sentence);
+void add_member_section(Fields<Scene>& fields, const char* name, M member,
+                        const Fields<U>& member_fields, const char* sentence) {
+  const Key key = table_key(name, member_fields.keys(), sentence);
   fields.custom(
       {key},
-      [key, member, own](TableReader& reader, Scene& scene) {
+      [key, member, member_fields](TableReader& reader, Scene& scene) {
         const Node* node = reader.section(key.name);
         if (!node) return;
         U& value = std::invoke(member, scene);
-        value = own.read_table(*node, key.name, reader.input_errors(), value);
+        value = member_fields.read_table(*node, key.name, reader.input_errors(), value);
       },
-      [key, member, own](const Scene& scene, Node::Table& table) {
-        put(table, key.name, own.written(std::invoke(member, scene)));
+      [key, member, member_fields](const Scene& scene, Node::Table& table) {
+        put(table, key.name, member_fields.written(std::invoke(member, scene)));
       });
 }
 
@@ -345,14 +343,14 @@ void add_compensation(Fields<Scene>& fields) {
 }
 
 void check_case(TableReader& reader, Scene& scene) {
-  // The two reference cases have no compensator that could be parsed.
+  // The reference cases have no compensator, so parse_case() does not know their names.
   if (scene.case_name.empty() || scene.case_name == "error_free" ||
       scene.case_name == "uncompensated")
     return;
   try {
     parse_case(scene.case_name);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("case", "a case that this version has", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("case", "a case that this version has", error.what());
   }
 }
 
@@ -370,51 +368,59 @@ const Fields<Scene>& title_scene_fields() {
 
 const Fields<Scene>& cutting_scene_fields() {
   static const Fields<Scene> fields = [] {
-    Fields<Scene> all;
-    add_machine_to_program(all);
-    add_thermal(all);
-    add_force(all);
-    add_stock(all);
-    all.tables(KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
-               "what clamps the part: bodies placed in the workpiece frame, for collisions");
-    all.check([](TableReader& reader, Scene& scene) {
+    Fields<Scene> scene_fields;
+    add_machine_to_program(scene_fields);
+    add_thermal(scene_fields);
+    add_compliance_and_vibration(scene_fields);
+    add_stock(scene_fields);
+    scene_fields.tables(
+        KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
+        "what clamps the part: bodies placed in the workpiece frame, for collisions");
+    scene_fields.check([](TableReader& reader, Scene& scene) {
       check_fixture_names(reader, scene.machine, scene.fixtures);
     });
-    add_own(all, "signals", &Scene::signals, signals_fields(),
-            "what the control can read, and how often it is written");
-    add_instruments(all);
-    add_control(all);
-    return all;
+    add_member_section(scene_fields, "signals", &Scene::signals, signals_fields(),
+                       "what the control can read, and how often it is written");
+    add_instruments(scene_fields);
+    add_control(scene_fields);
+    return scene_fields;
   }();
   return fields;
 }
 
 const Fields<Scene>& judging_scene_fields() {
   static const Fields<Scene> fields = [] {
-    Fields<Scene> all;
-    add_own(all, "setup", &Scene::setup, setup_fields(), "clamping of the part");
-    add_own(all, "datum", &Scene::datum, datum_fields(), "how the control finds the part");
-    all.word("alignment", &Scene::alignment,
-             {{"none", Alignment::None},
-              {"offset", Alignment::Offset, "the mean"},
-              {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
-             "what is taken out of the residual");
-    add_own(all, "sampling", itself, sampling_fields(), "how finely the path is followed");
-    add_own(all, "search", itself, search_fields(), "where the machined surface is sought");
-    add_own(all, "collision", &Scene::collision, collision_fields(),
-            "what meets what, and how near is too near");
-    all.check([](TableReader& reader, Scene& scene) {
+    Fields<Scene> scene_fields;
+    add_member_section(scene_fields, "setup", &Scene::setup, setup_fields(),
+                       "clamping of the part");
+    add_member_section(scene_fields, "datum", &Scene::datum, datum_fields(),
+                       "how the control finds the part");
+    scene_fields.word("alignment", &Scene::alignment,
+                      {{"none", Alignment::None},
+                       {"offset", Alignment::Offset, "the mean"},
+                       {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
+                      "what is taken out of the residual");
+    add_member_section(scene_fields, "sampling", whole_struct, sampling_fields(),
+                       "how finely the path is followed");
+    add_member_section(scene_fields, "search", whole_struct, search_fields(),
+                       "where the machined surface is sought");
+    add_member_section(scene_fields, "collision", &Scene::collision, collision_fields(),
+                       "what meets what, and how near is too near");
+    scene_fields.check([](TableReader& reader, Scene& scene) {
       check_ignored_names(reader, scene.machine, scene.fixtures);
     });
-    add_own(all, "view", &Scene::view, view_fields(), "of pictures");
-    add_own(all, "limits", &Scene::limits, limits_fields(), "beyond which `abbe` exits with 1");
-    add_compensation(all);
-    all.text(KeyName("case").otherwise("uncompensated"), &Scene::case_name,
-             "what `abbe run` cuts without `--case`, as in `[compare]`; a result's `scene.toml` "
-             "names its own");
-    all.check(check_case);
-    add_own(all, "compare", &Scene::cases, compare_fields(), "compensators to compare");
-    return all;
+    add_member_section(scene_fields, "view", &Scene::view, view_fields(), "of pictures");
+    add_member_section(scene_fields, "limits", &Scene::limits, limits_fields(),
+                       "beyond which `abbe` exits with 1");
+    add_compensation(scene_fields);
+    scene_fields.text(
+        KeyName("case").otherwise("uncompensated"), &Scene::case_name,
+        "what `abbe run` cuts without `--case`, as in `[compare]`; a result's `scene.toml` "
+        "names its own");
+    scene_fields.check(check_case);
+    add_member_section(scene_fields, "compare", &Scene::cases, compare_fields(),
+                       "compensators to compare");
+    return scene_fields;
   }();
   return fields;
 }
@@ -431,7 +437,7 @@ std::vector<Key> scene_keys() {
 
 Node written(const Scene& scene) {
   Node::Table table;
-  // Written in the order in which they are read.
+  // In the order in which the groups are read.
   for (const auto* fields :
        {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
     for (Node::Entry& entry : fields->written(scene)) table.push_back(std::move(entry));
@@ -473,7 +479,7 @@ const Fields<ViewDescription>& view_fields() {
           .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
                              positive, "the colour scale runs from -range to range")
           .check([](TableReader& reader, ViewDescription& view) {
-            // A camera that looks along its up direction could be rotated freely about it.
+            // If the camera looks along its up direction, its rotation is undefined.
             if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
               reader.refuse("up", "a direction across view.from for view.up", "one along it");
           });

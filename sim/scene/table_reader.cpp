@@ -18,7 +18,7 @@ bool matches(const std::string& text, const std::string& pattern) {
 }
 
 int edit_distance(std::string_view a, std::string_view b) {
-  // One row of the distance matrix suffices, since each row depends only on the one above.
+  // One row of the distance matrix is enough, since each row depends only on the one above.
   std::vector<int> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) row[j] = int(j);
   for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -34,24 +34,24 @@ int edit_distance(std::string_view a, std::string_view b) {
 }
 
 std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
-  // The distance has quadratic cost, and no key is that long.
+  // The distance has quadratic cost, and no key is longer.
   if (word.size() > 80) return std::nullopt;
   // An abbreviation is more likely than a misspelling, so its completion takes precedence.
-  constexpr std::size_t abbreviation = 2;
-  if (word.size() >= abbreviation)
+  constexpr std::size_t min_abbreviation = 2;
+  if (word.size() >= min_abbreviation)
     for (const std::string& candidate : candidates)
       if (candidate.starts_with(word)) return candidate;
-  std::optional<std::string> best;
-  // Up to half of the letters may differ, as more would suggest unrelated words.
-  int best_distance = std::max(2, int(word.size()) / 2) + 1;
+  std::optional<std::string> nearest_candidate;
+  // Up to half of the letters may differ; beyond that, the words are unrelated.
+  int min_distance = std::max(2, int(word.size()) / 2) + 1;
   for (const std::string& candidate : candidates) {
     const int distance = edit_distance(word, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
+    if (distance < min_distance) {
+      min_distance = distance;
+      nearest_candidate = candidate;
     }
   }
-  return best;
+  return nearest_candidate;
 }
 
 std::string missing_file_text(const std::filesystem::path& file) {
@@ -59,24 +59,24 @@ std::string missing_file_text(const std::filesystem::path& file) {
   constexpr std::size_t max_compared = 1000;
   namespace fs = std::filesystem;
   std::set<std::string> names;
-  std::error_code failure;
+  std::error_code error_code;
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-  for (fs::directory_iterator at(folder, failure), end; !failure && at != end;
-       at.increment(failure)) {
-    if (at->is_regular_file(failure)) names.insert(at->path().filename().string());
+  for (fs::directory_iterator entry(folder, error_code), end; !error_code && entry != end;
+       entry.increment(error_code)) {
+    if (entry->is_regular_file(error_code)) names.insert(entry->path().filename().string());
     if (names.size() == max_compared) break;
   }
-  const auto meant = nearest(file.filename().string(), names);
-  return "no file " + file.string() + (meant ? " (nearest: \"" + *meant + "\")" : "");
+  const auto suggestion = nearest(file.filename().string(), names);
+  return "no file " + file.string() + (suggestion ? " (nearest: \"" + *suggestion + "\")" : "");
 }
 
 namespace {
 
 struct Unit {
   std::string_view suffix;
-  double factor;
+  double factor;  // to mm, rad, s, N, K, kg, W, A
 };
-// Longer suffixes come first, because "_mm_per_min" also ends in another unit.
+// A suffix comes before any shorter one in which it ends: "_mm_per_min" before "_min".
 constexpr std::array known_units{
     Unit{"_Nm_per_rpm", 1e3},
     Unit{"_Nm_per_urad", 1e9},
@@ -133,7 +133,7 @@ constexpr std::array known_units{
 
 const Unit* trailing_unit(std::string_view key) {
   for (const Unit& unit : known_units) {
-    // A key that consists of a unit only has no stem and therefore no unit.
+    // A key that is nothing but a unit has no stem, so it counts as a key without unit.
     if (key.size() > unit.suffix.size() && key.ends_with(unit.suffix)) return &unit;
   }
   return nullptr;
@@ -158,33 +158,35 @@ std::string unit_name(std::string_view key) {
 
 namespace {
 
-// In any unit a larger number is a mistake, and products of a few such numbers stay finite. Travel
-// without end is 1e9 rad.
+// Larger numbers are mistakes in any unit, and products of a few numbers up to this bound stay
+// finite. An endless rotary axis has a travel of 1e9 rad.
 constexpr double max_number = 1e12;
-// A number nearer to zero is zero or a mistake; a divisor must not produce infinities.
+// Smaller numbers are mistakes, and a division by them could give infinity.
 constexpr double min_number = 1e-100, min_divisor = 1e-12;
 
 std::string range_text(const Range& range) {
-  // Bounds at the limits of double are no real bounds and are not mentioned.
-  const double huge = std::numeric_limits<double>::max();
+  // A bound at the limit of double means that there is none.
+  const double no_bound = std::numeric_limits<double>::max();
   std::string text;
-  if (range.min > -huge) text += fmt::format(" {} {}", range.open_min ? ">" : ">=", range.min);
-  if (range.max < huge) {
+  if (range.min > -no_bound) text += fmt::format(" {} {}", range.open_min ? ">" : ">=", range.min);
+  if (range.max < no_bound) {
     text +=
         fmt::format("{} {} {}", text.empty() ? "" : " and", range.open_max ? "<" : "<=", range.max);
   }
   return text;
 }
 
-bool inside(double x, const Range& range) {
+bool contains(const Range& range, double x) {
   return (range.open_min ? x > range.min : x >= range.min) &&
          (range.open_max ? x < range.max : x <= range.max);
 }
 
-bool is_beyond(double x, const Node& node, const std::string& name, InputErrors& input_errors) {
-  if (std::abs(x) <= max_number) return false;
+/// Reports a number beyond max_number.
+bool check_magnitude(double x, const Node& node, const std::string& name,
+                     InputErrors& input_errors) {
+  if (std::abs(x) <= max_number) return true;
   input_errors.add(node.place, fmt::format("{} within +-{:g}", name, max_number), shown(node));
-  return true;
+  return false;
 }
 
 std::string list_text(const std::set<std::string>& words) {
@@ -218,12 +220,12 @@ void TableReader::refuse(const std::string& key, const std::string& expected,
   input_errors_.add(node ? node->place : table_.place, expected, seen);
 }
 
-std::optional<double> TableReader::finite(const Node& node, const std::string& key) {
+std::optional<double> TableReader::finite_number(const Node& node, const std::string& key) {
   double value = 0.0;
   if (const double* real = std::get_if<double>(&node.value)) {
     value = *real;
   } else if (const std::int64_t* whole = std::get_if<std::int64_t>(&node.value)) {
-    // TOML separates whole and real numbers, but users write 5 for 5.0.
+    // TOML distinguishes integers from real numbers, but users write 5 for 5.0.
     value = double(*whole);
   } else {
     input_errors_.add(node.place, "a number for " + name_of(key), shown(node));
@@ -239,23 +241,22 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
 std::optional<double> TableReader::number_as_written(const std::string& key, const Range& range) {
   const Node* node = accept_key(key);
   if (!node) return std::nullopt;
-  const std::optional<double> value = finite(*node, key);
+  const std::optional<double> value = finite_number(*node, key);
   if (!value) return std::nullopt;
-  // The bounds are stated in the unit of the key, so they are tested before the conversion.
-  if (!inside(*value, range)) {
+  if (!contains(range, *value)) {
     input_errors_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)),
                       shown(*node));
     return std::nullopt;
   }
-  if (is_beyond(*value, *node, name_of(key), input_errors_)) return std::nullopt;
-  // A range that excludes zero belongs to a quantity by which the models divide.
-  const bool divides = range.min == 0.0 && range.open_min;
-  const double least = divides ? min_divisor : min_number;
-  if (*value != 0.0 && std::abs(*value) < least) {
-    input_errors_.add(
-        node->place,
-        fmt::format("{} of at least {:g}{}", name_of(key), least, divides ? "" : ", or 0"),
-        shown(*node));
+  if (!check_magnitude(*value, *node, name_of(key), input_errors_)) return std::nullopt;
+  // The models divide by quantities whose range excludes zero.
+  const bool is_divisor = range.min == 0.0 && range.open_min;
+  const double min_magnitude = is_divisor ? min_divisor : min_number;
+  if (*value != 0.0 && std::abs(*value) < min_magnitude) {
+    input_errors_.add(node->place,
+                      fmt::format("{} of at least {:g}{}", name_of(key), min_magnitude,
+                                  is_divisor ? "" : ", or 0"),
+                      shown(*node));
     return std::nullopt;
   }
   return value;
@@ -269,7 +270,7 @@ std::optional<double> TableReader::maybe_number(const std::string& key, const Ra
 
 double TableReader::number(const std::string& key, const Range& range) {
   const std::optional<double> value = maybe_number(key, range);
-  // A value of the wrong type is present and reported already.
+  // A key that is present but invalid is reported already.
   if (!value && !has(key)) missing(key, "a number");
   // One is harmless as a factor, a divisor and a length.
   return value.value_or(1.0);
@@ -320,18 +321,18 @@ std::string TableReader::text(const std::string& key) {
 }
 
 std::vector<std::string> TableReader::texts(const std::string& key) {
-  std::vector<std::string> all;
   const Node* list = accept_key(key);
-  if (!list) return all;
+  if (!list) return {};
   if (list->text()) return {*list->text()};
   if (!list->array()) refuse(key, "a list of texts", shown(*list));
-  for (const Node& one : list->array() ? *list->array() : Node::Array{}) {
-    if (one.text())
-      all.push_back(*one.text());
+  std::vector<std::string> texts;
+  for (const Node& element : list->array() ? *list->array() : Node::Array{}) {
+    if (element.text())
+      texts.push_back(*element.text());
     else
-      input_errors_.add(one.place, "a text", shown(one));
+      input_errors_.add(element.place, "a text", shown(element));
   }
-  return all;
+  return texts;
 }
 
 std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string& key, int size) {
@@ -339,21 +340,21 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   if (!node) return std::nullopt;
   const Node::Array* array = node->array();
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
-    const std::string wanted =
+    const std::string expected =
         size > 0 ? fmt::format("an array of {} numbers", size) : std::string("an array of numbers");
-    input_errors_.add(node->place, wanted + " for " + name_of(key), shown(*node));
+    input_errors_.add(node->place, expected + " for " + name_of(key), shown(*node));
     return std::nullopt;
   }
   Eigen::VectorXd values(Eigen::Index(array->size()));
-  bool good = true;
-  // All elements are examined, so that every wrong number is reported at once.
+  bool are_valid = true;
+  // All elements are examined, so that every invalid number is reported.
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const Node& element = (*array)[std::size_t(i)];
-    const std::optional<double> value = finite(element, key);
-    good = good && value && !is_beyond(*value, element, name_of(key), input_errors_);
+    const std::optional<double> value = finite_number(element, key);
+    are_valid = are_valid && value && check_magnitude(*value, element, name_of(key), input_errors_);
     values[i] = value.value_or(0.0);
   }
-  if (!good) return std::nullopt;
+  if (!are_valid) return std::nullopt;
   return values;
 }
 
@@ -385,8 +386,7 @@ Eigen::Vector3d TableReader::direction(const std::string& key, const Eigen::Vect
                       "length " + to_toml_value(length));
     return fallback;
   }
-  // Division of a unit vector by a length of 1 - 1 ulp would change it, so unit vectors remain as
-  // they are.
+  // A unit vector may have a computed length of 1 - 1 ulp and must keep its bits.
   return std::abs(length - 1.0) < 1e-15 ? Eigen::Vector3d(*values)
                                         : Eigen::Vector3d(*values / length);
 }
@@ -403,11 +403,12 @@ std::optional<std::string> TableReader::word(const std::string& key,
     if (required) missing(key, list_text(words));
     return std::nullopt;
   }
-  const std::string* seen_word = node->text();
-  if (seen_word && words.contains(*seen_word)) return *seen_word;
+  const std::string* text = node->text();
+  if (text && words.contains(*text)) return *text;
   std::string seen = shown(*node);
-  if (seen_word) {
-    if (const auto meant = nearest(*seen_word, words)) seen += " (nearest: \"" + *meant + "\")";
+  if (text) {
+    if (const auto suggestion = nearest(*text, words))
+      seen += " (nearest: \"" + *suggestion + "\")";
   }
   input_errors_.add(node->place, list_text(words) + " for " + name_of(key), seen);
   return std::nullopt;
@@ -440,11 +441,11 @@ std::vector<const Node*> TableReader::tables(const std::string& key) {
 }
 
 void TableReader::close() {
-  std::set<std::string> explained;  // missing keys for which an unknown key was intended
+  std::set<std::string> misspelled;  // missing keys that probably appear as unknown keys
   const Node::Table* entries = table_.table();
   for (const Node::Entry& entry : entries ? *entries : Node::Table{}) {
     if (known_.contains(entry.key)) continue;
-    // The same stem with another unit is the most likely mistake, hence the specific message.
+    // A key with the same stem is probably the right quantity in a wrong unit.
     const auto same_stem = std::find_if(known_.begin(), known_.end(), [&](const std::string& key) {
       return key_stem(key) == key_stem(entry.key) && !table_.find(key);
     });
@@ -452,19 +453,19 @@ void TableReader::close() {
       input_errors_.add(entry.place,
                         fmt::format("{} in {}", name_of(*same_stem), unit_name(*same_stem)),
                         fmt::format("{} in {}", entry.key, unit_name(entry.key)));
-      explained.insert(*same_stem);
-    } else if (const auto meant = nearest(entry.key, known_)) {
-      input_errors_.add(entry.place, "a known key (nearest: " + name_of(*meant) + ")", entry.key);
-      // Within two edits the unknown key is taken as a misspelling, so the missing key is not
-      // reported in addition.
-      if (edit_distance(entry.key, *meant) <= 2) explained.insert(*meant);
+      misspelled.insert(*same_stem);
+    } else if (const auto suggestion = nearest(entry.key, known_)) {
+      input_errors_.add(entry.place, "a known key (nearest: " + name_of(*suggestion) + ")",
+                        entry.key);
+      // An unknown key within two edits is a misspelling; the missing key is not reported as well.
+      if (edit_distance(entry.key, *suggestion) <= 2) misspelled.insert(*suggestion);
     } else {
       input_errors_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,
                         entry.key);
     }
   }
   for (const auto& [key, kind] : missing_) {
-    if (!explained.contains(key))
+    if (!misspelled.contains(key))
       input_errors_.add(table_.place, kind + " for " + name_of(key), "nothing");
   }
   missing_.clear();

@@ -17,25 +17,25 @@
 
 namespace abbe::sim {
 
-/// Returns true if the whole text matches an ECMAScript pattern.
+/// Returns true if the whole text matches an ECMAScript regular expression.
 bool matches(const std::string& text, const std::string& pattern);
 
-/// Returns the candidate that begins with the word, else the one with the least edit distance if it
-/// is near enough to be plausible.
+/// Returns the candidate that the user probably intended: the first that begins with the word, else
+/// the one of least edit distance, if it is small. Returns nothing if no candidate is plausible.
 std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates);
 
-/// Returns the number of letters to insert, delete or replace that turns one word into the other
+/// Returns the edit distance of two words, the least number of letters to insert, delete or replace
 /// (Levenshtein 1966).
 int edit_distance(std::string_view a, std::string_view b);
 
-/// Returns "no file a/b.stl (nearest: \"c.stl\")", with the nearest file of the same folder.
+/// Returns a message such as "no file a/b.stl (nearest: \"c.stl\")", with the file of the same
+/// folder whose name is nearest.
 std::string missing_file_text(const std::filesystem::path& file);
 
 // Units at the end of a key, as in "radius_mm".
 
-/// Returns the factor from the unit at the end of a key to mm, rad, s, N, K, and to kg, W and A for
-/// keys in those units: "_um" gives 1e-3, "_rpm" pi/30, "_um_per_m_K" 1e-6; a key without unit
-/// gives 1.
+/// Returns the factor from the unit at the end of a key to mm, rad, s, N, K, kg, W or A: 1e-3 for
+/// "_um", pi/30 for "_rpm", 1e-6 for "_um_per_m_K", 1 for a key without unit.
 double unit_of(std::string_view key);
 
 /// Returns a key without its unit: "radius_mm" gives "radius".
@@ -43,8 +43,6 @@ std::string_view key_stem(std::string_view key);
 
 /// Returns the unit of a key for messages: "mm", "no unit".
 std::string unit_name(std::string_view key);
-
-// Strict reading of TOML: every key has a position, every error is collected, nothing is guessed.
 
 /// Range of a number, in the unit of its key.
 struct Range {
@@ -57,15 +55,14 @@ inline constexpr Range any_number{};
 inline constexpr Range positive{0.0, std::numeric_limits<double>::max(), true, false};
 inline constexpr Range non_negative{0.0, std::numeric_limits<double>::max(), false, false};
 
-/// Reads one table key by key. Every key that is read becomes known, and `close` rejects all
-/// others. Numbers are returned in mm, rad and s, whatever the unit in the key. After an error the
-/// functions return their fallback (or another harmless value), so that reading continues to the
-/// next error.
+/// Reads one table key by key. Every key that is read becomes known, and `close` reports all
+/// others. Numbers are returned in mm, rad and s, whatever the unit in the key. Errors are
+/// collected with their positions; after an error the functions return their fallback or another
+/// harmless value, so that one run finds all errors.
 class TableReader {
  public:
-  /// Creates a reader.
+  /// Creates a reader. `table` and `input_errors` must outlive it.
   /// @param where  name of the section for messages, such as "part"; empty for the top level
-  /// Both references must outlive the reader.
   TableReader(const Node& table, std::string where, InputErrors& input_errors);
 
   bool has(const std::string& key) const { return table_.find(key) != nullptr; }
@@ -103,8 +100,8 @@ class TableReader {
   Eigen::Vector3d direction(const std::string& key);  ///< required
   Eigen::Vector3d direction(const std::string& key, const Eigen::Vector3d& fallback);
 
-  /// Returns one word of a list. Returns nothing for another word, which is an error, and for a
-  /// missing key, which is an error if it is required.
+  /// Returns the enum value of a key. Returns nothing if the value is none of `words`, which is
+  /// reported, or if the key is missing, which is reported if it is required.
   std::optional<std::string> word(const std::string& key, const std::set<std::string>& words,
                                   bool required);
   template <typename T>
@@ -118,18 +115,20 @@ class TableReader {
     return choice_of(key, words, std::optional<T>());
   }
 
-  /// Returns a section if the key is present and is a table.
+  /// Returns a section; null if the key is missing, or if it is no table, which is reported.
   const Node* section(const std::string& key);
   /// Returns a list of tables; a single table counts as a list of one.
   std::vector<const Node*> tables(const std::string& key);
 
-  /// Makes a key known without reading it; returns its value if present.
+  /// Makes a key known without reading it; returns its value, null if it is missing.
   const Node* accept_key(const std::string& key);
-  /// Reports that a key is missing.
+  /// Reports a missing key when the reader is closed.
+  /// @param kind  the expected value, such as "a number"
   void missing(const std::string& key, const std::string& kind);
+  /// Reports an invalid value at the position of the key.
   void refuse(const std::string& key, const std::string& expected, const std::string& seen);
 
-  /// Rejects every key that was not read, with the nearest known one.
+  /// Reports unknown keys, each with the nearest known one, and the missing ones.
   void close();
 
  private:
@@ -143,7 +142,7 @@ class TableReader {
     }
     return fallback.value_or(words.begin()->second);
   }
-  std::optional<double> finite(const Node& node, const std::string& key);
+  std::optional<double> finite_number(const Node& node, const std::string& key);
 
   const Node& table_;
   std::string where_;
@@ -154,8 +153,8 @@ class TableReader {
 
 struct Word;
 
-/// Description of a key of a table for readers and editors: the single source of the tables of keys
-/// in the documents, of `abbe schema` and of `abbe explain`.
+/// Description of a key of a table. The key tables of the documents, `abbe schema` and `abbe
+/// explain` are made from these descriptions.
 struct Key {
   enum class Kind {
     Number,
@@ -172,20 +171,19 @@ struct Key {
   std::string name;      ///< "radius_mm"; for a family of keys its form, such as "<axis>_mm"
   std::string sentence;  ///< description
   Kind kind = Kind::Any;
-  bool required = false;    ///< required wherever its table, or the word that introduces it, is
-                            ///< present
-  std::string fallback;     ///< value used without the key, in words; empty: none
-  std::string pattern;      ///< regular expression of the names of a family of keys; else empty
-  std::string either;       ///< exactly one of the keys of a table with the same `either` is given
-  Range range{};            ///< of numbers, in the unit of the key
-  int size = 0;             ///< of numbers; 0: any size from 1
-  std::vector<Word> words;  ///< the allowed words of a text
+  bool required = false;  ///< required if its table, or the enum value that adds the key, is
+                          ///< present
+  std::string fallback;   ///< default value in words; empty: none
+  std::string pattern;    ///< regular expression of the names of a family of keys; else empty
+  std::string either;     ///< name of a group of keys of which a table has exactly one; else empty
+  Range range{};          ///< of numbers, in the unit of the key
+  int size = 0;           ///< of numbers; 0: any size from 1
+  std::vector<Word> words;  ///< the enum values of a text; empty: any text
   std::vector<Key> keys;    ///< of the table, or of each table in a list
-  bool or_file = false;     ///< a table that may be stored in a file of its own, whose name then
-                            ///< replaces it
+  bool or_file = false;     ///< the name of a file may replace the table
 };
 
-/// A word that a key may take, with the keys that it adds to the table.
+/// An enum value of a key, with the keys that it adds to the table.
 struct Word {
   std::string word;
   std::string sentence;

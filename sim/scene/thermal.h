@@ -13,7 +13,7 @@
 
 namespace abbe::sim {
 
-/// A period before the program with constant activity of the machine.
+/// A period of constant activity of the machine, before the program.
 struct ThermalPhase {
   double duration = 0.0;              ///< s
   double spindle_speed = 0.0;         ///< rad/s
@@ -22,8 +22,8 @@ struct ThermalPhase {
   bool coolant = false;
 };
 
-/// Heat: the network, its effect on the elements, and the history before the program. Time 0 is the
-/// start of the program, where the history ends.
+/// The thermal network, its effect on the elements, and the history before the program. Time 0 is
+/// the start of the program.
 struct ThermalDescription {
   static constexpr double min_T_C = -273.15, max_T_C = 5000.0;  ///< limits of every temperature
   errors::ThermalNetwork network;
@@ -36,10 +36,9 @@ struct ThermalDescription {
   double coolant_T_C = 20.0;
   bool powered = true;    ///< during the program
   bool coolant = false;   ///< during the program
-  double interval = 1.0;  ///< s; during the program, heat flows are linear over intervals of this
-                          ///< length
+  double interval = 1.0;  ///< s, of the program, over which heat flows are linear
   double scale = 1.0;     ///< factor of all thermal effects on elements and workpiece
-  struct Plot {
+  struct Plot {           ///< a picture of the thermal part of one element
     errors::ElementName element;
     Eigen::VectorXd time_s;                      ///< (n) times for which curves are drawn
     std::optional<std::array<double, 2>> range;  ///< mm or rad; none: the travel
@@ -57,9 +56,9 @@ inline double history_s(const ThermalDescription& thermal) {
 struct Key;
 
 /// Reads and writes `[thermal]`: network, thermal elements, sensors, history and room.
+/// @param seed  seed of the scene, from which sensors without a seed of their own derive one
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, InputErrors& input_errors);
-/// Writes the section. @param seed  of the scene, for sensors without a seed of their own
 Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
                             std::uint64_t seed);
 std::vector<Key> thermal_keys();

@@ -11,10 +11,12 @@
 #include "sim/scene/thermal.h"
 #include "sim/scene/thermal_network.h"
 
-/// Effects of heat on the machine: elements, expanding axes and an expanding workpiece.
 namespace abbe::sim {
 
-/// Returns the fields `element`, `axis` and `workpiece`. @param setting  must outlive the fields
+// ---- effects of heat: elements, expanding axes and an expanding workpiece
+
+/// Returns the fields `element`, `axis` and `workpiece`.
+/// @param setting  must outlive the fields
 Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting);
 
 namespace {
@@ -25,19 +27,20 @@ using kinematics::Joint;
 using kinematics::Motion;
 using Nodes = std::vector<std::string>;
 
-/// Returns the unit of a key that consists of a unit, such as "um_per_K"; unit_of() requires a stem
-/// in front of it.
-double whole_unit(const std::string& key) { return unit_of("in_" + key); }
+/// Returns the unit of a key that is nothing but a unit, such as "um_per_K". unit_of() requires a
+/// stem.
+double bare_unit(const std::string& key) { return unit_of("stem_" + key); }
 
 // ---- functions of temperatures
 
+/// Reads a table of values over temperatures, whose interpolation is known.
 errors::Table read_rows(TableReader& reader, const std::string& value_key,
-                        const errors::Table& how) {
-  const std::size_t before = reader.input_errors().list().size();
+                        const errors::Table& interpolation) {
+  const std::size_t error_count = reader.input_errors().list().size();
   VectorXd dT_K = reader.numbers("dT_K");
   VectorXd value = reader.numbers(value_key);
-  // Both lists are needed for a table, and a missing one is reported by the reader.
-  if (reader.input_errors().list().size() != before || !reader.has("dT_K") ||
+  // A missing or invalid list is reported already.
+  if (reader.input_errors().list().size() != error_count || !reader.has("dT_K") ||
       !reader.has(value_key))
     return {};
   if (dT_K.size() != value.size()) {
@@ -46,9 +49,10 @@ errors::Table read_rows(TableReader& reader, const std::string& value_key,
     return {};
   }
   try {
-    return errors::make_table(std::move(dT_K), std::move(value), how.between, how.outside);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("dT_K", "a table with rising temperatures and at least 2 rows", fault.what());
+    return errors::make_table(std::move(dT_K), std::move(value), interpolation.between,
+                              interpolation.outside);
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("dT_K", "a table with rising temperatures and at least 2 rows", error.what());
     return {};
   }
 }
@@ -61,36 +65,36 @@ Fields<errors::Table> rows_fields(const std::string& value_key) {
       [value_key](TableReader& reader, errors::Table& table) {
         table = read_rows(reader, value_key, table);
       },
-      [value_key](const errors::Table& from, Node::Table& to) {
-        put_numbers(to, "dT_K", from.q, 1.0);
-        put_numbers(to, value_key, from.value, unit_of(value_key));
+      [value_key](const errors::Table& table, Node::Table& entries) {
+        put_numbers(entries, "dT_K", table.q, 1.0);
+        put_numbers(entries, value_key, table.value, unit_of(value_key));
       });
 }
 
-/// @param unit  of the value: "um", for a slope "um_per_m"
+/// Returns the fields of one term of a thermal function.
+/// @param unit  unit of the value, such as "um", or "um_per_m" for a slope
 Fields<errors::ThermalFunction::Term> term_fields(const std::string& unit, const Nodes& nodes) {
   using Term = errors::ThermalFunction::Term;
   const std::string per_K = unit + (unit.ends_with("_per_m") ? "_K" : "_per_K");
   const std::string value = "value_" + unit;
   const auto rows = rows_fields(value);
-  const auto factor = Fields<Term>().number_in(whole_unit(per_K), must(per_K), &Term::per_K,
+  const auto factor = Fields<Term>().number_in(bare_unit(per_K), must(per_K), &Term::per_K,
                                                any_number, "change for a change of temperature");
   const auto read = [=](TableReader& reader, Term& term) {
-    // A table of temperatures and a factor are two forms of the same law, so only one may be given.
+    // The term is either a table over temperatures or a factor.
     if (reader.has("dT_K") || reader.has(value)) {
       term.table = rows.read(reader);
       if (reader.accept_key(per_K))
         reader.refuse(per_K, "either a table of dT_K or " + per_K, "both");
     } else {
-      // The keys of the other form become known, which lets a misspelling find them.
+      // The keys of the other form are made known, so that misspelt keys get a suggestion.
       reader.accept_key("dT_K");
       reader.accept_key(value);
       term = factor.read(reader, term);
     }
   };
-  const auto write = [=](const Term& from, Node::Table& to) {
-    for (Node::Entry& entry : from.table ? rows.written(*from.table) : factor.written(from))
-      to.push_back(std::move(entry));
+  const auto write = [=](const Term& term, Node::Table& table) {
+    append_entries(table, term.table ? rows.written(*term.table) : factor.written(term));
   };
   std::vector<Key> keys = rows.keys();
   keys.insert(keys.begin(), factor.keys().front());
@@ -115,19 +119,23 @@ Fields<errors::ThermalFunction> function_fields(const std::string& stem, const s
 
 // ---- elements
 
+/// Returns true if the element is an error motion of a slide.
 bool is_slide(const ElementName& name, const MachineDescription& machine) {
   if (name.location || name.axis == 'S') return false;
   for (const Joint& joint : machine.joints)
     if (joint.name == name.axis) return joint.motion == Motion::Linear;
-  return true;  // no such axis, which is rejected when bound
+  return true;  // check_binding() reports the unknown axis
 }
 
-void refuse_wrong_unit(TableReader& reader, const ElementName& name) {
-  // The name decides the unit; a generic message on an unknown key would not say so.
-  const std::string unit = name.is_angle() ? "urad" : "um", wrong = name.is_angle() ? "um" : "urad";
-  const std::string written = reader.node().find("name") ? *reader.node().find("name")->text() : "";
-  for (const std::string& key : {"offset_" + wrong, "slope_" + wrong + "_per_m"})
-    if (reader.has(key)) reader.refuse(key, "values of " + written + " in " + unit, key);
+/// Reports keys of an angle in um, or of a length in urad. As unknown keys they would get a message
+/// that does not name the cause.
+void report_wrong_unit(TableReader& reader, const ElementName& name) {
+  const std::string unit = name.is_angle() ? "urad" : "um";
+  const std::string wrong_unit = name.is_angle() ? "um" : "urad";
+  const std::string stated_name =
+      reader.node().find("name") ? *reader.node().find("name")->text() : "";
+  for (const std::string& key : {"offset_" + wrong_unit, "slope_" + wrong_unit + "_per_m"})
+    if (reader.has(key)) reader.refuse(key, "values of " + stated_name + " in " + unit, key);
 }
 
 void report_slope_error(TableReader& reader, const std::string& unit) {
@@ -146,13 +154,14 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
           {make_key(must("name"), Key::Kind::Text,
                     "as `EZS`; its value is offset(T) + slope(T) (p - fixed_mm), p the commanded "
                     "position")},
-          [](TableReader& reader, ThermalElement&) { reader.accept_key("name"); },  // read before
-          [](const ThermalElement& from, Node::Table& to) {
-            put(to, "name", to_string(from.name));
+          // The fields depend on the name, so read_element() reads it beforehand.
+          [](TableReader& reader, ThermalElement&) { reader.accept_key("name"); },
+          [](const ThermalElement& element, Node::Table& table) {
+            put(table, "name", to_string(element.name));
           })
-      .check([name](TableReader& reader, ThermalElement&) { refuse_wrong_unit(reader, name); })
+      .check([name](TableReader& reader, ThermalElement&) { report_wrong_unit(reader, name); })
       .all_of(&ThermalElement::offset, function_fields("offset", unit, setting.nodes));
-  // A location element and the spindle have no position over which a slope could act.
+  // Location elements and the spindle have no position along which a slope would act.
   if (!is_slide(name, setting.machine))
     return fields.check(
         [unit](TableReader& reader, ThermalElement&) { report_slope_error(reader, unit); });
@@ -166,17 +175,17 @@ Fields<errors::ThermalElement> element_fields(const ElementName& name,
 std::optional<errors::ThermalElement> read_element(const Node& table, const ThermalSetting& setting,
                                                    InputErrors& input_errors) {
   TableReader reader(table, named_table_path("element", table), input_errors);
-  const std::size_t before = input_errors.list().size();
+  const std::size_t error_count = input_errors.list().size();
   errors::ThermalElement element;
   try {
     element.name = errors::parse_element_name(reader.text("name", ""));
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("name", "the name of an element for thermal.element.name", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("name", "the name of an element for thermal.element.name", error.what());
     return std::nullopt;  // the other keys depend on the name
   }
   element = element_fields(element.name, setting).read(reader, element);
   reader.close();
-  if (input_errors.list().size() != before) return std::nullopt;
+  if (input_errors.list().size() != error_count) return std::nullopt;
   return element;
 }
 
@@ -193,32 +202,32 @@ void read_elements(TableReader& reader, ThermalDescription& thermal,
                                 to_string(element->name) + " again");
       continue;
     }
-    // Each element is bound alone, so that an error is reported at its own position.
+    // Each element is bound separately, so that an error is reported at its position.
     check_binding({{*element}, {}, std::nullopt, 20.0}, setting, place, reader.input_errors());
     elements.push_back(*element);
   }
 }
 
 Node::Array written_elements(const ThermalDescription& thermal, const ThermalSetting& setting) {
-  Node::Array all;
-  for (const errors::ThermalElement& one : thermal.errors.elements)
-    all.push_back(Node{{}, element_fields(one.name, setting).written(one)});
-  return all;
+  Node::Array elements;
+  for (const errors::ThermalElement& element : thermal.errors.elements)
+    elements.push_back(Node{{}, element_fields(element.name, setting).written(element)});
+  return elements;
 }
 
-// ---- growth
+// ---- expansion
 
 Fields<errors::Expansion> expansion_fields(const Nodes& nodes) {
   using errors::Expansion;
   return node_fields<Expansion>(must("node"), &Expansion::node, nodes,
                                 "with whose temperature it grows")
-      .number_in(whole_unit("um_per_m_K"), must("um_per_m_K"), &Expansion::per_K, any_number,
+      .number_in(bare_unit("um_per_m_K"), must("um_per_m_K"), &Expansion::per_K, any_number,
                  "growth")
       .number("fixed_mm", &Expansion::fixed, any_number,
               "commanded position of the end that stays");
 }
 
-Fields<errors::AxisExpansion> axis_fields(const Nodes& nodes) {
+Fields<errors::AxisExpansion> axis_expansion_fields(const Nodes& nodes) {
   using errors::AxisExpansion;
   using errors::Feedback;
   return Fields<AxisExpansion>()
@@ -236,47 +245,48 @@ void read_axes(TableReader& reader, ThermalDescription& thermal, const ThermalSe
   const Node* section = reader.section("axis");
   if (!section) return;
   InputErrors& input_errors = reader.input_errors();
-  TableReader axes(*section, "thermal.axis", input_errors);
+  TableReader axes_reader(*section, "thermal.axis", input_errors);
   for (const Joint& joint : setting.machine.joints) {
-    // Only slides have a screw or a scale that can grow.
+    // Only slides have a screw and a scale.
     if (joint.motion != Motion::Linear) continue;
     const std::string name(1, joint.name);
-    const Node* table = axes.section(name);
+    const Node* table = axes_reader.section(name);
     if (!table) continue;
-    const std::size_t before = input_errors.list().size();
-    errors::AxisExpansion start;
-    start.axis = joint.name;
+    const std::size_t error_count = input_errors.list().size();
+    errors::AxisExpansion default_axis;
+    default_axis.axis = joint.name;
     const auto axis =
-        axis_fields(setting.nodes).read_table(*table, axes.name_of(name), input_errors, start);
-    if (input_errors.list().size() == before)
+        axis_expansion_fields(setting.nodes)
+            .read_table(*table, axes_reader.name_of(name), input_errors, default_axis);
+    if (input_errors.list().size() == error_count)
       check_binding({{}, {axis}, std::nullopt, 20.0}, setting, table->place, input_errors);
     thermal.errors.expansions.push_back(axis);
   }
-  // With an unreadable machine every axis would look unknown.
-  if (!setting.machine.joints.empty()) axes.close();
+  // If the machine is invalid, there are no joints, and every axis would be reported as unknown.
+  if (!setting.machine.joints.empty()) axes_reader.close();
 }
 
 Node::Table written_axes(const ThermalDescription& thermal, const ThermalSetting& setting) {
   Node::Table axes;
   for (const errors::AxisExpansion& axis : thermal.errors.expansions)
-    put(axes, std::string(1, axis.axis), axis_fields(setting.nodes).written(axis));
+    put(axes, std::string(1, axis.axis), axis_expansion_fields(setting.nodes).written(axis));
   return axes;
 }
 
 Key axes_key(const Nodes& nodes) {
   Key axis = make_key("<axis>", Key::Kind::Table, "growth of one slide");
   axis.pattern = "[XYZUVW]";
-  axis.keys = axis_fields(nodes).keys();
+  axis.keys = axis_expansion_fields(nodes).keys();
   Key axes = make_key("axis", Key::Kind::Table, "slides whose screw or scale grows");
   axes.keys = {axis};
   return axes;
 }
 
-Fields<errors::WorkpieceExpansion> workpiece_fields(const Nodes& nodes) {
+Fields<errors::WorkpieceExpansion> workpiece_expansion_fields(const Nodes& nodes) {
   using errors::WorkpieceExpansion;
   return node_fields<WorkpieceExpansion>(must("node"), &WorkpieceExpansion::node, nodes,
                                          "with whose temperature it grows")
-      .number_in(whole_unit("um_per_m_K"), must("um_per_m_K"), &WorkpieceExpansion::per_K,
+      .number_in(bare_unit("um_per_m_K"), must("um_per_m_K"), &WorkpieceExpansion::per_K,
                  any_number, "growth, below 1000")
       .vector("fixed_mm", &WorkpieceExpansion::fixed_w, "where it is held, in its own frame");
 }
@@ -286,10 +296,10 @@ void read_workpiece(TableReader& reader, ThermalDescription& thermal,
   const Node* table = reader.section("workpiece");
   if (!table) return;
   InputErrors& input_errors = reader.input_errors();
-  const std::size_t before = input_errors.list().size();
-  const auto workpiece =
-      workpiece_fields(setting.nodes).read_table(*table, "thermal.workpiece", input_errors);
-  if (input_errors.list().size() == before)
+  const std::size_t error_count = input_errors.list().size();
+  const auto workpiece = workpiece_expansion_fields(setting.nodes)
+                             .read_table(*table, "thermal.workpiece", input_errors);
+  if (input_errors.list().size() == error_count)
     check_binding({{}, {}, workpiece, 20.0}, setting, table->place, input_errors);
   thermal.errors.workpiece = workpiece;
 }
@@ -302,34 +312,35 @@ Fields<ThermalDescription> thermal_effect_fields(const ThermalSetting& setting) 
   Key workpiece = make_key("workpiece", Key::Kind::Table,
                            "growth of the workpiece, which is judged at 20 deg C (ISO 1), whatever "
                            "`reference_C` is");
-  workpiece.keys = workpiece_fields(setting.nodes).keys();
+  workpiece.keys = workpiece_expansion_fields(setting.nodes).keys();
   return Fields<ThermalDescription>()
       .custom(
           {elements},
           [&setting](TableReader& reader, ThermalDescription& thermal) {
             read_elements(reader, thermal, setting);
           },
-          [&setting](const ThermalDescription& from, Node::Table& to) {
-            Node::Array all = written_elements(from, setting);
-            if (!all.empty()) put(to, "element", std::move(all));
+          [&setting](const ThermalDescription& thermal, Node::Table& table) {
+            Node::Array elements = written_elements(thermal, setting);
+            if (!elements.empty()) put(table, "element", std::move(elements));
           })
       .custom(
           {axes_key(setting.nodes)},
           [&setting](TableReader& reader, ThermalDescription& thermal) {
             read_axes(reader, thermal, setting);
           },
-          [&setting](const ThermalDescription& from, Node::Table& to) {
-            Node::Table axes = written_axes(from, setting);
-            if (!axes.empty()) put(to, "axis", std::move(axes));
+          [&setting](const ThermalDescription& thermal, Node::Table& table) {
+            Node::Table axes = written_axes(thermal, setting);
+            if (!axes.empty()) put(table, "axis", std::move(axes));
           })
       .custom(
           {workpiece},
           [&setting](TableReader& reader, ThermalDescription& thermal) {
             read_workpiece(reader, thermal, setting);
           },
-          [&setting](const ThermalDescription& from, Node::Table& to) {
-            if (const auto& grown = from.errors.workpiece)
-              put(to, "workpiece", workpiece_fields(setting.nodes).written(*grown));
+          [&setting](const ThermalDescription& thermal, Node::Table& table) {
+            if (const auto& expansion = thermal.errors.workpiece)
+              put(table, "workpiece",
+                  workpiece_expansion_fields(setting.nodes).written(*expansion));
           });
 }
 
@@ -339,22 +350,22 @@ using Plot = ThermalDescription::Plot;
 
 constexpr Eigen::Index max_curves = 50;
 
-/// Returns the FNV-1a hash of the scene's seed and a name, so that every sensor has its own noise.
-std::uint64_t seed_of(std::uint64_t seed, const std::string& name) {
-  return fnv_1a(name, fnv_1a_basis ^ seed);
+/// Returns the default seed of a sensor, the FNV-1a hash of the scene's seed and its name.
+std::uint64_t sensor_seed(std::uint64_t scene_seed, const std::string& name) {
+  return fnv_1a(name, fnv_1a_basis ^ scene_seed);
 }
 
 // ---- sensors
 
-/// @param taken  names of the sensors before it
+/// @param taken  names of the preceding sensors
 Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
                                                 const std::vector<std::string>& taken) {
   using errors::TemperatureSensor;
   constexpr std::int64_t max_seed = std::numeric_limits<std::int64_t>::max();
-  const std::uint64_t scene = setting.seed;
-  Key seed = make_key(KeyName("seed").otherwise("from the scene's and the name"), Key::Kind::Whole,
-                      "of its noise");
-  seed.range = {0.0, double(max_seed)};
+  const std::uint64_t scene_seed = setting.seed;
+  Key seed_key = make_key(KeyName("seed").otherwise("from the scene's and the name"),
+                          Key::Kind::Whole, "of its noise");
+  seed_key.range = {0.0, double(max_seed)};
   return Fields<TemperatureSensor>()
       .text(must("name"), &TemperatureSensor::name, "of the sensor, each once")
       .check([taken](TableReader& reader, TemperatureSensor& sensor) {
@@ -372,14 +383,15 @@ Fields<errors::TemperatureSensor> sensor_fields(const ThermalSetting& setting,
       .number("sampling_s", &TemperatureSensor::sampling_s, {1e-4, longest_s},
               "between samples, between which the last reading stands")
       .custom(
-          {seed},
-          [scene](TableReader& reader, TemperatureSensor& sensor) {
-            const auto own = reader.maybe_integer("seed", 0, max_seed);
-            sensor.seed = own ? std::uint64_t(*own) : seed_of(scene, sensor.name);
+          {seed_key},
+          [scene_seed](TableReader& reader, TemperatureSensor& sensor) {
+            const auto stated_seed = reader.maybe_integer("seed", 0, max_seed);
+            sensor.seed =
+                stated_seed ? std::uint64_t(*stated_seed) : sensor_seed(scene_seed, sensor.name);
           },
-          [scene](const TemperatureSensor& from, Node::Table& to) {
-            // A derived seed is left out, because it follows from the scene again.
-            if (from.seed != seed_of(scene, from.name)) put(to, "seed", std::int64_t(from.seed));
+          [scene_seed](const TemperatureSensor& sensor, Node::Table& table) {
+            if (sensor.seed != sensor_seed(scene_seed, sensor.name))
+              put(table, "seed", std::int64_t(sensor.seed));
           });
 }
 
@@ -395,7 +407,7 @@ void read_sensors(TableReader& reader, ThermalDescription& thermal, const Therma
 
 // ---- plots
 
-const Joint* joint_of(char axis, const ThermalSetting& setting) {
+const Joint* find_joint_by_letter(char axis, const ThermalSetting& setting) {
   for (const Joint& joint : setting.machine.joints)
     if (joint.name == axis) return &joint;
   return nullptr;
@@ -405,19 +417,19 @@ std::string range_key(const Joint& joint) {
   return joint.motion == Motion::Linear ? "range_mm" : "range_deg";
 }
 
-void read_plotted(TableReader& reader, Plot& plot) {
+void read_plotted_element(TableReader& reader, Plot& plot) {
   const std::string name = reader.text("element");
   try {
     if (!name.empty()) plot.element = errors::parse_element_name(name);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse("element", "the name of an element for thermal.plot.element", fault.what());
+  } catch (const std::invalid_argument& error) {
+    reader.refuse("element", "the name of an element for thermal.plot.element", error.what());
   }
-  // Location elements and the spindle have one value, not a curve over a position.
+  // Location elements and the spindle have a single value and no curve.
   if (plot.element.location || plot.element.axis == 'S')
     reader.refuse("element", "an error motion of an axis, which has a curve", name);
 }
 
-void read_instants(TableReader& reader, Plot& plot) {
+void read_plot_times(TableReader& reader, Plot& plot) {
   const auto key = time_key(reader, "at");
   if (key) plot.time_s = reader.numbers(*key);
   if (plot.time_s.size() > max_curves)
@@ -426,8 +438,8 @@ void read_instants(TableReader& reader, Plot& plot) {
 }
 
 void read_range(TableReader& reader, Plot& plot, const ThermalSetting& setting) {
-  const Joint* joint = joint_of(plot.element.axis, setting);
-  if (!joint) {  // reported already
+  const Joint* joint = find_joint_by_letter(plot.element.axis, setting);
+  if (!joint) {  // check_binding() reports the unknown axis
     reader.accept_key("range_mm");
     reader.accept_key("range_deg");
     return;
@@ -435,63 +447,66 @@ void read_range(TableReader& reader, Plot& plot, const ThermalSetting& setting) 
   const std::string key = range_key(*joint);
   const auto range = reader.maybe_numbers(key, 2);
   if (!range) return;
-  const double from = (*range)[0], to = (*range)[1], unit = unit_of(key);
-  // The curve is computed for positions within the travel only.
-  if (from < to && from >= joint->min && to <= joint->max) {
-    plot.range = std::array{from, to};
+  const double min = (*range)[0], max = (*range)[1], unit = unit_of(key);
+  // The curve can be computed within the travel only.
+  if (min < max && min >= joint->min && max <= joint->max) {
+    plot.range = std::array{min, max};
     return;
   }
   reader.refuse(key,
                 fmt::format("a rising range within the travel, {} .. {}, for thermal.plot.{}",
                             joint->min / unit, joint->max / unit, key),
-                fmt::format("{} .. {}", from / unit, to / unit));
+                fmt::format("{} .. {}", min / unit, max / unit));
 }
 
-void write_range(const Plot& from, Node::Table& to, const ThermalSetting& setting) {
-  const Joint* joint = joint_of(from.element.axis, setting);
-  if (!from.range || !joint) return;
+void write_range(const Plot& plot, Node::Table& table, const ThermalSetting& setting) {
+  const Joint* joint = find_joint_by_letter(plot.element.axis, setting);
+  if (!plot.range || !joint) return;
   const std::string key = range_key(*joint);
-  put_numbers(to, key, Eigen::Vector2d(from.range->front(), from.range->back()), unit_of(key));
+  put_numbers(table, key, Eigen::Vector2d(plot.range->front(), plot.range->back()), unit_of(key));
 }
 
-/// @param before  plots of other elements
-Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>& before) {
+/// @param other_plots  preceding plots, which must be of other elements
+Fields<Plot> plot_fields(const ThermalSetting& setting, const std::vector<Plot>& other_plots) {
   Key range = make_key(
       KeyName("range_mm").otherwise("all of the travel, at most 2000 mm or a turn either way"),
       Key::Kind::Numbers, "`[from, to]` within the travel over which the curve is drawn");
   range.size = 2;
-  const auto report_repeated_name = [before](TableReader& reader, Plot& plot) {
+  const auto report_repeated_name = [other_plots](TableReader& reader, Plot& plot) {
     const Node* name = reader.node().find("element");
-    for (const Plot& other : before)
+    for (const Plot& other : other_plots)
       if (other.element == plot.element)
         reader.refuse("element", "one plot an element",
                       (name && name->text() ? *name->text() : "") + " again");
   };
   return Fields<Plot>()
-      .custom(
-          {make_key(must("element"), Key::Kind::Text,
-                    "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
-          read_plotted,
-          [](const Plot& from, Node::Table& to) { put(to, "element", to_string(from.element)); })
+      .custom({make_key(must("element"), Key::Kind::Text,
+                        "error motion of an axis, whose curve is drawn in `EXX-temperatures.png`")},
+              read_plotted_element,
+              [](const Plot& plot, Node::Table& table) {
+                put(table, "element", to_string(plot.element));
+              })
       .custom(time_keys("at", Key::Kind::Numbers,
                         "instants, at most 50, each with the temperatures that the curve depends "
                         "on; before the program negative"),
-              read_instants,
-              [](const Plot& from, Node::Table& to) { put_numbers(to, "at_s", from.time_s, 1.0); })
+              read_plot_times,
+              [](const Plot& plot, Node::Table& table) {
+                put_numbers(table, "at_s", plot.time_s, 1.0);
+              })
       .check(report_repeated_name)
       .custom(
           with_other_unit({range}, "mm", "deg"),
           [&setting](TableReader& reader, Plot& plot) { read_range(reader, plot, setting); },
-          [&setting](const Plot& from, Node::Table& to) { write_range(from, to, setting); });
+          [&setting](const Plot& plot, Node::Table& table) { write_range(plot, table, setting); });
 }
 
 void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
   InputErrors& input_errors = reader.input_errors();
   for (const Node* table : reader.tables("plot")) {
-    const std::size_t before = input_errors.list().size();
+    const std::size_t error_count = input_errors.list().size();
     const Plot plot =
         plot_fields(setting, thermal.plots).read_table(*table, "thermal.plot", input_errors);
-    if (input_errors.list().size() != before) continue;
+    if (input_errors.list().size() != error_count) continue;
     check_binding({{{plot.element, {}, {}, 0.0}}, {}, std::nullopt, 20.0}, setting,
                   table->find("element")->place, input_errors);
     thermal.plots.push_back(plot);
@@ -500,16 +515,16 @@ void read_plots(TableReader& reader, ThermalDescription& thermal, const ThermalS
 
 // ---- the section
 
-/// Returns the fields that precede the links, which refer to nodes by name.
-Fields<ThermalDescription> first_fields() {
-  const auto itself = std::identity{};
+/// Returns the fields that are read before the links, which refer to nodes by name.
+Fields<ThermalDescription> room_and_node_fields() {
+  const auto whole_struct = std::identity{};
   return Fields<ThermalDescription>()
       .custom(
           {make_key("name", Key::Kind::Text, "of the table, for people")},
           [](TableReader& reader, ThermalDescription&) { reader.text("name", ""); },
           [](const ThermalDescription&, Node::Table&) {})
-      .all_of(itself, room_fields())
-      .all_of(itself, thermal_node_fields());
+      .all_of(whole_struct, room_fields())
+      .all_of(whole_struct, thermal_node_fields());
 }
 
 Fields<ThermalDescription> state_fields() {
@@ -528,28 +543,33 @@ Fields<ThermalDescription> state_fields() {
               "in the program speeds and cutting power are averaged over stretches of this length");
 }
 
-/// Returns the fields that follow the links. @param setting  must outlive the fields
-Fields<ThermalDescription> last_fields(const ThermalSetting& setting) {
+/// Returns the fields that are read after the links.
+/// @param setting  must outlive the fields
+Fields<ThermalDescription> source_and_effect_fields(const ThermalSetting& setting) {
   using Thermal = ThermalDescription;
-  const auto itself = std::identity{};
+  const auto whole_struct = std::identity{};
   return Fields<Thermal>()
-      .all_of(itself, thermal_source_fields(setting))
-      .all_of(itself, thermal_effect_fields(setting))
+      .all_of(whole_struct, thermal_source_fields(setting))
+      .all_of(whole_struct, thermal_effect_fields(setting))
       .tables("sensor", &Thermal::sensors, sensor_fields(setting, {}),
               "temperature sensor of the control",
-              [&setting](TableReader& reader, Thermal& to) { read_sensors(reader, to, setting); })
-      .all_of(itself, history_fields(setting))
+              [&setting](TableReader& reader, Thermal& thermal) {
+                read_sensors(reader, thermal, setting);
+              })
+      .all_of(whole_struct, history_fields(setting))
       .tables("plot", &Thermal::plots, plot_fields(setting, {}),
               "picture of what heat does to an element",
-              [&setting](TableReader& reader, Thermal& to) { read_plots(reader, to, setting); })
-      .all_of(itself, state_fields());
+              [&setting](TableReader& reader, Thermal& thermal) {
+                read_plots(reader, thermal, setting);
+              })
+      .all_of(whole_struct, state_fields());
 }
 
 Fields<ThermalDescription> thermal_fields(const ThermalSetting& setting) {
-  const auto itself = std::identity{};
-  return first_fields()
-      .all_of(itself, thermal_link_fields(setting.nodes))
-      .all_of(itself, last_fields(setting));
+  const auto whole_struct = std::identity{};
+  return room_and_node_fields()
+      .all_of(whole_struct, thermal_link_fields(setting.nodes))
+      .all_of(whole_struct, source_and_effect_fields(setting));
 }
 
 }  // namespace
@@ -557,17 +577,17 @@ Fields<ThermalDescription> thermal_fields(const ThermalSetting& setting) {
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, InputErrors& input_errors) {
   TableReader reader(table, "thermal", input_errors);
-  const std::size_t before = input_errors.list().size();
-  ThermalDescription thermal = first_fields().read(reader);
-  // The nodes were dropped, so every name in the other sections would be unknown.
+  const std::size_t error_count = input_errors.list().size();
+  ThermalDescription thermal = room_and_node_fields().read(reader);
+  // Too many nodes are not read, so the links would refer to unknown nodes.
   if (has_too_many_nodes(reader)) return thermal;
   const ThermalSetting setting = thermal_setting(machine, thermal.network, seed);
   thermal = thermal_link_fields(setting.nodes).read(reader, std::move(thermal));
-  // The network is checked as a whole only if each of its parts is correct.
-  const bool whole = input_errors.list().size() == before && reader.has("node");
-  thermal = last_fields(setting).read(reader, std::move(thermal));
+  // After an input error the network is incomplete and cannot be checked.
+  const bool is_complete = input_errors.list().size() == error_count && reader.has("node");
+  thermal = source_and_effect_fields(setting).read(reader, std::move(thermal));
   reader.close();
-  if (whole) check_network(thermal.network, reader);
+  if (is_complete) check_network(thermal.network, reader);
   return thermal;
 }
 

@@ -11,7 +11,7 @@ namespace abbe::sim {
 
 namespace {
 
-std::array<std::string, 3> in_units(const std::string& stem) {
+std::array<std::string, 3> in_time_units(const std::string& stem) {
   return {stem + "_h", stem + "_min", stem + "_s"};
 }
 
@@ -24,7 +24,7 @@ ThermalSetting thermal_setting(const MachineDescription& machine,
   try {
     if (!machine.joints.empty()) setting.chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
-    // reported with the machine
+    // The invalid machine is reported with its own section.
   }
   return setting;
 }
@@ -34,51 +34,50 @@ std::string named_table_path(const std::string& list, const Node& table) {
   return "thermal." + list + (name && name->text() ? "." + *name->text() : "");
 }
 
-void check_binding(const errors::ThermalErrors& alone, const ThermalSetting& setting,
+void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
                    const Place& place, InputErrors& input_errors) {
-  // Without a chain or nodes every binding would fail, and the cause is reported elsewhere.
+  // If the machine or the nodes are invalid, which is reported already, every binding would fail.
   if (!setting.chain || setting.nodes.empty()) return;
   try {
-    errors::bind(alone, *setting.chain, int(setting.nodes.size()));
-  } catch (const std::invalid_argument& fault) {
-    input_errors.add(place, "thermal errors that fit the machine", fault.what());
+    errors::bind(effect, *setting.chain, int(setting.nodes.size()));
+  } catch (const std::invalid_argument& error) {
+    input_errors.add(place, "thermal errors that fit the machine", error.what());
   }
 }
 
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* once) {
+                        const std::vector<std::string>& taken, const char* expected) {
   if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
-    reader.refuse("name", once, name + " again");
+    reader.refuse("name", expected, name + " again");
 }
 
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence) {
   std::vector<Key> keys;
-  for (const std::string& name : in_units(stem))
+  for (const std::string& name : in_time_units(stem))
     keys.push_back(make_key(KeyName(name).one_of(stem), kind, sentence));
   return keys;
 }
 
 std::optional<std::string> time_key(TableReader& reader, const std::string& stem) {
-  std::vector<std::string> there;
-  std::string all;
-  for (const std::string& key : in_units(stem)) {
-    if (reader.accept_key(key)) there.push_back(key);
-    all += (all.empty() ? "" : ", ") + key;
+  std::vector<std::string> stated_keys;
+  std::string list;
+  for (const std::string& key : in_time_units(stem)) {
+    if (reader.accept_key(key)) stated_keys.push_back(key);
+    list += (list.empty() ? "" : ", ") + key;
   }
-  if (there.size() == 1) return there.front();
-  if (there.empty()) reader.missing(in_units(stem).front(), "one of " + all);
-  // Every further key gets a message at its own position.
-  for (std::size_t i = 1; i < there.size(); ++i)
-    reader.refuse(there[i], "only one of " + all, there[0] + " and " + there[i]);
+  if (stated_keys.size() == 1) return stated_keys.front();
+  if (stated_keys.empty()) reader.missing(in_time_units(stem).front(), "one of " + list);
+  for (std::size_t i = 1; i < stated_keys.size(); ++i)
+    reader.refuse(stated_keys[i], "only one of " + list, stated_keys[0] + " and " + stated_keys[i]);
   return std::nullopt;
 }
 
 int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes) {
   const std::string name = reader.text(key);
-  // Node 0 is a valid index, and the missing name has been reported already.
+  // A missing name is reported already; 0 is a valid index.
   if (name.empty()) return 0;
-  const auto found = std::find(nodes.begin(), nodes.end(), name);
-  if (found != nodes.end()) return int(found - nodes.begin());
+  const auto node = std::find(nodes.begin(), nodes.end(), name);
+  if (node != nodes.end()) return int(node - nodes.begin());
   report_unknown_node(reader.accept_key(key)->place, "a node of the thermal network for " + key,
                       name, nodes, reader.input_errors());
   return 0;
@@ -87,11 +86,11 @@ int node_of(TableReader& reader, const std::string& key, const std::vector<std::
 void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
                          const std::vector<std::string>& nodes, InputErrors& input_errors) {
   std::set<std::string> names(nodes.begin(), nodes.end());
-  // Nodes whose name is missing have an empty one, which must not be suggested.
+  // A node without a name has an empty one, which must not be suggested.
   names.erase("");
-  const auto meant = nearest(name, names);
+  const auto suggestion = nearest(name, names);
   input_errors.add(place, expected,
-                   "\"" + name + "\"" + (meant ? " (nearest: \"" + *meant + "\")" : ""));
+                   "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : ""));
 }
 
 namespace {
@@ -102,18 +101,18 @@ using kinematics::Motion;
 
 constexpr Range phase_spindle_rpm{0.0, 1e6};
 constexpr Range axis_speed{0.0, 1e6};  // mm or deg per minute
-constexpr std::size_t most_rows = 10'000;
+constexpr std::size_t max_rows = 10'000;
 
 // ---- room
 
 void read_room_table(const Node& section, ThermalDescription& thermal, InputErrors& input_errors) {
   TableReader reader(section, "thermal.room", input_errors);
-  const std::size_t before = input_errors.list().size();
+  const std::size_t error_count = input_errors.list().size();
   const auto key = time_key(reader, "time");
   const VectorXd T_C = reader.numbers("T_C");
   const VectorXd time_s = key ? reader.numbers(*key) : VectorXd();
   reader.close();
-  if (input_errors.list().size() != before) return;
+  if (input_errors.list().size() != error_count) return;
   if (T_C.size() != time_s.size())
     reader.refuse("T_C", fmt::format("as many temperatures as times, {}", time_s.size()),
                   fmt::format("{}", T_C.size()));
@@ -122,8 +121,8 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
     if (!(time_s[i] > time_s[i - 1]))
       reader.refuse(*key, "rising times for thermal.room." + *key,
                     fmt::format("{} s after {} s", time_s[i], time_s[i - 1]));
-  if (T_C.size() > Eigen::Index(most_rows))
-    reader.refuse("T_C", fmt::format("at most {} rows", most_rows), fmt::format("{}", T_C.size()));
+  if (T_C.size() > Eigen::Index(max_rows))
+    reader.refuse("T_C", fmt::format("at most {} rows", max_rows), fmt::format("{}", T_C.size()));
   const Range& range = temperature_range;
   if (T_C.minCoeff() < range.min || T_C.maxCoeff() > range.max)
     reader.refuse("T_C", fmt::format("temperatures of {} .. {}", range.min, range.max),
@@ -133,7 +132,7 @@ void read_room_table(const Node& section, ThermalDescription& thermal, InputErro
 }
 
 void read_room(TableReader& reader, ThermalDescription& thermal) {
-  // A constant room is a table of one row, so that the simulation handles a single form.
+  // A constant temperature is stored as a table of one row.
   thermal.room_time_s = VectorXd::Zero(1);
   thermal.room_T_C = VectorXd::Constant(1, reader.number("room_C", temperature_range, 20.0));
   const Node* section = reader.section("room");
@@ -142,22 +141,23 @@ void read_room(TableReader& reader, ThermalDescription& thermal) {
   read_room_table(*section, thermal, reader.input_errors());
 }
 
-void write_room(const ThermalDescription& from, Node::Table& to) {
-  // A single row at time 0 is the form in which a constant room is stored.
-  if (from.room_time_s.size() == 1 && from.room_time_s[0] == 0.0)
-    return put(to, "room_C", from.room_T_C[0]);
+void write_room(const ThermalDescription& thermal, Node::Table& table) {
+  // A constant temperature is stored as a single row at time 0.
+  if (thermal.room_time_s.size() == 1 && thermal.room_time_s[0] == 0.0)
+    return put(table, "room_C", thermal.room_T_C[0]);
   Node::Table room;
-  put_numbers(room, "time_s", from.room_time_s, 1.0);
-  put_numbers(room, "T_C", from.room_T_C, 1.0);
-  put(to, "room", std::move(room));
+  put_numbers(room, "time_s", thermal.room_time_s, 1.0);
+  put_numbers(room, "T_C", thermal.room_T_C, 1.0);
+  put(table, "room", std::move(room));
 }
 
 // ---- history
 
+/// Key of a table with the speeds of slides or of rotary axes.
 struct SpeedKey {
   const char* name;
   Motion motion;
-  const char* axes;
+  const char* axes;  ///< pattern of the axis letters
   const char* sentence;
 };
 constexpr std::array speed_keys{
@@ -168,7 +168,7 @@ constexpr std::array speed_keys{
 
 void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
                       const ThermalSetting& setting) {
-  // Axes without a stated speed rest.
+  // Axes without a stated speed are at rest.
   if (setting.chain) speeds.setZero(setting.chain->size());
   for (const SpeedKey& key : speed_keys) {
     const Node* section = phase.section(key.name);
@@ -177,15 +177,15 @@ void read_axis_speeds(TableReader& phase, kinematics::AxisVector& speeds,
     for (int j = 0; j < setting.chain->size(); ++j) {
       const Joint& joint = setting.chain->joints()[std::size_t(j)];
       if (joint.motion != key.motion) continue;
-      const auto written = reader.number_as_written(std::string(1, joint.name), axis_speed);
-      // The unit belongs to the name of the table and not to the letter of the axis.
-      if (written) speeds[j] = *written * unit_of(key.name);
+      const auto speed = reader.number_as_written(std::string(1, joint.name), axis_speed);
+      // The unit is in the key of the table and not in those of the axes.
+      if (speed) speeds[j] = *speed * unit_of(key.name);
     }
     reader.close();
   }
 }
 
-void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& to,
+void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& table,
                        const ThermalSetting& setting) {
   for (const SpeedKey& key : speed_keys) {
     Node::Table axes;
@@ -194,17 +194,18 @@ void write_axis_speeds(const kinematics::AxisVector& speeds, Node::Table& to,
       if (joint.motion == key.motion && speeds[j] != 0.0)
         put(axes, std::string(1, joint.name), speeds[j] / unit_of(key.name));
     }
-    if (!axes.empty()) put(to, key.name, std::move(axes));
+    if (!axes.empty()) put(table, key.name, std::move(axes));
   }
 }
 
 std::vector<Key> axis_speed_keys() {
   std::vector<Key> keys;
-  for (const SpeedKey& one : speed_keys) {
+  for (const SpeedKey& speed_key : speed_keys) {
     Key axis = make_key("<axis>", Key::Kind::Number, "of one axis, in the unit of the table");
-    axis.pattern = one.axes;
+    axis.pattern = speed_key.axes;
     axis.range = axis_speed;
-    Key key = make_key(KeyName(one.name).otherwise("0"), Key::Kind::Table, one.sentence);
+    Key key =
+        make_key(KeyName(speed_key.name).otherwise("0"), Key::Kind::Table, speed_key.sentence);
     key.keys = {axis};
     keys.push_back(key);
   }
@@ -229,15 +230,17 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
             if (const auto key = time_key(reader, "duration"))
               phase.duration = reader.number(*key, duration_range(*key));
           },
-          [](const ThermalPhase& from, Node::Table& to) { put(to, "duration_s", from.duration); })
+          [](const ThermalPhase& phase, Node::Table& table) {
+            put(table, "duration_s", phase.duration);
+          })
       .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
       .custom(
           axis_speed_keys(),
           [&setting](TableReader& reader, ThermalPhase& phase) {
             read_axis_speeds(reader, phase.axis_speed, setting);
           },
-          [&setting](const ThermalPhase& from, Node::Table& to) {
-            write_axis_speeds(from.axis_speed, to, setting);
+          [&setting](const ThermalPhase& phase, Node::Table& table) {
+            write_axis_speeds(phase.axis_speed, table, setting);
           })
       .boolean("powered", &ThermalPhase::powered, "the machine is switched on")
       .boolean("coolant", &ThermalPhase::coolant, "the coolant flows");
@@ -245,8 +248,8 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
 
 void read_history(TableReader& reader, ThermalDescription& thermal, const ThermalSetting& setting) {
   const auto phases = reader.tables("history");
-  if (phases.size() > most_rows) {
-    reader.refuse("history", fmt::format("at most {} phases", most_rows),
+  if (phases.size() > max_rows) {
+    reader.refuse("history", fmt::format("at most {} phases", max_rows),
                   fmt::format("{}", phases.size()));
     return;
   }
@@ -275,8 +278,8 @@ Fields<ThermalDescription> history_fields(const ThermalSetting& setting) {
   return Fields<ThermalDescription>().tables(
       "history", &ThermalDescription::history, phase_fields(setting),
       "stretch of time before the program, in order; at most 10 000",
-      [&setting](TableReader& reader, ThermalDescription& to) {
-        read_history(reader, to, setting);
+      [&setting](TableReader& reader, ThermalDescription& thermal) {
+        read_history(reader, thermal, setting);
       });
 }
 
@@ -285,11 +288,12 @@ namespace {
 using errors::Surroundings;
 
 constexpr Range power{0.0, 1e7};  // W
-constexpr Range share_of_all{0.0, 1.0};
+constexpr Range cutting_power_fraction{0.0, 1.0};
 constexpr std::size_t max_nodes = 200;
 
 // ---- nodes
 
+/// A node with its start temperature, if it states one.
 struct ThermalNodeEntry {
   errors::ThermalNode node;
   std::optional<double> start_T_C;
@@ -298,7 +302,7 @@ struct ThermalNodeEntry {
 Fields<ThermalNodeEntry> node_table_fields(const std::vector<std::string>& taken) {
   using errors::ThermalNode;
   const auto check_name = [taken](TableReader& reader, ThermalNode& node) {
-    // Links use these two names for the surroundings.
+    // Links denote the surroundings by these names.
     if (node.name == "room" || node.name == "coolant")
       reader.refuse("name", "a node not named room or coolant, which links know already",
                     node.name);
@@ -324,7 +328,7 @@ void read_nodes(TableReader& reader, ThermalDescription& thermal) {
     return;
   }
   auto& [nodes, links, surroundings, sources, start_T_C] = thermal.network;
-  // The default of all nodes is the first temperature of the room, hence the order of reading.
+  // By default all nodes start at the first temperature of the room, which is read before.
   start_T_C.setConstant(Eigen::Index(tables.size()),
                         reader.number("start_C", temperature_range, thermal.room_T_C[0]));
   std::vector<std::string> names;
@@ -337,33 +341,32 @@ void read_nodes(TableReader& reader, ThermalDescription& thermal) {
   }
 }
 
-void write_nodes(const ThermalDescription& from, Node::Table& to) {
+void write_nodes(const ThermalDescription& thermal, Node::Table& table) {
   Node::Array nodes;
-  for (const errors::ThermalNode& node : from.network.nodes) {
-    // Each node is written with its own start temperature, which may differ from the common one.
-    const double start = from.network.start_T_C[Eigen::Index(nodes.size())];
+  for (const errors::ThermalNode& node : thermal.network.nodes) {
+    const double start = thermal.network.start_T_C[Eigen::Index(nodes.size())];
     nodes.push_back(Node{{}, node_table_fields({}).written({node, start})});
   }
-  put(to, "node", std::move(nodes));
+  put(table, "node", std::move(nodes));
 }
 
 // ---- links
 
-using End = std::variant<int, Surroundings>;
+using End = std::variant<int, Surroundings>;  // index of a node, or the surroundings
 
 struct ThermalLinkEntry {
-  std::optional<std::array<End, 2>> ends;  ///< none: rejected
+  std::optional<std::array<End, 2>> ends;  ///< none if they are invalid
   double conductance_W_per_K = 1.0;
 };
 
-std::optional<End> read_end(const Node& word, const std::vector<std::string>& nodes,
+std::optional<End> read_end(const Node& node, const std::vector<std::string>& nodes,
                             InputErrors& input_errors) {
-  const std::string& name = *word.text();
+  const std::string& name = *node.text();
   if (name == "room") return End(Surroundings::Room);
   if (name == "coolant") return End(Surroundings::Coolant);
-  const auto found = std::find(nodes.begin(), nodes.end(), name);
-  if (found != nodes.end()) return End(int(found - nodes.begin()));
-  report_unknown_node(word.place, "a node of the thermal network, \"room\" or \"coolant\"", name,
+  const auto position = std::find(nodes.begin(), nodes.end(), name);
+  if (position != nodes.end()) return End(int(position - nodes.begin()));
+  report_unknown_node(node.place, "a node of the thermal network, \"room\" or \"coolant\"", name,
                       nodes, input_errors);
   return std::nullopt;
 }
@@ -375,32 +378,32 @@ std::optional<std::array<End, 2>> read_ends(TableReader& reader,
     reader.missing("between", "two names");
     return std::nullopt;
   }
-  const Node::Array* words = between->array();
-  if (!words || words->size() != 2 || !(*words)[0].text() || !(*words)[1].text()) {
+  const Node::Array* names = between->array();
+  if (!names || names->size() != 2 || !(*names)[0].text() || !(*names)[1].text()) {
     reader.refuse("between", "two names for thermal.link.between", shown(*between));
     return std::nullopt;
   }
-  const auto a = read_end((*words)[0], nodes, reader.input_errors());
-  const auto b = read_end((*words)[1], nodes, reader.input_errors());
+  const auto a = read_end((*names)[0], nodes, reader.input_errors());
+  const auto b = read_end((*names)[1], nodes, reader.input_errors());
   if (!a || !b) return std::nullopt;
-  // A link between two surroundings, or of a node with itself, moves no heat into the network.
+  // Heat between two surroundings, or between a node and itself, does not change the network.
   if (*a == *b || (a->index() == 1 && b->index() == 1)) {
     reader.refuse("between", "two different nodes, or a node and its surroundings",
-                  *(*words)[0].text() + " and " + *(*words)[1].text());
+                  *(*names)[0].text() + " and " + *(*names)[1].text());
     return std::nullopt;
   }
   return std::array{*a, *b};
 }
 
 Fields<ThermalLinkEntry> link_fields(const std::vector<std::string>& nodes) {
-  const auto name_of_end = [&nodes](const End& end) {
+  const auto end_name = [&nodes](const End& end) {
     if (const int* node = std::get_if<int>(&end)) return nodes.at(std::size_t(*node));
     return std::string(std::get<Surroundings>(end) == Surroundings::Room ? "room" : "coolant");
   };
-  const auto write_ends = [name_of_end](const ThermalLinkEntry& from, Node::Table& to) {
+  const auto write_ends = [end_name](const ThermalLinkEntry& link, Node::Table& table) {
     Node::Array names;
-    for (const End& end : *from.ends) names.push_back(Node{{}, name_of_end(end)});
-    put(to, "between", std::move(names));
+    for (const End& end : *link.ends) names.push_back(Node{{}, end_name(end)});
+    put(table, "between", std::move(names));
   };
   Key between =
       make_key(must("between"), Key::Kind::Texts,
@@ -425,10 +428,10 @@ void read_links(TableReader& reader, errors::ThermalNetwork& network,
         link_fields(nodes).read_table(*table, "thermal.link", reader.input_errors());
     if (!ends) continue;
     auto [a, b] = *ends;
-    // The network stores surroundings as the second end, so a reversed pair is swapped.
+    // The network stores the surroundings as the second end.
     if (a.index() == 1) std::swap(a, b);
-    if (const auto* outside = std::get_if<Surroundings>(&b)) {
-      network.surroundings.push_back({std::get<int>(a), *outside, conductance});
+    if (const auto* surroundings = std::get_if<Surroundings>(&b)) {
+      network.surroundings.push_back({std::get<int>(a), *surroundings, conductance});
     } else {
       network.links.push_back({std::get<int>(a), std::get<int>(b), conductance});
     }
@@ -450,63 +453,62 @@ Node::Array written_links(const errors::ThermalNetwork& network,
 
 using Law = decltype(errors::HeatSource::law);
 
-Fields<errors::AxisHeat> friction_fields(bool slide) {
+Fields<errors::AxisHeat> friction_fields(bool is_slide) {
   using errors::AxisHeat;
   return Fields<AxisHeat>()
-      .number(slide ? "coulomb_N" : "coulomb_Nm", &AxisHeat::coulomb, non_negative,
-              slide ? "of a slide; one of the two at least" : "of an axis that turns")
-      .number(slide ? "viscous_N_s_per_mm" : "viscous_Nm_s", &AxisHeat::viscous, non_negative,
-              slide ? "of a slide" : "of an axis that turns");
+      .number(is_slide ? "coulomb_N" : "coulomb_Nm", &AxisHeat::coulomb, non_negative,
+              is_slide ? "of a slide; one of the two at least" : "of an axis that turns")
+      .number(is_slide ? "viscous_N_s_per_mm" : "viscous_Nm_s", &AxisHeat::viscous, non_negative,
+              is_slide ? "of a slide" : "of an axis that turns");
 }
 
 std::optional<errors::AxisHeat> read_axis_heat(TableReader& reader, const ThermalSetting& setting) {
   const std::string name = reader.text("axis");
   const auto& joints = setting.machine.joints;
-  const auto found = std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) {
+  const auto joint_position = std::find_if(joints.begin(), joints.end(), [&](const Joint& joint) {
     return name == std::string(1, joint.name) && joint.motion != Motion::Spindle;
   });
-  // An unknown axis reads the keys of a slide, so that its other errors are reported as well.
-  const bool slide = found == joints.end() || found->motion == Motion::Linear;
-  const Fields<errors::AxisHeat> friction = friction_fields(slide);
+  // For an unknown axis the keys of a slide are read, so that their errors are reported as well.
+  const bool is_slide = joint_position == joints.end() || joint_position->motion == Motion::Linear;
+  const Fields<errors::AxisHeat> friction = friction_fields(is_slide);
   errors::AxisHeat heat = friction.read(reader);
   const std::string coulomb = friction.keys()[0].name, viscous = friction.keys()[1].name;
-  // One coefficient is enough; without either the axis would produce no heat.
+  // Without either coefficient the axis would produce no heat.
   if (!reader.has(coulomb) && !reader.has(viscous))
     reader.missing(coulomb, "a number, or " + viscous + ",");
-  if (found == joints.end()) {
-    // Without a valid machine the axis cannot be judged.
+  if (joint_position == joints.end()) {
+    // If the machine is invalid, every axis is unknown.
     if (!name.empty() && setting.chain) reader.refuse("axis", "an axis of the machine", name);
     return std::nullopt;
   }
-  // The spindle has a heat law of its own.
+  // The heat of a spindle is a kind of its own.
   if (name == "S") {
     reader.refuse("axis", "an axis; a spindle heats by kind = \"spindle\"", name);
     return std::nullopt;
   }
-  heat.joint = int(found - joints.begin());
+  heat.joint = int(joint_position - joints.begin());
   return heat;
 }
 
-Alternative<Law> axis_heat(const ThermalSetting& setting) {
-  Word word{"axis",
-            "friction of an axis, (coulomb + viscous |v|) |v|",
-            {make_key(must("axis"), Key::Kind::Text, "its letter")}};
-  for (const bool slide : {true, false})
-    for (const Key& key : friction_fields(slide).keys()) word.keys.push_back(key);
+Alternative<Law> axis_heat_alternative(const ThermalSetting& setting) {
+  Word choice{"axis",
+              "friction of an axis, (coulomb + viscous |v|) |v|",
+              {make_key(must("axis"), Key::Kind::Text, "its letter")}};
+  for (const bool is_slide : {true, false})
+    for (const Key& key : friction_fields(is_slide).keys()) choice.keys.push_back(key);
   const auto read = [&setting](TableReader& reader) {
     const auto heat = read_axis_heat(reader, setting);
     return heat ? Law(*heat) : Law();
   };
-  const auto write = [&setting](const Law& law, Node::Table& to) {
+  const auto write = [&setting](const Law& law, Node::Table& table) {
     const auto* heat = std::get_if<errors::AxisHeat>(&law);
     if (!heat) return false;
     const Joint& joint = setting.machine.joints.at(std::size_t(heat->joint));
-    put(to, "axis", std::string(1, joint.name));
-    for (Node::Entry& entry : friction_fields(joint.motion == Motion::Linear).written(*heat))
-      to.push_back(std::move(entry));
+    put(table, "axis", std::string(1, joint.name));
+    append_entries(table, friction_fields(joint.motion == Motion::Linear).written(*heat));
     return true;
   };
-  return {std::move(word), read, write};
+  return {std::move(choice), read, write};
 }
 
 Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
@@ -520,11 +522,12 @@ Fields<errors::HeatSource> law_fields(const ThermalSetting& setting) {
   const auto power_on = Fields<PowerOnHeat>().number(must("power_W"), &PowerOnHeat::power_W, power,
                                                      "while the machine is switched on");
   const auto cutting = Fields<CuttingHeat>().number(must("share"), &CuttingHeat::share,
-                                                    share_of_all, "of the cutting power");
-  return Fields<HeatSource>().kinds(
+                                                    cutting_power_fraction, "of the cutting power");
+  return Fields<HeatSource>().variant(
       must("kind"), &HeatSource::law,
       {alternative<Law>("spindle", spindle, "bearings and motor, power_W (n / at_rpm)^exponent"),
-       axis_heat(setting), alternative<Law>("power_on", power_on, "motors and cabinets"),
+       axis_heat_alternative(setting),
+       alternative<Law>("power_on", power_on, "motors and cabinets"),
        alternative<Law>("cutting", cutting, "a share of the cutting power")},
       "what makes the heat");
 }
@@ -534,7 +537,7 @@ Fields<errors::HeatSource> source_node_fields(const std::vector<std::string>& no
                                          "that is heated");
 }
 
-/// Returns true if a kind is present, on which the other keys depend.
+/// Returns true if the table states a valid kind; else reports the error.
 bool has_kind(TableReader& reader, const Fields<errors::HeatSource>& law) {
   if (reader.has("kind")) return bool(reader.word("kind", words_of(law.keys().front()), false));
   reader.input_errors().add(reader.place(), "a kind of heat for thermal.source.kind", "nothing");
@@ -546,7 +549,7 @@ void read_sources(TableReader& list, ThermalDescription& thermal, const ThermalS
   for (const Node* table : list.tables("source")) {
     TableReader reader(*table, "thermal.source", list.input_errors());
     errors::HeatSource source = source_node_fields(setting.nodes).read(reader);
-    // Without a kind the other keys are not read, and close() would call all of them unknown.
+    // Which other keys exist depends on the kind, so without one nothing more can be checked.
     if (!has_kind(reader, law)) continue;
     thermal.network.sources.push_back(law.read(reader, source));
     reader.close();
@@ -577,8 +580,8 @@ Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& n
       [&nodes](TableReader& reader, ThermalDescription& thermal) {
         read_links(reader, thermal.network, nodes);
       },
-      [&nodes](const ThermalDescription& from, Node::Table& to) {
-        put(to, "link", written_links(from.network, nodes));
+      [&nodes](const ThermalDescription& thermal, Node::Table& table) {
+        put(table, "link", written_links(thermal.network, nodes));
       });
 }
 
@@ -587,13 +590,13 @@ Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting) 
       "source", [](auto& thermal) -> auto& { return thermal.network.sources; },
       source_node_fields(setting.nodes).all_of(std::identity{}, law_fields(setting)),
       "heat that goes into a node",
-      [&setting](TableReader& reader, ThermalDescription& to) {
-        read_sources(reader, to, setting);
+      [&setting](TableReader& reader, ThermalDescription& thermal) {
+        read_sources(reader, thermal, setting);
       });
 }
 
 void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
-  // Heat that enters such a node could never leave it.
+  // Heat could enter an isolated node but never leave it.
   if (const auto node = errors::isolated_node(network)) {
     const Node* table = reader.tables("node")[std::size_t(*node)];
     reader.input_errors().add(table->place,
@@ -602,13 +605,12 @@ void check_network(const errors::ThermalNetwork& network, TableReader& reader) {
                               "none");
     return;
   }
-  errors::Activity rest;
+  errors::Activity idle_activity;
   try {
-    // A single step of rest is simulated, because the simulation applies its own tests to the
-    // network.
-    errors::simulate(network, {&rest, 1});
-  } catch (const std::invalid_argument& fault) {
-    reader.input_errors().add(reader.place(), "a thermal network that can be", fault.what());
+    // One step without activity is simulated, because the simulation validates the network.
+    errors::simulate(network, {&idle_activity, 1});
+  } catch (const std::invalid_argument& error) {
+    reader.input_errors().add(reader.place(), "a thermal network that can be", error.what());
   }
 }
 

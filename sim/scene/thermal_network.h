@@ -10,85 +10,93 @@
 #include "sim/scene/table_reader.h"
 #include "sim/scene/thermal.h"
 
-/// Definitions common to the parts of `[thermal]`.
+/// Readers of the room, the history and the network of `[thermal]`, and helpers for its other
+/// parts.
 namespace abbe::sim {
 
 inline constexpr Range temperature_range{ThermalDescription::min_T_C, ThermalDescription::max_T_C};
 inline constexpr double longest_s = 1e10;  // three centuries
 
-/// Data on which the keys depend.
+/// The parts of the scene that reading `[thermal]` needs.
 struct ThermalSetting {
   MachineDescription machine;
-  std::optional<kinematics::Chain> chain;  ///< none if the machine has errors
+  std::optional<kinematics::Chain> chain;  ///< none if the machine is invalid
   std::vector<std::string> nodes;          ///< node names of the network
   std::uint64_t seed = 0;
 };
 ThermalSetting thermal_setting(const MachineDescription& machine,
                                const errors::ThermalNetwork& network, std::uint64_t seed);
 
-/// Returns the path of a table in a list by its name, such as "thermal.node.column", as used by
-/// --set.
+/// Returns the path of a table in a list by its name, such as "thermal.node.column", as --set takes
+/// it.
 std::string named_table_path(const std::string& list, const Node& table);
 
-/// Binds one thermal effect without the others, so that an error is reported at its position.
-void check_binding(const errors::ThermalErrors& alone, const ThermalSetting& setting,
+/// Checks that a single thermal effect fits the machine, and reports an error at its position.
+void check_binding(const errors::ThermalErrors& effect, const ThermalSetting& setting,
                    const Place& place, InputErrors& input_errors);
 
-/// Rejects a name that another table of the list has.
+/// Reports a name that another table of the list has.
+/// @param taken  names of the other tables
+/// @param expected  text of the message
 void check_name_is_free(TableReader& reader, const std::string& name,
-                        const std::vector<std::string>& taken, const char* once);
+                        const std::vector<std::string>& taken, const char* expected);
 
-/// Returns the keys of a time, or of a list of times, in h, min or s.
+/// Returns the keys of a time, or of a list of times, in h, min and s, of which a table has one.
 std::vector<Key> time_keys(const std::string& stem, Key::Kind kind, const char* sentence);
-/// Returns the one of these keys that is present; none, with a message, unless there is exactly
-/// one.
+/// Returns the one of these keys that is present. If there is none or more than one, reports it and
+/// returns nothing.
 std::optional<std::string> time_key(TableReader& reader, const std::string& stem);
 
-/// Returns the index of the node that a key names; 0, with a message, if there is none.
+/// Returns the index of the node that a key names. If there is none, reports it and returns 0.
 int node_of(TableReader& reader, const std::string& key, const std::vector<std::string>& nodes);
 /// Reports a node that is not in the network.
 void report_unknown_node(const Place& place, const std::string& expected, const std::string& name,
                          const std::vector<std::string>& nodes, InputErrors& input_errors);
 
-/// Returns the field of a key that names a node. @param nodes  must outlive the fields
+/// Returns the field of a key that names a node.
+/// @param nodes  must outlive the fields
 template <typename T, typename M>
 Fields<T> node_fields(const KeyName& name, M member, const std::vector<std::string>& nodes,
                       const char* sentence) {
   const Key key = make_key(name, Key::Kind::Text, sentence);
   return Fields<T>().custom(
       {key},
-      [key, member, &nodes](TableReader& reader, T& to) {
+      [key, member, &nodes](TableReader& reader, T& target) {
         if (key.required || reader.accept_key(key.name))
-          std::invoke(member, to) = node_of(reader, key.name, nodes);
+          std::invoke(member, target) = node_of(reader, key.name, nodes);
       },
-      [key, member, &nodes](const T& from, Node::Table& to) {
-        const std::optional<int> node = std::invoke(member, from);
-        if (node) put(to, key.name, nodes.at(std::size_t(*node)));
+      [key, member, &nodes](const T& source, Node::Table& table) {
+        const std::optional<int> node = std::invoke(member, source);
+        if (node) put(table, key.name, nodes.at(std::size_t(*node)));
       });
 }
 
-// The day of a machine: the room temperature and the activity before the program.
+// The room temperature and the activity of the machine before the program.
 
 /// Returns the fields `room_C` and `room`.
 Fields<ThermalDescription> room_fields();
 
-/// Returns the field `history`. @param setting  must outlive the fields
+/// Returns the field `history`.
+/// @param setting  must outlive the fields
 Fields<ThermalDescription> history_fields(const ThermalSetting& setting);
 
-// The network of `[thermal]`: nodes, links and sources.
+// The network: nodes, links and sources.
 
-/// Returns the fields `node` and `start_C`; too many nodes are dropped. The room is read before.
+/// Returns the fields `node` and `start_C`. The room must be read before. Too many nodes are
+/// reported and not read.
 Fields<ThermalDescription> thermal_node_fields();
-/// Returns true for more than 200 nodes, whose modes take long to compute.
+/// Returns true if there are more than 200 nodes, whose modes would take long to compute.
 bool has_too_many_nodes(TableReader& reader);
 
+/// Returns the field `link`.
 /// @param nodes  must outlive the fields
 Fields<ThermalDescription> thermal_link_fields(const std::vector<std::string>& nodes);
 
+/// Returns the field `source`.
 /// @param setting  must outlive the fields
 Fields<ThermalDescription> thermal_source_fields(const ThermalSetting& setting);
 
-/// Rejects a network that cannot be simulated although each of its keys is correct.
+/// Reports a network that cannot be simulated although each of its keys is valid.
 void check_network(const errors::ThermalNetwork& network, TableReader& reader);
 
 }  // namespace abbe::sim

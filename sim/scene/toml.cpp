@@ -18,31 +18,33 @@ namespace abbe::sim {
 
 namespace {
 
+/// Returns the line and column of an offset in a text.
 Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
-  const std::string_view before = text.substr(0, offset);
-  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
-  const std::size_t start = before.rfind('\n');
-  const std::size_t column = start == std::string_view::npos ? offset + 1 : offset - start;
+  const std::string_view preceding_text = text.substr(0, offset);
+  const auto line = 1 + std::count(preceding_text.begin(), preceding_text.end(), '\n');
+  const std::size_t line_break = preceding_text.rfind('\n');
+  const std::size_t column =
+      line_break == std::string_view::npos ? offset + 1 : offset - line_break;
   return {std::make_shared<const std::string>(file), int(line), int(column)};
 }
 
-[[noreturn]] void refuse_text(const Place& place, const std::string& expected,
-                              const std::string& seen) {
+[[noreturn]] void throw_at(const Place& place, const std::string& expected,
+                           const std::string& seen) {
   throw BadInput(*place.file, place.line, place.column, expected, seen);
 }
 
-// Reports very long dotted keys. The parser limits the nesting of brackets but not the length of a
-// dotted key, and destroys the tables of such a key by recursion.
-void report_deep_keys(std::string_view text, const std::string& file) {
+// Throws an input error for very long dotted keys. toml++ limits the nesting of brackets but not
+// the length of a dotted key, and the tables of such a key are destroyed by recursion.
+void check_key_depth(std::string_view text, const std::string& file) {
   int dots = 0;
   bool name_since_dot = false;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '.') {
-      // The limit is generous, because the scan also counts dots inside of texts.
+      // The limit is generous, because the scan also counts dots in texts.
       if (name_since_dot && ++dots > 10 * max_nesting) {
-        refuse_text(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
-                    "a longer one");
+        throw_at(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
+                 "a longer one");
       }
       name_since_dot = false;
     } else if (std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-') {
@@ -54,59 +56,60 @@ void report_deep_keys(std::string_view text, const std::string& file) {
   }
 }
 
-/// Returns the column, from 1, of a quote that its line opens and does not close; none otherwise.
+/// Returns the column, from 1, of the opening quote of a text that does not end in this line.
 std::optional<int> unclosed_quote(std::string_view line) {
-  std::optional<int> opened;
+  std::optional<int> column;
   char quote = 0;
   for (std::size_t i = 0; i < line.size(); ++i) {
     const char c = line[i];
-    // The rest of the line is a comment.
-    if (quote == 0 && c == '#') return std::nullopt;
-    // A backslash escapes the next character, but only within double quotes.
+    if (quote == 0 && c == '#') return std::nullopt;  // a comment until the end of the line
+    // A backslash escapes the next character only within double quotes.
     if (quote == '"' && c == '\\') {
       ++i;
     } else if (quote != 0 && c == quote) {
       quote = 0;
     } else if (quote == 0 && (c == '"' || c == '\'')) {
       quote = c;
-      opened = int(i) + 1;
+      column = int(i) + 1;
     }
   }
-  return quote == 0 ? std::nullopt : opened;
+  return quote == 0 ? std::nullopt : column;
 }
 
-std::string_view line_of(std::string_view text, int number) {
-  for (; number > 1 && !text.empty(); --number)
+std::string_view text_line(std::string_view text, int line_number) {
+  for (; line_number > 1 && !text.empty(); --line_number)
     text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
   return text.substr(0, text.find_first_of("\r\n"));
 }
 
-/// Reports a one-line text without a closing quote at its opening quote, since the parser's message
-/// about a control character would puzzle the user.
-void report_open_quote(std::string_view text, const std::string& file, int number) {
-  const std::string_view line = line_of(text, number);
+/// Throws an input error at the opening quote if a line has no closing one. The parser would report
+/// the line break as an invalid control character, which would puzzle the user.
+void check_quotes(std::string_view text, const std::string& file, int line_number) {
+  const std::string_view line = text_line(text, line_number);
   const auto column = unclosed_quote(line);
   // Texts in triple quotes may span lines.
   if (!column || line.find("\"\"\"") != std::string_view::npos ||
       line.find("'''") != std::string_view::npos)
     return;
-  throw BadInput(file, number, *column, std::string("a text that ends with ") + line[*column - 1u],
+  throw BadInput(file, line_number, *column,
+                 std::string("a text that ends with ") + line[*column - 1u],
                  "one that its line does not close");
 }
 
+/// Converts a tree of toml++ to `Node`.
 class TomlConverter {
  public:
   explicit TomlConverter(std::shared_ptr<const std::string> file) : file_(std::move(file)) {}
 
   Node node(const ::toml::node& from, int depth) const {
     if (depth > max_nesting) {
-      const Place deep = place(from.source());
-      refuse_text(deep, fmt::format("at most {} levels of tables and arrays", max_nesting), "more");
+      throw_at(place(from.source()),
+               fmt::format("at most {} levels of tables and arrays", max_nesting), "more");
     }
-    Node to;
-    to.place = place(from.source());
-    from.visit([&](const auto& value) { to.value = converted(value, depth); });
-    return to;
+    Node node;
+    node.place = place(from.source());
+    from.visit([&](const auto& value) { node.value = convert(value, depth); });
+    return node;
   }
 
  private:
@@ -115,33 +118,33 @@ class TomlConverter {
   Place place(const ::toml::source_region& source) const {
     return {file_, int(source.begin.line), int(source.begin.column)};
   }
-  Value converted(const ::toml::value<bool>& v, int) const { return *v; }
-  Value converted(const ::toml::value<std::int64_t>& v, int) const { return *v; }
-  Value converted(const ::toml::value<double>& v, int) const { return *v; }
-  Value converted(const ::toml::value<std::string>& v, int) const { return *v; }
+  Value convert(const ::toml::value<bool>& v, int) const { return *v; }
+  Value convert(const ::toml::value<std::int64_t>& v, int) const { return *v; }
+  Value convert(const ::toml::value<double>& v, int) const { return *v; }
+  Value convert(const ::toml::value<std::string>& v, int) const { return *v; }
   template <typename Date>
-  Value converted(const ::toml::value<Date>& v, int) const {
+  Value convert(const ::toml::value<Date>& v, int) const {
     std::ostringstream out;
     out << *v;
     return TomlDate{out.str()};
   }
-  Value converted(const ::toml::array& from, int depth) const {
-    Node::Array to;
-    to.reserve(from.size());
-    for (const ::toml::node& element : from) to.push_back(node(element, depth + 1));
-    return to;
+  Value convert(const ::toml::array& from, int depth) const {
+    Node::Array array;
+    array.reserve(from.size());
+    for (const ::toml::node& element : from) array.push_back(node(element, depth + 1));
+    return array;
   }
   // toml++ sorts keys by name, so the order of the file is restored from their positions.
-  Value converted(const ::toml::table& from, int depth) const {
-    Node::Table to;
-    to.reserve(from.size());
+  Value convert(const ::toml::table& from, int depth) const {
+    Node::Table table;
+    table.reserve(from.size());
     for (const auto& [key, element] : from) {
-      to.push_back({std::string(key.str()), place(key.source()), node(element, depth + 1)});
+      table.push_back({std::string(key.str()), place(key.source()), node(element, depth + 1)});
     }
-    std::stable_sort(to.begin(), to.end(), [](const Node::Entry& a, const Node::Entry& b) {
+    std::stable_sort(table.begin(), table.end(), [](const Node::Entry& a, const Node::Entry& b) {
       return std::pair(a.place.line, a.place.column) < std::pair(b.place.line, b.place.column);
     });
-    return to;
+    return table;
   }
 
   std::shared_ptr<const std::string> file_;
@@ -169,71 +172,71 @@ Node parse_toml(std::string_view bytes, const std::string& file) {
   if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
   const std::string text = strip_tape_characters(bytes);
   if (const auto byte = find_invalid_utf8(text))
-    refuse_text(place_at(text, *byte, file), "text in UTF-8",
-                fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
+    throw_at(place_at(text, *byte, file), "text in UTF-8",
+             fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos) {
-    refuse_text(place_at(text, nul, file), "text", "a NUL byte");
+    throw_at(place_at(text, nul, file), "text", "a NUL byte");
   }
-  report_deep_keys(text, file);
+  check_key_depth(text, file);
   try {
     const ::toml::table table = ::toml::parse(text, std::string_view(file));
-    Node node = TomlConverter(std::make_shared<const std::string>(file)).node(table, 0);
-    return node;
-  } catch (const ::toml::parse_error& e) {
-    const auto where = e.source().begin;
-    report_open_quote(text, file, int(where.line));
-    std::string seen(e.description());  // "Error while parsing value: cause of the error"
-    if (const std::size_t colon = seen.find(": ");
-        seen.starts_with("Error while") && colon != std::string::npos) {
-      seen.erase(0, colon + 2);
+    return TomlConverter(std::make_shared<const std::string>(file)).node(table, 0);
+  } catch (const ::toml::parse_error& error) {
+    const auto position = error.source().begin;
+    check_quotes(text, file, int(position.line));
+    std::string cause(error.description());  // "Error while parsing value: cause of the error"
+    if (const std::size_t colon = cause.find(": ");
+        cause.starts_with("Error while") && colon != std::string::npos) {
+      cause.erase(0, colon + 2);
     }
-    throw BadInput(file, int(where.line), int(where.column), "valid TOML", seen);
+    throw BadInput(file, int(position.line), int(position.column), "valid TOML", cause);
   }
 }
 
 Node read_toml_file(const std::filesystem::path& file) {
   const std::string name = file.string();
-  std::error_code failure;
-  // A folder opens as a stream on some systems, so the kind of file is tested first.
-  if (!std::filesystem::is_regular_file(file, failure)) {
+  std::error_code error_code;
+  // Some systems open a folder as a stream, so the kind of file is tested first.
+  if (!std::filesystem::is_regular_file(file, error_code)) {
     throw BadInput(name, 0, 0, "a file that can be read",
-                   std::filesystem::is_directory(file, failure) ? "a folder" : "no such file");
+                   std::filesystem::is_directory(file, error_code) ? "a folder" : "no such file");
   }
-  // The size is known before the file is loaded, so a large file is rejected without reading it.
-  const std::uintmax_t size = std::filesystem::file_size(file, failure);
-  if (!failure && size > max_toml_bytes) {
+  // A large file is rejected without reading it.
+  const std::uintmax_t size = std::filesystem::file_size(file, error_code);
+  if (!error_code && size > max_toml_bytes) {
     throw BadInput(name, 0, 0, "at most 16 MiB", fmt::format("{} bytes", size));
   }
-  std::ifstream in(file, std::ios::binary);
+  std::ifstream stream(file, std::ios::binary);
   std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) throw BadInput(name, 0, 0, "a file that can be read", "a failure while reading");
+  text << stream.rdbuf();
+  if (!stream) throw BadInput(name, 0, 0, "a file that can be read", "a failure while reading");
   return parse_toml(text.view(), name);
 }
 
 namespace {
 
-/// Returns a text whose invisible format characters beyond ASCII are escaped as in TOML: U+2028 as
-/// \u2028, a tag as \U000E0041.
-std::string with_toml_quotes(const std::string& text) {
-  std::string out;
-  for (std::size_t at = 0; at < text.size();) {
-    const auto lead = static_cast<unsigned char>(text[at]);
+/// Escapes the invisible format characters of a text as TOML does: U+2028 as \u2028, a tag as
+/// \U000E0041. ASCII stays as it is.
+std::string escape_format_characters(const std::string& text) {
+  std::string result;
+  for (std::size_t offset = 0; offset < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[offset]);
     // The first byte of a UTF-8 sequence determines its length.
     const std::size_t bytes = lead < 0x80 ? 1 : lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
-    const std::string letter = text.substr(at, bytes), shown = escaped(letter);
-    at += bytes;
-    if (lead < 0x80 || shown == letter || shown.starts_with("\\x")) {
-      out += letter;
-    } else if (shown.size() == 6) {
-      out += shown;
-    } else {  // two halves of UTF-16
-      const unsigned high = unsigned(std::stoul(shown.substr(2, 4), nullptr, 16));
-      const unsigned low = unsigned(std::stoul(shown.substr(8, 4), nullptr, 16));
-      out += fmt::format("\\U{:08X}", 0x10000 + ((high - 0xD800) << 10) + (low - 0xDC00));
+    const std::string character = text.substr(offset, bytes),
+                      escaped_character = escaped(character);
+    offset += bytes;
+    if (lead < 0x80 || escaped_character == character || escaped_character.starts_with("\\x")) {
+      result += character;
+    } else if (escaped_character.size() == 6) {
+      result += escaped_character;
+    } else {  // a surrogate pair of UTF-16, which TOML does not allow
+      const unsigned high = unsigned(std::stoul(escaped_character.substr(2, 4), nullptr, 16));
+      const unsigned low = unsigned(std::stoul(escaped_character.substr(8, 4), nullptr, 16));
+      result += fmt::format("\\U{:08X}", 0x10000 + ((high - 0xD800) << 10) + (low - 0xDC00));
     }
   }
-  return out;
+  return result;
 }
 
 std::string quoted_text(std::string_view text) {
@@ -248,14 +251,14 @@ std::string quoted_text(std::string_view text) {
       out += c;
     }
   }
-  return with_toml_quotes(out) + '"';
+  return escape_format_characters(out) + '"';
 }
 
 std::string key_text(const std::string& key) {
-  const bool bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
+  const bool is_bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
     return (c < 0x80 && std::isalnum(c)) || c == '_' || c == '-';
   });
-  return bare ? key : quoted_text(key);
+  return is_bare ? key : quoted_text(key);
 }
 
 bool is_list_of_tables(const Node& node) {
@@ -266,7 +269,7 @@ bool is_list_of_tables(const Node& node) {
 
 void write_section(const Node& table, const std::string& path, std::string& out) {
   for (const Node::Entry& entry : *table.table()) {
-    // Plain values come first, because after a section header they would belong to that section.
+    // Plain values come first; after a section header they would belong to that section.
     if (entry.node.table() || is_list_of_tables(entry.node)) continue;
     out += key_text(entry.key) + " = " + to_toml_value(entry.node) + "\n";
   }
@@ -289,7 +292,7 @@ void write_section(const Node& table, const std::string& path, std::string& out)
 std::string to_toml_value(double number) {
   if (!std::isfinite(number)) return std::isnan(number) ? "nan" : number > 0 ? "inf" : "-inf";
   std::string text = fmt::format("{}", number);
-  // Without a point or an exponent TOML would read back a whole number.
+  // Without a point or an exponent, TOML would read back an integer.
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
@@ -336,7 +339,7 @@ std::string shown(const Node& node) {
   std::string text = to_toml_value(node);
   if (text.size() > 60) {
     text.resize(57);
-    // The cut must not leave a partial UTF-8 sequence.
+    // No partial UTF-8 sequence must remain at the end.
     while (!text.empty() && (static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) {
       text.pop_back();
     }
@@ -351,16 +354,16 @@ void InputErrors::add(const Place& place, const std::string& expected, const std
 
 namespace {
 
-std::string text_of(const std::vector<BadInput>& input_errors) {
+std::string joined_lines(const std::vector<BadInput>& input_errors) {
   std::string text;
-  for (const BadInput& fault : input_errors)
-    text += (text.empty() ? "" : "\n") + std::string(fault.what());
+  for (const BadInput& error : input_errors)
+    text += (text.empty() ? "" : "\n") + std::string(error.what());
   return text;
 }
 
 }  // namespace
 
 BadScene::BadScene(std::vector<BadInput> list)
-    : std::runtime_error(text_of(list)), input_errors(std::move(list)) {}
+    : std::runtime_error(joined_lines(list)), input_errors(std::move(list)) {}
 
 }  // namespace abbe::sim

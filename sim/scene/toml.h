@@ -11,24 +11,23 @@
 
 #include "kinematics/bad_input.h"
 
-/// A TOML file as a tree of plain values, each with its position.
+/// Reads TOML text into a tree of plain values, each with its position, and writes such a tree.
 namespace abbe::sim {
 
-/// A position in a file; line and column count from 1, and 0 means unknown.
+/// A position in a file. Line and column count from 1; 0 means unknown.
 struct Place {
   std::shared_ptr<const std::string> file;
   int line = 0;
   int column = 0;
-  bool typed = false;  ///< typed on the command line, not stored in a file
+  bool typed = false;  ///< from the command line and not from a file
 };
 
-/// A date or time of TOML, kept as text only to be rejected at its position.
+/// A date or time of TOML. No key takes one; it is kept so that it is rejected at its position.
 struct TomlDate {
   std::string text;
 };
 
-/// A value of a TOML tree with its position. Nodes are plain values that can be copied, merged and
-/// changed.
+/// A value of a TOML tree with its position.
 struct Node {
   struct Entry;
   using Table = std::vector<Entry>;  ///< in the order of the file
@@ -54,21 +53,20 @@ struct Node::Entry {
 
 inline constexpr std::uintmax_t max_toml_bytes = std::uintmax_t(16) << 20;
 
-/// Parses a text, with or without byte order mark and CRLF.
-/// @throws BadInput with the position: syntax errors, repeated keys, NUL, text other than UTF-8,
-///         more than 16 MiB, or nesting beyond 100 levels
+/// Parses a TOML text, with or without byte order mark and CRLF.
+/// @throws BadInput with the position of a syntax error, a repeated key, a NUL, text that is not
+///         UTF-8, more than 16 MiB, or nesting beyond 100 levels
 Node parse_toml(std::string_view text, const std::string& file);
 
-/// Reads a file. @throws BadInput, also if the file cannot be read
+/// Reads and parses a TOML file.
+/// @throws BadInput if the file cannot be read or parsed
 Node read_toml_file(const std::filesystem::path& file);
 
-// TOML text of a tree, and the form of its values in messages.
-
-/// Returns the TOML text of a table: plain values first, then sections, with the shortest numbers
-/// that read back as the same bits. parse_toml(to_toml(x)) has the values of x.
+/// Returns the TOML text of a table, plain values first, then sections. Numbers are the shortest
+/// that read back as the same bits, so that parse_toml(to_toml(x)) has the values of x.
 std::string to_toml(const Node& table);
 
-/// Returns one value in the form that follows "=", with tables inline.
+/// Returns a value as TOML text, as it follows "="; tables are inline.
 std::string to_toml_value(const Node& node);
 /// Returns a text in quotes on one line, whatever its characters.
 std::string to_toml_value(const std::string& text);
@@ -78,15 +76,15 @@ std::string to_toml_value(double number);
 /// Returns the short form of a value for messages, with quoted strings.
 std::string shown(const Node& node);
 
-/// All errors of a scene.
+/// The input errors of a scene, collected while it is read.
 class InputErrors : public InputErrorList {
  public:
   using InputErrorList::add;
   void add(const Place& place, const std::string& expected, const std::string& seen);
 };
 
-/// All errors of a scene together; `what()` has one line "file:line:column: expected ..., seen ..."
-/// per error.
+/// Thrown with all input errors of a scene. `what()` has one line
+/// "file:line:column: expected ..., seen ..." per error.
 struct BadScene : std::runtime_error {
   explicit BadScene(std::vector<BadInput> input_errors);
   std::vector<BadInput> input_errors;

@@ -31,9 +31,9 @@ void check_cutter(TableReader& reader, const Cutter& cutter) {
 Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
   Fields<Cutter> fields;
   fields.number(asked("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
-  // A ball or flat end determines its corner by its radius, so it has no key for it.
-  if (kind == "ball") fields.then([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
-  if (kind == "flat") fields.then([](Cutter& cutter) { cutter.corner_radius = 0.0; });
+  // The corner radius of a ball or flat end follows from its kind.
+  if (kind == "ball") fields.derive([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
+  if (kind == "flat") fields.derive([](Cutter& cutter) { cutter.corner_radius = 0.0; });
   if (kind == "bull")
     fields.number(asked("corner_radius_mm"), &Cutter::corner_radius, positive,
                   "of a bull nose, at most the radius");
@@ -42,18 +42,17 @@ Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
                        "on as a shank");
 }
 
-/// Returns the dimensions with a check that they fit each other, made if each of them is correct.
+/// Returns the fields of the dimensions and a check that they fit each other.
 Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
   const Fields<Cutter> dimensions = dimension_fields(kind, asked);
   return Fields<Cutter>().custom(
       dimensions.keys(),
       [dimensions](TableReader& reader, Cutter& cutter) {
-        const std::size_t before = reader.input_errors().list().size();
+        const std::size_t error_count = reader.input_errors().list().size();
         cutter = dimensions.read(reader, cutter);
-        // Defaults in place of missing dimensions would make the check fail for a reason the user
-        // cannot see.
+        // A missing or invalid dimension has a default, for which the check would mislead.
         if (has_all_keys(reader, dimensions.keys()) &&
-            reader.input_errors().list().size() == before)
+            reader.input_errors().list().size() == error_count)
           check_cutter(reader, cutter);
       },
       [dimensions](const Cutter& cutter, Node::Table& table) {
@@ -84,7 +83,7 @@ Fields<ToolDescription> nominal_fields(const std::string& kind) {
   if (has_profile(kind)) return insert_fields(kind, nominal_selector);
   Fields<ToolDescription> fields;
   if (kind == "nose")
-    return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
+    return fields.derive([](ToolDescription& tool) { tool.nominal = Nose{}; })
         .all_of(
             [](auto& tool) -> auto& { return std::get<Nose>(tool.nominal); }, nose_fields(must));
   return fields.all_of(
@@ -104,11 +103,11 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(optional_actual("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
-  if (is_form(kind)) return fields.all_of(itself, form_cutter_fields(kind, actual_selector));
-  // The position of the tip off centre is a property of the setting and not of the shape.
+  if (is_form(kind)) return fields.all_of(whole_struct, form_cutter_fields(kind, actual_selector));
+  // The offset of the tip belongs to the setting of the tool and not to its form.
   if (has_profile(kind))
-    return fields.all_of(itself, insert_fields(kind, actual_selector))
-        .all_of(itself, centring_fields());
+    return fields.all_of(whole_struct, insert_fields(kind, actual_selector))
+        .all_of(whole_struct, centring_fields());
   if (kind != "nose")
     return fields.all_of(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
@@ -119,7 +118,7 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
           nose_fields(optional_actual)
               .tables("wave", &Nose::waves, wave_fields(),
                       "of `kind = \"nose\"` alone: waves of the edge"))
-      .all_of(itself, centring_fields());
+      .all_of(whole_struct, centring_fields());
 }
 
 Fields<ToolWear> wear_fields() {
@@ -137,13 +136,13 @@ Fields<ToolWear> wear_fields() {
       });
 }
 
-/// A kind of tool: its word, and the keys of the nominal and of the actual tool.
+/// A kind of tool, with the fields of the nominal and of the actual tool.
 struct ToolKind {
   Word word;
   Fields<ToolDescription> nominal, actual;
 };
 
-ToolKind tool_kind(const char* word, const char* sentence) {
+ToolKind make_tool_kind(const char* word, const char* sentence) {
   ToolKind kind{{word, sentence, {}}, nominal_fields(word), actual_fields(word)};
   kind.word.keys = kind.nominal.keys();
   return kind;
@@ -151,23 +150,24 @@ ToolKind tool_kind(const char* word, const char* sentence) {
 
 const std::vector<ToolKind>& tool_kinds() {
   static const std::vector<ToolKind> kinds{
-      tool_kind("ball", "its end is a hemisphere"),
-      tool_kind("bull", "a flat end with a round corner"),
-      tool_kind("flat", "a flat end with a sharp corner"),
-      tool_kind("apt",
-                "the cutter of APT by its seven parameters: taper, tapered ball, drill "
-                "point, dovetail"),
-      tool_kind("form", "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
-      tool_kind("profile",
-                "lines and arcs about the axis, hollow too: step drill, T-slot, dovetail on a "
-                "shank, grooved form cutter, corner rounding"),
-      tool_kind("nose", "a turning tool"),
-      tool_kind("insert", "a turning tool with a nose and two straight edges"),
-      tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
+      make_tool_kind("ball", "its end is a hemisphere"),
+      make_tool_kind("bull", "a flat end with a round corner"),
+      make_tool_kind("flat", "a flat end with a sharp corner"),
+      make_tool_kind("apt",
+                     "the cutter of APT by its seven parameters: taper, tapered ball, drill "
+                     "point, dovetail"),
+      make_tool_kind("form",
+                     "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
+      make_tool_kind("profile",
+                     "lines and arcs about the axis, hollow too: step drill, T-slot, dovetail on a "
+                     "shank, grooved form cutter, corner rounding"),
+      make_tool_kind("nose", "a turning tool"),
+      make_tool_kind("insert", "a turning tool with a nose and two straight edges"),
+      make_tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
   return kinds;
 }
 
-/// Returns the kind of a word, or the first kind for an unknown word.
+/// Returns a kind by its name; the first kind if the name is unknown.
 const ToolKind& tool_kind_by_name(const std::string& word) {
   for (const ToolKind& kind : tool_kinds())
     if (kind.word.word == word) return kind;
@@ -180,24 +180,26 @@ const ToolKind& read_tool_kind(TableReader& reader) {
   return tool_kind_by_name(reader.word("kind", words, true).value_or(""));
 }
 
-/// Returns a kind that fits both the nominal and the actual tool.
-const ToolKind& kind_of(const ToolDescription& tool) {
-  constexpr const char* of_form[] = {"",        "apt",    "form",
-                                     "profile", "insert", "edge"};  // in the order of ToolForm
-  static_assert(std::size(of_form) == std::variant_size_v<ToolForm>);
-  if (tool.nominal_form.index() > 0) return tool_kind_by_name(of_form[tool.nominal_form.index()]);
+/// Returns the kind of a tool. It is not stored, but follows from the forms of the nominal and the
+/// actual tool.
+const ToolKind& find_tool_kind(const ToolDescription& tool) {
+  constexpr const char* form_kinds[] = {"",        "apt",    "form",
+                                        "profile", "insert", "edge"};  // in the order of ToolForm
+  static_assert(std::size(form_kinds) == std::variant_size_v<ToolForm>);
+  if (tool.nominal_form.index() > 0)
+    return tool_kind_by_name(form_kinds[tool.nominal_form.index()]);
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
   if (!nominal) return tool_kind_by_name("nose");
   const Cutter& actual = std::get<Cutter>(tool.actual);
-  // The kind is not stored, so it is inferred from corners that both tools have in common.
+  // Both tools have the same kind, so the more general kind is taken if their corners differ.
   if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0)
     return tool_kind_by_name("flat");
-  const bool round =
+  const bool is_ball =
       nominal->corner_radius == nominal->radius && actual.corner_radius == actual.radius;
-  return tool_kind_by_name(round ? "ball" : "bull");
+  return tool_kind_by_name(is_ball ? "ball" : "bull");
 }
 
-/// Checks that the tool is a cutter and that its wear is far less than its size.
+/// Checks that a tool with wear is a milling cutter that can wear so much.
 void check_wear(TableReader& reader, ToolDescription& tool) {
   const auto* cutter = std::get_if<Cutter>(&tool.actual);
   if (!tool.wear) return;
@@ -209,25 +211,24 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
     reader.refuse("wear", "a wear of less than half the radius", "more");
 }
 
-/// Checks that a turning tool, which has no shank of revolution, states none.
+/// Checks that a turning tool states no shank; only the shank of a milling cutter is a cylinder.
 void check_shank(TableReader& reader, ToolDescription& tool) {
   if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
     reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
 }
 
-/// Checks one flank.
-/// @param table  of the tool, or of the actual tool; values missing there are nominal
+/// Checks that a flank is not longer than its tool.
+/// @param table  table of the nominal or the actual tool
 void check_flank(TableReader& reader, const Node& table, const std::string& where,
                  const ToolShape& shape, double length) {
   const auto* cutter = std::get_if<Cutter>(&shape);
   if (!cutter || length >= cutter->flank_length) return;
   const Node* flank = table.find("flank_length_mm");
-  const Node* other = table.find("length_mm");
-  // The message goes to the flank if it is stated, else to the length.
-  const Node* fault = flank ? flank : other;
-  if (!fault) return;
+  // The error is reported at the flank length if the table states it, else at the tool length.
+  const Node* reported_node = flank ? flank : table.find("length_mm");
+  if (!reported_node) return;
   reader.input_errors().add(
-      fault->place,
+      reported_node->place,
       flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
                           where)
             : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
@@ -235,22 +236,22 @@ void check_flank(TableReader& reader, const Node& table, const std::string& wher
       fmt::format("{:g}", flank ? cutter->flank_length : length));
 }
 
-/// Checks that each flank ends below the spindle nose, if its numbers are correct.
+/// Checks that the flanks of the nominal and the actual cutter are not longer than the tool. Tables
+/// with input errors are not checked, as their values are defaults.
 void check_flanks(TableReader& reader, ToolDescription& tool) {
   const Node* actual = reader.node().find("actual");
   if (actual && !actual->table()) actual = nullptr;
-  const auto is_bad = [&](const Node* table) {
+  const auto has_input_errors = [&](const Node* table) {
     if (!table) return false;
     return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
       const Place& place = entry.node.place;
-      // An error at the position of an entry means that its value is a default.
-      return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& fault) {
-        return fault.file == *place.file && fault.line == place.line &&
-               fault.column == place.column;
+      return std::ranges::any_of(reader.input_errors().list(), [&](const BadInput& error) {
+        return error.file == *place.file && error.line == place.line &&
+               error.column == place.column;
       });
     });
   };
-  if (is_bad(&reader.node()) || is_bad(actual) || !reader.has("length_mm") ||
+  if (has_input_errors(&reader.node()) || has_input_errors(actual) || !reader.has("length_mm") ||
       !has_all_keys(reader, read_tool_kind(reader).nominal.keys()))
     return;
   check_flank(reader, reader.node(), "tool", tool.nominal, tool.length);
@@ -261,21 +262,21 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
     return;
-  const double begin = (*tool.holder)(0, 1);
-  if (begin > 0.0) return;
-  const Node* heights = reader.node().find("holder")->find("heights_mm");
+  const double lower_end_mm = (*tool.holder)(0, 1);
+  if (lower_end_mm > 0.0) return;
+  const Node* heights_node = reader.node().find("holder")->find("heights_mm");
   reader.input_errors().add(
-      heights->place,
+      heights_node->place,
       "heights above 0 for tool.holder.heights_mm, which count from the tip up: "
       "the tip is outside of the holder",
-      fmt::format("a holder that begins {}", begin < 0.0
-                                                 ? fmt::format("{:g} mm below the tip", -begin)
-                                                 : std::string("at the tip")));
+      fmt::format("a holder that begins {}",
+                  lower_end_mm < 0.0 ? fmt::format("{:g} mm below the tip", -lower_end_mm)
+                                     : std::string("at the tip")));
 }
 
 Key tool_kind_key() {
   Key kind = make_key(must("kind"), Key::Kind::Text, "of tool");
-  for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
+  for (const ToolKind& tool_kind : tool_kinds()) kind.words.push_back(tool_kind.word);
   return kind;
 }
 
@@ -284,8 +285,8 @@ Key actual_key() {
   std::vector<Key> keys = tool_kind_by_name("bull").actual.keys();
   for (const char* kind : {"apt", "profile", "form", "nose", "insert", "edge"})
     for (Key& key : tool_kind_by_name(kind).actual.keys())
-      // Kinds have keys in common, and each may appear in the manual once.
-      if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
+      // Kinds have keys in common; each appears once in the manual.
+      if (std::ranges::none_of(keys, [&](const Key& other) { return other.name == key.name; }))
         keys.push_back(std::move(key));
   return make_key(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
                   "what the tool really is, where that differs", std::move(keys));
@@ -302,8 +303,8 @@ const Fields<ToolDescription>& tool_fields() {
                 tool = read_tool_kind(reader).nominal.read(reader, std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "kind", kind_of(tool).word.word);
-                append_entries(table, kind_of(tool).nominal.written(tool));
+                put(table, "kind", find_tool_kind(tool).word.word);
+                append_entries(table, find_tool_kind(tool).nominal.written(tool));
               })
           .number(must("length_mm"), &Tool::length, tool_length,
                   "from the nose of the spindle to the tip; of a turning tool to the centre of its "
@@ -316,8 +317,8 @@ const Fields<ToolDescription>& tool_fields() {
                  profile_fields("above the tip"), "a body of revolution, for collisions")
           .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,
                  999'999, "T by which a program calls it: a call of another is refused")
-          .then([](Tool& tool) {
-            // The actual tool starts as the nominal one, so that `actual` states differences only.
+          .derive([](Tool& tool) {
+            // The table `actual` states differences from the nominal tool only.
             tool.actual = tool.nominal;
             tool.actual_form = tool.nominal_form;
             tool.actual_length = tool.length;
@@ -330,7 +331,7 @@ const Fields<ToolDescription>& tool_fields() {
                       *node, reader.name_of("actual"), reader.input_errors(), std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "actual", kind_of(tool).actual.written(tool));
+                put(table, "actual", find_tool_kind(tool).actual.written(tool));
               })
           .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
                  "what the true cutter loses while it cuts, in proportion")
@@ -349,7 +350,8 @@ bool turns_workpiece(const ToolDescription& tool) {
   return std::holds_alternative<Nose>(tool.nominal);
 }
 
-/// Checks the requirements among several tools. @param tools  those before it
+/// Checks the number and the type of one of several tools.
+/// @param tools  the preceding tools
 void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
                         const Place& place, InputErrors& input_errors) {
   if (!tool.number) {
@@ -360,7 +362,7 @@ void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDes
     if (other.number == tool.number)
       input_errors.add(place, "a tool.number that no other tool has",
                        std::to_string(*tool.number) + " again");
-    // The blank and the simulation are those of milling or those of turning.
+    // Blank and simulation are either those of milling or those of turning.
     if (turns_workpiece(other) != turns_workpiece(tool))
       input_errors.add(place, "tools that all mill, or all turn", "one of either kind");
   }
@@ -370,31 +372,29 @@ void check_tool_numbers(const std::vector<ToolDescription>& tools, const ToolDes
 
 KeyName optional_actual(KeyName key) { return key.otherwise("as nominal"); }
 
-ExpectedAndSeen refusal_of(const std::string& why) {
+ExpectedAndSeen parse_message(const std::string& message) {
   const std::string expected = "expected ", seen = ", seen ";
-  // Messages without these words yield the whole text as the expectation.
-  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
-  const std::size_t to = std::min(why.rfind(seen), why.size());
-  return {why.substr(from, to - from),
-          to < why.size() ? why.substr(to + seen.size()) : "other numbers"};
+  const std::size_t begin = std::min(message.find(expected) + expected.size(), message.size());
+  const std::size_t end = std::min(message.rfind(seen), message.size());
+  return {message.substr(begin, end - begin),
+          end < message.size() ? message.substr(end + seen.size()) : "other numbers"};
 }
 
 void report_point_error(TableReader& reader, const PointKeys& keys,
                         const std::vector<cutting::OutlinePoint>& points,
-                        const cutting::OutlineError& fault) {
-  // The cutting module reports coordinates, and the nearest point leads back to the entry of the
-  // list.
-  const auto nearest = std::ranges::min_element(
-      points, {}, [&](const cutting::OutlinePoint& one) { return (one.at - fault.at).norm(); });
-  const std::size_t entry = std::size_t(nearest - points.begin());
-  const std::string key = keys[std::size_t(fault.number)];
+                        const cutting::OutlineError& error) {
+  // The error states coordinates; the nearest point is the entry of the list.
+  const auto nearest_point = std::ranges::min_element(
+      points, {}, [&](const cutting::OutlinePoint& point) { return (point.at - error.at).norm(); });
+  const std::size_t entry = std::size_t(nearest_point - points.begin());
+  const std::string key = keys[std::size_t(error.number)];
   const Node* list = reader.node().find(key);
   const bool has_entry = list && list->array() && entry < list->array()->size();
-  const ExpectedAndSeen refusal = refusal_of(fault.what());
+  const ExpectedAndSeen message = parse_message(error.what());
   reader.input_errors().add(
       has_entry ? (*list->array())[entry].place : reader.place(),
-      fmt::format("{} for {}, entry {}", refusal.expected, reader.name_of(key), entry + 1),
-      refusal.seen);
+      fmt::format("{} for {}, entry {}", message.expected, reader.name_of(key), entry + 1),
+      message.seen);
 }
 
 KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
@@ -412,20 +412,20 @@ std::vector<ToolDescription> read_tools(const Node& section, InputErrors& input_
     return {ToolDescription{}};
   }
   std::vector<ToolDescription> tools;
-  for (const Node& one : *list) {
-    if (one.text()) continue;  // a file that was rejected
-    const std::size_t before = input_errors.list().size();
-    if (!one.table()) {
-      input_errors.add(one.place, "a table or a file for tool", shown(one));
+  for (const Node& node : *list) {
+    if (node.text()) continue;  // the file is invalid, which is reported
+    const std::size_t error_count = input_errors.list().size();
+    if (!node.table()) {
+      input_errors.add(node.place, "a table or a file for tool", shown(node));
       continue;
     }
-    ToolDescription tool = read_tool(one, input_errors);
-    // Numbers matter only if there are several tools.
-    if (list->size() > 1 && input_errors.list().size() == before)
-      check_tool_numbers(tools, tool, one.place, input_errors);
+    ToolDescription tool = read_tool(node, input_errors);
+    // A single tool needs no number.
+    if (list->size() > 1 && input_errors.list().size() == error_count)
+      check_tool_numbers(tools, tool, node.place, input_errors);
     tools.push_back(std::move(tool));
   }
-  // The scene needs a tool even after an error, so that the sections after it can be read.
+  // Reading of the scene continues after an error, and later sections need a tool.
   if (tools.empty()) tools.emplace_back();
   return tools;
 }

@@ -13,10 +13,11 @@ namespace {
 
 constexpr Range form_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range corner_size{0.0, 10'000.0, false, false};
-constexpr Range corner_place{-10'000.0, 10'000.0};
+constexpr Range corner_position{-10'000.0, 10'000.0};
 constexpr Range bottom_angle{0.0, 90.0, false, true};  // deg
 constexpr Range flank_angle{-90.0, 90.0, true, true};
 
+/// Accessor of a member of `AptForm::numbers`.
 template <auto member>
 constexpr auto numbers_member = [](auto& form) -> auto& {
   return form.numbers.*member;
@@ -44,11 +45,10 @@ Fields<AptForm> apt_fields(Asked asked) {
       .number(asked("flank_length_mm"), numbers_member<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
       .check([](TableReader& reader, AptForm& form) {
-        // Only a ball follows from its corner alone; every other cutter needs its diameter.
+        // Without a diameter the cutter is a ball, which only its corner radius describes.
         if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
           return reader.missing("diameter_mm", "a number");
-        // The centre of the corner has two coordinates, which are given together or follow from
-        // tangency.
+        // The centre of the corner is stated by both coordinates or follows from tangency.
         if (form.radial.has_value() == form.axial.has_value()) return;
         reader.missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
                        "both of corner_offset_mm and corner_height_mm, or neither,");
@@ -77,7 +77,7 @@ Fields<ProfileForm> profile_form_fields(Asked asked) {
           "is cut as chords inside of it, by which the tool is up to 1 um larger");
 }
 
-cutting::ToolOutline outline_of(const AptForm& form) {
+cutting::ToolOutline make_outline(const AptForm& form) {
   cutting::AptCutter cutter = form.numbers;
   // Without a diameter the centre of the corner lies on the axis.
   if (!form.diameter) return cutting::apt_outline(cutting::with_ball_corner(cutter));
@@ -89,11 +89,11 @@ cutting::ToolOutline outline_of(const AptForm& form) {
   return cutting::apt_outline(cutter);
 }
 
-/// Error for lists of an outline whose lengths differ.
+/// Thrown if the lists of an outline have different lengths.
 struct UnequalLists : std::invalid_argument {
-  UnequalLists(const char* which, Eigen::Index expected, Eigen::Index seen)
+  UnequalLists(const char* list_key, Eigen::Index expected, Eigen::Index seen)
       : std::invalid_argument(fmt::format("{} numbers and {}", expected, seen)),
-        key(which),
+        key(list_key),
         expected_text(fmt::format("as many numbers as radii_mm, {},", expected)),
         seen_text(std::to_string(seen)) {}
 
@@ -102,9 +102,9 @@ struct UnequalLists : std::invalid_argument {
 };
 
 /// Returns the points of a form.
-/// @throws UnequalLists
+/// @throws UnequalLists if its lists have different lengths
 template <class Form>
-std::vector<cutting::OutlinePoint> points_of(const Form& form) {
+std::vector<cutting::OutlinePoint> outline_points(const Form& form) {
   const Eigen::Index n = form.radii.size();
   if (form.heights.size() != n) throw UnequalLists("heights_mm", n, form.heights.size());
   if (form.arcs && form.arcs->size() != n) throw UnequalLists("arc_radii_mm", n, form.arcs->size());
@@ -114,63 +114,66 @@ std::vector<cutting::OutlinePoint> points_of(const Form& form) {
   return points;
 }
 
-cutting::ToolOutline outline_of(const OutlineForm& form) {
-  return cutting::outline_from_points(points_of(form));
+cutting::ToolOutline make_outline(const OutlineForm& form) {
+  return cutting::outline_from_points(outline_points(form));
 }
 
-cutting::ToolOutline outline_of(const ProfileForm& form) {
-  return cutting::profile_from_points(points_of(form));
-}
-
-template <class Form>
-cutting::Cutter cutter_of(const Form& form) {
-  return cutting::form_cutter(outline_of(form));
-}
-
-void report_tool_error(TableReader& reader, const std::invalid_argument& why) {
-  const ExpectedAndSeen refusal = refusal_of(why.what());
-  reader.input_errors().add(reader.place(), refusal.expected + " for tool", refusal.seen);
-}
-
-void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_argument& why) {
-  report_tool_error(reader, why);
+cutting::ToolOutline make_outline(const ProfileForm& form) {
+  return cutting::profile_from_points(outline_points(form));
 }
 
 template <class Form>
-void report_point_errors(TableReader& reader, const Form& form, const std::invalid_argument& why) {
-  // The order of the casts runs from the most specific error to the general one.
-  if (const auto* unequal = dynamic_cast<const UnequalLists*>(&why))
-    reader.refuse(unequal->key, unequal->expected_text + " for " + reader.name_of(unequal->key),
-                  unequal->seen_text);
-  else if (const auto* fault = dynamic_cast<const cutting::OutlineError*>(&why))
-    report_point_error(reader, {"radii_mm", "heights_mm", "arc_radii_mm"}, points_of(form), *fault);
+cutting::Cutter make_cutter(const Form& form) {
+  return cutting::form_cutter(make_outline(form));
+}
+
+void report_tool_error(TableReader& reader, const std::invalid_argument& error) {
+  const ExpectedAndSeen message = parse_message(error.what());
+  reader.input_errors().add(reader.place(), message.expected + " for tool", message.seen);
+}
+
+void report_apt_error(TableReader& reader, const AptForm&, const std::invalid_argument& error) {
+  report_tool_error(reader, error);
+}
+
+template <class Form>
+void report_form_error(TableReader& reader, const Form& form, const std::invalid_argument& error) {
+  if (const auto* unequal_lists = dynamic_cast<const UnequalLists*>(&error))
+    reader.refuse(unequal_lists->key,
+                  unequal_lists->expected_text + " for " + reader.name_of(unequal_lists->key),
+                  unequal_lists->seen_text);
+  else if (const auto* point_error = dynamic_cast<const cutting::OutlineError*>(&error))
+    report_point_error(reader, {"radii_mm", "heights_mm", "arc_radii_mm"}, outline_points(form),
+                       *point_error);
   else
-    report_tool_error(reader, why);
+    report_tool_error(reader, error);
 }
 
-/// Reports errors of a convex outline. For a hollow one the message names the kind that allows it.
+/// Reports an error of a convex outline. If the outline is hollow, the message names the kind of
+/// tool that allows it.
 void report_outline_error(TableReader& reader, const OutlineForm& form,
-                          const std::invalid_argument& why) {
-  const auto* bend = dynamic_cast<const cutting::InwardBend*>(&why);
-  if (bend == nullptr) return report_point_errors(reader, form, why);
-  const std::string text = std::string(why.what()) + "; kind = \"profile\" takes hollow ones";
-  report_point_errors(reader, form, cutting::OutlineError(text, bend->at, bend->number));
+                          const std::invalid_argument& error) {
+  const auto* bend = dynamic_cast<const cutting::InwardBend*>(&error);
+  if (bend == nullptr) return report_form_error(reader, form, error);
+  const std::string text = std::string(error.what()) + "; kind = \"profile\" takes hollow ones";
+  report_form_error(reader, form, cutting::OutlineError(text, bend->at, bend->number));
 }
 
 }  // namespace
 
 double chord_sag(const ToolForm& form) {
   const auto* profile = std::get_if<ProfileForm>(&form);
-  return profile ? cutting::chord_sag(points_of(*profile)) : 0.0;
+  return profile ? cutting::chord_sag(outline_points(*profile)) : 0.0;
 }
 
-Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& which) {
+Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& selector) {
   if (kind == "apt")
-    return form_fields(which, apt_fields(which.asked), cutter_of<AptForm>, report_apt_error);
+    return form_fields(selector, apt_fields(selector.asked), make_cutter<AptForm>,
+                       report_apt_error);
   if (kind == "profile")
-    return form_fields(which, profile_form_fields(which.asked), cutter_of<ProfileForm>,
-                       report_point_errors<ProfileForm>);
-  return form_fields(which, outline_fields(which.asked), cutter_of<OutlineForm>,
+    return form_fields(selector, profile_form_fields(selector.asked), make_cutter<ProfileForm>,
+                       report_form_error<ProfileForm>);
+  return form_fields(selector, outline_fields(selector.asked), make_cutter<OutlineForm>,
                      report_outline_error);
 }
 
@@ -184,7 +187,7 @@ using Points = std::vector<OutlinePoint>;
 constexpr Range edge_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range edge_angle{0.0, 179.0};                 // deg
 
-Fields<Insert> insert_dimensions(Asked asked) {
+Fields<Insert> insert_dimension_fields(Asked asked) {
   return Fields<Insert>()
       .number(asked("radius_mm"), &Insert::radius, edge_size, "of the nose")
       .number(asked("cutting_edge_angle_deg"), &Insert::major, edge_angle,
@@ -199,17 +202,17 @@ Fields<Insert> insert_dimensions(Asked asked) {
               "b_s, a flat along x from below the centre of the nose to the minor edge");
 }
 
-/// Returns the points of the edge, or none after an error.
+/// Reads the points of the edge. Returns none if they are missing or invalid.
 Points read_edge(TableReader& reader) {
   const auto x = reader.maybe_numbers("x_mm"), z = reader.maybe_numbers("z_mm");
   const auto arcs = reader.maybe_numbers("arc_radii_mm");
   if (!x || !z) return {};
-  const auto expect_as_many = [&](const char* key, Eigen::Index seen) {
+  const auto check_length = [&](const char* key, Eigen::Index seen) {
     if (seen == x->size()) return true;
     reader.refuse(key, fmt::format("as many numbers as x_mm, {}", x->size()), std::to_string(seen));
     return false;
   };
-  if (!expect_as_many("z_mm", z->size()) || (arcs && !expect_as_many("arc_radii_mm", arcs->size())))
+  if (!check_length("z_mm", z->size()) || (arcs && !check_length("arc_radii_mm", arcs->size())))
     return {};
   Points points;
   for (Eigen::Index i = 0; i < x->size(); ++i)
@@ -231,12 +234,13 @@ Fields<Points> edge_fields(Asked asked) {
       [asked](TableReader& reader, Points& points) {
         const bool required = asked("x_mm").required;
         for (const char* key : {"x_mm", "z_mm"})
-          // For the actual tool the points may be omitted, but not only some of their lists.
+          // The actual tool may omit all lists but not a single one.
           if (!reader.has(key) &&
               (required || reader.has("x_mm") || reader.has("z_mm") || reader.has("arc_radii_mm")))
             reader.missing(key, "a list of numbers");
-        // An edge with errors, or none at all, leaves the nominal points in place.
-        if (Points read = read_edge(reader); !read.empty()) points = std::move(read);
+        // Without points, the nominal ones remain.
+        if (Points stated_points = read_edge(reader); !stated_points.empty())
+          points = std::move(stated_points);
       },
       [](const Points& points, Node::Table& table) {
         const auto n = Eigen::Index(points.size());
@@ -251,30 +255,33 @@ Fields<Points> edge_fields(Asked asked) {
       });
 }
 
-Nose insert_nose(const Insert& insert) { return cutting::nose_of(cutting::insert_profile(insert)); }
-Nose edge_nose(const Points& points) {
+Nose make_insert_nose(const Insert& insert) {
+  return cutting::nose_of(cutting::insert_profile(insert));
+}
+Nose make_edge_nose(const Points& points) {
   return cutting::nose_of(cutting::edge_profile_from_points(points));
 }
 
-void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& why) {
-  reader.input_errors().add(reader.place(), "a turning insert that can be", why.what());
+void report_insert_error(TableReader& reader, const Insert&, const std::invalid_argument& error) {
+  reader.input_errors().add(reader.place(), "a turning insert that can be", error.what());
 }
 
 void report_edge_error(TableReader& reader, const Points& points,
-                       const std::invalid_argument& why) {
-  if (const auto* fault = dynamic_cast<const cutting::OutlineError*>(&why))
-    return report_point_error(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *fault);
-  const ExpectedAndSeen refusal = refusal_of(why.what());
-  reader.refuse("x_mm", refusal.expected + " for " + reader.name_of("x_mm") + " and z_mm",
-                refusal.seen);
+                       const std::invalid_argument& error) {
+  if (const auto* point_error = dynamic_cast<const cutting::OutlineError*>(&error))
+    return report_point_error(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *point_error);
+  const ExpectedAndSeen message = parse_message(error.what());
+  reader.refuse("x_mm", message.expected + " for " + reader.name_of("x_mm") + " and z_mm",
+                message.seen);
 }
 
 }  // namespace
 
-Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& which) {
+Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& selector) {
   if (kind == "insert")
-    return form_fields(which, insert_dimensions(which.asked), insert_nose, report_insert_error);
-  return form_fields(which, edge_fields(which.asked), edge_nose, report_edge_error);
+    return form_fields(selector, insert_dimension_fields(selector.asked), make_insert_nose,
+                       report_insert_error);
+  return form_fields(selector, edge_fields(selector.asked), make_edge_nose, report_edge_error);
 }
 
 }  // namespace abbe::sim

@@ -9,15 +9,18 @@
 #include "sim/scene/fields.h"
 #include "sim/scene/tool.h"
 
-/// Tools whose shape is made from a form of its own: `ToolForm`.
+/// Fields of tools whose shape is made from a `ToolForm`.
 namespace abbe::sim {
 
-/// Mode of a key: `must` for the nominal tool, `optional_actual` for the actual one.
+/// Makes a key required for the nominal tool (`must`), or optional for the actual one
+/// (`optional_actual`).
 using Asked = KeyName (*)(KeyName);
 KeyName optional_actual(KeyName key);
-/// Returns a key that may be omitted; for the nominal tool it has its own fallback.
+/// Returns a key that is optional for both tools; that of the actual tool defaults to the nominal
+/// value.
 KeyName left_out(Asked asked, const KeyName& key);
 
+/// Returns true if all required keys are present.
 bool has_all_keys(const TableReader& reader, const std::vector<Key>& keys);
 
 /// Selects the nominal or the actual tool of a description.
@@ -31,58 +34,62 @@ inline constexpr FormSelector nominal_selector{&ToolDescription::nominal_form,
 inline constexpr FormSelector actual_selector{&ToolDescription::actual_form,
                                               &ToolDescription::actual, optional_actual};
 
-/// Returns the fields of the cutter of APT, of an outline or of a profile.
+/// Returns the fields of a milling cutter with a form.
 /// @param kind  "apt", "form" or "profile"
-Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& which);
-/// Returns the length in mm by which a tool of this form is larger than its inward arcs, which are
-/// replaced by chords.
+Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormSelector& selector);
+/// Returns the chord error in mm: inward arcs are replaced by chords, which makes the tool larger
+/// by up to this length.
 double chord_sag(const ToolForm& form);
 
-/// Returns the fields of turning tools whose edge has a profile.
+/// Returns the fields of a turning tool with a form.
 /// @param kind  "insert", a nose with two straight edges, or "edge", free lines and arcs
-Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& which);
+Fields<ToolDescription> insert_fields(const std::string& kind, const FormSelector& selector);
 
-/// The expected and the seen part of "outline: expected a, seen b"; b may be absent.
+/// The two parts of an error message such as "outline: expected a, seen b".
 struct ExpectedAndSeen {
   std::string expected, seen;
 };
-ExpectedAndSeen refusal_of(const std::string& why);
+/// Returns the parts of a message. Without "seen", the second part is "other numbers"; without
+/// "expected", the first part is the whole text.
+ExpectedAndSeen parse_message(const std::string& message);
 
-/// Keys of the numbers of points: two coordinates, and the radius of the arc to each point.
+/// Keys of the lists of points: two coordinates, and the radius of the arc to each point.
 using PointKeys = std::array<const char*, 3>;
 
-/// Reports an erroneous number of a point at its position in the list, or at the key if the list
-/// lacks it; without any of the keys, at the table.
+/// Reports an invalid point at its entry in the list; at the table if the list has no such entry.
 void report_point_error(TableReader& reader, const PointKeys& keys,
                         const std::vector<cutting::OutlinePoint>& points,
-                        const cutting::OutlineError& fault);
+                        const cutting::OutlineError& error);
 
-/// Returns the keys of a form, and makes the tool if each of them is correct. If the description
-/// holds another form, a new one is begun.
-/// @param refuse  reports at the table why no tool can be made
+/// Returns the fields of a form. Reading also makes the shape of the tool from the form, unless
+/// there are input errors.
+/// @param make_shape  throws std::invalid_argument if no shape has this form
+/// @param report_error  reports such an error
 template <class Form, class Shape>
-Fields<ToolDescription> form_fields(const FormSelector& which, const Fields<Form>& own,
-                                    Shape (*made)(const Form&),
-                                    void (*refuse)(TableReader& reader, const Form& form,
-                                                   const std::invalid_argument& why)) {
+Fields<ToolDescription> form_fields(const FormSelector& selector, const Fields<Form>& form_members,
+                                    Shape (*make_shape)(const Form&),
+                                    void (*report_error)(TableReader& reader, const Form& form,
+                                                         const std::invalid_argument& error)) {
   return Fields<ToolDescription>().custom(
-      own.keys(),
+      form_members.keys(),
       [=](TableReader& reader, ToolDescription& tool) {
-        const std::size_t before = reader.input_errors().list().size();
-        const Form* begun = std::get_if<Form>(&(tool.*which.form));
-        const Form form = own.read(reader, begun ? *begun : Form{});
-        tool.*which.form = form;
-        if (!std::holds_alternative<Shape>(tool.*which.shape)) tool.*which.shape = Shape{};
-        if (reader.input_errors().list().size() != before || !has_all_keys(reader, own.keys()))
+        const std::size_t error_count = reader.input_errors().list().size();
+        // The actual tool starts from the nominal form, if its kind is the same.
+        const Form* initial = std::get_if<Form>(&(tool.*selector.form));
+        const Form form = form_members.read(reader, initial ? *initial : Form{});
+        tool.*selector.form = form;
+        if (!std::holds_alternative<Shape>(tool.*selector.shape)) tool.*selector.shape = Shape{};
+        if (reader.input_errors().list().size() != error_count ||
+            !has_all_keys(reader, form_members.keys()))
           return;
         try {
-          tool.*which.shape = made(form);
-        } catch (const std::invalid_argument& why) {
-          refuse(reader, form, why);
+          tool.*selector.shape = make_shape(form);
+        } catch (const std::invalid_argument& error) {
+          report_error(reader, form, error);
         }
       },
       [=](const ToolDescription& tool, Node::Table& table) {
-        append_entries(table, own.written(std::get<Form>(tool.*which.form)));
+        append_entries(table, form_members.written(std::get<Form>(tool.*selector.form)));
       });
 }
 

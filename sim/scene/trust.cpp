@@ -18,79 +18,83 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t most_bytes = std::size_t(1) << 20;
+constexpr std::size_t max_trust_file_bytes = std::size_t(1) << 20;
 
-/// Returns the risk that another user has written a file; empty if there is none.
+/// Returns how another user could have written a file; empty if none could.
 std::string write_access_risk(const fs::path& file) {
-  struct ::stat about {};
-  if (::stat(file.c_str(), &about) != 0) return "one that cannot be looked at";
-  // Root can write every file in any event.
-  if (about.st_uid != ::geteuid() && about.st_uid != 0) return "one that belongs to somebody else";
-  if ((about.st_mode & (S_IWGRP | S_IWOTH)) != 0)
-    return fmt::format("one that others can write (mode {:o})", about.st_mode & 07777u);
+  struct ::stat status {};
+  if (::stat(file.c_str(), &status) != 0) return "one that cannot be looked at";
+  // Files of root are accepted, as root can write every file anyway.
+  if (status.st_uid != ::geteuid() && status.st_uid != 0)
+    return "one that belongs to somebody else";
+  if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+    return fmt::format("one that others can write (mode {:o})", status.st_mode & 07777u);
   return "";
 }
 
-fs::path resolved(const fs::path& file) {
-  std::error_code failure;
-  // Links are resolved, since a link in a trusted folder may lead outside of it.
-  const fs::path real = fs::weakly_canonical(file, failure);
-  return failure ? fs::absolute(file).lexically_normal() : real;
+/// Resolves links, because a link in a trusted folder may lead out of it.
+fs::path real_path(const fs::path& file) {
+  std::error_code error_code;
+  const fs::path real = fs::weakly_canonical(file, error_code);
+  return error_code ? fs::absolute(file).lexically_normal() : real;
 }
 
 bool is_inside_folder(const fs::path& file, const std::vector<fs::path>& folders) {
-  const fs::path real = resolved(file);
+  const fs::path real = real_path(file);
   return std::ranges::any_of(folders, [&](const fs::path& folder) {
-    // Comparison by components, because /a/bc must not count as inside of /a/b.
+    // Components are compared, because /a/bc is not inside /a/b.
     return std::mismatch(folder.begin(), folder.end(), real.begin(), real.end()).first ==
            folder.end();
   });
 }
 
-std::optional<fs::path> folder_of(const char* variable) {
+/// Returns the absolute folder in an environment variable.
+std::optional<fs::path> environment_folder(const char* variable) {
   const char* value = std::getenv(variable);
   // A relative path would depend on the current folder.
   if (value == nullptr || !fs::path(value).is_absolute()) return std::nullopt;
   return fs::path(value);
 }
 
-BadInput refusal(const NamedProgram& one) {
-  const fs::path file = trust_file();
-  return BadInput(one.file.string(), one.line, one.column,
-                  "a program that you trust (--trust" +
-                      (file.empty() ? std::string() : ", or its folder in " + file.string()) + ")",
-                  "\"" + one.program.string() + "\", which has not been run");
+BadInput untrusted_program_error(const NamedProgram& program) {
+  const fs::path listing_file = trust_file();
+  return BadInput(
+      program.file.string(), program.line, program.column,
+      "a program that you trust (--trust" +
+          (listing_file.empty() ? std::string() : ", or its folder in " + listing_file.string()) +
+          ")",
+      "\"" + program.program.string() + "\", which has not been run");
 }
 
 }  // namespace
 
 fs::path trust_file() {
-  if (const auto folder = folder_of("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
-  if (const auto home = folder_of("HOME")) return *home / ".config" / "abbe" / "trust";
+  if (const auto folder = environment_folder("XDG_CONFIG_HOME")) return *folder / "abbe" / "trust";
+  if (const auto home = environment_folder("HOME")) return *home / ".config" / "abbe" / "trust";
   return {};
 }
 
 std::vector<fs::path> trusted_folders(const fs::path& file) {
-  std::error_code none;
-  // The link itself counts as present, so that a dangling one is reported and not ignored.
-  if (file.empty() || !fs::exists(fs::symlink_status(file, none))) return {};
-  // Whoever can write the folder can replace the file in it.
-  for (const fs::path& one : {file, file.parent_path()})
-    if (const std::string seen = write_access_risk(one); !seen.empty())
-      throw BadInput(one.string(), 0, 0,
-                     "a trust file in a folder that you alone can write (chmod go-w)", seen);
-  const std::string text = read_text(file, most_bytes);
+  std::error_code error_code;
+  // A dangling link counts as an existing file, so that it is reported and not ignored.
+  if (file.empty() || !fs::exists(fs::symlink_status(file, error_code))) return {};
+  // A user who can write the folder can replace the file.
+  for (const fs::path& checked_path : {file, file.parent_path()})
+    if (const std::string risk = write_access_risk(checked_path); !risk.empty())
+      throw BadInput(checked_path.string(), 0, 0,
+                     "a trust file in a folder that you alone can write (chmod go-w)", risk);
+  const std::string text = read_text(file, max_trust_file_bytes);
   std::vector<fs::path> folders;
   Lines lines(text);
   while (auto line = lines.next()) {
-    const std::size_t from = line->find_first_not_of(" \t");
-    if (from == std::string_view::npos || (*line)[from] == '#') continue;
-    const fs::path folder = line->substr(from, line->find_last_not_of(" \t") + 1 - from);
+    const std::size_t begin = line->find_first_not_of(" \t");
+    if (begin == std::string_view::npos || (*line)[begin] == '#') continue;
+    const fs::path folder = line->substr(begin, line->find_last_not_of(" \t") + 1 - begin);
     if (!folder.is_absolute())
       throw BadInput(file.string(), lines.number(), 0, "the absolute path of a folder",
                      in_quotes(folder.string()));
-    // without a trailing separator, as in "a/"
-    const fs::path real = resolved(folder / ".");
+    // A trailing separator, as in "a/", would be a further component.
+    const fs::path real = real_path(folder / ".");
     folders.push_back(real.has_filename() ? real : real.parent_path());
   }
   return folders;
@@ -99,32 +103,31 @@ std::vector<fs::path> trusted_folders(const fs::path& file) {
 std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
                                  const Permissions& permissions) {
   std::optional<std::vector<fs::path>> folders;
-  std::vector<ProgramTrust> all;
-  for (const NamedProgram& one : programs) {
-    bool trusted = permissions.trust || one.typed;
-    if (!trusted) {
-      // The trust file is read once, and only if a program depends on it.
+  std::vector<ProgramTrust> result;
+  for (const NamedProgram& program : programs) {
+    bool is_trusted = permissions.trust || program.typed;
+    if (!is_trusted) {
       if (!folders) folders = trusted_folders(trust_file());
-      // The scene that names the program must be trusted as well, as it chooses the program.
-      trusted = is_inside_folder(one.file, *folders) && is_inside_folder(one.program, *folders);
+      // The file that names the program must be trusted too, as it selects the program.
+      is_trusted =
+          is_inside_folder(program.file, *folders) && is_inside_folder(program.program, *folders);
     }
-    all.push_back({one, trusted});
+    result.push_back({program, is_trusted});
   }
-  return all;
+  return result;
 }
 
 std::vector<fs::path> trusted_programs(const std::vector<NamedProgram>& programs,
                                        const Permissions& permissions) {
   std::vector<fs::path> trusted;
-  std::vector<BadInput> refused;
-  for (const ProgramTrust& one : judged(programs, permissions)) {
-    if (one.trusted)
-      trusted.push_back(one.named.program);
+  std::vector<BadInput> input_errors;
+  for (const ProgramTrust& trust : judged(programs, permissions)) {
+    if (trust.trusted)
+      trusted.push_back(trust.named.program);
     else
-      refused.push_back(refusal(one.named));
+      input_errors.push_back(untrusted_program_error(trust.named));
   }
-  // All untrusted programs are reported together.
-  if (!refused.empty()) throw BadScene(std::move(refused));
+  if (!input_errors.empty()) throw BadScene(std::move(input_errors));
   return trusted;
 }
 
@@ -138,12 +141,12 @@ Scene read_trusted_scene(const fs::path& file, const std::vector<Override>& over
 void trust(Scene& scene, const CaseDescription& typed) {
   if (typed.plug_in.empty()) return;
   scene.trusted.push_back(typed.plug_in);
-  // The program counts as a file of the scene, so that no result overwrites it.
+  // Results must not overwrite the program, so it becomes a file of the scene.
   scene.files.push_back(typed.plug_in);
 }
 
 void trust(Scene& scene, const std::string& typed_case) {
-  // A name with a dot or slash is the file of a plug-in.
+  // A name with a dot or slash denotes a plug-in file.
   if (typed_case.find_first_of("./") != std::string::npos) trust(scene, plug_in_case(typed_case));
 }
 

@@ -7,46 +7,46 @@
 #include "sim/files/output.h"
 #include "sim/scene/scene.h"
 
-/// Trust in programs. A program that a file names runs only if the user trusts it: with --trust, or
-/// because the file and the program both lie in folders listed in the user's trust file. Programs
-/// that the user types (--compensator, --case, --set) are trusted.
+/// Trust in programs. A program that a file names runs only if the user trusts it: by --trust, or
+/// because both the file and the program are in folders that the user's trust file lists. Programs
+/// on the command line (--compensator, --case, --set) are trusted.
 namespace abbe::sim {
 
 /// Returns the user's trust file: $XDG_CONFIG_HOME/abbe/trust, else ~/.config/abbe/trust; empty if
-/// neither variable names an absolute folder. Each line holds one absolute folder, and # begins a
-/// comment.
+/// neither variable is an absolute path. Each line has one absolute folder; # begins a comment.
 std::filesystem::path trust_file();
 
-/// Returns the folders of a trust file, with links resolved; none without such a file.
-/// @throws BadInput if users other than its owner or root can write it or its folder, if it belongs
-///         to another user, or if a line is no absolute path
+/// Returns the folders of a trust file, with links resolved; none if there is no such file.
+/// @throws BadInput if the file or its folder belongs to another user, or can be written by others
+///         than its owner or root, or if a line is no absolute path
 std::vector<std::filesystem::path> trusted_folders(const std::filesystem::path& file);
 
-/// A program that a file names, with the permission to run it.
+/// A program that a file names, and whether it may run.
 struct ProgramTrust {
   NamedProgram named;
   bool trusted = false;
 };
-/// Returns the trust in each program.
-/// @throws BadInput for the trust file, which is read only if needed
+/// Returns the trust in each program. The trust file is read only if a program depends on it.
+/// @throws BadInput if the trust file is invalid
 std::vector<ProgramTrust> judged(const std::vector<NamedProgram>& programs,
                                  const Permissions& permissions);
 
-/// Returns the programs if all of them may run.
-/// @throws BadScene with the position of every program that may not
+/// Returns the paths of the programs.
+/// @throws BadScene with the position of every program that is not trusted
 std::vector<std::filesystem::path> trusted_programs(const std::vector<NamedProgram>& programs,
                                                     const Permissions& permissions);
 
-/// Reads a scene as read_scene does and checks the trust in its programs. @throws BadScene also for
-/// untrusted programs
+/// Reads a scene as read_scene() does and checks the trust in its programs.
+/// @throws BadScene also for untrusted programs
 Scene read_trusted_scene(const std::filesystem::path& file, const std::vector<Override>& overrides,
                          const Permissions& permissions);
 
-/// Trusts a compensator that the user typed; does nothing for one that is no program.
+/// Adds a compensator from the command line to the trusted programs, if it is a program.
 void trust(Scene& scene, const CaseDescription& typed);
 void trust(Scene& scene, const std::string& typed_case);
 
-/// Checks a program immediately before its start. @throws BadInput unless the scene may run it
+/// Checks a program immediately before its start.
+/// @throws BadInput if the scene may not run it
 void check_trusted(const Scene& scene, const std::filesystem::path& program);
 
 /// Returns the writer of the results of a scene, which never overwrites the files of the scene.

@@ -16,17 +16,17 @@
 namespace abbe::sim {
 namespace {
 
-/// Practical magnitudes of a kind of key, with the probable cause of a number outside of them. The
-/// ranges are deliberately wide, a factor of ten beyond the largest and the smallest machine,
-/// because wrong warnings teach users to ignore all of them.
+/// Plausible magnitudes of certain keys, with the probable unit of a number outside of them. The
+/// ranges are wide, a factor of ten beyond the largest and the smallest machine, because false
+/// warnings teach users to ignore all of them.
 struct PlausibleRange {
   std::string_view section;  ///< a section on the path to the key; empty: any
-  std::string_view ending;   ///< of the key
+  std::string_view ending;   ///< end of the key
   double low, high;
   std::string_view below, above;  ///< probable unit of a smaller or larger magnitude
 };
 
-// The first row that matches a key applies, so rows of a section precede those for all sections.
+// The first matching row applies, so rows of a section precede general ones.
 constexpr std::array plausible_ranges{
     // temperatures
     PlausibleRange{"", "offset_K", 1e-4, 20, "", "a temperature, not a difference"},
@@ -148,17 +148,18 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"sampling", "chord_tolerance_nm", 0.01, 1e5, "um", "pm"},
 };
 
-/// Tables of changes, which are judged in the scene to which they are applied.
+/// Tables of changes, which are examined in the scene to which they are applied.
 constexpr std::array<std::string_view, 3> changes{"study", "variant", "set"};
 
-/// Temperatures of a workshop, its coolant and a resting machine, deg C. Fahrenheit and kelvin
-/// begin beyond them: 20 deg C is 68 F and 293 K.
-constexpr double min_plausible_C = -40.0, max_plausible_C = 60.0, fahrenheit_to = 200.0;
+/// Temperatures of a workshop, its coolant and a machine at rest, deg C. Numbers in Fahrenheit and
+/// kelvin are higher: 20 deg C is 68 F and 293 K.
+constexpr double min_plausible_C = -40.0, max_plausible_C = 60.0, max_plausible_F = 200.0;
 
-/// Travels between both ends; a slide of a few mm is a piezo stage.
-constexpr double min_plausible_travel_mm = 5.0, longest_travel_mm = 1e5;
-// 110 deg either way are 3.8 rad, a whole turn either way 12.6: no rotary table turns less than 13
-// deg.
+/// Total travels. Only a piezo stage has a travel of a few mm, and no machine axis has one of 100
+/// m.
+constexpr double min_plausible_travel_mm = 5.0, max_plausible_travel_mm = 1e5;
+// In radians, +-110 deg is a travel of 3.8, and +-360 deg one of 12.6. A travel below 13 deg is
+// therefore in radians; no rotary table turns so little.
 constexpr double min_plausible_travel_deg = 13.0;
 
 std::string_view last_key(std::string_view key) { return key.substr(key.rfind('.') + 1); }
@@ -170,67 +171,67 @@ std::string_view parent_of(std::string_view key) {
 
 bool has_unit(std::string_view key) { return key_stem(key) != key; }
 
-/// Returns the part of a key that carries the unit: its end, or the table above an axis letter, as
-/// in "axis_speed_mm_per_min.X".
-std::string_view part_with_unit(std::string_view key) {
-  const std::string_view own = last_key(key);
-  const std::string_view holder = last_key(parent_of(key));
-  return !has_unit(own) && own.size() <= 3 && has_unit(holder) ? holder : own;
+/// Returns the component of a key that has the unit: the last one, or the table of an axis letter,
+/// as in "axis_speed_mm_per_min.X".
+std::string_view component_with_unit(std::string_view key) {
+  const std::string_view name = last_key(key);
+  const std::string_view table_name = last_key(parent_of(key));
+  return !has_unit(name) && name.size() <= 3 && has_unit(table_name) ? table_name : name;
 }
 
 bool is_within(std::string_view key, std::string_view section) {
   if (section.empty()) return true;
-  for (std::string_view rest = key; !rest.empty();) {
-    const std::size_t dot = rest.find('.');
-    if (rest.substr(0, dot) == section) return true;
+  for (std::string_view remaining_key = key; !remaining_key.empty();) {
+    const std::size_t dot = remaining_key.find('.');
+    if (remaining_key.substr(0, dot) == section) return true;
     if (dot == std::string_view::npos) return false;
-    rest.remove_prefix(dot + 1);
+    remaining_key.remove_prefix(dot + 1);
   }
   return false;
 }
 
 bool is_temperature(std::string_view name) { return name.ends_with("_C"); }
 
-/// Returns true for 30, 45, 60, 90, 120, 135, 180, 270 or 360 degrees in radians, to the three
-/// digits in common use; such numbers are rare as degrees.
+/// Returns true if the value is one of 30, 45, 60, 90, 120, 135, 180, 270 and 360 degrees in
+/// radians, to three digits. Such numbers are rare in degrees.
 bool resembles_radians(double value) {
-  for (const int part : {2, 3, 4, 6, 8, 9, 12, 18, 24}) {
-    const double angle = pi * part / 12.0;
+  for (const int twelfths : {2, 3, 4, 6, 8, 9, 12, 18, 24}) {
+    const double angle = pi * twelfths / 12.0;
     if (std::abs(std::abs(value) - angle) < 1e-3 * angle) return true;
   }
   return false;
 }
 
-const PlausibleRange* range_of(std::string_view key) {
-  const std::string_view name = part_with_unit(key);
+const PlausibleRange* find_plausible_range(std::string_view key) {
+  const std::string_view name = component_with_unit(key);
   for (const PlausibleRange& range : plausible_ranges)
     if (name.ends_with(range.ending) && is_within(key, range.section)) return &range;
   return nullptr;
 }
 
-/// Returns true if anything is known of the numbers of a key.
+/// Returns true if implausible numbers of a key can be recognised.
 bool has_plausible_range(std::string_view key) {
-  const std::string_view name = part_with_unit(key);
-  return is_temperature(name) || name.ends_with("_deg") || range_of(key) != nullptr;
+  const std::string_view name = component_with_unit(key);
+  return is_temperature(name) || name.ends_with("_deg") || find_plausible_range(key) != nullptr;
 }
 
-std::string mistaken_temperature(double value) {
+std::string temperature_mistake(double value) {
   if (value >= min_plausible_C && value <= max_plausible_C) return {};
-  return value < min_plausible_C ? "another quantity"
-         : value < fahrenheit_to ? "Fahrenheit"
-                                 : "kelvin";
+  return value < min_plausible_C   ? "another quantity"
+         : value < max_plausible_F ? "Fahrenheit"
+                                   : "kelvin";
 }
 
-/// Returns the expected values of a key for a warning.
+/// Returns the plausible values of a key as text.
 std::string plausible_text(std::string_view key) {
-  const std::string unit = unit_name(part_with_unit(key));
-  const std::string named = unit == "no unit" ? "" : " " + unit;
-  if (is_temperature(part_with_unit(key)))
+  const std::string unit = unit_name(component_with_unit(key));
+  const std::string unit_text = unit == "no unit" ? "" : " " + unit;
+  if (is_temperature(component_with_unit(key)))
     return fmt::format("{} to {} deg C", min_plausible_C, max_plausible_C);
-  const PlausibleRange* range = range_of(key);
+  const PlausibleRange* range = find_plausible_range(key);
   if (range == nullptr) return "degrees";
-  if (range->low == 0.0) return fmt::format("up to {:g}{}", range->high, named);
-  return fmt::format("{:g} to {:g}{}", range->low, range->high, named);
+  if (range->low == 0.0) return fmt::format("up to {:g}{}", range->high, unit_text);
+  return fmt::format("{:g} to {:g}{}", range->low, range->high, unit_text);
 }
 
 std::string location_text(const Place& place) {
@@ -238,7 +239,7 @@ std::string location_text(const Place& place) {
   return fmt::format("{}:{}:{}: ", *place.file, place.line, place.column);
 }
 
-std::optional<double> number_of(const Node& node) {
+std::optional<double> node_number(const Node& node) {
   if (const double* real = std::get_if<double>(&node.value)) return *real;
   if (const std::int64_t* whole = std::get_if<std::int64_t>(&node.value)) return double(*whole);
   return std::nullopt;
@@ -247,13 +248,14 @@ std::optional<double> number_of(const Node& node) {
 /// Implausible numbers of one key.
 struct Finding {
   std::string text;
-  int more = 0;
+  int further_count = 0;
 };
 
-class Walk {
+/// Visits the numbers of a tree and collects findings.
+class NumberVisitor {
  public:
   void visit(const Node& node, const std::string& key) {
-    if (const auto value = number_of(node)) return visit_number(*value, node.place, key);
+    if (const auto value = node_number(node)) return visit_number(*value, node.place, key);
     if (const Node::Table* table = node.table())
       for (const Node::Entry& entry : *table) {
         const std::string inner = key.empty() ? entry.key : key + "." + entry.key;
@@ -261,8 +263,8 @@ class Walk {
       }
     if (const Node::Array* array = node.array()) {
       visit_travel(*array, node.place, key);
-      // Tables and covariances are long, so their key is looked up once.
-      if (!array->empty() && number_of(array->front()) && !has_plausible_range(key)) return;
+      // Arrays of numbers may be long, so the range of their key is looked up first.
+      if (!array->empty() && node_number(array->front()) && !has_plausible_range(key)) return;
       for (const Node& element : *array) visit(element, key);
     }
   }
@@ -271,21 +273,22 @@ class Walk {
     std::vector<std::string> texts;
     for (const std::string& key : order_) {
       const Finding& finding = findings_.at(key);
-      texts.push_back(finding.text + (finding.more == 0
-                                          ? std::string()
-                                          : fmt::format("; {} more of this key", finding.more)));
+      texts.push_back(finding.text +
+                      (finding.further_count == 0
+                           ? std::string()
+                           : fmt::format("; {} more of this key", finding.further_count)));
     }
     return texts;
   }
 
  private:
   void add(const std::string& key, std::string text) {
-    // One message per key is enough, since a wrong unit usually affects all of its numbers.
-    const auto [at, is_first] = findings_.try_emplace(key, Finding{std::move(text), 0});
+    // A wrong unit usually affects all numbers of a key, so there is one message for each key.
+    const auto [entry, is_first] = findings_.try_emplace(key, Finding{std::move(text), 0});
     if (is_first)
       order_.push_back(key);
     else
-      ++at->second.more;
+      ++entry->second.further_count;
   }
 
   void visit_number(double value, const Place& place, const std::string& key) {
@@ -295,25 +298,26 @@ class Walk {
                            value, mistake, plausible_text(key)));
   }
 
-  /// Examines a travel as a whole, because each of its ends may be near zero.
+  /// Examines the length of a travel, because its ends may be near zero.
   void visit_travel(const Node::Array& ends, const Place& place, const std::string& key) {
     const std::string_view name = last_key(key);
     if (ends.size() != 2 || !name.starts_with("travel_")) return;
-    const auto from = number_of(ends[0]), to = number_of(ends[1]);
-    if (!from || !to) return;
-    const double size = *to - *from;
-    const bool turns = name == "travel_deg";
-    const double shortest = turns ? min_plausible_travel_deg : min_plausible_travel_mm;
-    const bool is_short = size > 0.0 && size < shortest;
-    // A rotary axis may turn without end, so only its short travel is suspicious.
-    if (!is_short && (turns || size <= longest_travel_mm)) return;
-    add(key, fmt::format("{}{} is {:.6g} long: looks like {}, {} expected", location_text(place),
-                         key, size,
-                         turns      ? "radians"
-                         : is_short ? "m"
-                                    : "um",
-                         turns ? fmt::format("{:g} deg or more", shortest)
-                               : fmt::format("{:g} to {:g} mm", shortest, longest_travel_mm)));
+    const auto min = node_number(ends[0]), max = node_number(ends[1]);
+    if (!min || !max) return;
+    const double travel = *max - *min;
+    const bool is_rotary = name == "travel_deg";
+    const double min_travel = is_rotary ? min_plausible_travel_deg : min_plausible_travel_mm;
+    const bool is_short = travel > 0.0 && travel < min_travel;
+    // A rotary axis may be endless, so only a short travel is implausible.
+    if (!is_short && (is_rotary || travel <= max_plausible_travel_mm)) return;
+    add(key,
+        fmt::format(
+            "{}{} is {:.6g} long: looks like {}, {} expected", location_text(place), key, travel,
+            is_rotary  ? "radians"
+            : is_short ? "m"
+                       : "um",
+            is_rotary ? fmt::format("{:g} deg or more", min_travel)
+                      : fmt::format("{:g} to {:g} mm", min_travel, max_plausible_travel_mm)));
   }
 
   std::vector<std::string> order_;
@@ -322,22 +326,22 @@ class Walk {
 
 // ---- pairs of numbers
 
-/// Tools are measured to hundredths of a mm, so a larger deviation is a difference, a diameter or
-/// another unit in place of the actual size.
-constexpr double max_wrong_tool_mm = 1.0, max_wrong_ratio = 1.25;
-/// Controls are set to some um; a deviation of a mm comes from another axis, sign or unit.
-constexpr double max_wrong_control_mm = 1.0;
+/// Tools are measured to hundredths of a mm. A larger deviation means that the number is a
+/// difference, a diameter or in another unit.
+constexpr double max_tool_deviation_mm = 1.0, max_tool_ratio = 1.25;
+/// Controls are set to within some um. A deviation of a mm means another axis, sign or unit.
+constexpr double max_control_deviation_mm = 1.0;
 
-void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warnings) {
-  const std::string whose = tool.number ? fmt::format(" of T{}", *tool.number) : "";
+void add_tool_warnings(const ToolDescription& tool, std::vector<std::string>& warnings) {
+  const std::string tool_name = tool.number ? fmt::format(" of T{}", *tool.number) : "";
   const auto add = [&](const char* key, double actual, double nominal) {
-    const bool is_near = std::abs(actual - nominal) <= max_wrong_tool_mm;
+    const bool is_near = std::abs(actual - nominal) <= max_tool_deviation_mm;
     const double ratio = std::max(actual, nominal) / std::min(actual, nominal);
-    if (is_near && (ratio > 0.0 && ratio <= max_wrong_ratio)) return;
+    if (is_near && (ratio > 0.0 && ratio <= max_tool_ratio)) return;
     warnings.push_back(fmt::format(
         "tool.actual.{}{} is {:.6g} where the tool is {:.6g}: it is the size itself, not a "
         "difference, a diameter or another unit",
-        key, whose, actual, nominal));
+        key, tool_name, actual, nominal));
   };
   const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal);
   const auto* actual = std::get_if<cutting::Cutter>(&tool.actual);
@@ -346,100 +350,100 @@ void add_tool_texts(const ToolDescription& tool, std::vector<std::string>& warni
   if (tool.actual_length != tool.length) add("length_mm", tool.actual_length, tool.length);
 }
 
-void add_control_texts(const Scene& scene, std::vector<std::string>& warnings) {
+void add_control_warnings(const Scene& scene, std::vector<std::string>& warnings) {
   const ControlDescription& control = scene.control;
   if (control.tool_length &&
-      std::abs(*control.tool_length - scene.tool.length) > max_wrong_control_mm)
+      std::abs(*control.tool_length - scene.tool.length) > max_control_deviation_mm)
     warnings.push_back(fmt::format(
         "control.tool_length_mm is {:.6g} where the tool is {:.6g} long: it is the length itself "
         "that the control believes",
         *control.tool_length, scene.tool.length));
   const auto& joints = scene.machine.joints;
   for (std::size_t j = 0; j < std::min(joints.size(), control.joints.size()); ++j) {
-    const double apart = (control.joints[j].point_b - joints[j].point_b).norm();
-    if (joints[j].motion == kinematics::Motion::Rotary && apart > max_wrong_control_mm)
+    const double distance = (control.joints[j].point_b - joints[j].point_b).norm();
+    if (joints[j].motion == kinematics::Motion::Rotary && distance > max_control_deviation_mm)
       warnings.push_back(fmt::format(
           "control.axis.{}.point_mm lies {:.4g} mm from that of the machine, and no control is "
           "that wrong: another axis, sign or unit?",
-          joints[j].name, apart));
+          joints[j].name, distance));
   }
 }
 
-/// Checks that fixtures are near the part. Nothing on this machine reaches farther than its longest
+/// Adds a warning for each fixture that is farther from the part than the travel of the longest
 /// slide.
-void add_fixture_texts(const Scene& scene, std::vector<std::string>& warnings) {
-  double longest = 0.0;
+void add_fixture_warnings(const Scene& scene, std::vector<std::string>& warnings) {
+  double longest_travel = 0.0;
   for (const kinematics::Joint& joint : scene.machine.joints)
     if (joint.motion == kinematics::Motion::Linear)
-      longest = std::max(longest, joint.max - joint.min);
+      longest_travel = std::max(longest_travel, joint.max - joint.min);
   for (const BodyDescription& fixture : scene.fixtures) {
-    const double apart = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
-    if (longest > 0.0 && apart > longest)
+    const double distance = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
+    if (longest_travel > 0.0 && distance > longest_travel)
       warnings.push_back(fmt::format(
           "fixture \"{}\" lies {:.4g} mm from the part, and the longest slide goes {:.4g} mm: its "
           "at_mm may be in another unit or from another zero",
-          fixture.name, apart, longest));
+          fixture.name, distance, longest_travel));
   }
 }
 
-/// Checks that the flexible sections of the tool are parts of it; the first one, at the tip, is
-/// that of the cutter.
-void add_section_texts(const Scene& scene, std::vector<std::string>& warnings) {
+/// Adds warnings for compliant sections that are longer than the tool or, at the tip, thicker than
+/// the cutter.
+void add_section_warnings(const Scene& scene, std::vector<std::string>& warnings) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const Node* node = scene.tree.get();
   for (const char* key : {"compliance", "tool", "section"})
     if (node != nullptr) node = node->find(key);
   if (cutter == nullptr || node == nullptr || !node->array() || node->array()->empty()) return;
-  constexpr double rounded = 1.01;  // sizes are rounded in data sheets
-  const auto size_of = [](const Node& section, const char* key) {
+  constexpr double rounding_margin = 1.01;  // data sheets state rounded sizes
+  const auto section_size = [](const Node& section, const char* key) {
     const Node* size = section.find(key);
-    return size == nullptr ? 0.0 : number_of(*size).value_or(0.0);
+    return size == nullptr ? 0.0 : node_number(*size).value_or(0.0);
   };
   double length = 0.0;
-  for (const Node& section : *node->array()) length += size_of(section, "length_mm");
-  if (length > rounded * scene.tool.length)
+  for (const Node& section : *node->array()) length += section_size(section, "length_mm");
+  if (length > rounding_margin * scene.tool.length)
     warnings.push_back(fmt::format(
         "compliance.tool.section are {:.6g} mm long together, and the tool is {:.6g} mm long",
         length, scene.tool.length));
-  const double diameter = size_of(node->array()->front(), "diameter_mm");
-  const double widest = 2.0 * std::max(cutter->radius, cutting::shank_radius(*cutter));
-  if (diameter > rounded * widest)
+  const double diameter = section_size(node->array()->front(), "diameter_mm");
+  const double cutter_diameter = 2.0 * std::max(cutter->radius, cutting::shank_radius(*cutter));
+  if (diameter > rounding_margin * cutter_diameter)
     warnings.push_back(fmt::format(
         "compliance.tool.section at the tip is {:.6g} mm thick, and the cutter {:.6g} mm: sections "
         "go from the tip to the spindle",
-        diameter, widest));
+        diameter, cutter_diameter));
 }
 
 }  // namespace
 
 std::string probable_mistake(std::string_view key, double value) {
-  const std::string_view name = part_with_unit(key);
-  // Zero turns a term off and has no unit that could be wrong.
+  const std::string_view name = component_with_unit(key);
+  // Zero is the same in every unit.
   if (value == 0.0 || !std::isfinite(value)) return {};
-  if (is_temperature(name)) return mistaken_temperature(value);
-  if (const PlausibleRange* range = range_of(key)) {
-    const double size = std::abs(value);
-    if (size < range->low && !range->below.empty()) return std::string(range->below);
-    if (size > range->high) return std::string(range->above);
+  if (is_temperature(name)) return temperature_mistake(value);
+  if (const PlausibleRange* range = find_plausible_range(key)) {
+    const double magnitude = std::abs(value);
+    if (magnitude < range->low && !range->below.empty()) return std::string(range->below);
+    if (magnitude > range->high) return std::string(range->above);
     return {};
   }
   return name.ends_with("_deg") && resembles_radians(value) ? "radians" : "";
 }
 
 std::vector<std::string> value_warnings(const Node& tree) {
-  Walk walk;
-  walk.visit(tree, "");
-  return walk.texts();
+  NumberVisitor visitor;
+  visitor.visit(tree, "");
+  return visitor.texts();
 }
 
 std::vector<std::string> value_warnings(const Scene& scene) {
   std::vector<std::string> warnings;
   if (scene.tree) warnings = value_warnings(*scene.tree);
-  for (const ToolDescription& tool : all_tools(scene)) add_tool_texts(tool, warnings);
-  add_control_texts(scene, warnings);
-  add_fixture_texts(scene, warnings);
-  add_section_texts(scene, warnings);
-  // The range of the key allows a negative factor, hence a warning and no error.
+  for (const ToolDescription& tool : all_tools(scene)) add_tool_warnings(tool, warnings);
+  add_control_warnings(scene, warnings);
+  add_fixture_warnings(scene, warnings);
+  add_section_warnings(scene, warnings);
+  // A negative factor is allowed, but it is unusual.
   if (scene.belief.scale < 0.0)
     warnings.push_back(fmt::format(
         "belief.scale is {:g}: a compensator adds the errors that it believes in, in place of "

@@ -27,20 +27,20 @@
 
 namespace abbe::sim::study {
 
-/// A lock file beside a journal that one process at a time can hold, void as soon as its process
-/// ends. The locks of SQLite protect single reads and writes; they would not keep a second process
-/// from computing the same cases.
+/// A lock file beside a journal, held by one process and released when that process ends. The locks
+/// of SQLite are not sufficient, since they protect single reads and writes: a second process could
+/// compute the same cases.
 class JournalLock {
  public:
-  /// @throws OutputFailure naming the other process if it is held, or if the file is not a lock of
-  /// abbe
+  /// @throws OutputFailure if another process, which it names, holds the lock, or if the file is
+  /// not a lock of abbe
   explicit JournalLock(const std::filesystem::path& journal);
   ~JournalLock();
   JournalLock(const JournalLock&) = delete;
   JournalLock& operator=(const JournalLock&) = delete;
 
  private:
-  void try_once();
+  void try_to_lock();
 
   std::filesystem::path journal_, file_;
   int descriptor_ = -1;
@@ -53,34 +53,33 @@ namespace {
       fmt::format("{}: cannot be locked: {}", file.string(), std::strerror(reason)));
 }
 
-/// Returns the process that holds the lock, as it wrote itself into the file.
-std::string holder(int descriptor) {
+/// Returns the process that holds the lock, as it is named in the file.
+std::string lock_holder(int descriptor) {
   char text[200];
   const ssize_t length = ::pread(descriptor, text, sizeof text, 0);
   return length > 0 ? std::string(text, std::size_t(length)) : "another process";
 }
 
-/// Returns true if the file may be used as a lock: it is empty, or holds what an earlier holder
-/// left.
+/// Returns true if the file can be a lock: it is empty or names an earlier holder.
 bool is_lock(int descriptor) {
-  struct stat about {};
-  if (::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) return false;
-  const std::string who = about.st_size > 0 ? holder(descriptor) : "";
-  return about.st_size == 0 ||
-         (about.st_size < 200 && who.starts_with("process ") && who.find(" on ") != who.npos);
+  struct stat status {};
+  if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return false;
+  const std::string holder = status.st_size > 0 ? lock_holder(descriptor) : "";
+  return status.st_size == 0 || (status.st_size < 200 && holder.starts_with("process ") &&
+                                 holder.find(" on ") != holder.npos);
 }
 
 }  // namespace
 
 JournalLock::JournalLock(const std::filesystem::path& journal)
     : journal_(journal), file_(journal.string() + "-lock") {
-  while (descriptor_ < 0) try_once();
+  while (descriptor_ < 0) try_to_lock();
   char host[100] = "";
   ::gethostname(host, sizeof host - 1);
-  const std::string who = fmt::format("process {} on {}", ::getpid(), host);
-  // The name only informs others; on a full disk writing it may fail.
+  const std::string holder = fmt::format("process {} on {}", ::getpid(), host);
+  // The text is only information for other processes, so a failure, as on a full disk, is ignored.
   if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
-    const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
+    const ssize_t written = ::pwrite(descriptor_, holder.data(), holder.size(), 0);
 }
 
 JournalLock::~JournalLock() {
@@ -88,18 +87,18 @@ JournalLock::~JournalLock() {
   ::close(descriptor_);
 }
 
-void JournalLock::try_once() {
+void JournalLock::try_to_lock() {
   const int descriptor = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
   if (descriptor < 0) throw_not_locked(file_, errno);
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
     const int reason = errno;
-    const std::string who = holder(descriptor);
+    const std::string holder = lock_holder(descriptor);
     ::close(descriptor);
     if (reason == EINTR) return;
     if (reason != EWOULDBLOCK) throw_not_locked(file_, reason);
     throw OutputFailure(fmt::format(
         "{}: another process works on this study ({}); wait for it, or use another --out",
-        journal_.string(), who));
+        journal_.string(), holder));
   }
   if (!is_lock(descriptor)) {
     ::close(descriptor);
@@ -107,12 +106,12 @@ void JournalLock::try_once() {
         "{}: a file that abbe did not make stands there; move it, or choose another --out",
         file_.string()));
   }
-  // The holder may have ended and removed the file between open and flock: then this lock is on a
-  // deleted file.
-  struct stat held {
-  }, there{};
-  if (::fstat(descriptor, &held) == 0 && ::stat(file_.c_str(), &there) == 0 &&
-      held.st_ino == there.st_ino && held.st_dev == there.st_dev)
+  // If the last holder removed the file between open and flock, this lock is on a deleted file and
+  // must be requested again.
+  struct stat locked {
+  }, current{};
+  if (::fstat(descriptor, &locked) == 0 && ::stat(file_.c_str(), &current) == 0 &&
+      locked.st_ino == current.st_ino && locked.st_dev == current.st_dev)
     descriptor_ = descriptor;
   else
     ::close(descriptor);
@@ -120,59 +119,65 @@ void JournalLock::try_once() {
 
 namespace {
 
-constexpr int application_id = 0x61626265;  // "abbe", the application id of the file
-constexpr int busy_ms = 20000;  // ms: a reader may hold the file while the writer tidies up
+constexpr int application_id = 0x61626265;  // "abbe", in the header of the file
+constexpr int busy_ms = 20000;  // a reader may hold the file while the writer merges its log
 constexpr const char* tables[] = {
     "CREATE TABLE cases (number INTEGER PRIMARY KEY, answers BLOB NOT NULL, fault TEXT NOT NULL, "
     "check_sum INTEGER NOT NULL)",
     "CREATE TABLE study (identity TEXT NOT NULL)"};
 
-/// Little-endian on every computer, so that journals can be merged across computers.
-std::string bytes_of(const std::vector<double>& answers) {
+/// Returns responses as bytes, little-endian on every computer, so that journals of different
+/// computers can be merged.
+std::string response_bytes(const std::vector<double>& responses) {
   std::string bytes;
-  bytes.reserve(8 * answers.size());
-  for (const double answer : answers) {
-    const auto bits = std::bit_cast<std::uint64_t>(answer);
+  bytes.reserve(8 * responses.size());
+  for (const double response : responses) {
+    const auto bits = std::bit_cast<std::uint64_t>(response);
     for (int i = 0; i < 8; ++i) bytes += char(bits >> (8 * i));
   }
   return bytes;
 }
 
+/// Returns the responses in such bytes.
 std::vector<double> parse_responses(std::string_view bytes) {
-  std::vector<double> answers(bytes.size() / 8);
-  for (std::size_t k = 0; k < answers.size(); ++k) {
+  std::vector<double> responses(bytes.size() / 8);
+  for (std::size_t k = 0; k < responses.size(); ++k) {
     std::uint64_t bits = 0;
     for (std::size_t i = 0; i < 8; ++i)
       bits |= std::uint64_t(static_cast<unsigned char>(bytes[8 * k + i])) << (8 * i);
-    answers[k] = std::bit_cast<double>(bits);
+    responses[k] = std::bit_cast<double>(bits);
   }
-  return answers;
+  return responses;
 }
 
-std::int64_t check_sum(std::uint64_t index, std::string_view answers, std::string_view fault) {
-  const std::uint64_t begun = fnv_1a(fmt::format("{} {} ", index, answers.size()));
-  return std::int64_t(fnv_1a(fault, fnv_1a(answers, begun)));
+/// Returns the checksum of a row.
+std::int64_t row_checksum(std::uint64_t index, std::string_view answers, std::string_view fault) {
+  const std::uint64_t start = fnv_1a(fmt::format("{} {} ", index, answers.size()));
+  return std::int64_t(fnv_1a(fault, fnv_1a(answers, start)));
 }
 
-struct CloseDatabase {
+struct DatabaseCloser {
   void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
 };
-struct FinishStatement {
+struct StatementFinalizer {
   void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
 };
-using Statement = std::unique_ptr<sqlite3_stmt, FinishStatement>;
+using Statement = std::unique_ptr<sqlite3_stmt, StatementFinalizer>;
 
-BadInput not_a_journal(const std::filesystem::path& file, const std::string& seen) {
+/// Returns the exception for a file that is not a journal, or not a readable one.
+BadInput journal_error(const std::filesystem::path& file, const std::string& seen) {
   return BadInput(file.string(), 0, 0,
                   "the journal of a study (to start from the beginning, delete the file or choose "
                   "another --out)",
                   seen);
 }
 
+/// An SQLite database. Its functions throw BadInput or, if it was opened for writing,
+/// OutputFailure.
 struct Database {
   std::filesystem::path file;
-  bool to_write = false;
-  std::unique_ptr<sqlite3, CloseDatabase> handle;
+  bool is_writable = false;
+  std::unique_ptr<sqlite3, DatabaseCloser> handle;
 
   [[noreturn]] void fail(int code) const {
     std::string reason = sqlite3_errmsg(handle.get());
@@ -180,34 +185,36 @@ struct Database {
     const int kind = code & 0xff;
     if (system != 0 && (kind == SQLITE_IOERR || kind == SQLITE_CANTOPEN))
       reason += fmt::format(" ({})", std::strerror(system));
-    if (kind == SQLITE_NOTADB) throw not_a_journal(file, "something else");
-    if (kind == SQLITE_CORRUPT) throw not_a_journal(file, "a damaged one");
-    if (!to_write) throw not_a_journal(file, reason);
+    if (kind == SQLITE_NOTADB) throw journal_error(file, "something else");
+    if (kind == SQLITE_CORRUPT) throw journal_error(file, "a damaged one");
+    if (!is_writable) throw journal_error(file, reason);
     throw OutputFailure(fmt::format("{}: cannot be written: {}", file.string(), reason));
   }
-  Statement prepared(std::string_view sql) const {
+  Statement prepare(std::string_view sql) const {
     sqlite3_stmt* statement = nullptr;
     const int code =
         sqlite3_prepare_v2(handle.get(), sql.data(), int(sql.size()), &statement, nullptr);
     if (code != SQLITE_OK) fail(code);
     return Statement(statement);
   }
-  /// Returns true if there is another row.
+  /// Executes a statement up to its next row. Returns true if there is one.
   bool step(const Statement& statement) const {
     const int code = sqlite3_step(statement.get());
     if (code != SQLITE_ROW && code != SQLITE_DONE) fail(code);
     return code == SQLITE_ROW;
   }
   void run(std::string_view sql) const {
-    for (const Statement statement = prepared(sql); step(statement);) continue;
+    for (const Statement statement = prepare(sql); step(statement);) continue;
   }
   std::int64_t number(std::string_view sql) const {
-    const Statement statement = prepared(sql);
+    const Statement statement = prepare(sql);
     return step(statement) ? sqlite3_column_int64(statement.get(), 0) : 0;
   }
 };
 
-Database opened(const std::filesystem::path& file, int flags) {
+/// Opens a database with protection against manipulated files.
+/// @param flags  of sqlite3_open_v2
+Database open_database(const std::filesystem::path& file, int flags) {
   sqlite3* handle = nullptr;
   const int code =
       sqlite3_open_v2(std::filesystem::absolute(file).c_str(), &handle, flags, nullptr);
@@ -217,31 +224,32 @@ Database opened(const std::filesystem::path& file, int flags) {
   if (code != SQLITE_OK) database.fail(code);
   sqlite3_extended_result_codes(handle, 1);
   sqlite3_busy_timeout(handle, busy_ms);
-  // The file may come from an untrusted source.
+  // A journal may come from an untrusted source.
   sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
   database.run("PRAGMA cell_size_check = ON");
   return database;
 }
 
-/// Returns the bytes of a text or blob, which SQLite keeps until the next step.
-std::string_view bytes(const Statement& row, int column) {
+/// Returns the bytes of a text or blob, which are valid until the next step.
+std::string_view column_bytes(const Statement& row, int column) {
   const void* data = sqlite3_column_blob(row.get(), column);
   const int size = sqlite3_column_bytes(row.get(), column);
   return data == nullptr ? std::string_view()
                          : std::string_view(static_cast<const char*>(data), std::size_t(size));
 }
 
-Row row_at(const Database& database, const Statement& step) {
+/// Returns the row at which a statement is. Throws BadInput if its checksum is wrong.
+Row read_row(const Database& database, const Statement& statement) {
   Row row;
-  row.index = std::uint64_t(sqlite3_column_int64(step.get(), 0));
-  const bool kinds = sqlite3_column_type(step.get(), 1) == SQLITE_BLOB &&
-                     sqlite3_column_type(step.get(), 2) == SQLITE_TEXT;
-  const std::string_view answers = bytes(step, 1);
-  row.fault = bytes(step, 2);
-  if (!kinds || answers.size() % 8 != 0 ||
-      sqlite3_column_int64(step.get(), 3) != check_sum(row.index, answers, row.fault))
-    throw not_a_journal(database.file, fmt::format("a damaged one (case {})", row.index));
+  row.index = std::uint64_t(sqlite3_column_int64(statement.get(), 0));
+  const bool has_types = sqlite3_column_type(statement.get(), 1) == SQLITE_BLOB &&
+                         sqlite3_column_type(statement.get(), 2) == SQLITE_TEXT;
+  const std::string_view answers = column_bytes(statement, 1);
+  row.fault = column_bytes(statement, 2);
+  if (!has_types || answers.size() % 8 != 0 ||
+      sqlite3_column_int64(statement.get(), 3) != row_checksum(row.index, answers, row.fault))
+    throw journal_error(database.file, fmt::format("a damaged one (case {})", row.index));
   row.answers = parse_responses(answers);
   return row;
 }
@@ -249,38 +257,40 @@ Row row_at(const Database& database, const Statement& step) {
 template <typename Visit>
 void for_every_row(const Database& database, const Visit& visit) {
   const Statement rows =
-      database.prepared("SELECT number, answers, fault, check_sum FROM cases ORDER BY number");
-  while (database.step(rows)) visit(row_at(database, rows));
+      database.prepare("SELECT number, answers, fault, check_sum FROM cases ORDER BY number");
+  while (database.step(rows)) visit(read_row(database, rows));
 }
 
-/// Checks the whole file, so that damage is reported before hours of work. Rows have their own
-/// checksums; this finds pages in the wrong order.
+/// Checks the structure of the whole file, so that damage is reported before hours of work. The
+/// checksums of the rows do not detect pages in the wrong order.
 void check_pages(const Database& database) {
-  const Statement check = database.prepared("PRAGMA quick_check(1)");
-  if (!database.step(check) || bytes(check, 0) != "ok")
-    throw not_a_journal(database.file, "a damaged one");
+  const Statement check = database.prepare("PRAGMA quick_check(1)");
+  if (!database.step(check) || column_bytes(check, 0) != "ok")
+    throw journal_error(database.file, "a damaged one");
 }
 
-/// Returns true if nothing has been written to the file: a process may end just after creating it.
+/// Returns true if nothing has been written to the file, as after a process that ended just after
+/// creating it.
 bool is_blank(const Database& database) {
   return database.number("SELECT count(*) FROM sqlite_schema") == 0 &&
          database.number("PRAGMA application_id") == 0;
 }
 
+/// Returns the identity of the study to which a journal belongs.
 /// @throws BadInput if the database is not a journal
-std::string study_identity(const Database& database) {
-  const Statement schema = database.prepared("SELECT sql FROM sqlite_schema ORDER BY name");
+std::string journal_identity(const Database& database) {
+  const Statement schema = database.prepare("SELECT sql FROM sqlite_schema ORDER BY name");
   for (const char* table : tables)
-    if (!database.step(schema) || bytes(schema, 0) != table)
-      throw not_a_journal(database.file, "something else");
+    if (!database.step(schema) || column_bytes(schema, 0) != table)
+      throw journal_error(database.file, "something else");
   if (database.step(schema) || database.number("PRAGMA application_id") != application_id)
-    throw not_a_journal(database.file, "something else");
-  const Statement study = database.prepared("SELECT identity FROM study");
-  if (!database.step(study)) throw not_a_journal(database.file, "one without a study");
-  return std::string(bytes(study, 0));
+    throw journal_error(database.file, "something else");
+  const Statement study = database.prepare("SELECT identity FROM study");
+  if (!database.step(study)) throw journal_error(database.file, "one without a study");
+  return std::string(column_bytes(study, 0));
 }
 
-/// Runs `write` in a transaction: either all of it takes effect or nothing.
+/// Runs `write` in a transaction: either all of its changes take effect or none.
 template <typename Write>
 void run_transaction(const Database& database, const Write& write) {
   database.run("BEGIN IMMEDIATE");
@@ -293,32 +303,38 @@ void run_transaction(const Database& database, const Write& write) {
   }
 }
 
-void bind_bytes(const Statement& statement, int place, std::string_view value, bool text) {
-  const char* data = value.empty() ? "" : value.data();  // a null pointer would mean NULL
-  if (text)
-    sqlite3_bind_text(statement.get(), place, data, int(value.size()), SQLITE_STATIC);
-  else
-    sqlite3_bind_blob(statement.get(), place, data, int(value.size()), SQLITE_STATIC);
+/// Returns a pointer to the bytes that is never null, because SQLite takes a null pointer as NULL.
+const char* non_null_data(std::string_view value) { return value.empty() ? "" : value.data(); }
+
+void bind_text(const Statement& statement, int index, std::string_view text) {
+  sqlite3_bind_text(statement.get(), index, non_null_data(text), int(text.size()), SQLITE_STATIC);
 }
 
-void begin(const Database& database, const std::string& identity) {
+void bind_blob(const Statement& statement, int index, std::string_view bytes) {
+  sqlite3_bind_blob(statement.get(), index, non_null_data(bytes), int(bytes.size()), SQLITE_STATIC);
+}
+
+/// Creates the tables of a new journal.
+void create_tables(const Database& database, const std::string& identity) {
   run_transaction(database, [&] {
     for (const char* table : tables) database.run(table);
-    const Statement study = database.prepared("INSERT INTO study VALUES (?)");
-    bind_bytes(study, 1, identity, true);
+    const Statement study = database.prepare("INSERT INTO study VALUES (?)");
+    bind_text(study, 1, identity);
     database.step(study);
     database.run(fmt::format("PRAGMA application_id = {}", application_id));
   });
 }
 
-void rename(const Database& database, const std::string& identity) {
+/// Gives a journal without cases to a study.
+void set_identity(const Database& database, const std::string& identity) {
   run_transaction(database, [&] {
-    const Statement study = database.prepared("UPDATE study SET identity = ?");
-    bind_bytes(study, 1, identity, true);
+    const Statement study = database.prepare("UPDATE study SET identity = ?");
+    bind_text(study, 1, identity);
     database.step(study);
   });
 }
 
+/// Throws BadInput if a journal belongs to another study.
 void check_identity(const std::filesystem::path& file, const std::string& seen,
                     const std::string& expected) {
   if (seen == expected) return;
@@ -328,94 +344,97 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
                  "the journal of another one");
 }
 
-/// Signature of a file that SQLite keeps beside a database; zeros while SQLite fills it.
-struct Beside {
-  const char* ending;
-  std::string_view begins;
+/// A file that SQLite keeps beside a database.
+struct CompanionFile {
+  const char* suffix;
+  std::string_view signature;     ///< first bytes; zeros while SQLite fills the file
   std::uintmax_t min_file_bytes;  ///< a smaller file is being created
 };
-constexpr std::string_view memory_begins(
+constexpr std::string_view shared_memory_signature(
     std::endian::native == std::endian::little ? "\x18\xe2\x2d\0" : "\0\x2d\xe2\x18", 4);
-constexpr Beside beside[] = {{"-wal", "\x37\x7f\x06", 1},
-                             {"-shm", memory_begins, 4},
-                             {"-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 1}};
+constexpr CompanionFile companion_files[] = {{"-wal", "\x37\x7f\x06", 1},
+                                             {"-shm", shared_memory_signature, 4},
+                                             {"-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 1}};
 
-bool is_sqlite_companion(const std::filesystem::path& file, const Beside& kind) {
+/// Returns true if a file has the signature of its kind, or if SQLite is creating it.
+bool is_sqlite_companion(const std::filesystem::path& file, const CompanionFile& companion) {
   std::error_code failure;
-  if (std::filesystem::file_size(file, failure) < kind.min_file_bytes && !failure) return true;
-  std::string head(kind.begins.size(), '\0');
-  std::ifstream(file, std::ios::binary).read(head.data(), std::streamsize(head.size()));
-  return head == kind.begins || head == std::string(head.size(), '\0');
+  if (std::filesystem::file_size(file, failure) < companion.min_file_bytes && !failure) return true;
+  std::string first_bytes(companion.signature.size(), '\0');
+  std::ifstream(file, std::ios::binary)
+      .read(first_bytes.data(), std::streamsize(first_bytes.size()));
+  return first_bytes == companion.signature || first_bytes == std::string(first_bytes.size(), '\0');
 }
 
-/// Checks the files at the names that SQLite uses: it would follow links and overwrite foreign
-/// files.
-void check_places(const std::filesystem::path& file) {
-  const auto refuse = [](const std::filesystem::path& seen, const char* what) {
+/// Throws OutputFailure if a file name that SQLite uses is a link or a file of something else:
+/// SQLite would follow or overwrite it.
+void check_file_names(const std::filesystem::path& file) {
+  const auto fail = [](const std::filesystem::path& seen, const char* what) {
     throw OutputFailure(
         fmt::format("{}: {} stands there; move it, or choose another --out", seen.string(), what));
   };
-  std::error_code none;
-  const auto is_there = [&](const std::filesystem::path& one) {
-    const auto status = std::filesystem::symlink_status(one, none);
-    const bool there = std::filesystem::exists(status);
-    if (there && status.type() != std::filesystem::file_type::regular)
-      refuse(one, "a link, or what is no file,");
-    return there;
+  std::error_code ignored;
+  const auto check_exists = [&](const std::filesystem::path& name) {
+    const auto status = std::filesystem::symlink_status(name, ignored);
+    const bool exists = std::filesystem::exists(status);
+    if (exists && status.type() != std::filesystem::file_type::regular)
+      fail(name, "a link, or what is no file,");
+    return exists;
   };
-  is_there(file);
-  for (const Beside& kind : beside) {
-    const std::filesystem::path one = file.string() + kind.ending;
-    if (is_there(one) && !is_sqlite_companion(one, kind))
-      refuse(one, "a file that abbe did not make");
+  check_exists(file);
+  for (const CompanionFile& kind : companion_files) {
+    const std::filesystem::path companion = file.string() + kind.suffix;
+    if (check_exists(companion) && !is_sqlite_companion(companion, kind))
+      fail(companion, "a file that abbe did not make");
   }
 }
 
+/// Opens a journal, or creates it if the file does not exist.
 Database open_to_write(const std::filesystem::path& file, const std::string& identity) {
-  check_places(file);
+  check_file_names(file);
   std::error_code missing;
   const auto size = std::filesystem::file_size(file, missing);
-  // SQLite takes a file shorter than a page for an empty database, and would overwrite it.
-  if (!missing && size > 0 && size < 512) throw not_a_journal(file, "something else");
-  Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
-  const bool blank = is_blank(database);
-  const std::string seen = blank ? identity : study_identity(database);
-  const bool others = seen != identity;
-  // A study that failed before its first case leaves nothing that could be mixed up with another
-  // one.
-  const bool empty = !blank && database.number("SELECT count(*) FROM cases") == 0;
-  if (!empty) check_identity(file, seen, identity);
-  // WAL: committed rows need no repair after a crash, and readers need not wait. FULL: WAL with the
-  // default NORMAL may lose the last commits in a power failure.
+  // SQLite would overwrite a file shorter than a page, because it takes it for an empty database.
+  if (!missing && size > 0 && size < 512) throw journal_error(file, "something else");
+  Database database = open_database(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
+  const bool is_new = is_blank(database);
+  const std::string seen = is_new ? identity : journal_identity(database);
+  // A journal without cases, left by a study that failed early, may be reused by another study.
+  const bool has_no_cases = !is_new && database.number("SELECT count(*) FROM cases") == 0;
+  if (!has_no_cases) check_identity(file, seen, identity);
+  // With WAL committed rows need no repair after a crash, and readers do not wait. It needs FULL,
+  // because with the default, NORMAL, a power failure may lose the last commits.
   database.run("PRAGMA journal_mode = WAL");
   database.run("PRAGMA synchronous = FULL");
-  if (blank) begin(database, identity);
-  if (others) rename(database, identity);
+  if (is_new) create_tables(database, identity);
+  if (seen != identity) set_identity(database, identity);
   check_pages(database);
-  for_every_row(database, [](const Row&) {});
+  for_every_row(database, [](const Row&) {});  // verifies the checksums
   return database;
 }
 
+/// Opens a journal for reading only.
 Database open_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
-    throw not_a_journal(file,
+    throw journal_error(file,
                         std::filesystem::exists(file, ignored) ? "something else" : "no file");
-  check_places(file);
-  return opened(file, SQLITE_OPEN_READONLY);
+  check_file_names(file);
+  return open_database(file, SQLITE_OPEN_READONLY);
 }
 
 }  // namespace
 
 bool operator==(const Row& a, const Row& b) {
-  return a.index == b.index && a.fault == b.fault && bytes_of(a.answers) == bytes_of(b.answers);
+  return a.index == b.index && a.fault == b.fault &&
+         response_bytes(a.answers) == response_bytes(b.answers);
 }
 
 struct Journal::Connection {
   Connection(const std::filesystem::path& file, const std::string& identity)
       : lock(file), database(open_to_write(file, identity)) {}
-  /// Leaves one file, which can be read from a read-only folder; while a reader uses it, the
-  /// journal stays as it is.
+  /// Merges the write-ahead log into the journal, so that it can be read from a read-only folder.
+  /// If a reader uses the journal, this is left out.
   ~Connection() {
     sqlite3_busy_timeout(database.handle.get(), 0);
     sqlite3_exec(database.handle.get(), "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
@@ -423,7 +442,7 @@ struct Journal::Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  JournalLock lock;  // outlives the database
+  JournalLock lock;  // must outlive the database
   Database database;
 };
 
@@ -437,15 +456,15 @@ void Journal::add(const std::vector<Row>& rows) {
   const Database& database = connection_->database;
   run_transaction(database, [&] {
     const Statement insert =
-        database.prepared("INSERT INTO cases VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING");
+        database.prepare("INSERT INTO cases VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING");
     for (const Row& row : rows) {
       // SQLite's integers are signed.
       assert(row.index >> 63 == 0);
-      const std::string answers = bytes_of(row.answers);
+      const std::string answers = response_bytes(row.answers);
       sqlite3_bind_int64(insert.get(), 1, std::int64_t(row.index));
-      bind_bytes(insert, 2, answers, false);
-      bind_bytes(insert, 3, row.fault, true);
-      sqlite3_bind_int64(insert.get(), 4, check_sum(row.index, answers, row.fault));
+      bind_blob(insert, 2, answers);
+      bind_text(insert, 3, row.fault);
+      sqlite3_bind_int64(insert.get(), 4, row_checksum(row.index, answers, row.fault));
       database.step(insert);
       sqlite3_reset(insert.get());
     }
@@ -455,7 +474,7 @@ void Journal::add(const std::vector<Row>& rows) {
 std::vector<std::uint64_t> Journal::finished() const {
   const Database& database = connection_->database;
   std::vector<std::uint64_t> numbers;
-  const Statement cases = database.prepared("SELECT number FROM cases ORDER BY number");
+  const Statement cases = database.prepare("SELECT number FROM cases ORDER BY number");
   while (database.step(cases))
     numbers.push_back(std::uint64_t(sqlite3_column_int64(cases.get(), 0)));
   return numbers;
@@ -463,39 +482,39 @@ std::vector<std::uint64_t> Journal::finished() const {
 
 Recorded recorded(const std::filesystem::path& file) {
   const Database database = open_to_read(file);
-  if (is_blank(database)) throw not_a_journal(file, "an empty file");
-  Recorded found;
-  found.identity = study_identity(database);
+  if (is_blank(database)) throw journal_error(file, "an empty file");
+  Recorded contents;
+  contents.identity = journal_identity(database);
   check_pages(database);
-  for_every_row(database, [&](Row row) { found.rows.push_back(std::move(row)); });
-  return found;
+  for_every_row(database, [&](Row row) { contents.rows.push_back(std::move(row)); });
+  return contents;
 }
 
 Recorded merged(const std::vector<std::filesystem::path>& files) {
   if (files.empty()) throw std::invalid_argument("no journals to merge");
-  struct Found {
+  struct FileRow {
     Row row;
     std::size_t file;
   };
-  std::vector<Found> all;
+  std::vector<FileRow> file_rows;
   Recorded result;
   for (std::size_t i = 0; i < files.size(); ++i) {
-    Recorded one = recorded(files[i]);
-    if (i == 0) result.identity = one.identity;
-    check_identity(files[i], one.identity, result.identity);
-    for (Row& row : one.rows) all.push_back({std::move(row), i});
+    Recorded contents = recorded(files[i]);
+    if (i == 0) result.identity = contents.identity;
+    check_identity(files[i], contents.identity, result.identity);
+    for (Row& row : contents.rows) file_rows.push_back({std::move(row), i});
   }
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Found& a, const Found& b) { return a.row.index < b.row.index; });
-  for (Found& found : all) {
-    const bool again = !result.rows.empty() && result.rows.back().index == found.row.index;
-    if (!again)
-      result.rows.push_back(std::move(found.row));
-    else if (result.rows.back() != found.row)
-      throw BadInput(
-          files[found.file].string(), 0, 0,
-          fmt::format("the answers of case {} as in the other journals", found.row.index),
-          "other answers");
+  std::stable_sort(file_rows.begin(), file_rows.end(),
+                   [](const FileRow& a, const FileRow& b) { return a.row.index < b.row.index; });
+  for (FileRow& file_row : file_rows) {
+    const Row& row = file_row.row;
+    const bool is_repeated = !result.rows.empty() && result.rows.back().index == row.index;
+    if (!is_repeated)
+      result.rows.push_back(std::move(file_row.row));
+    else if (result.rows.back() != row)
+      throw BadInput(files[file_row.file].string(), 0, 0,
+                     fmt::format("the answers of case {} as in the other journals", row.index),
+                     "other answers");
   }
   return result;
 }

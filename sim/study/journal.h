@@ -11,31 +11,31 @@ namespace abbe::sim::study {
 /// One finished case.
 struct Row {
   std::uint64_t index = 0;      ///< of the case in its plan; < 2^63
-  std::vector<double> answers;  ///< every response of every configuration; NaN where there is none
-  std::string fault;            ///< reason why there is no response; empty if there is one
-  /// Compares bit for bit, so that a NaN equals itself.
+  std::vector<double> answers;  ///< all responses of all configurations; NaN if there is none
+  std::string fault;            ///< reason of a missing response; empty if none is missing
+  /// Compares bit by bit, so that NaN equals NaN.
   friend bool operator==(const Row& a, const Row& b);
 };
 
-/// Finished cases of a study: one row a case, in SQLite, durable as soon as `add` returns. A
-/// process killed at any instant, a full disk or a power failure loses no row that was added; at
-/// most the last batch must be computed again. A lock file beside the journal keeps a second
-/// process out; it becomes void as soon as its process ends, however it ends. Movable.
+/// Finished cases of a study in an SQLite database, one row per case, durable when `add` returns.
+/// If the process is killed, the disk is full or the power fails, no added row is lost, and only
+/// the last batch must be computed again. A lock file beside the journal excludes other processes;
+/// it is released when its process ends, in whatever way. Movable.
 class Journal {
  public:
-  /// Opens the journal, or creates it.
-  /// @param identity  of study, scene and program: a journal with another identity is an error
-  /// unless it has no case yet
+  /// Opens or creates the journal.
+  /// @param identity  of study, scene and program. A journal that has cases and another identity is
+  /// an input error
   /// @throws BadInput if the file belongs to another study, is damaged (every row has a checksum)
-  /// or is not a journal; the file is left as it was. OutputFailure if it cannot be written, or
-  /// another process works on it
+  /// or is not a journal; then it is not changed. OutputFailure if it cannot be written, or if
+  /// another process uses it
   Journal(const std::filesystem::path& file, const std::string& identity);
   Journal(Journal&&) noexcept;
   Journal& operator=(Journal&&) noexcept;
   ~Journal();
 
-  /// Adds finished cases in one transaction; a case that is already there stays unchanged.
-  /// @throws OutputFailure (full disk and the like); then none of the rows was added
+  /// Adds finished cases in one transaction. Cases that the journal already has are not changed.
+  /// @throws OutputFailure, for example on a full disk; then none of the rows is added
   void add(const std::vector<Row>& rows);
 
   /// Returns the numbers of the finished cases, ascending.
@@ -46,20 +46,19 @@ class Journal {
   std::unique_ptr<Connection> connection_;
 };
 
-/// Contents of a journal: its rows in ascending order. It can be read while another process of this
-/// computer adds to it. A journal that was closed can be read from a read-only folder; one whose
-/// process was killed cannot.
+/// Contents of a journal.
 struct Recorded {
   std::string identity;
-  std::vector<Row> rows;
+  std::vector<Row> rows;  ///< in ascending order
 };
-/// Reads a journal.
+/// Reads a journal, also while another process of this computer adds rows. In a read-only folder a
+/// journal can be read if it was closed, but not if its process was killed.
 /// @throws BadInput if the file is missing, damaged or not a journal
 Recorded recorded(const std::filesystem::path& file);
 
 /// Returns the rows of several journals of one study in ascending order, each case once.
 /// @param files  at least one
-/// @throws BadInput naming the file if one belongs to another study, or two disagree about a case
+/// @throws BadInput that names the file if one belongs to another study, or if two differ in a case
 Recorded merged(const std::vector<std::filesystem::path>& files);
 
 }  // namespace abbe::sim::study

@@ -28,37 +28,15 @@
 
 namespace abbe::sim::study {
 
-/// Returns the identity of a study, 16 hexadecimal digits: a hash of everything that its responses
-/// depend on, i.e. its text, its scenes with every data file that they name, plug-in compensators,
-/// and the abbe build.
-/// @param scenes  of the configurations
-std::string study_identity(const Study& study, const std::vector<Scene>& scenes);
-
-/// Checks that engine, responses, inputs and analyses are consistent, before an hour's work; input
-/// errors are added to those of the reader.
-/// @param scenes  of the configurations
-/// @param places  locations of the inputs in the file
-void check_consistency(const Study& study, const std::vector<Scene>& scenes,
-                       const std::vector<Place>& places, TableReader& reader);
-
-/// Sets every path once, with its input at its centre, in every configuration, so that a mistake is
-/// reported now and not when its case is computed.
-void check_paths(const Study& study, const std::vector<Scene>& scenes,
-                 const std::vector<Place>& places, InputErrors& input_errors);
-
-/// Checks the days of [histories]: they are cut after all cases, but a mistake in them is reported
-/// first.
-void check_days(const Study& study, TableReader& reader);
-
 namespace {
 
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
 
-/// Returns the hash of every data file that a tree names: a changed mesh under the old name makes
-/// another study.
+/// Returns the hash of all data files that a tree names: with a changed mesh under the same name
+/// the study is another one.
 std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   if (const Node::Array* array = node.array())
-    for (const Node& one : *array) hash = hash_of_files(one, hash);
+    for (const Node& element : *array) hash = hash_of_files(element, hash);
   if (const Node::Table* table = node.table())
     for (const Node::Entry& entry : *table) {
       const std::string* name = entry.node.text();
@@ -71,54 +49,57 @@ std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   return hash;
 }
 
+/// Returns the hash of a file; for a TOML file also of the files that it names.
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash) {
   hash = fnv_1a(read_text(file, std::size_t(1) << 31), hash);
   if (file.extension() != ".toml") return hash;
-  InputErrors ignored;  // a scene from which something is learnt; its errors are reported when it
-                        // is used
+  // The file is a scene from which a belief is learnt; its errors are reported when it is used.
+  InputErrors ignored;
   const std::optional<Node> tree = read_tree(file, ignored);
   return tree ? hash_of_files(*tree, fnv_1a(to_toml(*tree), hash)) : hash;
 }
 
-/// Returns the identity of the abbe build: another build may give other bits.
-std::string program() {
-  const std::filesystem::path self = program_file();
+/// Returns the identity of the abbe build, because the results of another build may differ in bits.
+std::string build_identity() {
+  const std::filesystem::path executable = program_file();
   std::error_code failure;
-  const bool known = std::filesystem::is_regular_file(self, failure);
+  const bool is_readable = std::filesystem::is_regular_file(executable, failure);
   return versions().dump() +
-         (known ? std::to_string(fnv_1a(read_text(self, std::size_t(1) << 31))) : "");
+         (is_readable ? std::to_string(fnv_1a(read_text(executable, std::size_t(1) << 31))) : "");
 }
 
-std::string identity_of_scene(const Scene& scene) {
+/// Returns the scene with the hash of its data files.
+std::string scene_identity(const Scene& scene) {
   std::uint64_t files = hash_of_files(parse_toml(scene.resolved, "scene"), 0);
   for (const std::filesystem::path& file : material_files(scene.part))
     files = hash_of_file(file, files);
   return scene.resolved + std::to_string(files);
 }
 
-}  // namespace
-
+/// Returns the identity of a study, 16 hexadecimal digits: a hash of everything that its responses
+/// depend on, i.e. its text, its scenes with all data files that they name, plug-in compensators,
+/// and the abbe build.
+/// @param scenes  of the configurations
 std::string study_identity(const Study& study, const std::vector<Scene>& scenes) {
-  std::string all = study.text + program();
-  for (const Scene& scene : scenes) all += identity_of_scene(scene);
-  for (const Configuration& arm : study.arms) {
-    if (arm.case_name == "uncompensated") continue;
-    const std::filesystem::path plug_in = parse_case(arm.case_name).plug_in;
-    if (!plug_in.empty()) all += std::to_string(hash_of_file(plug_in, fnv_1a_basis));
+  std::string contents = study.text + build_identity();
+  for (const Scene& scene : scenes) contents += scene_identity(scene);
+  for (const Configuration& configuration : study.arms) {
+    if (configuration.case_name == "uncompensated") continue;
+    const std::filesystem::path plug_in = parse_case(configuration.case_name).plug_in;
+    if (!plug_in.empty()) contents += std::to_string(hash_of_file(plug_in, fnv_1a_basis));
   }
-  return fmt::format("{:016x}", fnv_1a(all));
+  return fmt::format("{:016x}", fnv_1a(contents));
 }
 
-namespace {
-
+/// Adds an input error for each analysis or input that the engine cannot compute.
 void check_engine(const Study& study, const std::vector<Place>& places, TableReader& reader) {
-  const auto needs = [&](bool asked, const char* key) {
-    if (asked && study.engine == Engine::Full)
+  const auto require_maps = [&](bool is_requested, const char* key) {
+    if (is_requested && study.engine == Engine::Full)
       reader.refuse("engine", fmt::format("\"influence\" or \"both\" for [{}]", key), "\"full\"");
   };
-  needs(study.worst_case.has_value(), "worst_case");
-  needs(study.tolerance.has_value(), "tolerance");
-  needs(study.uncertainty.has_value(), "uncertainty");
+  require_maps(study.worst_case.has_value(), "worst_case");
+  require_maps(study.tolerance.has_value(), "tolerance");
+  require_maps(study.uncertainty.has_value(), "uncertainty");
   if (study.engine == Engine::Both && !study.monte_carlo)
     reader.refuse("engine", "[monte_carlo] with \"both\": the first of its cases are the proof",
                   "none");
@@ -142,29 +123,31 @@ bool has_tolerance(const PartDescription& part) {
          });
 }
 
-/// Reports figures that could not be computed.
-void check_judged(const Study& study, const std::vector<Scene>& scenes, TableReader& reader) {
-  const auto is_asked = [&](Response response) {
-    const auto& all = study.responses;
-    return std::find(all.begin(), all.end(), response) != all.end();
+/// Adds an input error for each limit or response that could not be computed.
+void check_responses(const Study& study, const std::vector<Scene>& scenes, TableReader& reader) {
+  const auto is_requested = [&](Response response) {
+    const auto& responses = study.responses;
+    return std::find(responses.begin(), responses.end(), response) != responses.end();
   };
   for (const auto& [response, limit] : study.limits)
-    if (!is_asked(response))
+    if (!is_requested(response))
       reader.refuse("limits", "limits of what `responses` asks for",
                     std::string(name_of(response)) + "_um");
   for (std::size_t a = 0; a < scenes.size(); ++a)
-    if (is_asked(Response::InTolerance) && !has_tolerance(scenes[a].part))
+    if (is_requested(Response::InTolerance) && !has_tolerance(scenes[a].part))
       reader.refuse("responses", "a part with tolerance_um for in_tolerance",
                     "none of " + study.arms[a].name);
 }
 
+/// Adds an input error if the number of inputs or cases, or their correlation, does not fit the
+/// analyses.
 void check_inputs(const Study& study, TableReader& reader) {
   if (study.sobol && !study.copula.groups().empty())
     reader.refuse("sobol_indices", "independent inputs", "correlated ones");
-  const bool asks = study.one_at_a_time || study.monte_carlo || study.sobol ||
-                    !study.sweeps.empty() || study.worst_case || study.tolerance ||
-                    study.uncertainty;
-  if (study.inputs.empty() && (asks || !study.histories))
+  const bool needs_inputs = study.one_at_a_time || study.monte_carlo || study.sobol ||
+                            !study.sweeps.empty() || study.worst_case || study.tolerance ||
+                            study.uncertainty || !study.histories;
+  if (study.inputs.empty() && needs_inputs)
     reader.input_errors().add(reader.place(), "at least one [[input]] or [[inputs]]", "none");
   // Each of the 1800 inputs takes two of the 3600 dimensions of the sequence.
   if (study.sobol && study.inputs.size() > 1800)
@@ -174,60 +157,68 @@ void check_inputs(const Study& study, TableReader& reader) {
                               std::to_string(cases));
 }
 
-/// Returns the location of the input that sets an invalid value of the scene; else the location in
-/// the scene itself.
-Place place_of(const BadInput& fault, const Study& study, const std::vector<Place>& places) {
+/// Returns the location of the input that sets an invalid value of the scene; if no input sets it,
+/// the location in the scene.
+Place error_location(const BadInput& error, const Study& study, const std::vector<Place>& places) {
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
-    for (const Setting& one : study.inputs[i].settings)
-      if (fault.file.starts_with("--set " + one.path + "=")) return places[i];
-  return {std::make_shared<const std::string>(fault.file), fault.line, fault.column};
+    for (const Setting& setting : study.inputs[i].settings)
+      if (error.file.starts_with("--set " + setting.path + "=")) return places[i];
+  return {std::make_shared<const std::string>(error.file), error.line, error.column};
 }
 
-void check_configuration(const Study& study, std::size_t at, const Scene& scene,
+/// Sets all inputs of a configuration at their centres, and every swept input at its ends. Adds the
+/// input errors that result.
+void check_configuration(const Study& study, const Configuration& configuration, const Scene& scene,
                          const std::vector<Place>& places, InputErrors& input_errors) {
-  const Configuration& arm = study.arms[at];
-  std::set<std::string> known;
+  std::set<std::string> known_names;
   for (const errors::Element& element : scene.geometric.elements)
-    known.insert(errors::to_string(element.name));
-  for (const errors::Coefficient& one : errors::coefficients(scene.geometric.elements))
-    known.insert(errors::name_of(one, scene.geometric.elements));
+    known_names.insert(errors::to_string(element.name));
+  for (const errors::Coefficient& coefficient : errors::coefficients(scene.geometric.elements))
+    known_names.insert(errors::name_of(coefficient, scene.geometric.elements));
   for (std::size_t i = 0; i < study.inputs.size(); ++i) {
     const Input& input = study.inputs[i];
-    if (const std::string name = input.element + input.number; !name.empty() && !known.count(name))
+    if (const std::string name = input.element + input.number;
+        !name.empty() && !known_names.count(name))
       input_errors.add(places[i], "an element or number that the scene's errors have",
-                       with_suggestion(name, known));
+                       with_suggestion(name, known_names));
   }
   if (!input_errors.empty()) return;
   try {
-    scene_at(study, arm, scene, centre(study));
+    scene_at(study, configuration, scene, centre(study));
     for (const Sweep& sweep : study.sweeps)
-      // Distributions are checked at their centres; a sweep may go anywhere, so both its ends are.
+      // A sweep may leave the range of the distribution, so its ends are checked too.
       for (const double value : {sweep.values.minCoeff(), sweep.values.maxCoeff()}) {
         Eigen::VectorXd x = centre(study);
         x[sweep.input] = value;
-        scene_at(study, arm, scene, x);
+        scene_at(study, configuration, scene, x);
       }
-  } catch (const BadScene& bad) {
-    for (const BadInput& fault : bad.input_errors)
-      input_errors.add(place_of(fault, study, places), fault.expected, fault.seen);
+  } catch (const BadScene& exception) {
+    for (const BadInput& error : exception.input_errors)
+      input_errors.add(error_location(error, study, places), error.expected, error.seen);
   }
 }
 
-}  // namespace
-
+/// Checks that engine, responses, inputs and analyses are consistent. Input errors are added to
+/// those of the reader.
+/// @param scenes  of the configurations
+/// @param places  locations of the inputs in the file
 void check_consistency(const Study& study, const std::vector<Scene>& scenes,
                        const std::vector<Place>& places, TableReader& reader) {
   check_engine(study, places, reader);
-  check_judged(study, scenes, reader);
+  check_responses(study, scenes, reader);
   check_inputs(study, reader);
 }
 
+/// Sets every path once in every configuration, so that an error is reported before any case is
+/// computed.
 void check_paths(const Study& study, const std::vector<Scene>& scenes,
                  const std::vector<Place>& places, InputErrors& input_errors) {
-  for (std::size_t a = 0; a < study.arms.size(); ++a)
-    check_configuration(study, a, scenes[a], places, input_errors);
+  for (std::size_t i = 0; i < study.arms.size(); ++i)
+    check_configuration(study, study.arms[i], scenes[i], places, input_errors);
 }
 
+/// Checks the days of [histories]. They are cut after all cases, but an error in them is reported
+/// before.
 void check_days(const Study& study, TableReader& reader) {
   const Histories& histories = *study.histories;
   std::set<std::string> days(histories.train.begin(), histories.train.end());
@@ -235,15 +226,13 @@ void check_days(const Study& study, TableReader& reader) {
   try {
     case_of_histories(study);
     for (const std::string& day : days) scene_of(study, {day, day, "uncompensated"});
-  } catch (const BadScene& bad) {
-    for (const BadInput& fault : bad.input_errors)
-      reader.input_errors().add(reader.accept_key("histories")->place, fault.expected, fault.seen);
-  } catch (const BadInput& fault) {
-    reader.refuse("histories", fault.expected, fault.seen);
+  } catch (const BadScene& exception) {
+    for (const BadInput& error : exception.input_errors)
+      reader.input_errors().add(reader.accept_key("histories")->place, error.expected, error.seen);
+  } catch (const BadInput& error) {
+    reader.refuse("histories", error.expected, error.seen);
   }
 }
-
-namespace {
 
 const Fields<Study>& title_fields() {
   static const Fields<Study> fields = Fields<Study>().text(
@@ -251,7 +240,7 @@ const Fields<Study>& title_fields() {
   return fields;
 }
 
-/// Reads one study and collects every input error.
+/// Reads a study and collects all input errors.
 class StudyReader {
  public:
   StudyReader(const Node& tree, const std::filesystem::path& file, InputErrors& input_errors)
@@ -266,11 +255,11 @@ class StudyReader {
   void read_scene_of_study();
   void read_configurations();
   bool is_case(const std::string& name);
-  void note_program(const std::string& name);
+  void record_program(const std::string& name);
   void check_variant(const std::string& name);
   void read_scenes();
   void read_declared_inputs();
-  void throw_missing_centre();
+  void report_missing_centres();
 
   TableReader reader_;
   InputErrors& input_errors_;
@@ -280,6 +269,7 @@ class StudyReader {
   std::vector<MissingCentre> missing_centres_;
 };
 
+/// Reads the path of the scene and `set`, then the scene.
 void StudyReader::read_scene_of_study() {
   const std::string scene = reader_.text("scene");
   study_.scene = scene;
@@ -289,111 +279,121 @@ void StudyReader::read_scene_of_study() {
   if (scene.empty()) return;
   try {
     study_ = load_scene(study_);
-  } catch (const BadScene& bad) {
-    for (const BadInput& fault : bad.input_errors) input_errors_.add(fault);
+  } catch (const BadScene& exception) {
+    for (const BadInput& error : exception.input_errors) input_errors_.add(error);
   }
 }
 
+/// Reads `cases` and `variants`, which form the configurations.
 void StudyReader::read_configurations() {
   std::vector<std::string> cases = reader_.texts("cases");
   std::vector<std::string> variants = reader_.texts("variants");
   if (cases.empty()) cases = {"uncompensated"};
   if (variants.empty()) variants = {""};
-  std::erase_if(cases, [&](const std::string& one) { return !is_case(one); });
+  std::erase_if(cases, [&](const std::string& case_name) { return !is_case(case_name); });
   for (const std::string& variant : variants) {
     check_variant(variant);
-    for (const std::string& one : cases) {
-      const std::string name = variant.empty() ? one : variant + " " + one;
+    for (const std::string& case_name : cases) {
+      const std::string name = variant.empty() ? case_name : variant + " " + case_name;
       for (const Configuration& other : study_.arms)
         if (other.name == name)
           reader_.refuse(variant.empty() ? "cases" : "variants", "each of them once",
                          "\"" + name + "\" again");
-      study_.arms.push_back({name, variant, one});
+      study_.arms.push_back({name, variant, case_name});
     }
   }
 }
 
+/// Returns true if the name is that of a case; else adds an input error. A plug-in is added to the
+/// programs of the study.
 bool StudyReader::is_case(const std::string& name) {
   if (name == "uncompensated") return true;
   try {
-    const CaseDescription one = parse_case(name);
-    note_program(name);
+    const CaseDescription description = parse_case(name);
+    record_program(name);
     std::error_code failure;
-    if (!one.plug_in.empty() && !std::filesystem::is_regular_file(one.plug_in, failure))
+    if (!description.plug_in.empty() &&
+        !std::filesystem::is_regular_file(description.plug_in, failure))
       reader_.refuse("cases", "the file of a compensator", "no file \"" + name + "\"");
     return true;
-  } catch (const std::invalid_argument& fault) {
+  } catch (const std::invalid_argument& error) {
     reader_.refuse("cases", "\"uncompensated\" or a compensator",
-                   "\"" + name + "\" (" + fault.what() + ")");
+                   "\"" + name + "\" (" + error.what() + ")");
     return false;
   }
 }
 
-/// Notes the programs among the cases with their locations.
-void StudyReader::note_program(const std::string& name) {
+/// Adds the program that a case runs, with its location, to the programs of the study.
+void StudyReader::record_program(const std::string& name) {
   const Node* cases = reader_.accept_key("cases");
-  const auto note = [&](const Node& one) {
-    if (!one.text() || *one.text() != name) return;
-    if (const auto program = named_program(one)) {
+  const auto record = [&](const Node& node) {
+    if (!node.text() || *node.text() != name) return;
+    if (const auto program = named_program(node)) {
       study_.programs.push_back(*program);
       study_.files.push_back(program->program);
     }
   };
   if (cases && cases->array())
-    for (const Node& one : *cases->array()) note(one);
+    for (const Node& node : *cases->array()) record(node);
   else if (cases)
-    note(*cases);
+    record(*cases);
 }
 
+/// Adds an input error if the scene has no such variant.
 void StudyReader::check_variant(const std::string& name) {
   if (name.empty() || !study_.scene_tree) return;  // a scene with input errors is reported already
-  std::set<std::string> known;
-  for (const Variant& variant : study_.variants) known.insert(variant.name);
-  if (known.count(name)) return;
-  reader_.refuse("variants",
-                 known.empty() ? "no variant, as the scene has none" : "a variant of the scene",
-                 with_suggestion(name, known));
+  std::set<std::string> known_names;
+  for (const Variant& variant : study_.variants) known_names.insert(variant.name);
+  if (known_names.count(name)) return;
+  reader_.refuse(
+      "variants",
+      known_names.empty() ? "no variant, as the scene has none" : "a variant of the scene",
+      with_suggestion(name, known_names));
 }
 
+/// Reads the scenes of all configurations; none if there are input errors.
 void StudyReader::read_scenes() {
   if (!input_errors_.empty() || !study_.scene_tree) return;
   try {
-    for (const Configuration& arm : study_.arms) scenes_.push_back(scene_of(study_, arm));
-  } catch (const BadScene& bad) {
-    for (const BadInput& fault : bad.input_errors) input_errors_.add(fault);
+    for (const Configuration& configuration : study_.arms)
+      scenes_.push_back(scene_of(study_, configuration));
+  } catch (const BadScene& exception) {
+    for (const BadInput& error : exception.input_errors) input_errors_.add(error);
     scenes_.clear();
   }
 }
 
+/// Reads the inputs and builds their copula.
 void StudyReader::read_declared_inputs() {
-  DeclaredInputs stated = read_inputs(reader_, scenes_);
-  study_.inputs = std::move(stated.inputs);
-  study_.unidentified = std::move(stated.unidentified);
-  study_.completion = std::move(stated.completion);
+  DeclaredInputs declared = read_inputs(reader_, scenes_);
+  study_.inputs = std::move(declared.inputs);
+  study_.unidentified = std::move(declared.unidentified);
+  study_.completion = std::move(declared.completion);
   for (Scene& scene : scenes_)
     scene.geometric.elements.insert(scene.geometric.elements.end(), study_.completion.begin(),
                                     study_.completion.end());
-  places_ = std::move(stated.places);
-  missing_centres_ = std::move(stated.missing_centres);
+  places_ = std::move(declared.places);
+  missing_centres_ = std::move(declared.missing_centres);
   if (!input_errors_.empty()) return;
   try {
-    study_.copula = Copula(int(study_.inputs.size()), stated.correlations);
-  } catch (const std::invalid_argument& fault) {
-    const Node* written = reader_.accept_key("correlation");
-    input_errors_.add(written ? written->place : reader_.place(), "correlations that can be",
-                      fault.what());
+    study_.copula = Copula(int(study_.inputs.size()), declared.correlations);
+  } catch (const std::invalid_argument& error) {
+    const Node* correlation = reader_.accept_key("correlation");
+    input_errors_.add(correlation ? correlation->place : reader_.place(),
+                      "correlations that can be", error.what());
   }
 }
 
-void StudyReader::throw_missing_centre() {
-  for (const MissingCentre& one : missing_centres_)
-    input_errors_.add(
-        places_[std::size_t(one.input)],
-        fmt::format("centre = {} for the input {}, as the scene does not state {}",
-                    one.nominal ? fmt::format("{:g} (the nominal one) or another", *one.nominal)
-                                : "a number",
-                    study_.inputs[std::size_t(one.input)].name, one.path),
-        "neither");
+/// Adds an input error for each input whose centre is stated nowhere.
+void StudyReader::report_missing_centres() {
+  for (const MissingCentre& missing : missing_centres_)
+    input_errors_.add(places_[std::size_t(missing.input)],
+                      fmt::format("centre = {} for the input {}, as the scene does not state {}",
+                                  missing.nominal ? fmt::format("{:g} (the nominal one) or another",
+                                                                *missing.nominal)
+                                                  : "a number",
+                                  study_.inputs[std::size_t(missing.input)].name, missing.path),
+                      "neither");
 }
 
 Study StudyReader::read() {
@@ -404,10 +404,10 @@ Study StudyReader::read() {
   study_ = response_fields().read(reader_, std::move(study_));
   read_scenes();
   read_declared_inputs();
-  study_ = question_fields().read(reader_, std::move(study_));
+  study_ = analysis_fields().read(reader_, std::move(study_));
   reader_.close();
   if (scenes_.size() == study_.arms.size()) check_paths(study_, scenes_, places_, input_errors_);
-  if (input_errors_.empty()) throw_missing_centre();
+  if (input_errors_.empty()) report_missing_centres();
   if (input_errors_.empty()) check_consistency(study_, scenes_, places_, reader_);
   if (input_errors_.empty() && study_.histories) check_days(study_, reader_);
   study_.text = to_toml(reader_.node());
@@ -415,7 +415,8 @@ Study StudyReader::read() {
   return std::move(study_);
 }
 
-Key table_of(const char* name, Key::Kind kind, std::vector<Key> keys, const char* sentence) {
+/// Returns the key of a table or a list of tables.
+Key table_key(const char* name, Key::Kind kind, std::vector<Key> keys, const char* sentence) {
   Key key = make_key(name, kind, sentence);
   key.keys = std::move(keys);
   return key;
@@ -438,10 +439,10 @@ std::vector<Key> study_keys() {
        make_key(KeyName("variants").otherwise("[\"\"]"), Kind::Texts,
                 "names of the scene's variants, `\"\"` the scene itself; every case for each")});
   add(response_fields().keys());
-  add({table_of("input", Kind::Tables, one_input_keys(), "one thing that nobody knows exactly"),
-       table_of("inputs", Kind::Tables, many_inputs_keys(), "many at once"),
-       table_of("correlation", Kind::Tables, correlation_keys(), "of two inputs")});
-  add(question_fields().keys());
+  add({table_key("input", Kind::Tables, single_input_keys(), "one thing that nobody knows exactly"),
+       table_key("inputs", Kind::Tables, input_group_keys(), "many at once"),
+       table_key("correlation", Kind::Tables, correlation_keys(), "of two inputs")});
+  add(analysis_fields().keys());
   return keys;
 }
 
@@ -450,8 +451,8 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   Node tree;
   try {
     tree = read_toml_file(file);
-  } catch (const BadInput& fault) {
-    throw BadScene({fault});
+  } catch (const BadInput& error) {
+    throw BadScene({error});
   }
   if (!tree.find("scene") && tree.find("machine") && tree.find("part"))
     throw BadScene({BadInput(file.string(), 0, 0, "a study, which names its scene in `scene`",
@@ -478,7 +479,7 @@ bool is_study(const std::filesystem::path& file) {
   try {
     return read_toml_file(file).find("scene") != nullptr;
   } catch (const BadInput&) {
-    return false;  // a reader that takes it for a scene reports the error
+    return false;  // the error is reported when the file is read as a scene
   }
 }
 

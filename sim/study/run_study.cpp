@@ -22,19 +22,19 @@ namespace abbe::sim::study {
 
 namespace {
 
-/// Returns the text as one argument of the shell.
+/// Returns the text quoted as one argument of the shell.
 std::string quoted(const std::string& text) {
   if (matches(text, "[A-Za-z0-9_./+:,@-]+")) return text;
-  std::string word = "'";
-  for (const char letter : text) word += letter == '\'' ? "'\\''" : std::string(1, letter);
-  return word + "'";
+  std::string argument = "'";
+  for (const char letter : text) argument += letter == '\'' ? "'\\''" : std::string(1, letter);
+  return argument + "'";
 }
 
 std::string quoted(const std::filesystem::path& path) {
   return quoted(std::filesystem::absolute(path).lexically_normal().string());
 }
 
-/// Returns a job name valid in the directives of Slurm.
+/// Returns a job name that is valid in the directives of Slurm.
 std::string job_name(const std::filesystem::path& study) {
   std::string name = "abbe-";
   for (const unsigned char letter : study.stem().string())
@@ -42,16 +42,16 @@ std::string job_name(const std::filesystem::path& study) {
   return name;
 }
 
-/// Returns the folder of Slurm's logs: beside the folder of results, in which abbe allows no
-/// foreign files.
+/// Returns the folder of Slurm's logs. It is beside the folder of results, since abbe refuses to
+/// write into a folder with files of other programs.
 std::filesystem::path log_folder(const SlurmOptions& options) {
   std::filesystem::path out = std::filesystem::absolute(options.out).lexically_normal();
   if (!out.has_filename()) out = out.parent_path();
   return out += "-logs";
 }
 
-/// Returns the name of a log. Slurm replaces patterns such as %a in it by the number of the task,
-/// so other % signs are doubled.
+/// Returns the quoted path of a log. Slurm replaces patterns such as %a by the number of the task,
+/// so the % signs of the folder are doubled.
 std::string log_name(const SlurmOptions& options, const std::string& name) {
   std::string folder;
   for (const char letter : log_folder(options).string())
@@ -59,6 +59,7 @@ std::string log_name(const SlurmOptions& options, const std::string& name) {
   return quoted(folder + "/" + name);
 }
 
+/// Throws std::invalid_argument if the options are invalid.
 void check(const SlurmOptions& options) {
   if (options.shards < 1 || options.cpus < 1)
     throw std::invalid_argument("a job array needs at least one shard and one cpu");
@@ -110,17 +111,18 @@ namespace {
 using nlohmann::ordered_json;
 using std::filesystem::path;
 
-// About 40 MB of text: a double takes up to 18 characters.
+// These are about 40 MB of text, since a double takes up to 18 characters.
 constexpr std::uint64_t max_input_cells = 2'000'000;
-// Every call of a Sobol sequence costs some 0.5 us a dimension, which many cases share.
-constexpr std::uint64_t inputs_at_once = 1024;
+// A call of a Sobol sequence takes about 0.5 us per dimension, independent of the number of cases.
+constexpr std::uint64_t input_block = 1024;  // cases
 
+/// Returns the name of the journal of a whole study or of a shard.
 std::string journal_name(const StudyOptions& options) {
   if (!options.shard) return "journal.sqlite";
   return fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
 }
 
-/// Returns all journals of the folder: that of a single process and those of shards.
+/// Returns all journals of a folder, that of a single process and those of shards.
 std::vector<path> journals(const path& folder) {
   std::vector<path> files;
   std::error_code failure;
@@ -132,38 +134,40 @@ std::vector<path> journals(const path& folder) {
   return files;
 }
 
-Recorded read_journal_file(const Study& study, const path& folder) {
+/// Returns the rows of all journals of a folder.
+/// @throws BadInput if there are none, or if they belong to another study
+Recorded read_journals(const Study& study, const path& folder) {
   const std::vector<path> files = journals(folder);
   if (files.empty())
     throw BadInput(folder.string(), 0, 0, "a folder with a journal: the --out of `abbe study`",
                    "none");
-  Recorded all = merged(files);
-  if (all.identity != study.identity)
+  Recorded contents = merged(files);
+  if (contents.identity != study.identity)
     throw BadInput(files.front().string(), 0, 0,
                    "the journal of this study: the same file, scene, --set and program",
                    "that of another one");
-  return all;
+  return contents;
 }
 
-std::uint64_t cases_in(const std::vector<Batch>& batches) {
+std::uint64_t case_count(const std::vector<Batch>& batches) {
   std::uint64_t count = 0;
   for (const Batch& batch : batches) count += batch.last - batch.first;
   return count;
 }
 
-/// Returns the number of shards into which the journals of a folder divide a study; 1 if there are
+/// Returns the number of shards of a study according to the names of its journals; 1 if there are
 /// none.
-int shards_of(const path& folder) {
-  int most = 1;
+int shard_count(const path& folder) {
+  int max_count = 1;
   for (const path& file : journals(folder)) {
     int index = 0, count = 0;
     if (std::sscanf(file.filename().c_str(), "journal-%d-of-%d", &index, &count) == 2)
-      most = std::max(most, count);
+      max_count = std::max(max_count, count);
   }
-  return most;
+  return max_count;
 }
 
-/// Returns the number of missing cases of every incomplete shard.
+/// Returns the numbers of missing cases of all incomplete shards.
 std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, int shards) {
   std::vector<std::uint64_t> finished;
   for (const Row& row : rows) finished.push_back(row.index);
@@ -171,30 +175,33 @@ std::string missing_shards_text(const Plan& plan, const std::vector<Row>& rows, 
   std::string text;
   for (int i = 0; i < shards; ++i) {
     const std::uint64_t missing =
-        cases_in(unfinished(shard_batches(batches, {i, shards}), finished));
+        case_count(unfinished(shard_batches(batches, {i, shards}), finished));
     if (missing > 0) text += fmt::format(", {} missing of --shard {}/{}", missing, i, shards);
   }
   return text;
 }
 
-std::string response_head(const Study& study, const Configuration& arm, Response response) {
+/// Returns the heading of the column of a response.
+std::string response_head(const Study& study, const Configuration& configuration,
+                          Response response) {
   const std::string unit = unit_of(response) == std::string("%") ? "percent" : unit_of(response);
   const std::string figure = fmt::format("{}_{}", name_of(response), unit);
-  return study.arms.size() == 1 ? figure : arm.name + " " + figure;
+  return study.arms.size() == 1 ? figure : configuration.name + " " + figure;
 }
 
+/// Returns the header of the table of cases.
 std::string table_head(const Study& study, bool with_inputs) {
   std::string head = "case,analysis,engine";
   for (const Input& input : study.inputs)
     if (with_inputs) head += "," + csv_field(input.name + " / " + unit_of(input));
-  for (const Configuration& arm : study.arms)
+  for (const Configuration& configuration : study.arms)
     for (const Response response : study.responses)
-      head += "," + csv_field(response_head(study, arm, response));
+      head += "," + csv_field(response_head(study, configuration, response));
   return head + ",fault\n";
 }
 
-/// Returns the progress of a study, analysis by analysis.
-StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
+/// Returns the progress of each analysis of a study.
+StudyResult study_progress(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   ordered_json blocks = ordered_json::array();
   std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
                                  rows.size(), plan.cases);
@@ -221,32 +228,35 @@ StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& 
           std::move(text)};
 }
 
-/// Returns the results with every name on one line, for the terminal.
-std::vector<HistoryResult> single_lined(std::vector<HistoryResult> results) {
-  for (HistoryResult& one : results) {
-    one.train = escaped(one.train);
-    one.test = escaped(one.test);
-    for (std::string& sensor : one.sensors) sensor = escaped(sensor);
+/// Returns the results with escaped control characters in names, for the terminal.
+std::vector<HistoryResult> with_escaped_names(std::vector<HistoryResult> results) {
+  for (HistoryResult& result : results) {
+    result.train = escaped(result.train);
+    result.test = escaped(result.test);
+    for (std::string& sensor : result.sensors) sensor = escaped(sensor);
   }
   return results;
 }
 
-// Seconds per vertex of an influence map on two cores: finding its passes, one input's
-// effect, one check, one estimated case, drawing it.
-constexpr double s_of_vertex_passes = 6e-5, s_of_vertex_input = 2e-6, s_of_vertex_checked = 4e-5,
-                 s_of_vertex_case = 4e-8, seconds_per_vertex_drawn = 2e-5;
+// Computing times per vertex of an influence map on two cores, s.
+constexpr double passes_s = 6e-5;   // finding the competing passes
+constexpr double input_s = 2e-6;    // effect of one input
+constexpr double check_s = 4e-5;    // cutting one machine in full
+constexpr double case_s = 4e-8;     // one case by the map
+constexpr double drawing_s = 2e-5;  // drawing the map
 
+/// Returns true if the study uses influence maps.
 bool has_maps(const Study& study) { return study.engine != Engine::Full && !study.inputs.empty(); }
 
-/// Returns the work size of the study's scene before it is prepared.
-WorkSize size_of_scene(const Study& study) {
+/// Returns the expected work size of the study's scene, before it is prepared.
+WorkSize scene_size(const Study& study) {
   return study.arms.empty() ? WorkSize{} : expected_size(scene_of(study, study.arms.front()));
 }
 
 /// Returns the stages of preparing every configuration, as `prepare_study` reports them.
 std::vector<Stage> preparation_stages(const Study& study) {
   const std::string part = "prepare " + study.title;
-  const WorkSize size = size_of_scene(study);
+  const WorkSize size = scene_size(study);
   std::vector<Stage> stages;
   for (std::size_t i = 0; i < study.arms.size(); ++i) {
     stages = std::move(stages) + scene_preparation_stages(part, size);
@@ -255,37 +265,35 @@ std::vector<Stage> preparation_stages(const Study& study) {
   const double inputs = double(study.inputs.size());
   for (std::size_t i = 0; has_maps(study) && i < study.arms.size(); ++i)
     stages = std::move(stages) +
-             std::vector<Stage>{
-                 {part, "rivals", s_of_vertex_passes * size.vertices},
-                 {part, "inputs", s_of_vertex_input * size.vertices * inputs},
-                 {part, "checks", s_of_vertex_checked * size.vertices * study.influence.checks}};
+             std::vector<Stage>{{part, "rivals", passes_s * size.vertices},
+                                {part, "inputs", input_s * size.vertices * inputs},
+                                {part, "checks", check_s * size.vertices * study.influence.checks}};
   return stages;
 }
 
-/// Returns the stage of the cases that are left.
+/// Returns the stage of the unfinished cases.
 std::vector<Stage> case_stages(const Study& study, const std::string& part,
-                               const std::vector<Batch>& left, const Plan& plan,
+                               const std::vector<Batch>& remaining, const Plan& plan,
                                const WorkSize& size) {
   double seconds = 0.0;
-  for (const Batch& batch : left) {
+  for (const Batch& batch : remaining) {
     const double cases = double(batch.last - batch.first) * double(study.arms.size());
     if (!block_of(plan, batch.first).full)
-      seconds += cases * s_of_vertex_case * size.vertices;
+      seconds += cases * case_s * size.vertices;
     else
-      for (const Stage& one : cut_stages(part, size)) seconds += cases * one.seconds;
+      for (const Stage& stage : cut_stages(part, size)) seconds += cases * stage.seconds;
   }
   return {{part, "cases", seconds}};
 }
 
+/// Returns the stages of writing the results.
 std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
   std::vector<Stage> stages;
   if (!study.inputs.empty())
-    stages = {
-        {"budget", "budget", 0.5 * double(study.arms.size())},
-        {"pictures", "budget", 2.0},
-        {"pictures", "maps",
-         has_maps(study) ? seconds_per_vertex_drawn * size.vertices * double(study.arms.size())
-                         : 0.0}};
+    stages = {{"budget", "budget", 0.5 * double(study.arms.size())},
+              {"pictures", "budget", 2.0},
+              {"pictures", "maps",
+               has_maps(study) ? drawing_s * size.vertices * double(study.arms.size()) : 0.0}};
   if (study.histories)
     stages.push_back({"histories", "thermal histories",
                       double(study.histories->train.size() * (1 + study.histories->test.size()))});
@@ -293,10 +301,10 @@ std::vector<Stage> result_stages(const Study& study, const WorkSize& size) {
 }
 
 /// Writes tables and pictures of the finished cases.
-class Results {
+class ResultWriter {
  public:
-  Results(const Study& study, const ResultFolder& folder, std::string report_language,
-          ProgressLine& progress)
+  ResultWriter(const Study& study, const ResultFolder& folder, std::string report_language,
+               ProgressLine& progress)
       : study_(study),
         folder_(folder),
         report_language_(std::move(report_language)),
@@ -310,7 +318,7 @@ class Results {
       const auto results = histories(study_, to(progress_));
       write_histories(folder_, study_, results);
       result.json["histories"] = to_json(results);
-      result.text += to_text(single_lined(results));
+      result.text += to_text(with_escaped_names(results));
     }
     write_file(folder_ / "study.toml", study_.text);
     write_scenes(ready);
@@ -331,32 +339,32 @@ class Results {
     progress_.begin("pictures");
     write_pictures(folder_, budget, to(progress_));
     PictureNames names;
-    for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
-      progress_.report("maps", double(arm) / double(ready.influences.size()));
-      const std::string own_name =
-          study_.arms.size() == 1 ? "" : names.unused({study_.arms[arm].name});
-      const ResultFolder own = folder_.inside(own_name);
-      result.json["arms"][arm].update(write_influence(own, ready, arm));
+    for (std::size_t i = 0; i < ready.influences.size(); ++i) {
+      progress_.report("maps", double(i) / double(ready.influences.size()));
+      const std::string subfolder =
+          study_.arms.size() == 1 ? "" : names.unused({study_.arms[i].name});
+      const ResultFolder configuration_folder = folder_.inside(subfolder);
+      result.json["arms"][i].update(write_influence(configuration_folder, ready, i));
     }
     return result;
   }
 
-  /// Writes the scenes as they were understood, one of each variant.
+  /// Writes the scene of each variant with all its defaults and overrides.
   void write_scenes(const PreparedStudy& ready) {
     PictureNames names;
     std::set<std::string> written;
-    for (const PreparedConfiguration& arm : ready.arms) {
-      const std::string& variant = arm.arm.variant;
+    for (const PreparedConfiguration& configuration : ready.arms) {
+      const std::string& variant = configuration.arm.variant;
       if (!written.insert(variant).second) continue;
       std::vector<std::string> parts{"scene"};
       if (!variant.empty()) parts.push_back(variant);
-      write_file(folder_ / (names.unused(parts) + ".toml"), arm.scene.resolved);
+      write_file(folder_ / (names.unused(parts) + ".toml"), configuration.scene.resolved);
     }
   }
 
   /// Writes the HTML report. If none is requested, that of an earlier run is removed, because it
-  /// would no longer match the tables.
-  /// @return omissions of the report
+  /// does not match the new tables.
+  /// @return warnings about omissions
   std::vector<std::string> write_page() {
     const ResultFile file = folder_ / "report.html";
     if (report_language_.empty()) {
@@ -374,11 +382,11 @@ class Results {
   ProgressLine& progress_;
 };
 
-/// Computes batches for rank 0.
-void serve(const Study& study, const std::vector<Batch>& left, const Ranks& ranks) {
+/// Computes batches that rank 0 distributes.
+void compute_for_rank_0(const Study& study, const std::vector<Batch>& batches, const Ranks& ranks) {
   const PreparedStudy ready =
-      left.empty() ? PreparedStudy{study, {}, {}, {}} : prepare_study(study);
-  farm(left, ranks, batch_computation(ready), {});
+      batches.empty() ? PreparedStudy{study, {}, {}, {}} : prepare_study(study);
+  farm(batches, ranks, batch_computation(ready), {});
 }
 
 }  // namespace
@@ -389,66 +397,68 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   std::vector<Batch> batches = batches_of(plan);
   if (options.shard) batches = shard_batches(batches, *options.shard);
   if (ranks.rank != 0) {
-    serve(study, unfinished(batches, broadcast_from_rank_0(ranks, {})), ranks);
+    compute_for_rank_0(study, unfinished(batches, broadcast_from_rank_0(ranks, {})), ranks);
     return {};
   }
   const ResultFolder folder(options.folder, {options.permissions, study.files});
-  const ResultFile file_of_journal = folder / journal_name(options);
-  reserve_file(file_of_journal);
-  Journal journal(file_of_journal.path(), study.identity);
+  const ResultFile journal_file = folder / journal_name(options);
+  reserve_file(journal_file);
+  Journal journal(journal_file.path(), study.identity);
   const std::vector<std::uint64_t> finished = broadcast_from_rank_0(ranks, journal.finished());
-  const std::vector<Batch> left = unfinished(batches, finished);
+  const std::vector<Batch> remaining = unfinished(batches, finished);
 
-  // Progress is planned twice: the sizes of the prepared job are known only after preparation.
-  const std::uint64_t all = cases_in(left);
-  const std::string cases = fmt::format("{} of {} cases", all, cases_in(batches));
-  const auto rest = [&](const WorkSize& size) {
-    std::vector<Stage> stages = case_stages(study, cases, left, plan, size);
+  // Progress is planned twice, because the sizes of the jobs are known only after their
+  // preparation.
+  const std::uint64_t count = case_count(remaining);
+  const std::string case_part = fmt::format("{} of {} cases", count, case_count(batches));
+  const auto later_stages = [&](const WorkSize& size) {
+    std::vector<Stage> stages = case_stages(study, case_part, remaining, plan, size);
     return options.shard ? stages : std::move(stages) + result_stages(study, size);
   };
-  ProgressLine progress(preparation_stages(study) + rest(size_of_scene(study)), options.progress);
+  ProgressLine progress(preparation_stages(study) + later_stages(scene_size(study)),
+                        options.progress);
   progress.begin("prepare " + study.title);
-  const bool computes = !left.empty() || !options.shard;
+  const bool needs_preparation = !remaining.empty() || !options.shard;
   const PreparedStudy ready =
-      computes ? prepare_study(study, to(progress)) : PreparedStudy{study, plan, {}, {}};
-  if (!ready.arms.empty()) progress.replan(rest(size_of(ready.arms.front().job)));
-  progress.begin(cases);
+      needs_preparation ? prepare_study(study, to(progress)) : PreparedStudy{study, plan, {}, {}};
+  if (!ready.arms.empty()) progress.replan(later_stages(size_of(ready.arms.front().job)));
+  progress.begin(case_part);
   std::uint64_t done = 0;
-  farm(left, ranks, batch_computation(ready), [&](const Batch&, const std::vector<Row>& rows) {
+  farm(remaining, ranks, batch_computation(ready), [&](const Batch&, const std::vector<Row>& rows) {
     journal.add(rows);
     done += rows.size();
-    progress.report("cases", double(done) / double(all));
+    progress.report("cases", double(done) / double(count));
   });
-  const Recorded made = recorded(file_of_journal.path());
-  if (options.shard) return state(study, plan, made.rows);
-  return Results(study, folder, options.report_language, progress).write(ready, made.rows);
+  const Recorded contents = recorded(journal_file.path());
+  if (options.shard) return study_progress(study, plan, contents.rows);
+  return ResultWriter(study, folder, options.report_language, progress).write(ready, contents.rows);
 }
 
 StudyResult merge_study(const path& file, const StudyOptions& options) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
-  const Recorded all = read_journal_file(study, options.folder);
+  const Recorded contents = read_journals(study, options.folder);
   const Plan plan = plan_of(study);
-  if (all.rows.size() != plan.cases)
+  if (contents.rows.size() != plan.cases)
     throw BadInput(options.folder.string(), 0, 0,
                    fmt::format("all {} cases; start the shards again, they go on where they "
                                "stopped",
                                plan.cases),
-                   fmt::format("{} of them finished", all.rows.size()) +
-                       missing_shards_text(plan, all.rows, shards_of(options.folder)));
+                   fmt::format("{} of them finished", contents.rows.size()) +
+                       missing_shards_text(plan, contents.rows, shard_count(options.folder)));
   const ResultFolder folder(options.folder, {options.permissions, study.files});
-  ProgressLine progress(preparation_stages(study) + result_stages(study, size_of_scene(study)),
+  ProgressLine progress(preparation_stages(study) + result_stages(study, scene_size(study)),
                         options.progress);
   progress.begin("prepare " + study.title);
   const PreparedStudy ready = prepare_study(study, to(progress));
-  return Results(study, folder, options.report_language, progress).write(ready, all.rows);
+  return ResultWriter(study, folder, options.report_language, progress).write(ready, contents.rows);
 }
 
 StudyResult show_study(const path& file, const StudyOptions& options) {
   const Study study = read_study(file, options.overrides);
   const Plan plan = plan_of(study);
-  const Recorded all = read_journal_file(study, options.folder);
-  StudyResult result = state(study, plan, all.rows);
-  const Budget budget = compute_budget(study, plan, all.rows);
+  const Recorded contents = read_journals(study, options.folder);
+  StudyResult result = study_progress(study, plan, contents.rows);
+  const Budget budget = compute_budget(study, plan, contents.rows);
   result.json["budget"] = to_json(budget);
   result.text += "\n" + to_text(budget);
   return result;
@@ -463,7 +473,7 @@ std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Ro
   for (const Row& row : rows) {
     if (with_inputs && row.index >= to) {
       from = row.index;
-      to = std::min(plan.cases, from + inputs_at_once);
+      to = std::min(plan.cases, from + input_block);
       x = inputs_of(study, plan, from, to);
     }
     const Block& block = block_of(plan, row.index);

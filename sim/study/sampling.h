@@ -9,13 +9,13 @@
 
 namespace abbe::sim::study {
 
-/// Method by which points are drawn.
+/// Method of drawing points.
 enum class Sampling {
-  Random,  ///< pseudo-random: independent points
-  Sobol,   ///< Sobol's sequence with one random digital shift: fills the cube evenly
+  Random,  ///< independent pseudo-random points
+  Sobol,   ///< Sobol's sequence with a random digital shift, which fills the cube evenly
 };
 
-/// A sequence of points of the open unit cube, each defined by its number alone: the same for any
+/// A sequence of points in the open unit cube. A point depends only on its number, not on the
 /// order, thread or computer.
 struct Sequence {
   Sampling sampling = Sampling::Random;
@@ -23,17 +23,16 @@ struct Sequence {
   std::uint64_t seed = 1;  ///< of the random points, and of the Sobol shift
 };
 
-/// Returns the points number `first` to `first + count - 1`; their bits do not depend on how the
-/// range is divided into calls. Each coordinate is an odd multiple of 2^-53, so strictly within 0
-/// .. 1.
-/// Random: SplitMix64's stream (Steele, Lea, Flood 2014) from a state made of seed and number of
-/// the point, one draw a dimension. Sobol: Boost's engine with the direction numbers of Joe and Kuo
-/// 2008, the bits of every coordinate xored with a random number of its own, which preserves the
-/// balance of the sequence exactly; the point at the origin, shifted like the others, is number 0,
-/// because leaving it out would spoil that balance (Owen 2022). Sobol points 0 .. 2^k - 1 have one
-/// coordinate in every interval of 2^-k of each axis.
-/// Time: Random 1 to 2 ns a number. Sobol the same and, in every call wherever it begins, some 0.5
-/// us a dimension: request dozens of points together.
+/// Returns the points `first` to `first + count - 1`. Their bits do not depend on how the range is
+/// divided into calls. Each coordinate is an odd multiple of 2^-53, i.e. strictly between 0 and 1.
+/// Random: SplitMix64's stream (Steele, Lea, Flood 2014) from a state that depends on the seed and
+/// the number of the point, with one draw per dimension. Sobol: Boost's engine with the direction
+/// numbers of Joe and Kuo 2008. The bits of each coordinate are xored with a random number of the
+/// dimension, which preserves the balance of the sequence exactly. Point 0 is the shifted origin,
+/// because the balance would be lost without it (Owen 2022). Points 0 .. 2^k - 1 have one
+/// coordinate in each interval of length 2^-k of each axis. Time: 1 to 2 ns per number; for Sobol
+/// also about 0.5 us per dimension in each call, so that dozens of points should be requested
+/// together.
 /// @return (dimensions x count)
 /// @throws std::invalid_argument for dimensions out of range, or more than 2^52 points
 Eigen::MatrixXd points(const Sequence& sequence, std::uint64_t first, Eigen::Index count);
@@ -43,7 +42,7 @@ struct Distribution {
   enum class Kind {
     Normal,      ///< centre is the mean, spread the standard deviation, before truncation
     Uniform,     ///< centre +- spread
-    Triangular,  ///< within centre +- spread, its mode at the centre
+    Triangular,  ///< within centre +- spread, with its mode at the centre
     LogNormal,   ///< centre (> 0) is the median, spread the standard deviation of the logarithm
   } kind = Kind::Normal;
   double centre = 0.0;
@@ -63,13 +62,12 @@ const char* distribution_error(const Distribution& distribution);
 /// @param p  0 .. 1; 0 and 1 give the ends, which may be infinite
 double quantile(const Distribution& distribution, double p);
 
-/// Returns the value that has the same probability below it as a standard normal number has below
-/// `score`: the quantile at the normal probability of the score, without the loss of digits near a
-/// probability of 1.
+/// Returns the quantile at the probability that a standard normal number is below `score`, without
+/// the loss of digits near a probability of 1.
 double value_at_score(const Distribution& distribution, double score);
 
-/// Return the same values of many points at once, bit for bit; in half the time if the distribution
-/// is truncated.
+/// Return the values of many points at once, with the same bits as `quantile` and `value_at_score`;
+/// twice as fast if the distribution is truncated.
 Eigen::VectorXd quantiles(const Distribution& distribution, const Eigen::VectorXd& p);
 Eigen::VectorXd values_at_scores(const Distribution& distribution, const Eigen::VectorXd& scores);
 
@@ -85,38 +83,39 @@ struct Moments {
   double mean = 0.0;
   double standard_deviation = 0.0;
 };
-/// Returns the moments of the truncated distribution, however narrow or far out the window is.
+/// Returns the moments of the truncated distribution, also for a narrow window far out in a tail.
 /// Bound: relative 1e-10 of the standard deviation for both, and four ulp of the mean.
 Moments moments(const Distribution& distribution);
 
 /// Correlation of two inputs.
 struct Correlation {
   int a = 0;         ///< index of an input
-  int b = 0;         ///< of another one
+  int b = 0;         ///< index of another input
   double rho = 0.0;  ///< -1 .. 1, of the normal scores of the two inputs
 };
 
 /// Joint distribution of the inputs: a Gaussian copula, defined by the correlation of their normal
-/// scores. For inputs that are normal and not truncated this is the correlation of the values; for
-/// others the values correlate slightly less. Immutable once made.
+/// scores. For inputs that are normal and not truncated this is the correlation of the values; the
+/// values of other inputs are slightly less correlated. Immutable.
 class Copula {
  public:
-  /// Correlated inputs: their scores are `factor` times independent scores.
+  /// Correlated inputs, whose scores are `factor` times independent scores.
   struct Group {
     std::vector<int> of;     ///< (m) indices of the inputs, ascending
-    Eigen::MatrixXd factor;  ///< (m x m) lower triangular, rows of norm 1: the first input of a
-                             ///< group follows its own coordinate alone
+    Eigen::MatrixXd factor;  ///< (m x m) lower triangular with rows of norm 1, so that the first
+                             ///< input depends on its own coordinate only
   };
 
   /// @param inputs        number of inputs
-  /// @param correlations  inputs of a pair that is not listed are independent
+  /// @param correlations  of pairs of inputs; all other pairs are independent
   /// @throws std::invalid_argument if an index or rho is out of range, a pair appears twice, or the
-  /// correlations are inconsistent: an eigenvalue is below -1e-8 (eigenvalues above it are taken as
-  /// rounding of 0, so full correlation and groups of lower rank are fine)
+  /// correlations are inconsistent, i.e. an eigenvalue is below -1e-8 (larger negative eigenvalues
+  /// are regarded as rounding of 0, so full correlation and groups of lower rank are valid)
   explicit Copula(int inputs, std::span<const Correlation> correlations = {});
 
-  /// @param correlation  (inputs x inputs) of the scores, symmetric, ones on the diagonal, to 1e-9
-  /// @throws std::invalid_argument for the same reasons
+  /// @param correlation  (inputs x inputs) of the scores, symmetric with ones on the diagonal to
+  /// within 1e-9
+  /// @throws std::invalid_argument if it is not such a matrix, or if it is inconsistent
   explicit Copula(const Eigen::MatrixXd& correlation);
 
   int inputs() const { return inputs_; }
@@ -130,27 +129,27 @@ class Copula {
 };
 
 /// A covariance as standard deviations and a copula. An input that does not vary has standard
-/// deviation 0 and no correlation, so value = belief + standard_deviation * score draws from any
-/// belief, of full rank or not.
+/// deviation 0 and no correlation. Thus value = belief + standard_deviation * score is a draw from
+/// any belief, even if its covariance is not of full rank.
 struct CovarianceFactors {
   Eigen::VectorXd standard_deviation;  ///< (m)
   Copula copula;                       ///< of m inputs
 };
-/// Factors a covariance.
+/// Factorises a covariance.
 /// @param covariance  (m x m)
 /// @throws std::invalid_argument if it is not symmetric to 1e-9, a variance is negative, an input
-/// without variance has a covariance, a number is not finite, or as the copula
+/// without variance has a covariance, or a number is not finite; also as the copula
 CovarianceFactors factor_covariance(const Eigen::MatrixXd& covariance);
 
-/// Returns standard normal scores correlated by the copula; the bits of a case do not depend on the
-/// cases drawn with it.
+/// Returns standard normal scores correlated by the copula. The bits of a case do not depend on the
+/// other cases of the call.
 /// @param u  (inputs x cases) within the open unit cube
 /// @return   (inputs x cases)
 /// @throws std::invalid_argument if u has another number of inputs
 Eigen::MatrixXd scores(const Copula& copula, const Eigen::MatrixXd& u);
 
 /// Returns values of the inputs: `quantile(u)` for an independent input, the value at its score for
-/// a correlated one. Bits as for `scores`.
+/// a correlated one. The bits of a case do not depend on the other cases of the call.
 /// @param u          (inputs x cases) within the open unit cube
 /// @param marginals  (inputs) valid distributions
 /// @return           (inputs x cases)

@@ -15,25 +15,26 @@
 namespace abbe::sim::study {
 namespace {
 
-struct Named {
+struct ResponseName {
   Response response;
   const char* name;
 };
-constexpr std::array names{Named{Response::Pv, "pv"},
-                           Named{Response::Rms, "rms"},
-                           Named{Response::Mean, "mean"},
-                           Named{Response::Std, "std"},
-                           Named{Response::MaxAbs, "max_abs"},
-                           Named{Response::P95Abs, "p95_abs"},
-                           Named{Response::InTolerance, "in_tolerance"},
-                           Named{Response::FormPv, "form_pv"},
-                           Named{Response::FormRms, "form_rms"},
-                           Named{Response::TextureSa, "texture_sa"},
-                           Named{Response::TextureSq, "texture_sq"},
-                           Named{Response::TextureSz, "texture_sz"}};
+constexpr std::array names{ResponseName{Response::Pv, "pv"},
+                           ResponseName{Response::Rms, "rms"},
+                           ResponseName{Response::Mean, "mean"},
+                           ResponseName{Response::Std, "std"},
+                           ResponseName{Response::MaxAbs, "max_abs"},
+                           ResponseName{Response::P95Abs, "p95_abs"},
+                           ResponseName{Response::InTolerance, "in_tolerance"},
+                           ResponseName{Response::FormPv, "form_pv"},
+                           ResponseName{Response::FormRms, "form_rms"},
+                           ResponseName{Response::TextureSa, "texture_sa"},
+                           ResponseName{Response::TextureSq, "texture_sq"},
+                           ResponseName{Response::TextureSz, "texture_sz"}};
 
 std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
 
+/// Multiplies all curves of an element by a factor.
 void scale_element(std::vector<errors::Element>& elements, const std::string& name, double factor) {
   for (errors::Element& element : elements) {
     if (errors::to_string(element.name) != name) continue;
@@ -41,40 +42,41 @@ void scale_element(std::vector<errors::Element>& elements, const std::string& na
   }
 }
 
-/// Sets the coefficients of curves to the values of their inputs, all at once.
+/// Sets the coefficients of curves to the values of their inputs, in a single pass.
 void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::GeometricErrors& errors) {
-  const std::vector<errors::Coefficient> all = errors::coefficients(errors.elements);
+  const std::vector<errors::Coefficient> numbers = errors::coefficients(errors.elements);
   Eigen::VectorXd values = errors::values(errors.elements);
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const std::string name = errors::name_of(all[k], errors.elements);
-    const bool angle = errors.elements[std::size_t(all[k].element)].name.is_angle();
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const std::string name = errors::name_of(numbers[k], errors.elements);
+    const bool is_angle = errors.elements[std::size_t(numbers[k].element)].name.is_angle();
     for (std::size_t i = 0; i < study.inputs.size(); ++i)
       if (study.inputs[i].number == name)
-        values[Eigen::Index(k)] = x[Eigen::Index(i)] * (angle ? units::urad : units::um);
+        values[Eigen::Index(k)] = x[Eigen::Index(i)] * (is_angle ? units::urad : units::um);
   }
   errors.elements = errors::with_values(std::move(errors.elements), values);
 }
 
-/// Returns the changes that make the variant of a configuration.
-std::vector<Override> set_of_variant(const Study& study, const Configuration& arm) {
-  if (arm.variant.empty()) return {};
-  std::string known;
+/// Returns the changes of the scene by the variant of a configuration.
+/// @throws BadScene if the scene has no such variant
+std::vector<Override> variant_overrides(const Study& study, const Configuration& configuration) {
+  if (configuration.variant.empty()) return {};
+  std::string known_names;
   for (const Variant& variant : study.variants) {
-    if (variant.name == arm.variant) return variant.set;
-    known += (known.empty() ? "\"" : ", \"") + variant.name + "\"";
+    if (variant.name == configuration.variant) return variant.set;
+    known_names += (known_names.empty() ? "\"" : ", \"") + variant.name + "\"";
   }
-  throw BadScene({BadInput(
-      study.scene.string(), 0, 0,
-      known.empty() ? "no variant, as the scene has none" : "the name of a variant: " + known,
-      "\"" + arm.variant + "\"")});
+  throw BadScene({BadInput(study.scene.string(), 0, 0,
+                           known_names.empty() ? "no variant, as the scene has none"
+                                               : "the name of a variant: " + known_names,
+                           "\"" + configuration.variant + "\"")});
 }
 
 }  // namespace
 
 const char* name_of(Response response) {
-  const auto found = std::find_if(names.begin(), names.end(),
-                                  [&](const Named& one) { return one.response == response; });
-  return found->name;
+  return std::find_if(names.begin(), names.end(),
+                      [&](const ResponseName& entry) { return entry.response == response; })
+      ->name;
 }
 
 const char* unit_of(Response response) { return response == Response::InTolerance ? "%" : "um"; }
@@ -109,32 +111,34 @@ Study load_scene(Study study) {
   if (!tree) throw BadScene(input_errors.list());
   Scene scene = scene_from_tree(*tree, study.scene, study.overrides, input_errors);
   study.variants = std::move(scene.variants);
-  const sim::Named named = collect_named_files(*scene.tree, study.scene);
-  study.files.insert(study.files.end(), named.files.begin(), named.files.end());
-  study.programs.insert(study.programs.end(), named.programs.begin(), named.programs.end());
-  // Variants of the tree would be read again with every case.
+  const sim::Named named_files = collect_named_files(*scene.tree, study.scene);
+  study.files.insert(study.files.end(), named_files.files.begin(), named_files.files.end());
+  study.programs.insert(study.programs.end(), named_files.programs.begin(),
+                        named_files.programs.end());
+  // Otherwise the variants would be read again for every case.
   std::erase_if(*tree->table(), [](const Node::Entry& entry) { return entry.key == "variant"; });
   study.scene_tree = std::make_shared<const Node>(std::move(*tree));
   return study;
 }
 
-Scene scene_of(const Study& study, const Configuration& arm) {
-  return scene_at(study, arm, {}, {});
+Scene scene_of(const Study& study, const Configuration& configuration) {
+  return scene_at(study, configuration, {}, {});
 }
 
-Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
+Scene scene_at(const Study& study, const Configuration& configuration, const Scene& base,
                const Eigen::VectorXd& x) {
-  const bool by_path = std::any_of(study.inputs.begin(), study.inputs.end(),
-                                   [](const Input& input) { return !input.settings.empty(); });
+  const bool sets_paths = std::any_of(study.inputs.begin(), study.inputs.end(),
+                                      [](const Input& input) { return !input.settings.empty(); });
   Scene scene = base;
-  if (x.size() == 0 || by_path) {
-    std::vector<Override> all = study.overrides;
-    for (const Override& one : set_of_variant(study, arm)) all.push_back(one);
+  if (x.size() == 0 || sets_paths) {
+    std::vector<Override> overrides = study.overrides;
+    for (const Override& change : variant_overrides(study, configuration))
+      overrides.push_back(change);
     for (Eigen::Index i = 0; i < x.size(); ++i)
-      for (const Setting& one : study.inputs[std::size_t(i)].settings)
+      for (const Setting& setting : study.inputs[std::size_t(i)].settings)
         // `{}` prints the shortest text that reads back to the same bits; integers stay integers.
-        all.push_back({one.path, fmt::format("{}", one.factor * x[i])});
-    scene = scene_from_tree(*study.scene_tree, study.scene, all);
+        overrides.push_back({setting.path, fmt::format("{}", setting.factor * x[i])});
+    scene = scene_from_tree(*study.scene_tree, study.scene, overrides);
     scene.trusted = study.trusted;
     scene.geometric.elements.insert(scene.geometric.elements.end(), study.completion.begin(),
                                     study.completion.end());
@@ -148,13 +152,14 @@ Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
 }
 
 bool is_reshaping(const Input& input) {
-  // Keys that change errors only; every other key changes part, program, nominal machine or stock.
+  // Tables that change only errors. All others change part, program, nominal machine or stock.
   constexpr std::array error_only_keys{
       "errors",  "setup",     "thermal", "history",    "room",         "room_C", "datum",
       "control", "vibration", "belief",  "compliance", "compensation", "signals"};
-  return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& one) {
-    if (one.path.starts_with("tool.actual.") || one.path.starts_with("tool.wear.")) return false;
-    return std::find(error_only_keys.begin(), error_only_keys.end(), top_key(one.path)) ==
+  return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& setting) {
+    const std::string& path = setting.path;
+    if (path.starts_with("tool.actual.") || path.starts_with("tool.wear.")) return false;
+    return std::find(error_only_keys.begin(), error_only_keys.end(), top_key(path)) ==
            error_only_keys.end();
   });
 }

@@ -23,47 +23,45 @@ struct Scene;
 
 namespace abbe::sim::study {
 
-/// A value of the scene that an input sets: `factor` times the input, in the unit of the path's
+/// A value of the scene that an input sets to `factor` times the input, in the unit of the path's
 /// key.
 struct Setting {
   std::string path;  ///< a path as in --set: "errors.EXX.0.coefficients_um.1"
   double factor = 1.0;
 };
 
-/// An uncertain quantity of a study. It sets values of the scene by path, or changes the curves of
-/// the scene's geometric errors: as a factor of all curves of one element, or as one coefficient of
-/// one curve.
+/// An uncertain quantity of a study. It sets values of the scene by path, scales all curves of one
+/// element of the scene's geometric errors, or sets one coefficient of one of their curves.
 struct Input {
   std::string name;
   std::string unit;  ///< "um", "urad" or the unit of the path's key; empty for a factor
   std::vector<Setting> settings;
-  std::string element;  ///< "EXX": the input is a factor of that element as the scene states it
-  std::string number;   ///< "EXX[1]", errors::name_of: the input is that coefficient of a curve, um
-                        ///< or urad
+  std::string element;  ///< element that it scales, such as "EXX"; empty if none
+  std::string number;  ///< coefficient that it sets, um or urad, such as "EXX[1]" (errors::name_of)
   Distribution distribution;
-  double cost = 1.0;  ///< cost of the present spread; a k-th of the spread costs k times as much
+  double cost = 1.0;  ///< cost of the present spread; 1/k of the spread costs k times as much
 };
 
-/// A coefficient of the machine's errors that its belief does not hold.
+/// A coefficient of the machine's errors that its belief does not contain.
 struct Unidentified {
-  std::string number;   ///< "EY0A", "EAX[1]"
-  std::string unit;     ///< "um", "urad"
-  double spread = 0.0;  ///< standard deviation of its prior if it is drawn, else the typical one of
-                        ///< its kind; its effect on the map is stated for this spread
-  bool is_drawn = false;  ///< it has a prior, so an input represents it
-  /// Coefficients of the belief that absorbed it, with the amount per unit of it.
+  std::string number;     ///< such as "EY0A" or "EAX[1]"
+  std::string unit;       ///< "um" or "urad"
+  double spread = 0.0;    ///< standard deviation of its prior, or else the typical one of such a
+                          ///< coefficient; its effect on the map is stated for this spread
+  bool is_drawn = false;  ///< true: it has a prior, and an input represents it
+  /// Coefficients of the belief that absorbed it, with their amounts per unit of it.
   std::vector<std::pair<std::string, double>> hidden_by;
 };
 
-/// A machine whose part is judged in every case: the scene or one of its variants, uncompensated or
-/// with one of its compensators.
+/// A machine whose part is evaluated in every case: the scene or one of its variants, uncompensated
+/// or with one of its compensators.
 struct Configuration {
-  std::string name;       ///< "uncompensated", "3 h perfect-iterated-ideal"
+  std::string name;       ///< such as "uncompensated" or "3 h perfect-iterated-ideal"
   std::string variant;    ///< variant of the scene; empty: the scene itself
   std::string case_name;  ///< "uncompensated" or a compensator
 };
 
-/// A scalar figure of a residual map; lengths in mm.
+/// Scalar figures of a residual map; lengths in mm.
 enum class Response {
   Pv,
   Rms,
@@ -72,9 +70,9 @@ enum class Response {
   MaxAbs,
   P95Abs,
   InTolerance,
-  FormPv,  ///< PV of the form: the map after the areal filter
+  FormPv,  ///< PV of the form, i.e. of the map after the areal filter
   FormRms,
-  TextureSa,  ///< Sa of the texture: what the filter removes, ISO 25178-2
+  TextureSa,  ///< Sa of the texture, i.e. of the map minus its form (ISO 25178-2)
   TextureSq,
   TextureSz,
 };
@@ -82,12 +80,13 @@ inline constexpr std::array all_responses{
     Response::Pv,      Response::Rms,       Response::Mean,        Response::Std,
     Response::MaxAbs,  Response::P95Abs,    Response::InTolerance, Response::FormPv,
     Response::FormRms, Response::TextureSa, Response::TextureSq,   Response::TextureSz};
-const char* name_of(Response response);  ///< returns "pv" etc.
-/// Returns the unit of the response as shown, "um" or "%".
+/// Returns the name of a response for files: "pv" etc.
+const char* name_of(Response response);
+/// Returns the unit of a response in files: "um" or "%".
 const char* unit_of(Response response);
 /// Converts a value from mm (or percent) to the unit of `unit_of`.
 double in_unit(Response response, double value);
-/// Returns true if the response is of form or texture, for which the map is filtered.
+/// Returns true if the response is one of form or texture, for which the map is filtered.
 bool is_filtered(Response response);
 
 /// Method by which cases are computed.
@@ -101,33 +100,33 @@ enum class Engine {
 struct OneAtATime {
   double step = 1.0;  ///< standard deviations to either side of the centre
 };
-/// Analysis by random machines.
+/// Analysis of random machines.
 struct MonteCarlo {
   std::uint64_t cases = 1000;
   Sampling sampling = Sampling::Sobol;
 };
-/// Analysis by Sobol indices: base_points x (inputs + 2) cases.
+/// Analysis by Sobol indices, which needs base_points x (inputs + 2) cases.
 struct SobolStudy {
   std::uint64_t base_points = 1024;
 };
-/// Analysis that steps one input through values, all others at their centres.
+/// Analysis that steps one input through values while all others are at their centres.
 struct Sweep {
   int input = 0;
   Eigen::VectorXd values;  ///< (n >= 1)
 };
-/// Analysis that searches the worst corner of all inputs.
+/// Analysis that searches for the worst corner of all inputs.
 struct WorstCase {
-  double coverage = 3.0;  ///< standard deviations, used where a distribution is unbounded
+  double coverage = 3.0;  ///< range of an unbounded distribution, standard deviations
 };
-/// Limit of a response; the analysis finds the spreads of the inputs that keep it.
+/// Analysis that finds the spreads of the inputs with which a response stays within a limit.
 struct Tolerance {
   Response response = Response::Pv;
   double limit = 0.0;  ///< mm
   double confidence = 0.95;
-  std::uint64_t machines = 4000;  ///< drawn to find the spreads, and as many fresh ones to verify
-                                  ///< them
+  std::uint64_t machines = 4000;  ///< random machines that determine the spreads; the same number
+                                  ///< of other machines verifies them
 };
-/// Options of the uncertainty map: the band of the residual due to the spread of the inputs.
+/// Analysis of the uncertainty of the residual map due to the spread of the inputs.
 struct Uncertainty {
   double confidence = 0.95;
   std::uint64_t machines = 2000;
@@ -135,38 +134,38 @@ struct Uncertainty {
 /// Options for computing, checking and drawing influence maps.
 struct InfluenceOptions {
   double reach = 0.05;  ///< mm, competing passes within this distance of the first one are kept
-  int max_rivals = 6;
-  int checks = 4;      ///< random machines that are cut in full to find where the maps fail
-  double flag = 2e-4;  ///< mm, a vertex that differs by more in any of them is flagged
-  bool sheet = true;   ///< draws all inputs on one sheet
+  int max_rivals = 6;   ///< competing passes kept at a vertex
+  int checks = 4;       ///< random machines that are cut in full to verify the maps
+  double flag = 2e-4;   ///< mm, a vertex that differs by more in any of these is flagged
+  bool sheet = true;    ///< true: all inputs are drawn on a sheet
   std::vector<std::string> pictures;  ///< inputs that also get a picture of their own
 };
-/// Days on which a thermal belief is learnt, and days on which it is judged.
+/// Days on which a thermal belief is learnt, and days on which it is evaluated.
 struct Histories {
   std::vector<std::string> train;  ///< variants; "" is the day of the scene itself
-  std::vector<std::string> test;
+  std::vector<std::string> test;   ///< the same
   std::string case_name = "thermal-iterated-ideal";
 };
 
-/// A study as read from its file: description only.
+/// A study as read from its file.
 struct Study {
   std::filesystem::path file;
   std::string title;
   std::filesystem::path scene;
-  std::shared_ptr<const Node> scene_tree;  ///< the scene as it was when the study was read, without
-  std::vector<Variant> variants;           ///< of that scene
+  std::shared_ptr<const Node> scene_tree;  ///< the scene when the study was read, without variants
+  std::vector<Variant> variants;           ///< of the scene
   std::vector<Override> overrides;         ///< applied to the scene before any input
   Engine engine = Engine::Influence;
   std::uint64_t seed = 1;
   std::vector<Configuration> arms;  ///< (>= 1)
   std::vector<Response> responses;  ///< (>= 1)
-  bool machine_part = false;        ///< responses are those of the map minus the error-free map
+  bool machine_part = false;        ///< true: responses are of the map minus the error-free map
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper limits
   std::vector<Input> inputs;
-  std::vector<Unidentified> unidentified;   ///< coefficients missing from a belief whose covariance
-                                            ///< is drawn
-  std::vector<errors::Element> completion;  ///< elements at zero that the scene lacks and that hold
-                                            ///< unidentified coefficients
+  std::vector<Unidentified> unidentified;   ///< coefficients that a belief with drawn covariance
+                                            ///< does not contain
+  std::vector<errors::Element> completion;  ///< elements at zero with unidentified coefficients,
+                                            ///< which the scene lacks
   Copula copula{0};                         ///< joint distribution of the inputs
   InfluenceOptions influence;
   std::uint64_t proofs = 50;  ///< cases that engine `both` also cuts in full
@@ -178,18 +177,18 @@ struct Study {
   std::optional<Tolerance> tolerance;
   std::optional<Uncertainty> uncertainty;
   std::optional<Histories> histories;
-  std::vector<std::filesystem::path> files;    ///< files that the study was read from or names
+  std::vector<std::filesystem::path> files;    ///< its own files and those that it names
   std::vector<NamedProgram> programs;          ///< programs that the study and its scene would run
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run
-  std::string text;  ///< the study's own TOML as understood, with the absolute path of its scene
+  std::string text;      ///< its TOML with all overrides and the absolute path of its scene
   std::string identity;  ///< checksum of study, scenes, the files they name and the abbe build; a
                          ///< journal with another identity belongs to another study
 };
 
-/// Reads a study and its scene as strictly as read_scene, and sets the path of every input once to
-/// check it.
-/// @param overrides  of the study file's own values (--set)
-/// @throws BadScene with every input error
+/// Reads a study and its scene as strictly as read_scene. To check the inputs, the path of each is
+/// set once.
+/// @param overrides  of values in the study file (--set)
+/// @throws BadScene with all input errors
 Study read_study(const std::filesystem::path& file, const std::vector<Override>& overrides = {});
 
 /// Reads a study and trusts the programs that `permissions` allow.
@@ -201,30 +200,30 @@ Study read_trusted_study(const std::filesystem::path& file, const std::vector<Ov
 /// cannot be parsed.
 bool is_study(const std::filesystem::path& file);
 
-/// Returns the values of the inputs at the centres of their distributions: the base machine.
-/// (inputs)
+/// Returns the centres of the inputs' distributions, which define the base machine. (inputs)
 Eigen::VectorXd centre(const Study& study);
 /// Returns the standard deviations of the inputs. (inputs)
 Eigen::VectorXd spreads(const Study& study);
 
-/// Returns the study with its scene read, once for all its cases.
+/// Returns the study with its scene, which is read once for all cases.
 /// @throws BadScene
 Study load_scene(Study study);
 
 /// Returns the scene of a configuration before any input is set. The scene of the study must be
 /// loaded.
 /// @throws BadScene
-Scene scene_of(const Study& study, const Configuration& arm);
+Scene scene_of(const Study& study, const Configuration& configuration);
 
-/// Returns the scene of a configuration with the inputs at x; it keeps only the case of that
-/// configuration.
-/// @param base  the scene that scene_of returns for the configuration
+/// Returns the scene of a configuration with the inputs at x, with the case of that configuration
+/// only.
+/// @param base  scene that scene_of returns for the configuration
 /// @throws BadScene
-Scene scene_at(const Study& study, const Configuration& arm, const Scene& base,
+Scene scene_at(const Study& study, const Configuration& configuration, const Scene& base,
                const Eigen::VectorXd& x);
 
-/// Returns true if an input changes part, program, nominal machine or tool, or how the stock is
-/// tracked, so that its cases share no computation. All other inputs change the errors only.
+/// Returns true if an input changes part, program, nominal machine, nominal tool, or the tracking
+/// of the stock, so that its cases cannot share computations. All other inputs change only the
+/// errors.
 bool is_reshaping(const Input& input);
 
 }  // namespace abbe::sim::study

@@ -10,44 +10,48 @@ namespace abbe::sim::study {
 
 namespace {
 
-constexpr double max_spread = 1e12;            // in any unit: beyond it sums lose their digits
-constexpr Range confidence_range{0.5, 0.999};  // of a confidence
+constexpr double max_spread = 1e12;  // in any unit; sums of larger spreads lose their digits
+constexpr Range confidence_range{0.5, 0.999};
 
-/// Returns the names of all responses, for messages.
-std::string plain_names() {
+/// Returns the names of all responses for messages: "pv, rms ... or texture_sz".
+std::string response_names() {
   std::string text;
-  for (const Response one : all_responses) {
-    if (one != all_responses.front()) text += one == all_responses.back() ? " or " : ", ";
-    text += name_of(one);
+  for (const Response response : all_responses) {
+    if (response != all_responses.front()) text += response == all_responses.back() ? " or " : ", ";
+    text += name_of(response);
   }
   return text;
 }
 
-std::string shown(const Distribution& d) {
-  return fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high);
+std::string distribution_text(const Distribution& distribution) {
+  return fmt::format("centre {}, spread {}, from {} to {}", distribution.centre,
+                     distribution.spread, distribution.low, distribution.high);
 }
 
+/// Reads `responses`, each of them once; without any, PV and RMS.
 void read_responses(TableReader& reader, Study& study) {
   for (const std::string& name : reader.texts("responses")) {
-    const auto found = std::find_if(all_responses.begin(), all_responses.end(),
-                                    [&](Response one) { return name == name_of(one); });
-    auto& had = study.responses;
-    if (found == all_responses.end())
-      reader.refuse("responses", plain_names(), name);
-    else if (std::find(had.begin(), had.end(), *found) == had.end())
-      had.push_back(*found);
+    const auto match = std::find_if(all_responses.begin(), all_responses.end(),
+                                    [&](Response response) { return name == name_of(response); });
+    auto& responses = study.responses;
+    if (match == all_responses.end())
+      reader.refuse("responses", response_names(), name);
+    else if (std::find(responses.begin(), responses.end(), *match) == responses.end())
+      responses.push_back(*match);
   }
   if (study.responses.empty()) study.responses = {Response::Pv, Response::Rms};
 }
 
 void write_responses(const Study& study, Node::Table& table) {
   Node::Array names;
-  for (const Response one : study.responses) names.push_back(Node{{}, std::string(name_of(one))});
+  for (const Response response : study.responses)
+    names.push_back(Node{{}, std::string(name_of(response))});
   put(table, "responses", std::move(names));
 }
 
 using ResponseLimits = std::vector<std::pair<Response, double>>;
 
+/// Returns the keys of `[limits]`: one for each response that has an upper limit.
 Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
   for (const Response response : all_responses) {
@@ -62,8 +66,8 @@ Fields<ResponseLimits> limit_fields() {
             limits.emplace_back(response, *limit);
         },
         [key, response](const ResponseLimits& limits, Node::Table& table) {
-          for (const auto& [one, limit] : limits)
-            if (one == response) put(table, key.name, limit / sim::unit_of(key.name));
+          for (const auto& [limited_response, limit] : limits)
+            if (limited_response == response) put(table, key.name, limit / sim::unit_of(key.name));
         });
   }
   return fields;
@@ -80,23 +84,23 @@ Fields<Tolerance> tolerance_fields() {
              "drawn to find the spreads; as many fresh ones verify them");
 }
 
-/// A sweep given by its ends: `steps` values from `from` to `to`, where the values are not listed.
-struct Stretch {
+/// Evenly spaced values of a sweep whose values are not listed.
+struct ValueRange {
   double from = 0.0, to = 0.0;
   int steps = 11;
 };
 
-const Fields<Stretch>& stretch_fields() {
-  static const Fields<Stretch> fields =
-      Fields<Stretch>()
-          .number(must("from"), &Stretch::from, any_number,
+const Fields<ValueRange>& value_range_fields() {
+  static const Fields<ValueRange> fields =
+      Fields<ValueRange>()
+          .number(must("from"), &ValueRange::from, any_number,
                   "first value, unless `values` are given")
-          .number(must("to"), &Stretch::to, any_number, "last value")
-          .whole("steps", &Stretch::steps, 2, 10000, "values from `from` to `to`")
-          .check([](TableReader& reader, Stretch& stretch) {
-            if (!std::isfinite(stretch.to - stretch.from))
+          .number(must("to"), &ValueRange::to, any_number, "last value")
+          .whole("steps", &ValueRange::steps, 2, 10000, "values from `from` to `to`")
+          .check([](TableReader& reader, ValueRange& value_range) {
+            if (!std::isfinite(value_range.to - value_range.from))
               reader.refuse("to", "a stretch of finite length",
-                            fmt::format("{} to {}", stretch.from, stretch.to));
+                            fmt::format("{} to {}", value_range.from, value_range.to));
           });
   return fields;
 }
@@ -104,23 +108,24 @@ const Fields<Stretch>& stretch_fields() {
 std::vector<Key> sweep_keys() {
   std::vector<Key> keys{make_key(must("input"), Key::Kind::Text, "name of the input that is swept"),
                         make_key("values", Key::Kind::Numbers, "its values")};
-  for (Key key : stretch_fields().keys()) {
+  for (Key key : value_range_fields().keys()) {
     key.required = false;
     keys.push_back(std::move(key));
   }
   return keys;
 }
 
+/// Reads a `[[sweep]]`, whose values are listed or evenly spaced.
 void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   TableReader reader(node, "sweep", input_errors);
   Sweep sweep;
-  sweep.input = input_named(reader, "input", study.inputs);
+  sweep.input = read_input_index(reader, "input", study.inputs);
   if (reader.has("values")) {
     sweep.values = reader.numbers("values");
   } else {
-    const Stretch stretch = stretch_fields().read(reader);
-    sweep.values =
-        Eigen::VectorXd::LinSpaced(Eigen::Index(stretch.steps), stretch.from, stretch.to);
+    const ValueRange value_range = value_range_fields().read(reader);
+    sweep.values = Eigen::VectorXd::LinSpaced(Eigen::Index(value_range.steps), value_range.from,
+                                              value_range.to);
   }
   reader.close();
   if (study.sweeps.size() == max_sweeps)
@@ -128,6 +133,7 @@ void read_sweep(const Node& node, Study& study, InputErrors& input_errors) {
   if (study.sweeps.size() < max_sweeps) study.sweeps.push_back(std::move(sweep));
 }
 
+/// Returns the key `sweep`, a list of tables that refer to inputs by name.
 Fields<Study>::Field sweep_field() {
   Key key = make_key("sweep", Key::Kind::Tables,
                      "an input through its values, all others at their centres");
@@ -140,10 +146,10 @@ Fields<Study>::Field sweep_field() {
           [](const Study& study, Node::Table& table) {
             Node::Array sweeps;
             for (const Sweep& sweep : study.sweeps) {
-              Node::Table own;
-              put(own, "input", study.inputs[std::size_t(sweep.input)].name);
-              put_numbers(own, "values", sweep.values, 1.0);
-              sweeps.push_back(Node{{}, std::move(own)});
+              Node::Table sweep_table;
+              put(sweep_table, "input", study.inputs[std::size_t(sweep.input)].name);
+              put_numbers(sweep_table, "values", sweep.values, 1.0);
+              sweeps.push_back(Node{{}, std::move(sweep_table)});
             }
             if (!sweeps.empty()) put(table, "sweep", std::move(sweeps));
           }};
@@ -177,13 +183,15 @@ Fields<Histories> histories_fields() {
       });
 }
 
+/// Adds an input error for each picture of an input that does not exist.
 void check_pictures(TableReader& reader, Study& study) {
   const Node* influence = reader.accept_key("influence");
   if (!influence || !influence->table()) return;
-  TableReader own(*influence, "influence", reader.input_errors());
+  TableReader influence_reader(*influence, "influence", reader.input_errors());
   const std::set<std::string> names = input_names(study.inputs);
   for (const std::string& name : study.influence.pictures)
-    if (!names.count(name)) own.refuse("pictures", "names of inputs", with_suggestion(name, names));
+    if (!names.count(name))
+      influence_reader.refuse("pictures", "names of inputs", with_suggestion(name, names));
 }
 
 }  // namespace
@@ -230,12 +238,13 @@ const Fields<Distribution>& distribution_fields() {
           .number("low", &Distribution::low, any_number,
                   "what physics allows: nothing is drawn below")
           .number("high", &Distribution::high, any_number, "nothing is drawn above")
-          .check([](TableReader& reader, Distribution& d) {
-            if (d.centre < d.low || d.centre > d.high)
+          .check([](TableReader& reader, Distribution& distribution) {
+            if (distribution.centre < distribution.low || distribution.centre > distribution.high)
               reader.refuse("centre",
                             "a centre within low and high, as the base machine stands there",
-                            fmt::format("{}", d.centre));
-            if (const char* fault = distribution_error(d)) reader.refuse("spread", fault, shown(d));
+                            fmt::format("{}", distribution.centre));
+            if (const char* error = distribution_error(distribution))
+              reader.refuse("spread", error, distribution_text(distribution));
           });
   return fields;
 }
@@ -259,7 +268,7 @@ const Fields<Study>& response_fields() {
   return fields;
 }
 
-const Fields<Study>& question_fields() {
+const Fields<Study>& analysis_fields() {
   static const Fields<Study> fields = [] {
     const Fields<Study>::Field sweep = sweep_field();
     return Fields<Study>()
@@ -308,11 +317,12 @@ const Fields<Study>& question_fields() {
 
 std::set<std::string> input_names(const std::vector<Input>& inputs) {
   std::set<std::string> names;
-  for (const Input& one : inputs) names.insert(one.name);
+  for (const Input& input : inputs) names.insert(input.name);
   return names;
 }
 
-int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs) {
+int read_input_index(TableReader& reader, const std::string& key,
+                     const std::vector<Input>& inputs) {
   const std::string name = reader.text(key);
   for (std::size_t i = 0; i < inputs.size(); ++i)
     if (inputs[i].name == name) return int(i);
@@ -321,9 +331,9 @@ int input_named(TableReader& reader, const std::string& key, const std::vector<I
   return 0;
 }
 
-std::string with_suggestion(const std::string& name, const std::set<std::string>& known) {
-  const auto meant = nearest(name, known);
-  return "\"" + name + "\"" + (meant ? " (nearest: \"" + *meant + "\")" : "");
+std::string with_suggestion(const std::string& name, const std::set<std::string>& known_names) {
+  const auto suggestion = nearest(name, known_names);
+  return "\"" + name + "\"" + (suggestion ? " (nearest: \"" + *suggestion + "\")" : "");
 }
 
 }  // namespace abbe::sim::study

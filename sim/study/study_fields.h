@@ -9,8 +9,7 @@
 /// Keys of a study file.
 namespace abbe::sim::study {
 
-inline constexpr std::int64_t max_cases = 10'000'000;  ///< limited because all responses are kept
-                                                       ///< in memory
+inline constexpr std::int64_t max_cases = 10'000'000;  ///< all responses are held in memory
 inline constexpr std::size_t max_inputs = 2000;
 inline constexpr std::size_t max_sweeps = 1000;
 
@@ -20,17 +19,17 @@ const Fields<Study>& engine_fields();
 const Fields<Distribution>& distribution_fields();
 /// Returns the keys `responses`, `of` and `limits`.
 const Fields<Study>& response_fields();
-/// Returns the keys of the tables `[one_at_a_time]` to `[histories]`; the inputs of the study must
-/// be read before.
-const Fields<Study>& question_fields();
+/// Returns the keys of the tables of analyses, `[one_at_a_time]` to `[histories]`. The inputs of
+/// the study must have been read.
+const Fields<Study>& analysis_fields();
 
 /// Returns all keys of a study, for the schema and `abbe explain`.
 std::vector<Key> study_keys();
 
 std::set<std::string> input_names(const std::vector<Input>& inputs);
 /// Returns the index of the input that a key names; an unknown name is an input error.
-int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs);
-/// Returns an unknown name with the nearest known one as a suggestion.
-std::string with_suggestion(const std::string& name, const std::set<std::string>& known);
+int read_input_index(TableReader& reader, const std::string& key, const std::vector<Input>& inputs);
+/// Returns an unknown name in quotes, with the nearest known name as a suggestion.
+std::string with_suggestion(const std::string& name, const std::set<std::string>& known_names);
 
 }  // namespace abbe::sim::study

@@ -35,9 +35,10 @@ using std::filesystem::path;
 
 #if ABBE_RENDER
 
-constexpr std::size_t maps_on_a_page = 30, max_pages = 8;
+constexpr std::size_t maps_per_page = 30, max_pages = 8;
 
-cutting::Statistics statistics(const cutting::Design& design, const Eigen::VectorXd& map_um) {
+/// Returns the statistics of a map; NaN where not cut.
+cutting::Statistics map_statistics(const cutting::Design& design, const Eigen::VectorXd& map_um) {
   const Index n = map_um.size();
   cutting::Surface surface{map_um, Eigen::VectorXd::Zero(n), std::vector<int>(std::size_t(n)), {}};
   for (const double value : map_um)
@@ -46,31 +47,39 @@ cutting::Statistics statistics(const cutting::Design& design, const Eigen::Vecto
   return cutting::statistics(surface, design);
 }
 
-std::string figures(const char* name, std::optional<double> rms, std::optional<double> other) {
+/// Returns the RMS and another figure of a map, um.
+/// @param name  of the other figure
+std::string figures_text(const char* name, std::optional<double> rms, std::optional<double> other) {
   return rms && other ? fmt::format("RMS {:.3g} µm   {} {:.3g} µm", *rms, name, *other)
                       : "nothing is cut";
 }
 
-std::string title_of(const PreparedStudy& ready, std::size_t arm, const char* what) {
-  return fmt::format("{}, {}: {}", ready.study.title, ready.study.arms[arm].name, what);
+std::string sheet_title(const PreparedStudy& ready, std::size_t configuration,
+                        const char* contents) {
+  return fmt::format("{}, {}: {}", ready.study.title, ready.study.arms[configuration].name,
+                     contents);
 }
 
-/// Returns the map of one standard deviation of an input.
-render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& influence, Index input,
-                            const Eigen::MatrixXd& all, const Eigen::VectorXd& sd) {
-  const Input& one = ready.study.inputs[std::size_t(input)];
+/// Returns the map of the effect of one standard deviation of an input.
+/// @param input_effects  (inputs x n) effects of all inputs
+/// @param sd             (inputs) standard deviations
+render::SheetMap effect_map(const PreparedStudy& ready, const InfluenceMap& influence, Index index,
+                            const Eigen::MatrixXd& input_effects, const Eigen::VectorXd& sd) {
+  const Input& input = ready.study.inputs[std::size_t(index)];
   render::SheetMap map;
-  map.title = one.unit.empty()
-                  ? one.name
-                  : fmt::format("{}, {:.3g} {}", one.name, sd[input], shown_unit(one.unit));
-  map.values_um = all.row(input).transpose() * (sd[input] / units::um);
-  const cutting::Statistics found = statistics(influence.design, map.values_um);
-  map.figures = figures("PV", found.rms, found.pv);
+  map.title = input.unit.empty()
+                  ? input.name
+                  : fmt::format("{}, {:.3g} {}", input.name, sd[index], shown_unit(input.unit));
+  map.values_um = input_effects.row(index).transpose() * (sd[index] / units::um);
+  const cutting::Statistics figures = map_statistics(influence.design, map.values_um);
+  map.figures = figures_text("PV", figures.rms, figures.pv);
   return map;
 }
 
-render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t arm, std::string title) {
-  const Scene& scene = ready.arms[arm].job.scene;
+/// Returns the options of a sheet with the view of the configuration's scene.
+render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t configuration,
+                                   std::string title) {
+  const Scene& scene = ready.arms[configuration].job.scene;
   render::SheetOptions options;
   options.title = std::move(title);
   options.from = scene.view.from;
@@ -78,26 +87,29 @@ render::SheetOptions sheet_options(const PreparedStudy& ready, std::size_t arm, 
   return options;
 }
 
-/// Returns the inputs sorted by the RMS of the effect of one standard deviation, largest first,
-/// ties in their order.
-std::vector<Index> inputs_by_effect(const InfluenceMap& influence, const Eigen::MatrixXd& all,
+/// Returns the inputs sorted by the RMS of the effect of one standard deviation, largest first;
+/// ties keep their order.
+std::vector<Index> inputs_by_effect(const InfluenceMap& influence,
+                                    const Eigen::MatrixXd& input_effects,
                                     const Eigen::VectorXd& sd) {
   std::vector<double> rms;
-  for (Index i = 0; i < all.rows(); ++i)
-    rms.push_back(statistics(influence.design, all.row(i).transpose() * sd[i]).rms.value_or(0.0));
-  std::vector<Index> order(std::size_t(all.rows()));
+  for (Index i = 0; i < input_effects.rows(); ++i)
+    rms.push_back(map_statistics(influence.design, input_effects.row(i).transpose() * sd[i])
+                      .rms.value_or(0.0));
+  std::vector<Index> order(std::size_t(input_effects.rows()));
   std::iota(order.begin(), order.end(), Index(0));
   std::stable_sort(order.begin(), order.end(),
                    [&](Index a, Index b) { return rms[std::size_t(a)] > rms[std::size_t(b)]; });
   return order;
 }
 
-/// Writes pages of maps. Pages of an earlier study with more inputs are removed.
-void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::size_t arm,
-                 const Eigen::MatrixXd& all, const Eigen::VectorXd& sd, PictureNames& names) {
-  const InfluenceMap& influence = ready.influences[arm];
-  const std::vector<Index> order = inputs_by_effect(influence, all, sd);
-  const std::size_t pages = (order.size() + maps_on_a_page - 1) / maps_on_a_page;
+/// Writes the sheets of all inputs. Those of an earlier study with more inputs are removed.
+void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::size_t configuration,
+                 const Eigen::MatrixXd& input_effects, const Eigen::VectorXd& sd,
+                 PictureNames& names) {
+  const InfluenceMap& influence = ready.influences[configuration];
+  const std::vector<Index> order = inputs_by_effect(influence, input_effects, sd);
+  const std::size_t pages = (order.size() + maps_per_page - 1) / maps_per_page;
   for (std::size_t page = 0; page < max_pages; ++page) {
     std::vector<std::string> name{"influence", "sheet"};
     if (page > 0) name.push_back(std::to_string(page + 1));
@@ -106,13 +118,14 @@ void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::si
       if (page > 0) remove_file(file);
       continue;
     }
-    const std::size_t first = page * maps_on_a_page,
-                      last = std::min(order.size(), first + maps_on_a_page);
+    const std::size_t first = page * maps_per_page,
+                      last = std::min(order.size(), first + maps_per_page);
     std::vector<render::SheetMap> maps;
     for (std::size_t k = first; k < last; ++k)
-      maps.push_back(effect_map(ready, influence, order[k], all, sd));
+      maps.push_back(effect_map(ready, influence, order[k], input_effects, sd));
     render::SheetOptions options = sheet_options(
-        ready, arm, title_of(ready, arm, "what one standard deviation of each input does"));
+        ready, configuration,
+        sheet_title(ready, configuration, "what one standard deviation of each input does"));
     options.caption.push_back(fmt::format("inputs {} to {} of {} by the RMS of their maps",
                                           first + 1, last, order.size()));
     if (pages > max_pages && page + 1 == max_pages)
@@ -123,51 +136,56 @@ void write_pages(const ResultFolder& folder, const PreparedStudy& ready, std::si
   }
 }
 
-void write_sheets(const ResultFolder& folder, const PreparedStudy& ready, std::size_t arm) {
+/// Writes the sheets of all inputs and the pictures of single inputs.
+void write_effect_pictures(const ResultFolder& folder, const PreparedStudy& ready,
+                           std::size_t configuration) {
   const Study& study = ready.study;
-  const InfluenceMap& influence = ready.influences[arm];
-  const Eigen::MatrixXd all = effects(influence);
+  const InfluenceMap& influence = ready.influences[configuration];
+  const Eigen::MatrixXd input_effects = effects(influence);
   const Eigen::VectorXd sd = spreads(study);
   PictureNames names;
-  if (study.influence.sheet) write_pages(folder, ready, arm, all, sd, names);
+  if (study.influence.sheet) write_pages(folder, ready, configuration, input_effects, sd, names);
   for (const std::string& name : study.influence.pictures)
-    for (Index i = 0; i < all.rows(); ++i) {
+    for (Index i = 0; i < input_effects.rows(); ++i) {
       if (study.inputs[std::size_t(i)].name != name) continue;
       render::SheetOptions single = sheet_options(
-          ready, arm, title_of(ready, arm, "what one standard deviation of an input does"));
+          ready, configuration,
+          sheet_title(ready, configuration, "what one standard deviation of an input does"));
       single.width = 1600;
       write_file(folder / (names.unused({"influence", name}) + ".png"), [&](const path& file) {
-        render::write_sheet(file, influence.design, {effect_map(ready, influence, i, all, sd)},
-                            single);
+        render::write_sheet(file, influence.design,
+                            {effect_map(ready, influence, i, input_effects, sd)}, single);
       });
     }
 }
 
-void write_influence_data(const ResultFolder& folder, const PreparedStudy& ready, std::size_t arm) {
-  const InfluenceMap& influence = ready.influences[arm];
-  const Eigen::MatrixXd all = effects(influence);
+/// Writes influence.vtp.
+void write_influence_data(const ResultFolder& folder, const PreparedStudy& ready,
+                          std::size_t configuration) {
+  const InfluenceMap& influence = ready.influences[configuration];
+  const Eigen::MatrixXd input_effects = effects(influence);
   std::vector<std::string> names{"base_um", "doubt_um", "rivals"};
   const Index n = influence.design.vertices.rows();
-  Eigen::VectorXd competing_passes(n);
+  Eigen::VectorXd pass_counts(n);
   for (Index v = 0; v < n; ++v)
-    competing_passes[v] =
-        double(influence.first[std::size_t(v) + 1] - influence.first[std::size_t(v)]);
+    pass_counts[v] = double(influence.first[std::size_t(v) + 1] - influence.first[std::size_t(v)]);
   const Eigen::VectorXd base = maps(influence, influence.centre).col(0) - influence.error_free;
   const Eigen::VectorXd doubt = influence.doubt.array().isFinite().select(influence.doubt, NAN);
-  std::vector<Eigen::VectorXd> arrays{base / units::um, doubt / units::um, competing_passes};
-  for (Index i = 0; i < all.rows(); ++i) {
-    const Input& one = ready.study.inputs[std::size_t(i)];
-    names.push_back(one.name + (one.unit.empty() ? " um" : " um_per_" + one.unit));
-    arrays.push_back(all.row(i).transpose() / units::um);
+  std::vector<Eigen::VectorXd> arrays{base / units::um, doubt / units::um, pass_counts};
+  for (Index i = 0; i < input_effects.rows(); ++i) {
+    const Input& input = ready.study.inputs[std::size_t(i)];
+    names.push_back(input.name + (input.unit.empty() ? " um" : " um_per_" + input.unit));
+    arrays.push_back(input_effects.row(i).transpose() / units::um);
   }
   write_file(folder / "influence.vtp", [&](const path& file) {
     render::write_point_data(file, influence.design, names, arrays);
   });
 }
 
-void write_uncertainty(const ResultFolder& folder, const PreparedStudy& ready, std::size_t arm,
-                       const UncertaintyMap& uncertainty) {
-  const InfluenceMap& influence = ready.influences[arm];
+/// Writes uncertainty.vtp and uncertainty.png.
+void write_uncertainty(const ResultFolder& folder, const PreparedStudy& ready,
+                       std::size_t configuration, const UncertaintyMap& uncertainty) {
+  const InfluenceMap& influence = ready.influences[configuration];
   const Eigen::VectorXd sd = uncertainty.standard_deviation / units::um;
   const Eigen::VectorXd width = (uncertainty.high - uncertainty.low) / units::um;
   write_file(folder / "uncertainty.vtp", [&](const path& file) {
@@ -176,19 +194,21 @@ void write_uncertainty(const ResultFolder& folder, const PreparedStudy& ready, s
                              {sd, uncertainty.low / units::um, uncertainty.high / units::um,
                               uncertainty.drawn / units::um});
   });
-  const auto shown = [&](std::string title, const Eigen::VectorXd& values) {
-    const cutting::Statistics found = statistics(influence.design, values);
-    return render::SheetMap{std::move(title), figures("largest", found.rms, found.max), values, {}};
+  const auto sheet_map = [&](std::string title, const Eigen::VectorXd& values) {
+    const cutting::Statistics figures = map_statistics(influence.design, values);
+    return render::SheetMap{
+        std::move(title), figures_text("largest", figures.rms, figures.max), values, {}};
   };
-  render::SheetOptions options =
-      sheet_options(ready, arm, title_of(ready, arm, "how far the map is unknown"));
+  render::SheetOptions options = sheet_options(
+      ready, configuration, sheet_title(ready, configuration, "how far the map is unknown"));
   options.values = "how far the surface is unknown along the design normal";
   options.columns = 2;
   write_file(folder / "uncertainty.png", [&](const path& file) {
     render::write_sheet(
         file, influence.design,
-        {shown("standard deviation", sd),
-         shown(fmt::format("width of the {:.3g} % band", 100.0 * uncertainty.confidence), width)},
+        {sheet_map("standard deviation", sd),
+         sheet_map(fmt::format("width of the {:.3g} % band", 100.0 * uncertainty.confidence),
+                   width)},
         options);
   });
 }
@@ -198,8 +218,8 @@ void write_uncertainty(const ResultFolder& folder, const PreparedStudy& ready, s
 }  // namespace
 
 ordered_json write_influence([[maybe_unused]] const ResultFolder& folder,
-                             const PreparedStudy& ready, std::size_t arm) {
-  const InfluenceMap& influence = ready.influences[arm];
+                             const PreparedStudy& ready, std::size_t configuration) {
+  const InfluenceMap& influence = ready.influences[configuration];
   ordered_json json{{"influence",
                      {{"vertices", influence.design.vertices.rows()},
                       {"rivals", influence.distance.size()},
@@ -209,14 +229,14 @@ ordered_json write_influence([[maybe_unused]] const ResultFolder& folder,
                                               ? ordered_json(influence.flagged_percent)
                                               : ordered_json()}}}};
 #if ABBE_RENDER
-  write_influence_data(folder, ready, arm);
-  write_sheets(folder, ready, arm);
+  write_influence_data(folder, ready, configuration);
+  write_effect_pictures(folder, ready, configuration);
 #endif
   if (ready.study.uncertainty) {
     const UncertaintyMap uncertainty = uncertainty_map(ready.study, influence);
     json["uncertainty"] = to_json(influence, uncertainty);
 #if ABBE_RENDER
-    write_uncertainty(folder, ready, arm, uncertainty);
+    write_uncertainty(folder, ready, configuration, uncertainty);
 #endif
   }
   return json;
@@ -226,22 +246,26 @@ void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& s
                      const std::vector<HistoryResult>& results) {
   write_table(folder / "histories.csv", to_csv(results));
 #if ABBE_RENDER
-  const auto place = [](std::vector<std::string>& names, const std::string& name) {
-    const auto at = std::find(names.begin(), names.end(), name);
-    if (at != names.end()) return Index(at - names.begin());
+  // Returns the index of a name, which is appended if it is new.
+  const auto name_index = [](std::vector<std::string>& names, const std::string& name) {
+    const auto match = std::find(names.begin(), names.end(), name);
+    if (match != names.end()) return Index(match - names.begin());
     names.push_back(name);
     return Index(names.size()) - 1;
   };
-  const auto shown = [](const std::string& day) { return day.empty() ? "the scene's day" : day; };
+  const auto day_label = [](const std::string& day) {
+    return day.empty() ? "the scene's day" : day;
+  };
   render::HeatMap map;
-  for (const HistoryResult& one : results) {
-    place(map.rows, shown(one.train));
-    place(map.columns, shown(one.test));
+  for (const HistoryResult& result : results) {
+    name_index(map.rows, day_label(result.train));
+    name_index(map.columns, day_label(result.test));
   }
   map.values.setConstant(Index(map.rows.size()), Index(map.columns.size()), NAN);
-  for (const HistoryResult& one : results)
-    map.values(place(map.rows, shown(one.train)), place(map.columns, shown(one.test))) =
-        one.compensated_rms / units::um;
+  for (const HistoryResult& result : results)
+    map.values(name_index(map.rows, day_label(result.train)),
+               name_index(map.columns, day_label(result.test))) =
+        result.compensated_rms / units::um;
   write_file(folder / "histories.png", [&](const path& file) {
     render::HeatMapOptions options;
     options.title = study.title + ": drift that is left";
@@ -257,98 +281,104 @@ namespace {
 
 constexpr std::size_t max_shown_machines = 20000;  // of one response
 
-/// Reads the fields of a CSV file (RFC 4180) record by record.
-class CsvRecords {
+/// Reads a CSV file (RFC 4180) record by record.
+class CsvReader {
  public:
-  explicit CsvRecords(const path& file) : file_(file), in_(file, std::ios::binary) {
+  explicit CsvReader(const path& file) : file_(file), in_(file, std::ios::binary) {
     if (!in_) throw BadInput(file.string(), 0, 0, "a table that can be read", "none");
   }
 
-  /// Reads the next record. Returns false at the end of the file.
-  bool next(std::vector<std::string>& fields) {
-    fields.assign(1, "");
-    bool quoted = false, any = false;
+  /// Returns the fields of the next record; empty at the end of the file.
+  std::optional<std::vector<std::string>> next() {
+    std::vector<std::string> fields(1);
+    bool is_quoted = false, has_bytes = false;
     for (int c = in_.get(); c != EOF; c = in_.get()) {
-      any = true;
-      if (c == '"' && quoted && in_.peek() == '"')
+      has_bytes = true;
+      if (c == '"' && is_quoted && in_.peek() == '"')
         fields.back() += char(in_.get());
       else if (c == '"')
-        quoted = !quoted;
-      else if (c == ',' && !quoted)
+        is_quoted = !is_quoted;
+      else if (c == ',' && !is_quoted)
         fields.emplace_back();
-      else if (c == '\n' && !quoted)
+      else if (c == '\n' && !is_quoted)
         break;
-      else if (c != '\r' || quoted)
+      else if (c != '\r' || is_quoted)
         fields.back() += char(c);
     }
-    if (any) ++number_;
-    if (quoted) refuse("a quoted field that ends", "the end of the file");
-    return any;
+    if (!has_bytes) return std::nullopt;
+    ++number_;
+    if (is_quoted) throw_bad_input("a quoted field that ends", "the end of the file");
+    return fields;
   }
 
-  [[noreturn]] void refuse(const std::string& expected, const std::string& seen) const {
+  /// Throws BadInput at the current record.
+  [[noreturn]] void throw_bad_input(const std::string& expected, const std::string& seen) const {
     throw BadInput(file_.string(), number_, 0, expected, seen);
   }
 
  private:
   path file_;
   std::ifstream in_;
-  int number_ = 0;
+  int number_ = 0;  ///< of the current record, from 1
 };
 
-/// Returns the responses of random machines; those without a response are left out.
-MachineResponses machine_answers(const path& file, const std::vector<std::string>& heads) {
-  CsvRecords records(file);
-  std::vector<std::string> fields;
-  if (!records.next(fields)) records.refuse("the head of a table of cases", "nothing");
-  const std::vector<std::string> names = fields;
+/// Returns the responses of random machines. Machines without a response are left out.
+/// @param heads  headings of the columns
+MachineResponses read_responses(const path& file, const std::vector<std::string>& heads) {
+  CsvReader reader(file);
+  const auto names = reader.next();
+  if (!names) reader.throw_bad_input("the head of a table of cases", "nothing");
   const auto column = [&](const std::string& name) {
-    const auto at = std::ranges::find(names, name);
-    if (at == names.end()) records.refuse("a column " + name, "none of that name");
-    return std::size_t(at - names.begin());
+    const auto match = std::ranges::find(*names, name);
+    if (match == names->end()) reader.throw_bad_input("a column " + name, "none of that name");
+    return std::size_t(match - names->begin());
   };
   const std::size_t analysis = column("analysis");
-  std::vector<std::size_t> at;
-  for (const std::string& head : heads) at.push_back(column(head));
-  MachineResponses answers;
-  while (records.next(fields)) {
-    if (fields.size() != names.size())
-      records.refuse(fmt::format("{} fields", names.size()), std::to_string(fields.size()));
-    if (fields[analysis] != "monte_carlo") continue;
-    for (std::size_t k = 0; k < at.size(); ++k) {
-      if (fields[at[k]].empty()) continue;
-      const auto value = number_of(fields[at[k]]);
-      if (!value) records.refuse("a number", in_quotes(fields[at[k]]));
-      answers[heads[k]].push_back(*value);
+  std::vector<std::size_t> columns;
+  for (const std::string& head : heads) columns.push_back(column(head));
+  MachineResponses responses;
+  while (const auto fields = reader.next()) {
+    if (fields->size() != names->size())
+      reader.throw_bad_input(fmt::format("{} fields", names->size()),
+                             std::to_string(fields->size()));
+    if ((*fields)[analysis] != "monte_carlo") continue;
+    for (std::size_t k = 0; k < columns.size(); ++k) {
+      const std::string& field = (*fields)[columns[k]];
+      if (field.empty()) continue;
+      const auto value = number_of(field);
+      if (!value) reader.throw_bad_input("a number", in_quotes(field));
+      responses[heads[k]].push_back(*value);
     }
   }
-  return answers;
+  return responses;
 }
 
-/// Returns the values that the report shows: all, or every n-th by rank, which keeps the
-/// distribution with its extremes.
-std::vector<double> by_rank(std::vector<double> values) {
+/// Returns the values that the report shows: all of them, or every n-th by rank, which preserves
+/// the distribution and its extremes.
+std::vector<double> shown_values(std::vector<double> values) {
   if (values.size() <= max_shown_machines) return values;
   std::ranges::sort(values);
-  std::vector<double> few;
+  std::vector<double> subset;
   for (std::size_t k = 0; k < max_shown_machines; ++k)
-    few.push_back(values[k * (values.size() - 1) / (max_shown_machines - 1)]);
-  return few;
+    subset.push_back(values[k * (values.size() - 1) / (max_shown_machines - 1)]);
+  return subset;
 }
 
-/// Returns the heads of the columns that hold random machines.
-std::vector<std::string> heads_of(const ordered_json& budget) {
+/// Returns the headings of the columns with responses of random machines.
+std::vector<std::string> response_column_heads(const ordered_json& budget) {
   std::vector<std::string> heads;
   if (!budget.contains("arms")) return heads;
-  for (const ordered_json& arm : budget.at("arms"))
-    for (const ordered_json& one : arm.at("responses"))
-      if (!one.at("monte_carlo").is_null()) heads.push_back(response_column_head(budget, arm, one));
+  for (const ordered_json& configuration : budget.at("arms"))
+    for (const ordered_json& response : configuration.at("responses"))
+      if (!response.at("monte_carlo").is_null())
+        heads.push_back(response_column_head(budget, configuration, response));
   return heads;
 }
 
+/// Returns the responses of random machines for the page. Appends warnings about omissions.
 MachineResponses page_responses(const path& folder, const ordered_json& budget,
                                 std::vector<std::string>& warnings) {
-  const std::vector<std::string> heads = heads_of(budget);
+  const std::vector<std::string> heads = response_column_heads(budget);
   if (heads.empty()) return {};
   const path file = folder / "cases.csv";
   if (!std::filesystem::exists(file)) {
@@ -357,33 +387,34 @@ MachineResponses page_responses(const path& folder, const ordered_json& budget,
         "cases.csv");
     return {};
   }
-  MachineResponses answers = machine_answers(file, heads);
-  for (auto& [head, values] : answers) {
-    const std::size_t all = values.size();
-    values = by_rank(std::move(values));
-    if (values.size() < all)
+  MachineResponses responses = read_responses(file, heads);
+  for (auto& [head, values] : responses) {
+    const std::size_t count = values.size();
+    values = shown_values(std::move(values));
+    if (values.size() < count)
       warnings.push_back(
           fmt::format("of the {} random machines of {} the report holds {}, every "
                       "{:.3g}th by rank",
-                      all, head, values.size(), double(all) / double(values.size())));
+                      count, head, values.size(), double(count) / double(values.size())));
   }
-  return answers;
+  return responses;
 }
 
-/// Returns the pictures of maps in the folder and in those of its configurations, by name.
+/// Returns the pictures of maps in the folder and in the folders of its configurations, sorted by
+/// name.
 std::vector<path> map_pictures(const path& folder) {
   std::vector<path> files;
-  const auto look = [&](const path& inside) {
-    for (const auto& entry : std::filesystem::directory_iterator(inside)) {
+  const auto add_pictures = [&](const path& subfolder) {
+    for (const auto& entry : std::filesystem::directory_iterator(subfolder)) {
       const std::string name = entry.path().filename().string();
       if (entry.is_regular_file() && name.ends_with(".png") &&
           (name.starts_with("influence") || name == "uncertainty.png"))
         files.push_back(entry.path());
     }
   };
-  look(folder);
+  add_pictures(folder);
   for (const auto& entry : std::filesystem::directory_iterator(folder))
-    if (entry.is_directory()) look(entry.path());
+    if (entry.is_directory()) add_pictures(entry.path());
   std::ranges::sort(files);
   return files;
 }
@@ -392,7 +423,8 @@ std::string plain_text(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.dump();
 }
 
-void add_requested(FiguresPage& page, const ordered_json& budget, const path& folder) {
+/// Adds the request to the page: study, engine, seed, numbers of cases and inputs, folder.
+void add_request(FiguresPage& page, const ordered_json& budget, const path& folder) {
   page.asked.push_back({"study", page.title});
   for (const char* key : {"engine", "seed", "cases", "failed_cases"})
     if (budget.contains(key))
@@ -402,16 +434,16 @@ void add_requested(FiguresPage& page, const ordered_json& budget, const path& fo
   page.asked.push_back({"folder", std::filesystem::absolute(folder).lexically_normal().string()});
 }
 
-/// Returns true if a configuration of the budget uses a variant of the scene.
+/// Returns true if the budget has a configuration of a variant of the scene, or none at all.
 bool has_variants(const ordered_json& budget) {
   if (!budget.contains("arms")) return true;
-  return std::ranges::any_of(budget.at("arms"), [](const ordered_json& arm) {
-    return !arm.at("variant").get<std::string>().empty();
+  return std::ranges::any_of(budget.at("arms"), [](const ordered_json& configuration) {
+    return !configuration.at("variant").get<std::string>().empty();
   });
 }
 
-/// Adds the files and the command that uses them. A scene with variants is not packed, because the
-/// saved scene holds one variant only.
+/// Adds the files for download and the command that uses them. The command uses the saved scene
+/// only without variants, because a saved scene has a single variant.
 void add_files(FiguresPage& page, const ordered_json& budget, const path& folder) {
   for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
     if (std::filesystem::exists(folder / name))
@@ -421,13 +453,14 @@ void add_files(FiguresPage& page, const ordered_json& budget, const path& folder
                  (has_scene ? " --set scene=scene.toml" : "") + " --report";
 }
 
+/// Adds the warnings of the budget, and one if budget.json was changed after it was written.
 void add_warnings(FiguresPage& page, const ordered_json& budget, const path& folder) {
   if (budget.contains("warnings"))
-    for (const ordered_json& one : budget.at("warnings"))
-      page.warnings.push_back(one.get<std::string>());
+    for (const ordered_json& warning : budget.at("warnings"))
+      page.warnings.push_back(warning.get<std::string>());
   if (budget.contains("histories"))
-    for (const ordered_json& one : budget.at("histories"))
-      for (const ordered_json& warning : one.at("warnings"))
+    for (const ordered_json& result : budget.at("histories"))
+      for (const ordered_json& warning : result.at("warnings"))
         page.warnings.push_back(warning.get<std::string>());
   const Mark mark = read_manifest(folder);
   if (!writing_command(mark, folder / "budget.json"))
@@ -435,8 +468,10 @@ void add_warnings(FiguresPage& page, const ordered_json& budget, const path& fol
         "budget.json is not as abbe study wrote it, or the mark of its folder is missing");
 }
 
-HtmlReport page_of_budget(const ordered_json& budget, const path& folder,
-                          const std::string& language) {
+/// Returns the page of a budget.
+/// @throws std::invalid_argument if it is not the budget of a study
+HtmlReport budget_page(const ordered_json& budget, const path& folder,
+                       const std::string& language) {
   if (!budget.is_object() || !(budget.contains("arms") || budget.contains("histories")))
     throw std::invalid_argument("JSON of something else");
   HtmlReport report;
@@ -452,7 +487,7 @@ HtmlReport page_of_budget(const ordered_json& budget, const path& folder,
     page.blocks.insert(
         page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
   }
-  add_requested(page, budget, folder);
+  add_request(page, budget, folder);
   add_warnings(page, budget, folder);
   page.warnings.insert(page.warnings.end(), report.warnings.begin(), report.warnings.end());
   add_files(page, budget, folder);
@@ -472,7 +507,7 @@ HtmlReport study_page(const path& folder, const std::string& language) {
   HtmlReport report;
   read_saved_json(file, "the budget of a study as abbe study writes it, with arms or histories",
                   [&](const ordered_json& budget, const std::string&) {
-                    report = page_of_budget(budget, folder, language);
+                    report = budget_page(budget, folder, language);
                   });
   return report;
 }

@@ -22,8 +22,8 @@ std::string csv_field(const std::optional<double>& value) { return value ? csv_f
 
 namespace {
 
-constexpr std::size_t most_bytes = 80;  // of a part: file systems allow 255 bytes for a name, which
-                                        // has several parts
+// File systems allow 255 bytes for a file name, which has several parts.
+constexpr std::size_t max_part_bytes = 80;
 
 bool is_file_name_char(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -45,7 +45,7 @@ std::string file_part(const std::string& text) {
       part += c;
     else if (!part.empty() && part.back() != '-')
       part += '-';
-    if (part.size() == most_bytes) break;
+    if (part.size() == max_part_bytes) break;
   }
   while (!part.empty() && (part.back() == '-' || part.back() == '.')) part.pop_back();
   return part.empty() ? "unnamed" : part;
@@ -54,11 +54,11 @@ std::string file_part(const std::string& text) {
 std::string PictureNames::unused(const std::vector<std::string>& parts) {
   std::string name;
   for (const std::string& part : parts) name += (name.empty() ? "" : "-") + file_part(part);
-  std::string free = name;
+  std::string candidate = name;
   // Windows and macOS ignore case in file names.
-  for (int number = 2; !taken_.insert(lower_case(free)).second; ++number)
-    free = name + "-" + std::to_string(number);
-  return free;
+  for (int number = 2; !used_names_.insert(lower_case(candidate)).second; ++number)
+    candidate = name + "-" + std::to_string(number);
+  return candidate;
 }
 
 std::string title_of(Response response) {
@@ -114,66 +114,69 @@ std::string one_line(const std::string& text) {
   return line;
 }
 
-std::string short_line(const std::string& text, std::size_t most) {
+std::string short_line(const std::string& text, std::size_t max_characters) {
   const std::string line = one_line(text);
   std::vector<std::size_t> starts;  // first bytes of the UTF-8 characters
   for (std::size_t i = 0; i < line.size(); ++i)
     if ((static_cast<unsigned char>(line[i]) & 0xC0u) != 0x80u) starts.push_back(i);
-  if (starts.size() <= most || most < 3) return line;
-  const std::size_t front = most / 2, back = most - 1 - front;
+  if (starts.size() <= max_characters || max_characters < 3) return line;
+  const std::size_t front = max_characters / 2, back = max_characters - 1 - front;
   return line.substr(0, starts[front]) + "…" + line.substr(starts[starts.size() - back]);
 }
 
 namespace {
 
-std::string without_mark_up(const std::string& line) {
-  const auto is_word = [&](std::size_t i) {
+/// Escapes the characters that are mark-up in Markdown.
+std::string escape_markdown(const std::string& line) {
+  const auto is_word_char = [&](std::size_t i) {
     return i < line.size() && std::isalnum(static_cast<unsigned char>(line[i])) != 0;
   };
   std::string result;
   for (std::size_t i = 0; i < line.size(); ++i) {
     // In Markdown an underscore inside a word does not mark emphasis.
-    const bool emphasis = line[i] == '_' && !(i > 0 && is_word(i - 1) && is_word(i + 1));
-    if (emphasis || std::string_view("\\`*<>[]|&~#$").find(line[i]) != std::string_view::npos)
+    const bool is_emphasis =
+        line[i] == '_' && !(i > 0 && is_word_char(i - 1) && is_word_char(i + 1));
+    if (is_emphasis || std::string_view("\\`*<>[]|&~#$").find(line[i]) != std::string_view::npos)
       result += '\\';
     result += line[i];
   }
   return result;
 }
 
-/// Returns the columns that are not empty in every row.
+/// Returns the columns that have a value in at least one row.
 std::vector<std::size_t> filled_columns(const TextTable& table) {
-  std::vector<std::size_t> kept;
+  std::vector<std::size_t> columns;
   for (std::size_t j = 0; j < table.heads.size(); ++j)
     if (std::ranges::any_of(table.rows, [&](const auto& row) { return !row[j].empty(); }))
-      kept.push_back(j);
-  return kept;
+      columns.push_back(j);
+  return columns;
 }
 
 std::string markdown_table(const TextTable& table) {
-  const std::vector<std::size_t> kept = filled_columns(table);
+  const std::vector<std::size_t> columns = filled_columns(table);
   const auto line = [&](const std::vector<std::string>& cells) {
     std::string text = "|";
-    for (const std::size_t j : kept) text += " " + cells[j] + " |";
+    for (const std::size_t j : columns) text += " " + cells[j] + " |";
     return text + "\n";
   };
   std::string text = line(table.heads) + "|";
-  for (const std::size_t j : kept) text += j < table.text_columns ? "---|" : "---:|";
+  for (const std::size_t j : columns) text += j < table.text_columns ? "---|" : "---:|";
   text += "\n";
   for (const auto& row : table.rows) text += line(row);
   return text + "\n";
 }
 
+/// Returns the table with columns aligned for a terminal.
 std::string terminal_table(const TextTable& table) {
-  const std::vector<std::size_t> kept = filled_columns(table);
+  const std::vector<std::size_t> columns = filled_columns(table);
   std::vector<std::size_t> widths(table.heads.size(), 0);
-  for (const std::size_t j : kept) {
+  for (const std::size_t j : columns) {
     widths[j] = columns_of(table.heads[j]);
     for (const auto& row : table.rows) widths[j] = std::max(widths[j], columns_of(row[j]));
   }
   const auto line = [&](const std::vector<std::string>& cells) {
     std::string text;
-    for (const std::size_t j : kept) {
+    for (const std::size_t j : columns) {
       const std::string space(widths[j] - columns_of(cells[j]), ' ');
       if (!text.empty()) text += "  ";
       text += j < table.text_columns ? cells[j] + space : space + cells[j];
@@ -181,14 +184,15 @@ std::string terminal_table(const TextTable& table) {
     return text.substr(0, text.find_last_not_of(' ') + 1) + "\n";
   };
   std::string rule;
-  for (const std::size_t j : kept) rule += (rule.empty() ? "" : "  ") + std::string(widths[j], '-');
+  for (const std::size_t j : columns)
+    rule += (rule.empty() ? "" : "  ") + std::string(widths[j], '-');
   std::string text = line(table.heads) + rule + "\n";
   for (const auto& row : table.rows) text += line(row);
   return text + "\n";
 }
 
-/// Returns true for a character without a width of its own, such as a combining accent.
-bool is_mark(char32_t c) {
+/// Returns true for a character of no width, such as a combining accent.
+bool is_zero_width(char32_t c) {
   return (c >= 0x300 && c <= 0x36f) || (c >= 0x200b && c <= 0x200f) || (c >= 0xfe00 && c <= 0xfe0f);
 }
 
@@ -204,7 +208,7 @@ bool is_wide(char32_t c) {
 
 std::string plain(TextStyle style, const std::string& text) {
   const std::string line = one_line(text);
-  return style == TextStyle::Markdown ? without_mark_up(line) : line;
+  return style == TextStyle::Markdown ? escape_markdown(line) : line;
 }
 
 std::string strong(TextStyle style, const std::string& text) {
@@ -228,13 +232,13 @@ std::string table(TextStyle style, const TextTable& table) {
 std::size_t columns_of(const std::string& text) {
   std::size_t columns = 0;
   for (std::size_t i = 0; i < text.size();) {
-    // The first byte of a UTF-8 character gives its length.
+    // The first byte of a UTF-8 character determines its length.
     const auto lead = static_cast<unsigned char>(text[i]);
     const std::size_t length = lead < 0x80 ? 1 : lead < 0xe0 ? 2 : lead < 0xf0 ? 3 : 4;
     char32_t c = length == 1 ? lead : lead & (0xffu >> (length + 1));
     for (std::size_t k = 1; k < length && i + k < text.size(); ++k)
       c = (c << 6) | (static_cast<unsigned char>(text[i + k]) & 0x3fu);
-    columns += is_mark(c) ? 0 : is_wide(c) ? 2 : 1;
+    columns += is_zero_width(c) ? 0 : is_wide(c) ? 2 : 1;
     i += length;
   }
   return columns;

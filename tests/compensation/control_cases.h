@@ -55,16 +55,16 @@ template <typename Random>
 ParameterTables any_tables(const Chain& chain, Random& random, const Shape& shape) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   ParameterTables tables = none();
-  for (const int of : {X, Y, Z, A})
-    for (const int moves : {X, Y, Z, A}) {
-      if ((of != moves && !shape.cross) || unit(random) < -0.4) continue;
-      const Joint& joint = chain.joints()[std::size_t(of)];
+  for (const int argument_joint : {X, Y, Z, A})
+    for (const int corrected_joint : {X, Y, Z, A}) {
+      if ((argument_joint != corrected_joint && !shape.cross) || unit(random) < -0.4) continue;
+      const Joint& joint = chain.joints()[std::size_t(argument_joint)];
       const auto n = std::uniform_int_distribution<Eigen::Index>(2, shape.max_points)(random);
-      AxisTable table{of, moves, Eigen::VectorXd::LinSpaced(n, joint.min, joint.max), {}, {}};
+      AxisTable table{argument_joint, corrected_joint, Eigen::VectorXd::LinSpaced(n, joint.min, joint.max), {}, {}};
       const double spacing = (joint.max - joint.min) / double(n - 1);
       if (!shape.even)
         for (double& p : table.position) p += 0.3 * spacing * unit(random);
-      const double large = moves == A ? 1e-4 : 20e-3;
+      const double large = corrected_joint == A ? 1e-4 : 20e-3;
       table.upward = Eigen::VectorXd::NullaryExpr(n, [&] { return large * unit(random); });
       table.downward = table.upward;
       if (shape.both_ways)

@@ -33,14 +33,14 @@ TEST(Heidenhain, ColumnsHoldErrorsThatTheControlTakesOff) {
   const ParameterTables tables = heidenhain_tables({{"Y.COM", com}, {"CONFIG.CMA", cma}});
   ASSERT_EQ(tables.tables.size(), 2u);
   const AxisTable& own = tables.tables[0];
-  EXPECT_EQ(own.of, Y);
-  EXPECT_EQ(own.moves, Y);
+  EXPECT_EQ(own.argument_joint, Y);
+  EXPECT_EQ(own.corrected_joint, Y);
   EXPECT_EQ(own.position, Eigen::Vector2d(-90, 10.5));
   EXPECT_EQ(own.upward, Eigen::Vector2d(-0.01, 0.03));
   EXPECT_EQ(own.downward, Eigen::Vector2d(-0.02, 0));
   const AxisTable& sag = tables.tables[1];
-  EXPECT_EQ(sag.of, Y);
-  EXPECT_EQ(sag.moves, Z);
+  EXPECT_EQ(sag.argument_joint, Y);
+  EXPECT_EQ(sag.corrected_joint, Z);
   EXPECT_EQ(sag.upward, Eigen::Vector2d(0, -0.04));
   EXPECT_EQ(sag.downward, sag.upward);
 }
@@ -77,7 +77,7 @@ TEST(Heidenhain, RandomTablesComeBackToItsDigits) {
   for (int run = 0; run < 100; ++run) {
     ParameterTables tables = any_tables(chain, random, {run % 2 == 0, true, run % 2 == 0, 15});
     for (AxisTable& table : tables.tables)
-      if (table.of != table.moves) table.downward = table.upward;
+      if (table.argument_joint != table.corrected_joint) table.downward = table.upward;
     const Export made = to_control(tables, chain, ControlFormat::Heidenhain);
     EXPECT_TRUE(made.left_out.empty());
     const Difference d = difference(tables, heidenhain_tables(made.files), chain, random);

@@ -57,7 +57,7 @@ TEST(LinuxCnc, ActualPositionsBecomeTrims) {
   const ParameterTables tables = linuxcnc_tables(
       {{"x.comp", "-1 -1.005 -0.995\n0 0.002 -0.003\n1 1.003 0.998\n"}, {"m.ini", ini}});
   ASSERT_EQ(tables.tables.size(), 1u);
-  EXPECT_EQ(tables.tables[0].of, X);
+  EXPECT_EQ(tables.tables[0].argument_joint, X);
   EXPECT_NEAR(tables.tables[0].upward[1], -0.002, 1e-9);
   EXPECT_NEAR(tables.tables[0].downward[1], 0.003, 1e-9);
   EXPECT_NEAR(tables.tables[0].upward[0], 0.005, 1e-9);
@@ -89,7 +89,7 @@ TEST(LinuxCnc, AWholeIniIsReadForItsCompFilesOnly) {
       "q\n";
   const ParameterTables tables = linuxcnc_tables({{"m.ini", ini}, {"up.comp", "0 1 2\n1 2 3\n"}});
   ASSERT_EQ(tables.tables.size(), 1u);
-  EXPECT_EQ(tables.tables[0].of, Z);
+  EXPECT_EQ(tables.tables[0].argument_joint, Z);
 }
 
 TEST(LinuxCnc, SaysWhatItCannotHold) {
@@ -97,7 +97,7 @@ TEST(LinuxCnc, SaysWhatItCannotHold) {
   tables.offset[Z] = -0.0123;
   tables.offset[A] = 4e-6;
   AxisTable cross = two_points();
-  cross.moves = Z;
+  cross.corrected_joint = Z;
   AxisTable long_one{X, X, Eigen::VectorXd::LinSpaced(300, 0, 299), {}, {}};
   long_one.upward = long_one.position.array().square() * 1e-6;
   long_one.downward = long_one.upward;
@@ -167,7 +167,7 @@ TEST(LinuxCnc, WhatIsReadIsWhatItsMotionControllerDoes) {
       if (f.name == "compensation.ini") continue;
       const ParameterTables back = linuxcnc_tables({f});
       const AxisTable& table = back.tables.at(0);
-      const double unit = table.of == A ? units::deg : 1.0;
+      const double unit = table.argument_joint == A ? units::deg : 1.0;
       std::uniform_real_distribution<double> anywhere(-450.0, 300.0);
       for (int k = 0; k < 100; ++k) {
         const double q = anywhere(random);
@@ -194,7 +194,7 @@ TEST(LinuxCnc, RandomTablesComeBack) {
     const ParameterTables back = linuxcnc_tables(made.files);
     ASSERT_EQ(back.tables.size(), tables.tables.size());
     for (std::size_t k = 0; k < tables.tables.size(); ++k)
-      EXPECT_EQ(back.tables[k].moves, tables.tables[k].moves);
+      EXPECT_EQ(back.tables[k].corrected_joint, tables.tables[k].corrected_joint);
     const Difference d = difference(tables, back, chain, random);
     largest.mm = std::max(largest.mm, d.mm);
     largest.rad = std::max(largest.rad, d.rad);

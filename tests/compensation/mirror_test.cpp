@@ -69,7 +69,7 @@ TEST(Mirror, DisplacementOfTheToolIsFoundWhereNormalsSeeIt) {
   const DisplacementSeries course = explain_deviation(cut_by(1000, move, normal), exact);
   double worst = 0.0;
   for (double t = 0.1; t < 9.9; t += 0.01)
-    worst = std::max(worst, (move_at(course, t) - move(t)).norm());
+    worst = std::max(worst, (displacement_at(course, t) - move(t)).norm());
   std::cout << "largest error of the displacement " << worst << " mm\n";
   EXPECT_LT(worst, 1e-6);
 }
@@ -92,7 +92,7 @@ TEST(Mirror, WhatIsLinearAlongAPassIsMetToItsEndsAndPassesAreKeptApart) {
     const DisplacementSeries course = explain_deviation(part, exact);
     double worst = 0.0;
     for (Index i = 0; i < part.time_s.size(); ++i)
-      worst = std::max(worst, std::abs(part.normals.row(i).dot(move_at(course, part.time_s[i])) -
+      worst = std::max(worst, std::abs(part.normals.row(i).dot(displacement_at(course, part.time_s[i])) -
                                        part.deviation[i]));
     // a pass of less than two groups has one displacement: half its length is not met
     const double bound = in_a_pass < 16 ? 8e-3 * 0.02 * double(in_a_pass - 1) / 2 + 1e-12 : 1e-12;
@@ -114,15 +114,15 @@ TEST(Mirror, PointsOfOneInstantHaveOneDisplacement) {
   nearly.damping = 1e-6;
   const DisplacementSeries course = explain_deviation(part, nearly);
   ASSERT_EQ(course.time_s.size(), 2);
-  EXPECT_NEAR(move_at(course, 1.0).x(), 2e-3, 1e-12);
-  EXPECT_NEAR(move_at(course, 2.0).x(), 2e-3, 1e-12);
+  EXPECT_NEAR(displacement_at(course, 1.0).x(), 2e-3, 1e-12);
+  EXPECT_NEAR(displacement_at(course, 2.0).x(), 2e-3, 1e-12);
 }
 
 TEST(Mirror, DirectionThatNoNormalSeesStaysUnmoved) {
   const auto move = [](double) { return Vector3d(1.0, 1.0, 1e-3); };
   const auto up = [](Index) { return Vector3d(0, 0, 1); };
   const DisplacementSeries course = explain_deviation(cut_by(100, move, up));
-  const Vector3d found = move_at(course, 0.5);
+  const Vector3d found = displacement_at(course, 0.5);
   EXPECT_EQ(found.x(), 0.0);
   EXPECT_EQ(found.y(), 0.0);
   EXPECT_NEAR(found.z(), 1e-3, 1e-3 * MirrorOptions{}.damping * MirrorOptions{}.damping);
@@ -138,9 +138,9 @@ TEST(Mirror, GapInTimePartsNeighbours) {
   MirrorOptions exact;
   exact.damping = 0.0;
   const DisplacementSeries course = explain_deviation(part, exact);
-  EXPECT_NEAR(move_at(course, 0.1).z(), 1e-3, 1e-15);
-  EXPECT_NEAR(move_at(course, 100.15).z(), -1e-3, 1e-15);
-  EXPECT_EQ(move_at({}, 1.0), Vector3d::Zero());
+  EXPECT_NEAR(displacement_at(course, 0.1).z(), 1e-3, 1e-15);
+  EXPECT_NEAR(displacement_at(course, 100.15).z(), -1e-3, 1e-15);
+  EXPECT_EQ(displacement_at({}, 1.0), Vector3d::Zero());
 }
 
 }  // namespace

@@ -18,25 +18,25 @@ using namespace cases;
 
 /// A correction of one axis over the position of one axis.
 template <typename Curve>
-CorrectionAt along(int of, int moves, const Curve& curve) {
+CorrectionAt along(int argument_joint, int corrected_joint, const Curve& curve) {
   return [=](const AxisState& state) -> AxisVector {
     AxisVector c = AxisVector::Zero(state.q.size());
-    c[moves] = curve(state.q[of]);
+    c[corrected_joint] = curve(state.q[argument_joint]);
     return c;
   };
 }
 
 /// Largest miss of tables along one axis, at 20 001 places of its travel.
 double missed(const ParameterTables& tables, const CorrectionAt& correction_at, const Chain& chain,
-              int of, int moves) {
+              int argument_joint, int corrected_joint) {
   double largest = 0.0;
   AxisState state;
   state.q = AxisVector::Zero(chain.size());
-  const Joint& joint = chain.joints()[std::size_t(of)];
+  const Joint& joint = chain.joints()[std::size_t(argument_joint)];
   for (int k = 0; k <= 20000; ++k) {
-    state.q[of] = joint.min + (joint.max - joint.min) * k / 20000.0;
+    state.q[argument_joint] = joint.min + (joint.max - joint.min) * k / 20000.0;
     largest =
-        std::max(largest, std::abs(correction(tables, state)[moves] - correction_at(state)[moves]));
+        std::max(largest, std::abs(correction(tables, state)[corrected_joint] - correction_at(state)[corrected_joint]));
   }
   return largest;
 }
@@ -45,7 +45,7 @@ TEST(ParameterTables, ATableLeavesNoMoreThanTheSquareOfItsSpacingTimesTheBendOve
   const Chain chain = gantry();
   struct Case {
     const char* name;
-    int of, moves;
+    int argument_joint, corrected_joint;
     double spacing, spacing_rad, amplitude, wave;  // mm or rad
   };
   for (const Case& c : {Case{"pitch of X", X, X, 5.0, 0.0873, 10e-3, 60.0},
@@ -53,7 +53,7 @@ TEST(ParameterTables, ATableLeavesNoMoreThanTheSquareOfItsSpacingTimesTheBendOve
                         Case{"A over itself", A, A, 5.0, 0.05, 100e-6, 0.9},
                         Case{"Z over A", A, Z, 5.0, 0.02, 8e-3, 0.7}}) {
     const double w = 2.0 * pi / c.wave;
-    const auto at = along(c.of, c.moves, [&](double q) { return c.amplitude * std::sin(w * q); });
+    const auto at = along(c.argument_joint, c.corrected_joint, [&](double q) { return c.amplitude * std::sin(w * q); });
     TableOptions options;
     options.spacing = c.spacing;
     options.spacing_rad = c.spacing_rad;
@@ -61,7 +61,7 @@ TEST(ParameterTables, ATableLeavesNoMoreThanTheSquareOfItsSpacingTimesTheBendOve
     ASSERT_EQ(tables.tables.size(), 1u) << c.name;
     const double h = tables.tables[0].position[1] - tables.tables[0].position[0];
     const double bound = h * h / 8.0 * c.amplitude * w * w;
-    const double left = missed(tables, at, chain, c.of, c.moves);
+    const double left = missed(tables, at, chain, c.argument_joint, c.corrected_joint);
     std::cout << c.name << ": " << left << " left of " << bound << "\n";
     EXPECT_LE(left, bound);
     EXPECT_GT(left, 0.9 * bound) << "the bound is sharp";
@@ -102,7 +102,7 @@ TEST(ParameterTables, TheNoseAndAnAxisWithoutEndAreNotTabulated) {
   const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6));
   EXPECT_EQ(tables.tables.size(), 16u);
   for (const AxisTable& table : tables.tables)
-    for (const int joint : {table.of, table.moves}) EXPECT_TRUE(joint != C && joint != s);
+    for (const int joint : {table.argument_joint, table.corrected_joint}) EXPECT_TRUE(joint != C && joint != s);
   EXPECT_EQ(tables.offset[C], 0.0);
   EXPECT_EQ(tables.offset[s], 0.0);
   EXPECT_EQ(tables.offset[X], 1e-3);
@@ -120,10 +120,10 @@ TEST(ParameterTables, ARangeStandsForTheTravel) {
   const ParameterTables tables = tabulate(everywhere, chain, AxisVector::Zero(6), options);
   EXPECT_EQ(tables.tables.size(), 10u) << "C and X are looked up, C X Y Z A corrected";
   for (const AxisTable& table : tables.tables) {
-    EXPECT_TRUE(table.of == C || table.of == X);
-    EXPECT_NE(table.moves, s);
-    EXPECT_EQ(table.position[0], table.of == C ? 0.0 : -10.0);
-    EXPECT_EQ(table.position[table.position.size() - 1], table.of == C ? 2.0 * pi : 10.0);
+    EXPECT_TRUE(table.argument_joint == C || table.argument_joint == X);
+    EXPECT_NE(table.corrected_joint, s);
+    EXPECT_EQ(table.position[0], table.argument_joint == C ? 0.0 : -10.0);
+    EXPECT_EQ(table.position[table.position.size() - 1], table.argument_joint == C ? 2.0 * pi : 10.0);
   }
 }
 
@@ -222,9 +222,9 @@ TEST(ParameterTables, TablesThatAreNoneAreRefused) {
   validate({{good}, AxisVector::Zero(6)}, chain);
   refused([](ParameterTables& t) { t.offset = AxisVector::Zero(5); });
   refused([](ParameterTables& t) { t.offset[3] = std::nan(""); });
-  refused([](ParameterTables& t) { t.tables[0].of = 6; });
-  refused([](ParameterTables& t) { t.tables[0].moves = s; });
-  refused([](ParameterTables& t) { t.tables[0].of = -1; });
+  refused([](ParameterTables& t) { t.tables[0].argument_joint = 6; });
+  refused([](ParameterTables& t) { t.tables[0].corrected_joint = s; });
+  refused([](ParameterTables& t) { t.tables[0].argument_joint = -1; });
   refused([](ParameterTables& t) { t.tables[0].position = Eigen::Vector2d(1, 1); });
   refused([](ParameterTables& t) { t.tables[0].position = Eigen::Vector3d(1, 2, 3); });
   refused([](ParameterTables& t) { t.tables[0].downward[1] = INFINITY; });

@@ -48,8 +48,8 @@ TEST(Siemens, APositiveEncoderValueMovesTheAxisInTheNegativeDirection) {
   const ParameterTables tables = siemens_tables(encoder_ini);
   ASSERT_EQ(tables.tables.size(), 1u);
   const AxisTable& table = tables.tables[0];
-  EXPECT_EQ(table.of, X);
-  EXPECT_EQ(table.moves, X);
+  EXPECT_EQ(table.argument_joint, X);
+  EXPECT_EQ(table.corrected_joint, X);
   EXPECT_EQ(table.position, Eigen::Vector3d(-50, 50, 150));
   EXPECT_EQ(table.upward, Eigen::Vector3d(-0.003, -0.01, 0.0));
   EXPECT_EQ(table.downward, table.upward);
@@ -59,8 +59,8 @@ TEST(Siemens, APositiveEncoderValueMovesTheAxisInTheNegativeDirection) {
 TEST(Siemens, ATableOfOneDirectionIsForThatDirectionOnly) {
   const ParameterTables tables = siemens_tables(cross_ini);
   ASSERT_EQ(tables.tables.size(), 1u);
-  EXPECT_EQ(tables.tables[0].of, Y);
-  EXPECT_EQ(tables.tables[0].moves, Z);
+  EXPECT_EQ(tables.tables[0].argument_joint, Y);
+  EXPECT_EQ(tables.tables[0].corrected_joint, Z);
   EXPECT_EQ(tables.tables[0].upward, Eigen::Vector2d(0, 0.01));
   EXPECT_EQ(tables.tables[0].downward, Eigen::Vector2d(0, 0));
 }

@@ -165,7 +165,7 @@ TEST(ThermalSeries, CountsFromTheFirstRowOrAsRead) {
   ThermalBelief belief{{term("EZZ", false, law(1.0_um, {{"nut", 2.0_um}}))}, true};
   const ThermalSeries since = thermal_series(belief, log, chain);
   EXPECT_EQ(since.value.col(0), Eigen::Vector3d(1.0_um, 1.0_um + 2 * 2.0_um, 1.0_um + 8 * 2.0_um));
-  EXPECT_EQ(since.held, 0);
+  EXPECT_EQ(since.limited_rows, 0);
   belief.since_start = false;
   belief.terms[0].model.highest[0] = 30.0;
   const ThermalSeries as_read = thermal_series(belief, log, chain);
@@ -180,7 +180,7 @@ TEST(ThermalSeries, HoldsWhatWasNeverTrainedAtTheEndOfItsRange) {
                               term("EYY", true, law(0.0, {{"nut", 1e-6}}))},
                              true};
   const ThermalSeries course = thermal_series(belief, log_of({"nut_C"}, {0, 1, 2, 3}, T), chain);
-  EXPECT_EQ(course.held, 2);
+  EXPECT_EQ(course.limited_rows, 2);
   EXPECT_NEAR(course.value(1, 0), 21.9_um, 1e-15);
   EXPECT_NEAR(course.value(2, 0), 22.0_um, 1e-15);
   EXPECT_NEAR(course.value(3, 0), -2.0_um, 1e-15);

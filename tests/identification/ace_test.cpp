@@ -48,7 +48,7 @@ std::vector<int> days(int first, int last) {
 ThermalModelOptions support_vectors(double gamma) {
   ThermalModelOptions options = options_of(ModelKind::SupportVectors);
   options.support.gamma = gamma;
-  options.most_rows = 260;
+  options.max_rows = 260;
   return options;
 }
 
@@ -92,7 +92,7 @@ std::vector<Recipe> untuned() {
   for (const ModelKind kind :
        {ModelKind::Linear, ModelKind::SupportVectors, ModelKind::KernelRidge, ModelKind::Network}) {
     result.push_back({{false, 0}, options_of(kind)});
-    result.back().model.most_rows = 260;
+    result.back().model.max_rows = 260;
   }
   result.push_back({{true, 0}, options_of(ModelKind::Linear)});
   return result;

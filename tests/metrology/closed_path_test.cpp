@@ -95,7 +95,7 @@ TEST(Shares, OfAnArcAreAlikeAndItDoesNotGoRound) {
 TEST(Shares, OfPlacesCountEachOnce) {
   Eigen::MatrixX3d places(7, 3);
   places << 1, 2, 3, 4, 5, 6, 1, 2, 3 + 1e-10, -0.0, 0, 0, 0.0, 0, 0, 1, 2, 3, 7, 8, 9;
-  const VectorXd share = place_weights(places, 1e-9);
+  const VectorXd share = position_weights(places, 1e-9);
   const VectorXd by_hand = (VectorXd(7) << 1.0 / 3, 1, 1.0 / 3, 0.5, 0.5, 1.0 / 3, 1).finished();
   EXPECT_LT((share - by_hand).cwiseAbs().maxCoeff(), 1e-12) << share.transpose();
 }
@@ -295,7 +295,7 @@ TEST(ClosedCircle, CausesAreTheSameWithTheFirstPlaceReadAgain) {
 }
 
 TEST(ClosedCircle, PlacesCountAndNotReadings) {
-  EXPECT_EQ(place_count(circular_runs(R, around(4, true), ellipse)), 8);
+  EXPECT_EQ(position_count(circular_runs(R, around(4, true), ellipse)), 8);
   EXPECT_THROW(circular_causes(circular_runs(R, around(4, true), ellipse)), std::invalid_argument)
       << "ten readings at eight places do not tell eight causes";
   EXPECT_NO_THROW(circular(circular_runs(R, around(3, true), ellipse)));

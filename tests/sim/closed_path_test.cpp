@@ -143,7 +143,7 @@ TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
     ASSERT_FALSE(a.others.empty());
     for (std::size_t k = 0; k < a.others.size(); ++k) {
       const auto square = [](const errors::metrology::OtherTest& t) {
-        return t.share.dot(t.deviation.cwiseAbs2());
+        return t.weights.dot(t.deviation.cwiseAbs2());
       };
       const double scale = std::max(square(a.others[k]), 1e-12);
       EXPECT_NEAR(square(b.others[k]) / scale, square(a.others[k]) / scale, 1e-6)

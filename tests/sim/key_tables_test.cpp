@@ -72,7 +72,7 @@ std::string table_of(const std::string& section, const std::set<std::string>& se
     const std::string name = prefix.empty() ? row.path : row.path.substr(prefix.size() + 1);
     std::string key = "`" + name + "`";
     if (row.required) key = "**" + key + "**";
-    if (!row.when.empty()) key += " with `" + row.when + "`";
+    if (!row.condition.empty()) key += " with `" + row.condition + "`";
     rows += "| " + key + " | " + cell(row.value) + " | " + cell(row.fallback) + " | " +
             cell(row.sentence) + " |\n";
   }

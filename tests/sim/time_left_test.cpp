@@ -128,7 +128,7 @@ TEST(RemainingTime, FollowsAStageThatIsFarFromItsPrediction) {
   EXPECT_NEAR(one.remaining_s(7.5), 22.5, 0.3 * 22.5);
   one.report("surface", 0.5, 15.0);
   EXPECT_NEAR(one.remaining_s(15.0), 15.0, 1e-9);
-  EXPECT_NEAR(one.done(15.0), 0.5, 1e-9);
+  EXPECT_NEAR(one.completed_fraction(15.0), 0.5, 1e-9);
   // and what it teaches counts for the next of its kind
   RemainingTime two({{"a", "surface", 10.0}, {"b", "surface", 20.0}});
   two.report("surface", 0.5, 15.0);
