@@ -196,9 +196,9 @@ struct ErrorStudy {
   Spread in_cycle;                     ///< on the training runs
   std::optional<Validation> left_out;  ///< each training run predicted from the others; empty for a
                                        ///< single run
-  Validation test;              ///< on the test runs, which were not used for choice or fit
-  double drift_range = 0.0;     ///< max - min of y in the test data
-  double rms_over_range = 0.0;  ///< 0 if the range is 0
+  Validation test;                     ///< on the test runs, which were not used for choice or fit
+  double drift_range = 0.0;            ///< max - min of y in the test data
+  double rms_over_range = 0.0;         ///< 0 if the range is 0
 };
 
 /// Result of a study of sensors.

@@ -139,7 +139,7 @@ bool is_measured_along(const Series& series, int joint) {
   return std::abs(reading_change) > 0.5 * displacement(farthest);
 }
 
-AxisTest::TestKind test_kind(const Series& series, int joint, const AxisTest& test) {
+AxisTest::TestKind classify_axis_test(const Series& series, int joint, const AxisTest& test) {
   using TestKind = AxisTest::TestKind;
   if (test.rotary) return test.angle ? TestKind::Positioning : TestKind::ErrorMotion;
   if (test.angle) return TestKind::Angle;
@@ -183,7 +183,7 @@ std::optional<AxisTest> axis_test(const Series& series, int joint) {
     // 0.7: cosine of 45 degrees, between axial and radial.
     test.axial = std::abs(sensor_direction_b(series).dot(axis.direction_b)) > 0.7;
   }
-  test.what = test_kind(series, joint, test);
+  test.what = classify_axis_test(series, joint, test);
   test.runs = std::move(*runs);
   return test;
 }
