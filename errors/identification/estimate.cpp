@@ -502,7 +502,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   result.reduced_chi_square = q.reduced_chi_square;
   if (options.compare_mistakes) {
     result.quality = reading_qualities(problem, fit, is_out);
-    result.mistake_alternatives = mistake_alternatives(problem, fit, is_out);
+    result.alternatives = mistake_alternatives(problem, fit, is_out);
   }
   result.condition = fit.factor.condition;
   result.iterations = first.iterations + fit.iterations;

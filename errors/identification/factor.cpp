@@ -157,9 +157,9 @@ Factor factor(const MatrixXd& A, const std::vector<char>& is_sought,
 VectorXd solve(const Factor& factor, const VectorXd& b) {
   if (factor.determined.empty()) return VectorXd();
   VectorXd padded = VectorXd::Zero(factor.outer.packed.rows());
-  padded.reduced(b.size()) = b;
+  padded.head(b.size()) = b;
   const VectorXd reduced =
-      apply_reflections(factor.outer, padded).reduced(factor.outer.packed.cols());
+      apply_reflections(factor.outer, padded).head(factor.outer.packed.cols());
   return abbe::solve(factor.inner, reduced).cwiseQuotient(factor.norm);
 }
 

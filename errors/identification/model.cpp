@@ -247,13 +247,13 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
           fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
   }
   const std::vector<ElementModel> models = all_element_models(nominal, options);
-  for (const std::string& name : options.selected) check_element_names(name, models);
+  for (const std::string& name : options.only) check_element_names(name, models);
   for (const auto& override : options.orders) check_element_names(override.first, models);
 
   GeometricErrors model;
   for (const ElementModel& p : models) {
     const std::string name = to_string(p.element.name);
-    const auto& selected = options.selected;
+    const auto& selected = options.only;
     if (!selected.empty() && std::find(selected.begin(), selected.end(), name) == selected.end())
       continue;
     // An element whose coefficients are all held has nothing to identify.
@@ -471,7 +471,8 @@ Score score(const OrderProblem& problem, const Training& fold, int element,
   return result;
 }
 
-/// Returns the smallest order within one standard error of the best. Errors common to all orders
+/// Returns the smallest order within one standard error of the best.
+/// Errors common to all orders
 /// carry no information about the order, so each order is compared with the best fold by fold, and
 /// the standard error is that of the difference.
 int smallest_sufficient_order(const std::vector<VectorXd>& mean_square_of_folds) {

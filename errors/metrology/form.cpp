@@ -177,7 +177,8 @@ void add_contact_points(const VectorXd& residuals, ChebyshevFit& fit) {
 
 /// Returns the uniform fit, by exchanging one point at a time of a reference of four (Remez). The
 /// third term is a constant, so `terms` has two columns. `terms` and `y` should be centred and
-/// scaled to about 1. Source: Stiefel 1959; Watson 1980, ch. 2.
+/// scaled to about 1.
+/// Source: Stiefel 1959; Watson 1980, ch. 2.
 ChebyshevFit chebyshev_fit(const Eigen::MatrixX2d& terms, const VectorXd& y) {
   ChebyshevFit fit;
   const Index n = y.size();
