@@ -74,7 +74,7 @@ std::map<char, AxisRuns> axis_runs(const Readings& readings, const Sensors& sens
       axis.time_s.push_back(set_up_start_s(start, test.set_up));
       // The first run of an axis is the cold one, to which temperature changes refer.
       axis.runs.push_back({test.runs.target, mean_of(test.runs),
-                           axis.T_C.constant_and_slopes() - axis.T_C.front(), cold});
+                           axis.T_C.back() - axis.T_C.front(), cold});
     }
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
@@ -210,7 +210,7 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
                      slide.displacement_per_reading * slide.travel_per_command)});
     result.axes.push_back(
         {name, axis.time_s.front(), axis.T_C.front(), fit, with_constant(axis, fit)});
-    add_warnings(result.warnings, result.axes.constant_and_slopes(), options.sensors);
+    add_warnings(result.warnings, result.axes.back(), options.sensors);
   }
   return result;
 }
@@ -335,7 +335,7 @@ CoefficientSeries coefficient_series(const errors::GeometricErrors& model,
     series.value.row(k) = estimate.value;
     series.sigma.row(k) = standard_uncertainties(estimate, list);
   }
-  series.confounded = estimates.constant_and_slopes().confounded;
+  series.confounded = estimates.back().confounded;
   return series;
 }
 
