@@ -53,8 +53,8 @@ void check_order(const std::string& name, int order) {
 }
 
 int element_order(const ElementName& name, int default_order, const ModelOptions& options) {
-  const auto override = options.orders.find(to_string(name));
-  return override == options.orders.end() ? default_order : override->second;
+  const auto order_override = options.orders.find(to_string(name));
+  return order_override == options.orders.end() ? default_order : order_override->second;
 }
 
 /// States which parameters of a straight line are identified. The others are held.
@@ -248,7 +248,8 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
   }
   const std::vector<ElementModel> models = all_element_models(nominal, options);
   for (const std::string& name : options.only) check_element_names(name, models);
-  for (const auto& override : options.orders) check_element_names(override.first, models);
+  for (const auto& order_override : options.orders)
+    check_element_names(order_override.first, models);
 
   GeometricErrors model;
   for (const ElementModel& p : models) {
