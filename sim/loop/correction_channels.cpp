@@ -149,8 +149,8 @@ AxisVector nominal_axes(const Machine& machine, const program::Path& path,
 // The path is corrected with the shift that the corrector expects. It is run with the shift that
 // the control measures.
 Commands apply_program_channel(const ControlView& view, const Corrector& corrector,
-                               const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w) {
-  const CompensationDescription& resolution = view.compensation;
+                               const Eigen::Vector3d& expected_w,
+                               const Eigen::Vector3d& measured_w) {
   const kinematics::Chain& control = view.machine.control;
   const std::vector<AxisState> uncorrected =
       commanded(control, view.path, view.samples, view.machine.nominal, expected_w);
@@ -158,8 +158,9 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
   const program::CorrectedPath points =
       program::thinned(view.path, dense_points(view, ideal.states, expected_w), view.control,
                        thin_options(view, uncorrected));
-  program::RewrittenProgram rewritten = program::rewritten(
-      view.path, points, view.control, {resolution.word_resolution, resolution.angle_resolution});
+  program::RewrittenProgram rewritten =
+      program::rewritten(view.path, points, view.control,
+                         {view.compensation.word_resolution, view.compensation.angle_resolution});
 
   // A corrector with jumps would give a program of unlimited length. The limit of 20 times the
   // original samples stops it before the memory is exhausted.
@@ -170,7 +171,7 @@ Commands apply_program_channel(const ControlView& view, const Corrector& correct
                                   : program::read_nc(rewritten.text, "rewritten.ngc", view.control);
   result.rewritten_program = std::move(rewritten.text);
   result.samples = program::sample(*result.path, control, options);
-  result.samples.states = commanded(control, *result.path, result.samples, control, found_w);
+  result.samples.states = commanded(control, *result.path, result.samples, control, measured_w);
   result.T_wt_nominal =
       rewritten_target_poses(view, *result.path, result.samples, rewritten.of_line);
   result.point_left = ideal.point_left;
