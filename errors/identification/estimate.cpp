@@ -36,6 +36,7 @@ bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
          name.component() != int(along);
 }
 
+/// Returns the group of a coefficient.
 Preference number_preference(const Coefficient& coefficient, const GeometricErrors& model,
                              const kinematics::Chain& chain) {
   const Element& element = model.elements[std::size_t(coefficient.element)];
@@ -89,6 +90,7 @@ std::vector<Index> used_rows(const std::vector<char>& is_out) {
   return rows;
 }
 
+/// Returns the factor of the design matrix without the rows left out, with the prior.
 Factor reduced_factor(const Problem& problem, const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);
   const Design& design = problem.design;
@@ -268,6 +270,7 @@ Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>&
   return {freedom, chi_square, freedom > 0 ? chi_square / freedom : 0.0};
 }
 
+/// Returns the quality of the fit for every set of readings.
 std::vector<FitQuality> reading_qualities(const Problem& problem, const Fit& fit,
                                           const std::vector<char>& is_out) {
   const std::vector<Index> rows = used_rows(is_out);

@@ -158,8 +158,7 @@ VectorXd solve(const Factor& factor, const VectorXd& b) {
   if (factor.determined.empty()) return VectorXd();
   VectorXd padded = VectorXd::Zero(factor.outer.packed.rows());
   padded.head(b.size()) = b;
-  const VectorXd reduced =
-      apply_reflections(factor.outer, padded).head(factor.outer.packed.cols());
+  const VectorXd reduced = apply_reflections(factor.outer, padded).head(factor.outer.packed.cols());
   return abbe::solve(factor.inner, reduced).cwiseQuotient(factor.norm);
 }
 

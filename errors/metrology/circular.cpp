@@ -33,6 +33,7 @@ struct Ring {
   }
 };
 
+/// Sorts the angles of readings into distinct positions.
 Ring make_ring(const VectorXd& angle) {
   std::vector<Index> order(static_cast<std::size_t>(angle.size()));
   std::iota(order.begin(), order.end(), 0);
@@ -168,6 +169,7 @@ VectorXd distances(const MatrixX2d& points, const Vector2d& centre) {
   return (points.rowwise() - centre.transpose()).rowwise().norm();
 }
 
+/// Returns the deviations of a path; F refers to the given centre.
 CircularFigures figures(const CircularPath& path, const Vector2d& centre, double nominal_radius) {
   const VectorXd radius = distances(path.points, centre);
   return {least_squares_circle(path.points, path.weights).circularity,
@@ -263,6 +265,7 @@ struct Deviations {
   VectorXd weights;        ///< (n) arc weights
 };
 
+/// Returns the model of the radial deviations of both senses.
 Deviations deviations(const CircularRuns& runs) {
   const Index n = runs.anticlockwise.radius.size(), k = runs.clockwise.radius.size();
   Deviations result{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};

@@ -348,6 +348,7 @@ ScaledPoints scaled(const MatrixX2d& points) {
   return s;
 }
 
+/// Returns the centre of the least-squares circle.
 Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& weights) {
   Centre centre{algebraic_centre(points, weights)};
   const auto sum = [&](const Centre& c, const Vector2d& by) {
@@ -386,6 +387,7 @@ struct ZoneFit {
   double gap() const { return std::max(0.0, width - 2.0 * spread * fit.lower); }
 };
 
+/// Fits the motion that minimises the range of the heights.
 ZoneFit zone_fit(const MatrixX2d& terms, const VectorXd& heights) {
   ZoneFit zone;
   zone.width = heights.maxCoeff() - heights.minCoeff();
@@ -468,6 +470,7 @@ struct PointCloud {
   PlaneFrame frame;
 };
 
+/// Returns points about their weighted mean, with principal axes.
 PointCloud centred_cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
   const VectorXd relative_weights = normalised_weights(weights, points.rows(), "plane");
   PointCloud c;

@@ -27,6 +27,7 @@ struct Targets {
   std::map<int, Index> row;  ///< row of each target number
 };
 
+/// Sorts the targets of a series by their position along a path.
 Targets path_targets(const Series& series, const VectorXd& along) {
   std::map<int, double> position;
   for (std::size_t i = 0; i < series.measurements.size(); ++i)
@@ -432,6 +433,7 @@ Eigen::MatrixXd wrapped_positions(const Series& series) {
   return positions;
 }
 
+/// Returns the deviations of a series from their mean.
 OtherTest other_test(const Series& series) {
   constexpr double tolerance = 1e-9;  // mm or rad
   OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),

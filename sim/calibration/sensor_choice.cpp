@@ -42,6 +42,7 @@ std::vector<double> drift_noise(const errors::metrology::Readings& readings) {
   return noise;
 }
 
+/// Returns the drift and the temperatures of a day, divided into cycles.
 DriftDay drift_day(const DayReadings& day) {
   const errors::metrology::Readings& readings = day.readings;
   if (readings.sensors.size() < 2)

@@ -245,6 +245,7 @@ struct MergedSamples {
   std::vector<std::ptrdiff_t> knot;  ///< (samples) index of the knot; -1 between knots
 };
 
+/// Returns the state at a time between two states.
 AxisState interpolate(const AxisState& a, const AxisState& b, double time_s) {
   AxisState state = b;
   const double u = (time_s - a.time_s) / (b.time_s - a.time_s);
@@ -295,6 +296,7 @@ VectorXd value_at_sample(const TimeSeries& series, compensation::TimeSeriesReade
                              : reader.at(merged.samples.states[i].time_s);
 }
 
+/// Converts merged samples into commands, with their target poses.
 Commands to_commands(const ControlView& view, MergedSamples& merged) {
   Commands result;
   result.T_wt_nominal.resize(merged.nominal.size());
@@ -315,6 +317,7 @@ TimeSeries ideal_tool_displacement(const ControlView& view, const std::vector<Ax
   });
 }
 
+/// Returns the commands with the strokes of a piezo at the tool.
 Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisState>& commanded,
                              const std::vector<AxisState>& ideal) {
   const compensation::Piezo& piezo = view.compensation.piezo;
@@ -332,6 +335,7 @@ Commands apply_piezo_channel(const ControlView& view, const std::vector<AxisStat
   return result;
 }
 
+/// Returns the commands with the correction that reaches the axes.
 Commands apply_axis_channel(const ControlView& view, Channel channel,
                             const std::vector<AxisState>& commanded,
                             const std::vector<AxisState>& ideal) {
