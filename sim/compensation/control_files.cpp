@@ -46,13 +46,13 @@ double max_difference(const AxisTable& table, const AxisTable& approximation) {
 
 /// Returns the union of the positions of tables. Positions that differ only by rounding become one.
 Eigen::VectorXd merge_positions(const std::vector<const AxisTable*>& tables) {
-  std::vector<double> all;
+  std::vector<double> positions;
   for (const AxisTable* table : tables)
-    all.insert(all.end(), table->position.begin(), table->position.end());
-  std::sort(all.begin(), all.end());
+    positions.insert(positions.end(), table->position.begin(), table->position.end());
+  std::sort(positions.begin(), positions.end());
   const auto is_same = [](double a, double b) { return b - a <= position_tolerance; };
-  all.erase(std::unique(all.begin(), all.end(), is_same), all.end());
-  return Eigen::Map<const Eigen::VectorXd>(all.data(), Eigen::Index(all.size()));
+  positions.erase(std::unique(positions.begin(), positions.end(), is_same), positions.end());
+  return Eigen::Map<const Eigen::VectorXd>(positions.data(), Eigen::Index(positions.size()));
 }
 
 /// Returns a table resampled at equidistant positions over its range.

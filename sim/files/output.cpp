@@ -169,7 +169,7 @@ void append_to_manifest(const fs::path& folder,
                         const std::optional<FileEntry>& entry) {
   ordered_json line;
   if (folder_declaration) {
-    if (folder_declaration->whole) line["folder"] = true;
+    if (folder_declaration->is_whole_result) line["folder"] = true;
     line["command"] = folder_declaration->command_line;
     line["version"] = versions()["abbe"];
   }
@@ -347,7 +347,7 @@ void prepare_folder(const fs::path& folder) {
 struct ResultFile::Directory {
   fs::path folder;  ///< never empty
   Writer writer;
-  bool whole = false;               ///< the folder as a whole becomes a result
+  bool is_whole_result = false;     ///< the folder as a whole becomes a result
   bool folder_declaration = false;  ///< the command is in the manifest already
 };
 
@@ -383,13 +383,13 @@ ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path result_folder = folder.empty() ? fs::path(".") : folder;
   check_folder(result_folder, writer);
   // A folder with the user's files, accepted by --force, does not become abbe's as a whole.
-  const bool whole = read_manifest(result_folder).folder ||
-                     find_foreign_files(result_folder).count == 0 ||
-                     read_manifest(result_folder).folder;  // another run may have written its
-                                                           // manifest in between
+  const bool is_whole_result = read_manifest(result_folder).folder ||
+                               find_foreign_files(result_folder).count == 0 ||
+                               read_manifest(result_folder).folder;  // another run may have written
+                                                                     // its manifest in between
   prepare_folder(result_folder);
   directory_ = std::make_shared<ResultFile::Directory>(
-      ResultFile::Directory{result_folder, writer, whole, false});
+      ResultFile::Directory{result_folder, writer, is_whole_result, false});
 }
 
 ResultFile ResultFolder::operator/(const fs::path& name) const {
@@ -453,11 +453,12 @@ void ResultFile::add_to_manifest(const std::optional<FileChecksum>& checksum) co
   const FileEntry entry{name_, subcommand_name(command_line), checksum};
   const bool is_listed = is_latest_entry(read_manifest(directory_->folder), entry);
   if (is_listed && directory_->folder_declaration) return;
-  append_to_manifest(directory_->folder,
-                     directory_->folder_declaration
-                         ? std::nullopt
-                         : std::optional(FolderDeclaration{directory_->whole, command_line}),
-                     is_listed ? std::nullopt : std::optional(entry));
+  append_to_manifest(
+      directory_->folder,
+      directory_->folder_declaration
+          ? std::nullopt
+          : std::optional(FolderDeclaration{directory_->is_whole_result, command_line}),
+      is_listed ? std::nullopt : std::optional(entry));
   directory_->folder_declaration = true;
 }
 

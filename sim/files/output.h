@@ -74,8 +74,8 @@ bool is_latest_entry(const Mark& manifest, const FileEntry& entry);
 
 /// An entry of a manifest for the folder.
 struct FolderDeclaration {
-  bool whole = false;        ///< the folder as a whole is a result
-  std::string command_line;  ///< of the run that writes
+  bool is_whole_result = false;  ///< the folder as a whole is a result
+  std::string command_line;      ///< of the run that writes
 };
 /// Adds one line to the manifest while other processes that write to it wait.
 /// @throws OutputFailure

@@ -46,7 +46,7 @@ class RemainingTime {
  private:
   /// Time taken by work of one kind, s, and the time that was predicted for it, s.
   struct Pace {
-    double took = 0.0, predicted = 0.0;
+    double elapsed = 0.0, predicted = 0.0;
   };
   int parts_before(std::size_t stages) const;
   void move_to(std::size_t stage, double now_s);

@@ -427,7 +427,7 @@ class NcRewriter {
   std::vector<CorrectedPoint> chord_points(const Block& block) const;
   std::vector<CorrectedPoint> half_turn_points(const Block& block) const;
   void write_plane(std::string_view letters);
-  double feed_word(const FeedLength& way, double seconds) const;
+  double feed_word(const FeedLength& distance, double seconds) const;
   double word_step(int joint) const;
   double word_offset(int joint) const;
   bool is_at_words(const AxisVector& words) const;
@@ -628,7 +628,7 @@ void NcRewriter::write_moves(int index, const std::vector<CorrectedPoint>& point
   const Block& block = path_.blocks[std::size_t(index)];
   const bool rapid = block.interpolation == Interpolation::Rapid;
   const double duration = block.end_s - block.start_s;
-  double u = 0.0, jumps_s = 0.0;  // s, time taken by jumps
+  double u = 0.0, jumps_s = 0.0;  // jumps_s: time taken by jumps
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Point to{points[k].u, rounded_words(points[k].at), points[k].centre};
     const bool is_still = is_at_words(to.words);
