@@ -5,6 +5,7 @@
 #include "sim/commands/command.h"
 #include "sim/commands/scene_runs.h"
 
+/// The commands `abbe run`, `abbe compare` and `abbe study`.
 namespace abbe::sim {
 
 /// Returns the option --compensator of `run` and `compare`.

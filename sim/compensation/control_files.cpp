@@ -298,6 +298,7 @@ struct SampledDeviations {
   bool depends_on_direction = false;  // some deviation depends on the direction
 };
 
+/// Samples the deviations of a carriage for both directions of motion; the table holds their mean.
 SampledDeviations sample_deviations(const GeometricModel& model, const Chain& chain, int joint,
                                     AxisState state, const Eigen::VectorXd& positions) {
   SampledDeviations result;
@@ -319,6 +320,7 @@ SampledDeviations sample_deviations(const GeometricModel& model, const Chain& ch
   return result;
 }
 
+/// Returns a note for every element that the format cannot hold.
 std::vector<std::string> omission_notes(const GeometricModel& model, const Chain& chain) {
   std::vector<std::string> words;
   for (const GeometricModel::Bound& bound : model.elements) {
@@ -422,6 +424,7 @@ class VolumetricReader {
     for (Element& element : errors::elements_of(table, use)) add(lines, axis, std::move(element));
   }
 
+  /// Reads the names and the single row of a block of position errors.
   void read_position_errors(TableLines& lines, const std::vector<Cell>& headers, char separator) {
     std::vector<ElementName> names;
     for (const Cell& header : headers) names.push_back(location_name(lines, header));

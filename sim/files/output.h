@@ -17,6 +17,7 @@
 
 #include "sim/files/atomic_output.h"
 
+/// Result folders and files, and the manifests that state which files belong to abbe.
 namespace abbe::sim {
 
 /// Permissions that the user gives on the command line.

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+/// Progress of long work, its remaining time, and interruption by Ctrl-C.
 namespace abbe::sim {
 
 /// A planned stage of work.

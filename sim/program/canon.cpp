@@ -500,6 +500,8 @@ Arc Canon::compute_arc(const ArcMove& move) {
   return arc;
 }
 
+// The arc is computed before the position is marked as known, so that its errors are attributed to
+// earlier ones where these left the position uncertain.
 void Canon::arc(ArcMove move) {
   Block arc_block;
   arc_block.interpolation = Interpolation::Arc;

@@ -31,6 +31,8 @@ constexpr double min_chord_steps = 20.0;
 
 bool is_cubic(const Block& block) { return block.interpolation == Interpolation::Cubic; }
 
+/// Throws std::invalid_argument unless each list is empty or goes from u = 0 to u = 1 without
+/// falling.
 void check_dense(const Path& path, std::span<const Points> dense) {
   if (dense.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
@@ -329,6 +331,7 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
 
 namespace {
 
+/// Throws std::invalid_argument unless each list is empty or increases to u = 1 and fits its block.
 void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected) {
   if (corrected.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
@@ -353,6 +356,7 @@ void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoin
   }
 }
 
+/// Writes a path of cubics as PVT, with the corrections added to its rows.
 RewrittenProgram rewritten_pvt(const Path& path,
                                std::span<const std::vector<CorrectedPoint>> corrected,
                                const NcOptions& control) {
