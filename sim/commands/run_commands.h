@@ -32,6 +32,10 @@ RunOptions run_options(const CommonOptions& common,
                        const std::vector<std::filesystem::path>& compensators,
                        const std::vector<std::string>& formats);
 
+/// Prints exceeded limits and failures on stderr. Returns the exit code.
+Exit print_limits_and_failures(const std::vector<std::string>& exceeded_limits,
+                               const std::vector<std::string>& failed);
+
 /// Prints the figures of a cut or of a comparison, exceeded limits and failures. Returns the exit
 /// code.
 Exit print_outcome(const CommonOptions& common, const RunOptions& options, const Outcome& outcome);

@@ -46,12 +46,12 @@ std::optional<FileChecksum> file_checksum(const std::filesystem::path& file);
 
 /// The contents of the manifest of a folder.
 struct Mark {
-  struct Line {
+  struct Entry {
     std::optional<FileChecksum> checksum;  ///< empty for the journal of a study, which grows
     std::string by;                        ///< command that wrote the file
   };
-  bool folder = false;                             ///< the folder as a whole is a result
-  std::map<std::string, std::vector<Line>> files;  ///< by escaped name, in the order of writing
+  bool is_whole_result = false;                     ///< the folder as a whole is a result
+  std::map<std::string, std::vector<Entry>> files;  ///< by escaped name, in the order of writing
 };
 /// Returns the manifest of a folder; an empty one if there is none, or if it is a link, which could
 /// lead to any file.
