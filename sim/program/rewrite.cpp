@@ -264,7 +264,8 @@ CorrectedPath thinned_cubics(const Path& path, std::span<const Points> dense,
     kept_points[block].push_back(
         {u, position(path, path.blocks[block], u) + rows[k].position, {}, rows[k].velocity});
   };
-  // The nominal part needs no term: a cubic that is split remains the same cubic.
+  // Only corrections are interpolated, because a nominal cubic that is split remains the same
+  // cubic.
   const auto fits = [&, &rows = rows](std::size_t from, std::size_t to) {
     const double duration = rows[to].time_s - rows[from].time_s;
     for (std::size_t k = from + 1; k < to; ++k) {
