@@ -225,8 +225,8 @@ std::array<int, 8> ball_bounds(std::span<const BallChord> moves, const Ray8& ray
   return nearest_moves;
 }
 
-bool is_below_centre(const Cutter& cutter, const Move& move, const Vector3d& place,
-                        double around, const Vector3d& normal, double tilt) {
+bool is_below_centre(const Cutter& cutter, const Move& move, const Vector3d& place, double around,
+                     const Vector3d& normal, double tilt) {
   // The axis turns by at most `angle`, so every ray still rises along it at the end of the move.
   if (normal.dot(move.axis) < tilt + move.angle) return false;
   const Vector3d from_tip = place - move.tip;

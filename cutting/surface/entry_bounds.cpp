@@ -34,8 +34,8 @@ struct PairVectors {
 };
 
 // The two kinds of cutter end. Coordinates are x from the axis and y along it, from k.
-// `core_distance` is the distance from the core, which the cutter exceeds by the thickness `corner`;
-// `support_reach` is the support of the cutter.
+// `core_distance` is the distance from the core, which the cutter exceeds by the thickness
+// `corner`; `support_reach` is the support of the cutter.
 
 struct RoundedEnd {
   float radius, corner, ring, flank;

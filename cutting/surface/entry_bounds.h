@@ -63,9 +63,9 @@ struct alignas(32) MovePlanes {
   float gap[Move8::width];   ///< mm times |m|, lower bound of the distance by which the ray's point
                              ///< is in front of the plane
 };
-/// Computes the planes that touch the moves where `ray` enters first. They also hold for neighbouring
-/// rays of the same band whose points are at most `max_offset` from that of `ray` (mm, the sum of the
-/// absolute values of the three coordinates).
+/// Computes the planes that touch the moves where `ray` enters first. They also hold for
+/// neighbouring rays of the same band whose points are at most `max_offset` from that of `ray` (mm,
+/// the sum of the absolute values of the three coordinates).
 /// @param planes  (moves), output
 void move_planes(const Cutter& cutter, std::span<const Move8> moves, const Ray& ray,
                  double max_offset, std::span<MovePlanes> planes);
