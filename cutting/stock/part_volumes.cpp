@@ -34,7 +34,7 @@ class SkinLattice {
   explicit SkinLattice(const StockSkin& skin)
       : T_wk_(skin.T_wk), kind_(skin.lattice), edge_(skin.spacing) {
     // Skew to the faces: along a face whole layers of lines would be in or out.
-    if (kind_ == StockSkin::Lattice::DexelSelection)
+    if (kind_ == StockSkin::Lattice::ThreeDirections)
       T_wk_.rotate(Eigen::Quaterniond(0.79, 0.23, 0.41, 0.17).normalized());
     T_kw_ = T_wk_.inverse();
     for (const auto& p : skin.mesh.vertices_w.rowwise()) box_.extend(numbers_of(p.transpose()));
@@ -54,9 +54,9 @@ class SkinLattice {
 
   std::vector<int> directions() const {
     switch (kind_) {
-      case StockSkin::Lattice::DexelSelection:
+      case StockSkin::Lattice::ThreeDirections:
         return {0, 1, 2};
-      case StockSkin::Lattice::DexelsAlong:
+      case StockSkin::Lattice::OneDirection:
         return {2};
       case StockSkin::Lattice::Profile:
         break;
@@ -97,7 +97,7 @@ class SkinLattice {
   /// Returns the fraction of a displacement to the design that is measured along this direction;
   /// the fractions of all directions sum to one.
   double share(int direction, const Vector3d& way_w) const {
-    if (kind_ == StockSkin::Lattice::DexelsAlong) return 1.0;
+    if (kind_ == StockSkin::Lattice::OneDirection) return 1.0;
     const double cosine = T_wk_.linear().col(direction).dot(way_w);
     if (!is_round()) return cosine * cosine;
     const double axial = T_wk_.linear().col(2).dot(way_w);
@@ -489,7 +489,7 @@ double spacing_for(const StockSkin& skin, const std::vector<int>& triangles) {
     return std::max(length / rings, skin.spacing);
   }
   // Between dexels of one direction nothing is known of walls along them.
-  const double least = skin.lattice == StockSkin::Lattice::DexelsAlong ? 1.0 : 0.125;
+  const double least = skin.lattice == StockSkin::Lattice::OneDirection ? 1.0 : 0.125;
   return std::clamp(std::sqrt(area / worth), least * skin.spacing, 4.0 * skin.spacing);
 }
 

@@ -91,8 +91,8 @@ class SkinMesher {
     result.first.push_back(int(uses_.size()));
     result.place = std::move(uses_);
     result.spacing = stock_.spacing;
-    result.lattice = stock_.fields.size() == 1 ? StockSkin::Lattice::DexelsAlong
-                                               : StockSkin::Lattice::DexelSelection;
+    result.lattice = stock_.fields.size() == 1 ? StockSkin::Lattice::OneDirection
+                                               : StockSkin::Lattice::ThreeDirections;
     result.T_wk = stock_.T_wk * Eigen::Translation3d(stock_.origin_k);
     return result;
   }

@@ -22,11 +22,11 @@ struct StockSkin {
   double spacing = 0.0;            ///< mm, between dexels or nodes of a profile
   /// The directions in which the skin was sampled.
   enum class Lattice : std::uint8_t {
-    DexelSelection,  ///< along x, y and z
-    DexelsAlong,     ///< along z alone
+    ThreeDirections,  ///< along x, y and z
+    OneDirection,     ///< along z alone
     Profile,         ///< along z, the axis, and across it
   };
-  Lattice lattice = Lattice::DexelSelection;
+  Lattice lattice = Lattice::ThreeDirections;
   Eigen::Isometry3d T_wk = Eigen::Isometry3d::Identity();  ///< pose of the lattice; a node is at 0
 };
 
