@@ -372,7 +372,7 @@ CompetingPass competing_pass_at(const TurnedSweep& sweep, const NoseCut& cut, co
 }
 
 std::vector<CompetingPass> competing_passes_along(const TurnedSweep& sweep, const Ray& ray) {
-  const std::optional<NoseCut> first_cut = sweep.cut_search.first_cut(ray);
+  const std::optional<NoseCut> first_cut = sweep.cut_search.first(ray);
   if (!first_cut || first_cut->s <= -ray.band) return {};
   const double limit = std::min(first_cut->s + sweep.options.reach, ray.band);
   std::vector<NoseCut> cuts =

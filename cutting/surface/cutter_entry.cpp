@@ -385,11 +385,11 @@ std::optional<Hit> ray_entry(const Cutter& cutter, const Position& pose, const V
   const LocalRay ray(pose, point, normal);
   const Interval cylinder = within_cylinder(ray, cutter.radius);
   const Interval slab = within_slab(ray, cutter.flank_length);
-  const double s = std::max(cylinder.sphere_entry, slab.sphere_entry);
+  const double s = std::max(cylinder.in, slab.in);
   const double out = std::min(cylinder.out, slab.out);
   if (!(s <= out)) return std::nullopt;
   if (cutter.outline) return outline_entry(*cutter.outline, ray, std::max(s, least));
-  const bool enters_through_end = slab.sphere_entry >= cylinder.sphere_entry;
+  const bool enters_through_end = slab.in >= cylinder.in;
   if (enters_through_end && ray.dh < 0) return Hit{s, pose.axis};
   const double ring_radius = cutter.radius - cutter.corner_radius;
   if (enters_through_end && std::isfinite(s) &&

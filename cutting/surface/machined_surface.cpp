@@ -160,7 +160,7 @@ void check_block(const StreamArguments& arguments, const CutterMotion& motion,
   try {
     check_milled(Design{}, arguments.cutter, motion, arguments.options.band);
   } catch (const std::invalid_argument& error) {
-    throw_input_error(error.message());
+    throw_input_error(error.what());
   }
   if (motion.tip.rows() == 0) throw_input_error("milled surface: no sample");
   if (previous && !continues(*previous, motion))

@@ -39,7 +39,8 @@ void NearPairs::add(const NearMoves8& moves8, int move, const Ray& ray) {
 void NearPairs::add_candidates(const NearMoves8& moves8, int move_count, const NearPlanes& planes,
                                const Ray& ray, double limit) {
   for (std::size_t group = 0; group < planes.count; ++group) {
-    unsigned candidates = candidates_before(planes.planes[group], planes.middle, ray, limit);
+    unsigned candidates =
+        candidates_before(planes.planes[group], planes.reference_point, ray, limit);
     for (; candidates != 0; candidates &= candidates - 1) {
       const int move = int(group * width) + std::countr_zero(candidates);
       if (move < move_count) add(moves8, move, ray);

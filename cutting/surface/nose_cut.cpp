@@ -280,7 +280,7 @@ void RaySearch<Collector>::search_segment(const NoseSegment& segment, double s_s
   const double side1 = std::acos(std::clamp(k1, -1.0, 1.0));
   // Largest deviation, rad, of a cut from the linear interpolation of the rake plane's azimuth: due
   // to the slow rotation, the height of the nose, and the extent of the ray.
-  const double slack = 1e-3 + 10.0 * interval(segment).turn + std::abs(k0) + std::abs(k1) +
+  const double slack = 1e-3 + 10.0 * interval(segment).slow_angle + std::abs(k0) + std::abs(k1) +
                        angle_between(p, ray_.at(ray_.to));
   if (slack > 0.7)
     return search_densely(segment);  // Newton's method on a sine needs a better start
@@ -333,7 +333,7 @@ bool RaySearch<Collector>::refine_instant(const NoseSegment& segment, double u) 
       const double nearest_s = std::max(s, ray_.from);
       const double r = std::max(radius(ray_.at(s)), radius(ray_.at(nearest_s)));
       const double slow_speed =
-          i.centre_step.norm() + i.turn * (i.centre.norm() + i.centre_step.norm());
+          i.centre_step.norm() + i.slow_angle * (i.centre.norm() + i.centre_step.norm());
       const double max_motion =
           std::abs(u - previous_u) * slow_speed + angle_error * angle_error * r;
       const double distance = edge_.distance_bound(ray.point + nearest_s * ray.step);

@@ -59,8 +59,9 @@ Matrix3d spindle_axes(const Vector3d& direction) {
 }
 
 Matrix3d slow_rotation(const NoseInterval& interval, double u) {
-  if (interval.turn == 0.0) return interval.R;
-  return interval.R * Eigen::AngleAxisd(u * interval.turn, interval.turn_axis).toRotationMatrix();
+  if (interval.slow_angle == 0.0) return interval.R;
+  return interval.R *
+         Eigen::AngleAxisd(u * interval.slow_angle, interval.slow_axis).toRotationMatrix();
 }
 
 NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const NoseSweep& sweep) {
@@ -72,9 +73,9 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
   interval.centre_step = sweep.R_ws.transpose() * (T1.translation() - T0.translation());
   interval.R = sweep.R_ws.transpose() * T0.linear();
   const Vector3d rotation = kinematics::rotation_vector(T0.linear().transpose() * T1.linear());
-  interval.rotation = rotation.norm() < 1e-15 ? 0.0 : rotation.norm();
-  interval.turn_axis =
-      interval.rotation == 0.0 ? Vector3d::UnitX() : Vector3d(rotation / interval.rotation);
+  interval.slow_angle = rotation.norm() < 1e-15 ? 0.0 : rotation.norm();
+  interval.slow_axis =
+      interval.slow_angle == 0.0 ? Vector3d::UnitX() : Vector3d(rotation / interval.slow_angle);
   interval.angle = motion.spindle[k];
   interval.angle_step = motion.spindle[k + 1] - motion.spindle[k];
   interval.time_s = motion.time_s[k];
@@ -133,7 +134,7 @@ NoseNode bounds(const NoseSweep& sweep, int first) {
                                : 0.0;
   // Between its ends the rake plane departs from the linear interpolation of angle, height and tilt
   // by less than its slow rotation; the factor covers the magnification of a leaning plane.
-  const double slow_turn = 10.0 * interval.slow_turn * (segment.u1 - segment.u0);
+  const double slow_turn = 10.0 * interval.slow_angle * (segment.u1 - segment.u0);
   const double max_distance = std::max(a.norm(), b.norm());
   NoseNode node;
   node.x_low = std::min(a.x(), b.x());
@@ -338,7 +339,7 @@ ProfileBound::Extent ProfileBound::segment_extent(const NoseSweep& sweep,
     extent.displacement = std::max(extent.displacement, (slow_rotation(interval, u) - R_).norm());
   }
   extent.displacement =
-      outer_radius_ * (extent.displacement + interval.turn * (segment.u1 - segment.u0));
+      outer_radius_ * (extent.displacement + interval.slow_angle * (segment.u1 - segment.u0));
   extent.lateral += lateral_reach_ + extent.displacement;
   return extent;
 }

@@ -23,8 +23,8 @@ struct NoseInterval {
   Eigen::Vector3d centre;       ///< mm, origin of frame t in the slow pose at u = 0
   Eigen::Vector3d centre_step;  ///< mm per u
   Eigen::Matrix3d R;            ///< slow rotation at u = 0
-  Eigen::Vector3d turn_axis;    ///< unit, in frame t
-  double turn;                  ///< rad per u about turn_axis; 0 if it is below 1e-15
+  Eigen::Vector3d slow_axis;    ///< unit, in frame t
+  double slow_angle;            ///< rad per u about slow_axis; 0 if it is below 1e-15
   double angle;                 ///< rad, spindle angle at u = 0
   double angle_step;            ///< rad per u
   double time_s;

@@ -379,7 +379,7 @@ ToolOutline profile_from_points(const std::vector<OutlinePoint>& points) {
 }
 
 double chord_sag(const std::vector<OutlinePoint>& points) {
-  double most = 0.0;
+  double max_sag = 0.0;
   visit_points(
       points, [](const OutlinePoint&) {},
       [&](const OutlinePoint&, const InwardArc& arc) { max_sag = std::max(max_sag, arc.sag()); });

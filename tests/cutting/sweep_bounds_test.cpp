@@ -163,7 +163,7 @@ Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
 /// By how much a bound is too large, as a share of the doubt that it allows itself. Below 1 it
 /// never rules out a cutter that meets the ray.
 double fraction_of_error_bound(const Clearance& clearance, const Situation& s, const RayEnd& end,
-                      std::span<const Move> moves) {
+                               std::span<const Move> moves) {
   if (!(clearance.error_bound > 0)) return -1e300;
   const Vector m = clearance.direction.cast<Real>();
   const Vector q = Vector3d(end.point).cast<Real>();
@@ -261,7 +261,8 @@ TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
     SweepLeaves leaves{std::vector<SweepLeaf>(1), std::vector<SweepLeafFrame>(1)};
     fill_leaf(leaves, 0, cutter, {&move, 1});
     SweepNode node;
-    for (int i = 0; i < SweepNode::width; ++i) fill_child(node, i, sweep_bounds(leaves, 0), Vector3d::Zero());
+    for (int i = 0; i < SweepNode::width; ++i)
+      fill_child(node, i, sweep_bounds(leaves, 0), Vector3d::Zero());
     // a place on the skin, at some instant
     const double t = random.in(0, 1), around = random.in(-pi, pi);
     const Vector3d u = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
@@ -316,7 +317,8 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     leaves.frames.resize(1);
     fill_leaf(leaves, 0, ball, {&move, 1});
     SweepNode node;
-    for (int child = 0; child < 8; ++child) fill_child(node, child, sweep_bounds(leaves, 0), move.tip);
+    for (int child = 0; child < 8; ++child)
+      fill_child(node, child, sweep_bounds(leaves, 0), move.tip);
     const RaySegment segment(ball, ray, ray.band, move.tip, 5.0);
     closed += candidate_moves(leaves.moves[0], leaves.frames[0], segment).bits == 0 ||
               candidate_children(node, segment).bits == 0;

@@ -296,7 +296,8 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
     if (!entry) {
       const double s = edge.nearest(point, step, -30.0);
       for (const double off : {-0.01, 0.01})
-        EXPECT_LE(edge.distance_bound(point + s * step), edge.distance_bound(point + (s + off) * step) + 1e-12);
+        EXPECT_LE(edge.distance_bound(point + s * step),
+                  edge.distance_bound(point + (s + off) * step) + 1e-12);
       EXPECT_GT(edge.distance_bound(point + s * step), 0.0);
       continue;
     }
