@@ -120,7 +120,7 @@ Body make_body(const std::vector<ClosedMesh>& meshes) {
   auto search = std::make_shared<BodySearch>();
   Eigen::AlignedBox3d box;
   for (const ClosedMesh& mesh : meshes) {
-    search->meshes.push_back(std::make_shared<const Component>(make_component(mesh)));
+    search->components.push_back(std::make_shared<const Component>(make_component(mesh)));
     for (const auto& row : mesh.vertices.rowwise()) box.extend(row.transpose());
   }
   Body body;
@@ -231,7 +231,7 @@ BodyBalls split_into_balls(const Body& body) {
       other_components->components.push_back(component);
   }
   if (!other_components->components.empty())
-    result.other_components = Body{body.centre, body.radius, std::move(other_components)};
+    result.rest = Body{body.centre, body.radius, std::move(other_components)};
   return result;
 }
 

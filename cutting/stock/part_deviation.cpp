@@ -276,7 +276,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
     int count = 0;
     bool is_cut_off = false;
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k) {
-      const int point = skin.point[std::size_t(k)];
+      const int point = skin.place[std::size_t(k)];
       const DesignDistance::At& distance = distances[std::size_t(point)];
       result.status[v] = SkinStatus::NoDesign;
       if (!is_informative(distance, skin.line[std::size_t(point)],
@@ -289,7 +289,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
       if (std::abs(value) <= max_magnitude) continue;
       max_magnitude = std::abs(value);
       result.largest[i] = value;
-      result.distances[v] = point;
+      result.at[v] = point;
     }
     if (count == 0) return;
     result.status[v] = is_cut_off ? SkinStatus::CutOff : SkinStatus::Compared;

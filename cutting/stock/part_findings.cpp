@@ -62,7 +62,7 @@ std::vector<RegionAccumulator> collect_regions(const StockSkin& skin,
     if (representative == i) {
       region_of[i] = int(found_regions.size());
       found_regions.emplace_back();
-      found_regions.back().finding.selection = selection.selection;
+      found_regions.back().finding.kind = selection.kind;
     }
     region_of[i] = region_of[representative];
     RegionAccumulator& region = found_regions[std::size_t(region_of[i])];
@@ -106,7 +106,7 @@ void list_regions(const std::vector<RegionAccumulator>& found_regions,
   std::vector<int> number_of(found_regions.size(), 0);
   for (const int i : order) {
     const Finding& finding = found_regions[std::size_t(i)].finding;
-    ++sums.collect_regions;
+    ++sums.regions;
     volume.add(finding.volume);
     area.add(finding.area);
     sums.depth = std::max(sums.depth, finding.depth);

@@ -29,7 +29,7 @@ struct Crossing {
 };
 
 const DexelLine& line_through(const DexelField& field, const Node& node) {
-  const int first = (field.position + 1) % 3, second = (field.position + 2) % 3;
+  const int first = (field.along + 1) % 3, second = (field.along + 2) % 3;
   return field.lines[std::size_t(node[std::size_t(first)]) +
                      std::size_t(field.size[0]) * std::size_t(node[std::size_t(second)])];
 }
@@ -116,19 +116,19 @@ class SkinMesher {
     const double h = stock_.spacing;
     std::vector<char> votes(std::size_t(nx_) * std::size_t(ny_), 0);
     for (const DexelField& field : stock_.fields)
-      for (int j = 0; j < (field.position == 1 ? 1 : ny_); ++j)
-        for (int i = 0; i < (field.position == 0 ? 1 : nx_); ++i) {
+      for (int j = 0; j < (field.along == 1 ? 1 : ny_); ++j)
+        for (int i = 0; i < (field.along == 0 ? 1 : nx_); ++i) {
           const DexelLine& line = line_through(field, {i, j, k});
-          if (field.position == 2) {
+          if (field.along == 2) {
             votes[node(i, j)] = char(votes[node(i, j)] + (line.signed_depth(k * h) > 0.0 ? 1 : 0));
             continue;
           }
           for (const DexelRun& run : line.runs()) {
             const int start_node = std::max(0, int(std::floor(run.low / h)) + 1);
-            const int last = (field.position == 0 ? nx_ : ny_) - 1;
+            const int last = (field.along == 0 ? nx_ : ny_) - 1;
             const int to = std::min(last, int(std::ceil(run.high / h)) - 1);
             for (int n = start_node; n <= to; ++n) {
-              char& vote = votes[field.position == 0 ? node(n, j) : node(i, n)];
+              char& vote = votes[field.along == 0 ? node(n, j) : node(i, n)];
               vote = char(vote + 1);
             }
           }
