@@ -343,7 +343,7 @@ struct MovingSection {
   CutterMotion path;
   ChunkedMoves moves;
 
-  MovingSection(const NonCuttingPiece& section, const CutterMotion& motion,
+  MovingSection(const NonCuttingSection& section, const CutterMotion& motion,
                 const AlignedBox3d& region)
       : shape(section.shape),
         path(shifted_motion(motion, section.base)),
@@ -436,8 +436,8 @@ class ShankCheck {
 
 }  // namespace
 
-std::vector<NonCuttingPiece> non_cutting_pieces(const Eigen::MatrixX2d& profile) {
-  std::vector<NonCuttingPiece> sections;
+std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile) {
+  std::vector<NonCuttingSection> sections;
   for (Index i = 0; i + 1 < profile.rows(); ++i) {
     const double height = profile(i + 1, 1) - profile(i, 1);
     // An outline needs a flat top, so a cone keeps a radius of a millionth.
@@ -460,10 +460,10 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
 }
 
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
-                                                const std::vector<NonCuttingPiece>& sections,
+                                                const std::vector<NonCuttingSection>& sections,
                                                 const CutterMotion& motion, double band) {
   double tolerated_depth = rubbing;
-  for (const NonCuttingPiece& section : sections)
+  for (const NonCuttingSection& section : sections)
     tolerated_depth = std::min(tolerated_depth, 0.25 * section.shape.radius);
   AlignedBox3d part;
   for (Index v = 0; v < design_w.vertices.rows(); ++v)
@@ -472,7 +472,7 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
 
   // A deque, because the elements contain references to themselves and must not move in memory.
   std::deque<MovingSection> moving_sections;
-  for (const NonCuttingPiece& section : sections) {
+  for (const NonCuttingSection& section : sections) {
     moving_sections.emplace_back(section, motion, expanded(part, band));
     if (moving_sections.back().moves.empty()) moving_sections.pop_back();
   }

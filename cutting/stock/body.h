@@ -96,14 +96,14 @@ double extent(const Body& body, const Eigen::Vector3d& direction);
 double farthest(const kinematics::Pose& from, const kinematics::Pose& to, const Body& body);
 
 /// A convex section of the shank, the collet or the holder of a tool, which must not cut.
-struct NonCuttingPiece {
+struct NonCuttingSection {
   Cutter shape;       ///< relative to its own tip
   double base = 0.0;  ///< mm, height of that tip above the tip of the tool
 };
 
 /// Returns the sections of a profile of revolution: a cone from each point to the next.
 /// @param profile  (n x 2) mm, radius and height above the tip, rising
-std::vector<NonCuttingPiece> non_cutting_pieces(const Eigen::MatrixX2d& profile);
+std::vector<NonCuttingSection> non_cutting_pieces(const Eigen::MatrixX2d& profile);
 
 /// The contact of the non-cutting parts of a tool with the design.
 struct ShankContact {
@@ -135,7 +135,7 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
 /// Returns the contact of several sections; at each vertex that of the deepest one.
 /// @param band  mm, depth of the search below the design
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
-                                                const std::vector<NonCuttingPiece>& pieces,
+                                                const std::vector<NonCuttingSection>& pieces,
                                                 const CutterMotion& motion, double band);
 
 }  // namespace abbe::cutting

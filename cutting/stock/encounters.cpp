@@ -263,7 +263,7 @@ class Chunk {
       state.plane = parting_plane(task_.fixed(pair).body, hull, T, state.gap.on_b - state.gap.on_a);
       state.on_b = T.inverse() * state.gap.on_b;
     }
-    return beyond(*state.plane, hull, relative(pair, i));
+    return plane_distance(*state.plane, hull, relative(pair, i));
   }
 
   /// Returns the same bound for an interval. If it reaches `required`, advances the state of the
@@ -423,7 +423,7 @@ class Chunk {
     while (contact_free.rest < i1) {
       const Pose T = relative(pair, contact_free.rest);
       const std::vector<Ball>& hull = task_.rest_hulls[p];
-      if (advance(beyond(contact_free.plane, hull, T))) continue;
+      if (advance(plane_distance(contact_free.plane, hull, T))) continue;
       const double share = query_error_fraction * task_.options.share;
       const Gap rest =
           gap(task_.fixed(pair).body, Pose::Identity(), *task_.moving_parts[p].rest, T, {share});

@@ -31,7 +31,7 @@ struct Finding {
   FindingKind kind = FindingKind::Rest;
   double volume = 0.0;  ///< mm^3 between skin and design; for an undercut, between its floor and
                         ///< the material above
-  double area = 0.0;  ///< mm^2 of skin
+  double area = 0.0;    ///< mm^2 of skin
   /// mm, maximum deviation, limited to the band; for an undercut its maximum height
   double depth = 0.0;
   Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, position of that depth

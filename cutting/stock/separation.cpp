@@ -59,7 +59,7 @@ PartingPlane parting_plane(const Body& a, std::span<const Ball> hull_b, const Po
   return best;
 }
 
-double beyond(const PartingPlane& plane, std::span<const Ball> hull_b, const Pose& T_ab) {
+double plane_distance(const PartingPlane& plane, std::span<const Ball> hull_b, const Pose& T_ab) {
   if (hull_b.empty() || plane.normal.isZero(0.0)) return 0.0;
   const Vector3d normal = T_ab.linear().transpose() * plane.normal;
   return normal.dot(lowest_point(hull_b, normal)) + plane.normal.dot(T_ab.translation()) -

@@ -25,8 +25,8 @@ PartingPlane parting_plane(const Body& a, std::span<const Ball> hull_b,
 /// Returns the distance, mm, of b beyond a plane of a, which is a lower bound of the distance of
 /// the bodies for any plane. Negative if the plane does not separate them; 0 without a plane or a
 /// hull.
-double beyond(const PartingPlane& plane, std::span<const Ball> hull_b,
-              const kinematics::Pose& T_ab);
+double plane_distance(const PartingPlane& plane, std::span<const Ball> hull_b,
+                      const kinematics::Pose& T_ab);
 
 /// A short translation of b out of an overlap.
 struct WayOut {

@@ -17,20 +17,20 @@ namespace {
 struct BallPath {
   const Cutter& cutter;
   const Move& move;
-  Position start, end;
+  CutterPose start, end;
   Vector3d start_centre, end_centre;  // of the ball
   double angle;                       // rad, by which the axis turns between them
 
   BallPath(const Cutter& c, const Move& m)
       : cutter(c),
         move(m),
-        start(position(m, m.from)),
-        end(position(m, m.to)),
+        start(cutter_pose(m, m.from)),
+        end(cutter_pose(m, m.to)),
         start_centre(centre(start)),
         end_centre(centre(end)),
         angle(m.angle * (m.to - m.from)) {}
 
-  Vector3d centre(const Position& pose) const { return pose.tip + cutter.radius * pose.axis; }
+  Vector3d centre(const CutterPose& pose) const { return pose.tip + cutter.radius * pose.axis; }
   /// Returns an upper bound of the distance of the centre from its chord, R angle^2 / 8, mm. A ball
   /// thicker by the sag that runs along the chord contains the sweep.
   double sag() const { return 0.125 * cutter.radius * angle * angle; }
@@ -95,7 +95,7 @@ std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x
   // decides.
   for (int i = 0; i < 8; ++i) {
     const double t = instant(path.move, x);
-    const Position pose = position(path.move, t);
+    const CutterPose pose = cutter_pose(path.move, t);
     const Vector3d w = ray.point - path.centre(pose);
     const double wn = w.dot(ray.normal);
     const double squared_half_chord = R * R - (w - wn * ray.normal).squaredNorm();
@@ -191,7 +191,7 @@ constexpr float rounding = 6e-8f;
 }  // namespace
 
 BallChord::BallChord(const Cutter& cutter, const Move& move, const Vector3d& origin) {
-  const Position start = position(move, move.from), end = position(move, move.to);
+  const CutterPose start = cutter_pose(move, move.from), end = cutter_pose(move, move.to);
   const Vector3d start_centre = start.tip + cutter.radius * start.axis - origin;
   const Vector3d chord = end.tip + cutter.radius * end.axis - origin - start_centre;
   const double length = chord.norm(), axis_turn = move.angle * (move.to - move.from);
@@ -212,7 +212,7 @@ BallChord::BallChord(const Cutter& cutter, const Move& move, const Vector3d& ori
 std::array<int, 8> ball_bounds(std::span<const BallChord> moves, const Ray8& rays,
                                std::span<Entry8> bounds) {
   const Vector8 p = load(rays.p), n = load(rays.n);
-  const Float8 ray_distances = length_of(p);
+  const Float8 ray_distances = magnitude(p);
   Float8 first(2e30f), first_move(0.0f);
   for (std::size_t k = 0; k < moves.size(); ++k) {
     const Float8 s = entry_bound(moves[k], p, n, ray_distances);

@@ -146,15 +146,15 @@ struct MilledSweep {
 
   std::optional<MotionPart> neighbour(const MotionPart& at, int direction) const {
     const MotionPart neighbour_part{at.move, at.part + direction};
-    if (neighbour_part.part >= 0 && neighbour_part.part < parts_of(motion, at.move))
+    if (neighbour_part.part >= 0 && neighbour_part.part < move_part_count(motion, at.move))
       return neighbour_part;
     const int move = at.move + direction;
     if (move < 0 || move >= moves()) return std::nullopt;
-    return MotionPart{move, direction > 0 ? 0 : parts_of(motion, move) - 1};
+    return MotionPart{move, direction > 0 ? 0 : move_part_count(motion, move) - 1};
   }
 
   std::optional<Entry> entry(const MotionPart& at, const Ray& ray, double limit) const {
-    return first_entry(cutter, part_of(motion, at.move, at.part), ray, limit);
+    return first_entry(cutter, move_part(motion, at.move, at.part), ray, limit);
   }
 };
 
@@ -272,7 +272,7 @@ std::vector<CompetingPass> milled_competing_passes(const Design& design_w, const
   check_milled(design_w, cutter, motion, options.band);
   require(!is_hollow(cutter), "milled rivals: expected a convex cutter, seen a hollow one");
   check_pass_options(options);
-  const std::vector<Index> order = judged_along_curve(design_w);
+  const std::vector<Index> order = judged_vertices(design_w);
   const SweepTree tree(cutter, motion);
   const MilledSweep sweep{cutter, motion};
   const ThinPartRays thin_rays(design_w, options.band);

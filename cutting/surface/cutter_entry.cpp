@@ -286,7 +286,8 @@ struct LocalRay {
   double h, dh;  // mm, height above the tip, and its derivative with respect to s
   Vector3d lateral, dlateral;
 
-  LocalRay(const Position& pose, const Vector3d& point, const Vector3d& normal) : axis(pose.axis) {
+  LocalRay(const CutterPose& pose, const Vector3d& point, const Vector3d& normal)
+      : axis(pose.axis) {
     const Vector3d p = point - pose.tip;
     h = p.dot(axis);
     dh = normal.dot(axis);
@@ -380,7 +381,7 @@ std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray
 
 /// Returns the entry of the whole line of the ray into the cutter.
 /// @param least  lower bound of the entry, from which the iteration starts
-std::optional<Hit> ray_entry(const Cutter& cutter, const Position& pose, const Vector3d& point,
+std::optional<Hit> ray_entry(const Cutter& cutter, const CutterPose& pose, const Vector3d& point,
                              const Vector3d& normal, double least) {
   const LocalRay ray(pose, point, normal);
   const Interval cylinder = within_cylinder(ray, cutter.radius);
@@ -418,7 +419,8 @@ struct SignedDistance {
   Vector3d gradient;
 };
 
-SignedDistance signed_distance(const Cutter& cutter, const Position& pose, const Vector3d& point) {
+SignedDistance signed_distance(const Cutter& cutter, const CutterPose& pose,
+                               const Vector3d& point) {
   const Vector3d p = point - pose.tip;
   const double h = p.dot(pose.axis);
   const Vector3d lateral = p - h * pose.axis;
@@ -472,7 +474,7 @@ class EntryFunction {
   /// whose line leaves the cutter before the ray starts has no entry.
   Sample entry(double t) const {
     Sample sample = undefined_at(t);
-    const Position pose = position(move_, t);
+    const CutterPose pose = cutter_pose(move_, t);
     const std::optional<Hit> hit = ray_entry(cutter_, pose, ray_.point, ray_.normal, min_);
     if (!hit) return sample;
     if (hit->s <= -ray_.band) {
@@ -497,7 +499,7 @@ class EntryFunction {
   /// Returns the minimum signed distance between the ray within its band and the cutter at instant
   /// t; not positive if the ray meets the cutter.
   Sample min_distance(double t) const {
-    const Position pose = position(move_, t);
+    const CutterPose pose = cutter_pose(move_, t);
     const NearestPoint nearest = nearest_point(pose);
     const Vector3d from_tip = ray_.point + nearest.s * ray_.normal - pose.tip;
     return {t, true,     nearest.depth,   -nearest.outward.dot(velocity(from_tip)),
@@ -535,7 +537,7 @@ class EntryFunction {
   /// of its minimum bound it. The weighted mean of their normals that is perpendicular to the ray
   /// is the normal of a plane at the same distance. The normal at a single point may lean along the
   /// ray, which would weaken a bound by `band` times the lean.
-  NearestPoint nearest_point(const Position& pose) const {
+  NearestPoint nearest_point(const CutterPose& pose) const {
     struct RayPoint {
       double s, depth, slope;
       Vector3d outward;
@@ -604,7 +606,7 @@ class EntryFunction {
     double rise;  // component of m along the axis
   };
   Clearance clearance(const Vector3d& m, double t) const {
-    const Position pose = position(move_, t);
+    const CutterPose pose = cutter_pose(move_, t);
     const Vector3d p = ray_.point - pose.tip;
     const double rise = m.dot(pose.axis);
     const double max_length = std::max(cutter_.radius + cutter_.flank_length, p.lpNorm<1>());
@@ -677,14 +679,14 @@ class EntryFunction {
 
 }  // namespace
 
-std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
-                                     const Ray& ray, float least) {
+std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
+                                    const Ray& ray, float least) {
   const Sample sample = EntryFunction(cutter, move, ray, double(least)).entry(t);
   return sample.is_defined ? std::optional(sample.value) : std::nullopt;
 }
 
 double depth(const Cutter& cutter, const Move& move, double t, const Vector3d& point) {
-  return -signed_distance(cutter, position(move, t), point).value;
+  return -signed_distance(cutter, cutter_pose(move, t), point).value;
 }
 
 Move move_after(const CutterMotion& motion, int index) {

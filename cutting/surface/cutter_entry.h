@@ -63,8 +63,8 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
 /// Returns the s at which the ray meets the cutter in its pose at instant t (0 .. 1 of the whole
 /// move); -band if the ray starts inside it. Returns the same bits as a search with this `least`
 /// computes at this instant.
-std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
-                                     const Ray& ray, float least);
+std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
+                                    const Ray& ray, float least);
 
 /// Returns the depth of a point below the skin of the cutter at instant t, mm; beside sharp edges
 /// the value may be smaller. Negative outside.
@@ -75,7 +75,7 @@ double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vect
 inline constexpr double entry_margin = 5e-8;  // mm
 
 /// The tip of a cutter (mm) and the unit direction of its axis.
-struct Position {
+struct CutterPose {
   Eigen::Vector3d tip;
   Eigen::Vector3d axis;
 };
@@ -86,7 +86,7 @@ inline double instant(const Move& move, double part) {
 }
 
 /// Returns the pose of the cutter at instant t (0 .. 1) of a move.
-inline Position position(const Move& move, double t) {
+inline CutterPose cutter_pose(const Move& move, double t) {
   const double x = move.angle * t;
   if (x == 0.0) return {move.tip + t * move.step, move.axis};
   double sine = 0.0;

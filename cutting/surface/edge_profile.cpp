@@ -25,8 +25,7 @@ double max_radius(const std::vector<OutlinePiece>& pieces) {
     result = std::max(result, segment.to.norm());
     if (!segment.is_arc) continue;
     const Vector2d centre = segment.from - segment.radius * segment.normal_from;
-    if (sine_between(segment.normal_from, centre) > 0.0 &&
-        sine_between(centre, segment.normal_to) > 0.0)
+    if (cross2d(segment.normal_from, centre) > 0.0 && cross2d(centre, segment.normal_to) > 0.0)
       result = std::max(result, centre.norm() + segment.radius);
   }
   return result;
@@ -38,7 +37,7 @@ EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
   EdgeProfile profile{with_corners(pieces, pieces.back().normal_to)};
   double total_turn = 0.0;
   for (const OutlinePiece& segment : profile.pieces)
-    total_turn += std::atan2(sine_between(segment.normal_from, segment.normal_to),
+    total_turn += std::atan2(cross2d(segment.normal_from, segment.normal_to),
                              segment.normal_from.dot(segment.normal_to));
   // One turn is 2 pi and two are 4 pi, so 3 pi separates them whatever the rounding.
   require(total_turn < 3.0 * std::numbers::pi,
@@ -46,7 +45,7 @@ EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
                       total_turn / (2.0 * std::numbers::pi)));
   profile.outer_radius = max_radius(profile.pieces);
   profile.radius = -distance(profile.pieces, Vector2d::Zero()).value;
-  require(profile.radius > same_place,
+  require(profile.radius > coincidence_tolerance,
           fmt::format("edge profile: expected the origin inside, seen it {:.3g} mm outside",
                       -profile.radius));
   return profile;
@@ -90,7 +89,7 @@ Chord within_half_plane(const Chord& chord, const Vector2d& v, const Vector2d& s
 Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
   const double squared_step = step.squaredNorm();
   // The cross product does not cancel as b^2 - ac does.
-  const double offset = sine_between(v, step) / std::sqrt(squared_step);
+  const double offset = cross2d(v, step) / std::sqrt(squared_step);
   const double squared_half_chord = (radius - offset) * (radius + offset);
   if (squared_half_chord < 0.0) return {infinity, -infinity};
   const double closest = -v.dot(step) / squared_step,
@@ -104,7 +103,7 @@ Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
 Chord within_arc(const Chord& chord, const OutlinePiece& arc, const Vector2d& point,
                  const Vector2d& step) {
   const Vector2d from_start = point - arc.from, from_end = point - arc.to;
-  const Vector2d chord_normal = line_piece(arc.from, arc.to).normal_from;
+  const Vector2d chord_normal = line_segment(arc.from, arc.to).normal_from;
   const Chord wedge = within_half_plane(within_half_plane(chord, from_start, step, arc.normal_from),
                                         from_end, step, arc.normal_to);
   const Chord inner_chord = within_half_plane(wedge, from_start, step, chord_normal);
@@ -135,17 +134,17 @@ EdgeProfile insert_profile(const Insert& insert) {
   const Vector2d major_end = major_begin + insert.major_length * major_direction;
   const Vector2d minor_end = minor_begin + insert.minor_length * minor_direction;
   // The rear corner of the parallelogram is minor_end + s ahead = major_end + t behind.
-  const double sine = sine_between(minor_direction, major_direction);
-  const double s = sine_between(minor_direction, major_end - minor_end) / sine;
+  const double sine = cross2d(minor_direction, major_direction);
+  const double s = cross2d(minor_direction, major_end - minor_end) / sine;
   const Vector2d rear_corner = minor_end + s * major_direction;
-  std::vector<OutlinePiece> pieces{line_piece(major_end, major_begin)};
-  pieces.push_back(arc_piece_about(major_begin, arc_end, r, Vector2d::Zero()));
-  if (has_wiper) pieces.push_back(line_piece(lowest, minor_begin));
-  pieces.push_back(line_piece(minor_begin, minor_end));
-  pieces.push_back(line_piece(minor_end, rear_corner));
-  pieces.push_back(line_piece(rear_corner, major_end));
+  std::vector<OutlinePiece> pieces{line_segment(major_end, major_begin)};
+  pieces.push_back(arc_segment_about(major_begin, arc_end, r, Vector2d::Zero()));
+  if (has_wiper) pieces.push_back(line_segment(lowest, minor_begin));
+  pieces.push_back(line_segment(minor_begin, minor_end));
+  pieces.push_back(line_segment(minor_end, rear_corner));
+  pieces.push_back(line_segment(rear_corner, major_end));
   EdgeProfile profile = closed_profile(pieces);
-  require(profile.radius > r - same_place,
+  require(profile.radius > r - coincidence_tolerance,
           fmt::format("insert: expected edges so long that the body behind holds the circle of the "
                       "nose, seen that it ends {:.3g} mm inside of it",
                       r - profile.radius));
@@ -166,18 +165,18 @@ EdgeProfile edge_profile_from_points(const std::vector<OutlinePoint>& points) {
                       "({:g}, {:g}) mm, radius {:g}",
                       point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
-    if (!((point.at - previous).norm() > same_place))
+    if (!((point.at - previous).norm() > coincidence_tolerance))
       throw OutlineError(
           fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
                       point.at.x(), point.at.y()),
           point.at);
-    area += sine_between(previous, point.at);
-    pieces.push_back(point.radius > 0.0 ? arc_piece(previous, point.at, point.radius)
-                                        : line_piece(previous, point.at));
+    area += cross2d(previous, point.at);
+    pieces.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
+                                        : line_segment(previous, point.at));
     previous = point.at;
   }
   // Two points joined by a line and an arc enclose no polygon, so an area of 0 is permitted.
-  require(area > -same_place * same_place,
+  require(area > -coincidence_tolerance * coincidence_tolerance,
           "edge profile: expected points counter-clockwise, from x to z, seen them clockwise");
   return closed_profile(pieces);
 }
@@ -203,7 +202,7 @@ EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
 
   std::vector<OutlinePoint> points;
   const auto append = [&](const Vector2d& at, double radius = 0.0) {
-    if (points.empty() || (points.back().at - at).norm() > same_place)
+    if (points.empty() || (points.back().at - at).norm() > coincidence_tolerance)
       points.push_back({at, radius});
   };
   for (OutlinePiece segment : pieces) {
@@ -219,7 +218,7 @@ EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
   const double left = points.front().at.x(), right = points.back().at.x();
   append({right, top});
   append({left, top});
-  if ((points.back().at - points.front().at).norm() <= same_place) points.pop_back();
+  if ((points.back().at - points.front().at).norm() <= coincidence_tolerance) points.pop_back();
   for (OutlinePoint& point : points) point.at = rotation.transpose() * point.at;
   return edge_profile_from_points(points);
 }

@@ -118,8 +118,8 @@ template <class End>
   const auto& [p, n, step, u0, axis_step] = group.pairs;
   const Float8 rise0 = dot(n, u0), rise1 = rise0 + dot(n, axis_step);
   const Vector8 lateral = n - rise0 * u0;
-  const Float8 across0 = length_of(lateral);
-  const Float8 across1 = length_of(cross(n, u0 + axis_step));
+  const Float8 across0 = magnitude(lateral);
+  const Float8 across1 = magnitude(cross(n, u0 + axis_step));
   const Reach first_reach = end.support_reach(across0, -rise0, Float8(1.0f));
   const Reach last_reach = end.support_reach(across1, -rise1, Float8(1.0f));
   const Float8 step_along = dot(step, n);
@@ -145,7 +145,7 @@ template <class End>
   const Vector8 w = p + s * n - t * step;
   const Float8 y = dot(w, u);
   const Vector8 across = w - y * u;
-  const Float8 x = length_of(across);
+  const Float8 x = magnitude(across);
   const Float8 inverse_x = 1.0f / x;
   const Vector8 radial = inverse_x * across;
   const OutlineDistance8 core = end.core_distance(x, y);
@@ -189,12 +189,12 @@ template <class End>
   const Vector8& m0 = group.m;
   const Float8 along_ray = stdx::max(dot(m0, n), Float8(0.0f));
   const Vector8 m = m0 - along_ray * n;
-  const Float8 length = length_of(m);
+  const Float8 length = magnitude(m);
   const Vector8 u1 = u0 + axis_step;
   const Float8 rise0 = dot(m, u0), rise1 = dot(m, u1);
   const Float8 reach =
-      stdx::max(end.support_reach(length_of(cross(m, u0)), rise0, length).value,
-                dot(m, step) + end.support_reach(length_of(cross(m, u1)), rise1, length).value);
+      stdx::max(end.support_reach(magnitude(cross(m, u0)), rise0, length).value,
+                dot(m, step) + end.support_reach(magnitude(cross(m, u1)), rise1, length).value);
   Float8 arm(end.radius);
   // A rise that is negative only by rounding (1e-6) counts as positive.
   stdx::where(stdx::max(rise0, rise1) > -1e-6f * length, arm) = Float8(end.radius + end.flank);
@@ -286,8 +286,8 @@ void compute_bounds(const Cutter& cutter, double band, std::span<EntryBounds> bo
 }  // namespace
 
 MoveEndpoints move_endpoints(const Move& move) {
-  const Position a = position(move, move.from);
-  const Position b = position(move, move.to);
+  const CutterPose a = cutter_pose(move, move.from);
+  const CutterPose b = cutter_pose(move, move.to);
   return {a.tip, a.axis, b.tip - a.tip, b.axis - a.axis};
 }
 

@@ -31,7 +31,7 @@ namespace {
 /// Searches all judged vertices of a design, a block of neighbours at a time, then their gouges.
 Surface search_milled(std::span<const SweepTree> trees, const CutterMotion& motion,
                       const Design& design_w, const SurfaceOptions& options) {
-  const std::vector<Index> order = judged_along_curve(design_w);
+  const std::vector<Index> order = judged_vertices(design_w);
   Surface surface = uncut_surface(design_w, order);
   std::atomic<std::size_t> finished = 0;
   const auto whole_range = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
@@ -288,7 +288,7 @@ Surface streamed_surface(const Design& design_w, const Cutter& cutter,
                          const SurfaceOptions& options) {
   const StreamArguments arguments{design_w, cutter, options};
   check_milled(design_w, cutter, CutterMotion{}, options.band);
-  const std::vector<Index> order = judged_along_curve(design_w);
+  const std::vector<Index> order = judged_vertices(design_w);
   const std::vector<VertexBlock> blocks = vertex_blocks(order, arguments);
   Surface surface = uncut_surface(design_w, order);
   visit_blocks(arguments, begin(), [&](const MotionBlock& block) {

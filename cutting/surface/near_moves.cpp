@@ -73,8 +73,8 @@ bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, d
 class StandingBall {
  public:
   StandingBall(const Cutter& cutter, const Move& move, double t)
-      : cutter_(cutter), move_(move), t_(t), axis_(position(move, t).axis) {
-    centre_ = position(move, t).tip + cutter.radius * axis_;
+      : cutter_(cutter), move_(move), t_(t), axis_(cutter_pose(move, t).axis) {
+    centre_ = cutter_pose(move, t).tip + cutter.radius * axis_;
   }
 
   double first_s(const Ray& ray) const {
@@ -87,7 +87,7 @@ class StandingBall {
     // Closed form for a ray that meets the lower half of the ball without grazing it; its chord is
     // then longer than 0.6 R.
     if (squared_half_chord > 0.1 * squared_radius && axis_.dot(w + s * ray.normal) < 0.0) return s;
-    const auto entry = standing_entry(cutter_, move_, t_, ray, -1e30f);
+    const auto entry = instant_entry(cutter_, move_, t_, ray, -1e30f);
     const double s_inside = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
     return s_inside < ray.band && is_deep(cutter_, move_, t_, ray, s_inside) ? s_inside : ray.band;
   }
@@ -116,7 +116,7 @@ double first_s_of_moves(const Cutter& cutter, std::span<const Move> moves,
   const std::size_t nearest = std::size_t(min_s - bounds.min_s);
   const Move& move = moves[nearest];
   if (const auto s = inside_point(cutter, move, bounds, nearest, ray)) return *s;
-  return standing_entry(cutter, move, instant(move, bounds.fraction[nearest]), ray, *min_s)
+  return instant_entry(cutter, move, instant(move, bounds.fraction[nearest]), ray, *min_s)
       .value_or(ray.band);
 }
 

@@ -34,20 +34,20 @@ ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces) {
           segment.to, OutlineError::Number::Second);
     outline.radius = std::max({outline.radius, segment.from.x(), segment.to.x()});
     // An arc may have its largest radius between its ends.
-    if (sine_between(segment.normal_from, Vector2d::UnitX()) > 0.0 &&
-        sine_between(Vector2d::UnitX(), segment.normal_to) > 0.0)
+    if (cross2d(segment.normal_from, Vector2d::UnitX()) > 0.0 &&
+        cross2d(Vector2d::UnitX(), segment.normal_to) > 0.0)
       outline.radius = std::max(
           outline.radius, segment.from.x() + segment.radius * (1.0 - segment.normal_from.x()));
     outline.height = std::max(outline.height, segment.to.y());
   }
   for (const OutlinePiece& segment : outline.pieces)
-    outline.is_sharp |=
-        segment.is_arc && segment.radius == 0.0 && segment.from.y() < outline.height - same_place;
+    outline.is_sharp |= segment.is_arc && segment.radius == 0.0 &&
+                        segment.from.y() < outline.height - coincidence_tolerance;
   return outline;
 }
 
 ToolOutline outline_from_points(const std::vector<OutlinePoint>& points) {
-  return closed_outline(pieces_from_points(points));
+  return closed_outline(segments_from_points(points));
 }
 
 AptCutter with_tangent_corner(AptCutter cutter) {
@@ -101,7 +101,7 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   // corner.
   const auto foot_of_centre = [&](const Vector2d& point, const Vector2d& direction,
                                   const char* name) {
-    const double offset = std::abs(sine_between(direction, centre - point));
+    const double offset = std::abs(cross2d(direction, centre - point));
     require(
         offset <= corner + 1e-6,
         fmt::format("APT cutter: expected the {} to meet the corner of {:g} mm, seen it {:g} mm "
@@ -116,15 +116,15 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   const Vector2d arc_start = bottom_foot + bottom_half_chord * bottom_direction,
                  arc_end = flank_foot - flank_half_chord * flank_direction;
   require(
-      arc_start.x() > -same_place && arc_end.y() < height,
+      arc_start.x() > -coincidence_tolerance && arc_end.y() < height,
       fmt::format("APT cutter: expected the corner between the axis and the top, {:g} mm above the "
                   "tip, seen it from a radius of {:g} mm to {:g} mm above the tip",
                   height, arc_start.x(), arc_end.y()));
   std::vector<OutlinePiece> pieces;
-  if (arc_start.norm() > same_place) pieces.push_back(line_piece({0, 0}, arc_start));
-  pieces.push_back(arc_piece_about(arc_start, arc_end, corner, centre));
-  pieces.push_back(line_piece(arc_end, at_height(height)));
-  pieces.push_back(line_piece(at_height(height), {0, height}));
+  if (arc_start.norm() > coincidence_tolerance) pieces.push_back(line_segment({0, 0}, arc_start));
+  pieces.push_back(arc_segment_about(arc_start, arc_end, corner, centre));
+  pieces.push_back(line_segment(arc_end, at_height(height)));
+  pieces.push_back(line_segment(at_height(height), {0, height}));
   return closed_outline(pieces);
 }
 
@@ -135,8 +135,8 @@ double support(const ToolOutline& outline, double rise, double across) {
   double reach = rise * bottom(outline);
   for (const OutlinePiece& segment : outline.pieces) {
     reach = std::max(reach, direction.dot(segment.to));
-    const double sine = sine_between(segment.normal_from, direction);
-    if (segment.is_arc && sine > 0.0 && sine_between(direction, segment.normal_to) > 0.0)
+    const double sine = cross2d(segment.normal_from, direction);
+    if (segment.is_arc && sine > 0.0 && cross2d(direction, segment.normal_to) > 0.0)
       reach = std::max(reach, direction.dot(segment.from) +
                                   segment.radius * sine * sine /
                                       (direction.norm() + segment.normal_from.dot(direction)));
@@ -152,8 +152,8 @@ Vector2d extreme_point(const std::vector<OutlinePiece>& pieces, const Vector2d& 
   };
   for (const OutlinePiece& segment : pieces) {
     update(segment.to);
-    if (segment.is_arc && sine_between(segment.normal_from, direction) > 0.0 &&
-        sine_between(direction, segment.normal_to) > 0.0)
+    if (segment.is_arc && cross2d(segment.normal_from, direction) > 0.0 &&
+        cross2d(direction, segment.normal_to) > 0.0)
       update(segment.from + segment.radius * (direction.normalized() - segment.normal_from));
   }
   return extreme;
@@ -195,7 +195,7 @@ InsetOutline inside(const ToolOutline& outline, double margin) {
   for (const OutlinePiece& segment : outline.pieces) {
     if (!segment.is_arc) clip_to_half_plane(segment.normal_from, segment.from);
     if (segment.radius == 0.0) continue;
-    const double arc_angle = std::atan2(sine_between(segment.normal_from, segment.normal_to),
+    const double arc_angle = std::atan2(cross2d(segment.normal_from, segment.normal_to),
                                         segment.normal_from.dot(segment.normal_to));
     // 3 deg between tangents: the corners of the polygon would stand out by 0.034 % of the radius,
     // so the tangents are moved inwards by that
@@ -217,7 +217,8 @@ InsetOutline inside(const ToolOutline& outline, double margin) {
   InsetOutline inner;
   inner.raised = lowest->y();
   std::ranges::rotate(corners, std::ranges::find_if(corners, [&](const Vector2d& corner) {
-                        return on_axis(corner) && corner.y() <= inner.raised + same_place;
+                        return on_axis(corner) &&
+                               corner.y() <= inner.raised + coincidence_tolerance;
                       }));
   std::vector<OutlinePoint> points;
   for (const Vector2d& corner : corners)
@@ -263,8 +264,8 @@ OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d
   for (const OutlinePiece& segment : pieces) {
     const Vector2d v = point - segment.from, w = point - segment.to;
     const double off = segment.normal_from.dot(v);
-    if (segment.is_arc && sine_between(segment.normal_from, v) >= 0.0 &&
-        sine_between(w, segment.normal_to) >= 0.0) {
+    if (segment.is_arc && cross2d(segment.normal_from, v) >= 0.0 &&
+        cross2d(w, segment.normal_to) >= 0.0) {
       const Vector2d from_centre = v + segment.radius * segment.normal_from;
       const double centre_distance = from_centre.norm();
       if (centre_distance > 0.0)
@@ -301,18 +302,18 @@ void append_split(std::vector<OutlinePiece>& pieces, const OutlinePiece& segment
 
 }  // namespace
 
-OutlinePiece line_piece(const Vector2d& from, const Vector2d& to) {
+OutlinePiece line_segment(const Vector2d& from, const Vector2d& to) {
   const Vector2d along = (to - from).normalized();
   const Vector2d normal(along.y(), -along.x());
   return {false, from, to, normal, normal};
 }
 
-OutlinePiece arc_piece_about(const Vector2d& from, const Vector2d& to, double radius,
-                             const Vector2d& centre) {
+OutlinePiece arc_segment_about(const Vector2d& from, const Vector2d& to, double radius,
+                               const Vector2d& centre) {
   return {true, from, to, (from - centre).normalized(), (to - centre).normalized(), radius};
 }
 
-OutlinePiece arc_piece(const Vector2d& from, const Vector2d& to, double radius) {
+OutlinePiece arc_segment(const Vector2d& from, const Vector2d& to, double radius) {
   const Vector2d chord = to - from;
   const double half = 0.5 * chord.norm();
   if (!(radius >= half))
@@ -322,11 +323,11 @@ OutlinePiece arc_piece(const Vector2d& from, const Vector2d& to, double radius) 
             to.x(), to.y(), radius),
         to, OutlineError::Number::Radius);
   const Vector2d inward = Vector2d(-chord.y(), chord.x()).normalized();
-  return arc_piece_about(from, to, radius,
-                         0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
+  return arc_segment_about(from, to, radius,
+                           0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
 }
 
-std::vector<OutlinePiece> pieces_from_points(const std::vector<OutlinePoint>& points) {
+std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& points) {
   require(!points.empty(), "outline: expected a point and more, seen none");
   std::vector<OutlinePiece> pieces;
   Vector2d previous = Vector2d::Zero();
@@ -338,29 +339,30 @@ std::vector<OutlinePiece> pieces_from_points(const std::vector<OutlinePoint>& po
                       "radius {:g}",
                       point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineError::Number::First : OutlineError::Number::Radius);
-    if ((point.at - previous).norm() > same_place)
-      pieces.push_back(point.radius > 0.0 ? arc_piece(previous, point.at, point.radius)
-                                          : line_piece(previous, point.at));
+    if ((point.at - previous).norm() > coincidence_tolerance)
+      pieces.push_back(point.radius > 0.0 ? arc_segment(previous, point.at, point.radius)
+                                          : line_segment(previous, point.at));
     previous = point.at;
   };
-  if (!(std::abs(points.front().at.y()) <= same_place))
+  if (!(std::abs(points.front().at.y()) <= coincidence_tolerance))
     throw OutlineError(fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
                                    points.front().at.y()),
                        points.front().at, OutlineError::Number::Second);
   for (const OutlinePoint& point : points) append(point);
-  if (!(previous.x() > same_place && previous.y() > same_place))
+  if (!(previous.x() > coincidence_tolerance && previous.y() > coincidence_tolerance))
     throw OutlineError(
         fmt::format("outline: expected it to end above the tip and beside the axis, seen "
                     "({:g}, {:g}) mm",
                     previous.x(), previous.y()),
         previous,
-        previous.x() > same_place ? OutlineError::Number::Second : OutlineError::Number::First);
+        previous.x() > coincidence_tolerance ? OutlineError::Number::Second
+                                             : OutlineError::Number::First);
   append({{0.0, previous.y()}});
   return pieces;
 }
 
 double inward_bend(const OutlinePiece& before, const OutlinePiece& segment) {
-  return -sine_between(before.normal_to, segment.normal_from);
+  return -cross2d(before.normal_to, segment.normal_from);
 }
 
 std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
@@ -368,17 +370,17 @@ std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
   std::vector<OutlinePiece> result;
   for (const OutlinePiece& segment : pieces) {
     const Vector2d previous_normal = result.empty() ? before : result.back().normal_to;
-    const double bend = sine_between(previous_normal, segment.normal_from);
+    const double bend = cross2d(previous_normal, segment.normal_from);
     // The sine is near 0 also where the outline turns back on itself; only the cosine tells.
     const bool turns_back = previous_normal.dot(segment.normal_from) < 0.0;
-    if (!(bend > -min_bend) || (turns_back && bend <= min_bend))
+    if (!(bend > -bend_tolerance) || (turns_back && bend <= bend_tolerance))
       throw InwardBend(
           fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
                       "({:g}, {:g}) mm",
                       std::atan2(-bend, previous_normal.dot(segment.normal_from)) / units::deg,
                       segment.from.x(), segment.from.y()),
           segment.from);
-    if (bend > min_bend)
+    if (bend > bend_tolerance)
       append_split(result,
                    {true, segment.from, segment.from, previous_normal, segment.normal_from});
     append_split(result, segment);

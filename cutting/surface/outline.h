@@ -154,33 +154,33 @@ Eigen::Vector2d extreme_point(const std::vector<OutlinePiece>& pieces,
 
 /// Returns the cross product of two vectors: the sine of the angle from a to b, times their
 /// lengths.
-inline double sine_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+inline double cross2d(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
 /// Returns the line from one point to another.
-OutlinePiece line_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+OutlinePiece line_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
 
 /// Returns the arc that bulges outwards, half a circle or less.
 /// @throws std::invalid_argument if the radius is below half the chord
-OutlinePiece arc_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
+OutlinePiece arc_segment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
 
 /// Returns the arc about a given centre.
-OutlinePiece arc_piece_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius,
-                             const Eigen::Vector2d& centre);
+OutlinePiece arc_segment_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                               double radius, const Eigen::Vector2d& centre);
 
 /// Returns the lines and arcs from the tip through the points to the axis at the top, without sharp
 /// corners.
 /// @throws std::invalid_argument if a number is negative or not finite, if the outline does not
 ///         start at height 0 or does not end above the tip and off the axis, or if an arc is too
 ///         small for its chord
-std::vector<OutlinePiece> pieces_from_points(const std::vector<OutlinePoint>& points);
+std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& points);
 
 /// Points nearer to each other than this are the same point, mm.
-inline constexpr double same_place = 1e-9;
+inline constexpr double coincidence_tolerance = 1e-9;
 
 /// Inward bend that a joint may have through rounding of the input, rad.
-inline constexpr double min_bend = 1e-7;
+inline constexpr double bend_tolerance = 1e-7;
 
 /// Returns the sine of the angle by which an outline bends inwards at the start of a segment; not
 /// positive if it does not bend inwards.

@@ -25,16 +25,16 @@ void visit_removals(const Cutter& cutter, const CutterMotion& motion, const Ray&
   const int samples = int(motion.tip.rows());
   const int moves = samples == 1 ? 1 : samples - 1;
   for (int move = 0; move < moves; ++move) {
-    const int parts = parts_of(motion, move);
+    const int parts = move_part_count(motion, move);
     for (int part = 0; part < parts; ++part)
-      if (const auto entry = first_entry(cutter, part_of(motion, move, part, parts), ray, max_s))
+      if (const auto entry = first_entry(cutter, move_part(motion, move, part, parts), ray, max_s))
         visit(Removal{entry->s, entry->t, move, part});
   }
 }
 
 }  // namespace
 
-int parts_of(const CutterMotion& motion, int move) {
+int move_part_count(const CutterMotion& motion, int move) {
   const int next = std::min<int>(move + 1, int(motion.tip.rows()) - 1);
   const double squared_chord = (motion.axis.row(next) - motion.axis.row(move)).squaredNorm();
   // The chord is below the angle by 1e-4 here. 1 % off its square avoids the arc sine for almost
@@ -43,7 +43,7 @@ int parts_of(const CutterMotion& motion, int move) {
   return 1 + int(2 * std::asin(std::min(1.0, 0.5 * std::sqrt(squared_chord))) / max_part_angle);
 }
 
-Move part_of(const CutterMotion& motion, int move, int part, int parts) {
+Move move_part(const CutterMotion& motion, int move, int part, int parts) {
   Move result = move_after(motion, move);
   if (parts > 1) {
     result.from = double(part) / parts;
@@ -52,12 +52,12 @@ Move part_of(const CutterMotion& motion, int move, int part, int parts) {
   return result;
 }
 
-Move part_of(const CutterMotion& motion, int move, int part) {
-  return part_of(motion, move, part, parts_of(motion, move));
+Move move_part(const CutterMotion& motion, int move, int part) {
+  return move_part(motion, move, part, move_part_count(motion, move));
 }
 
-std::optional<Removal> first_of_every_move(const Cutter& cutter, const CutterMotion& motion,
-                                           const Ray& ray) {
+std::optional<Removal> first_removal_exhaustive(const Cutter& cutter, const CutterMotion& motion,
+                                                const Ray& ray) {
   std::optional<Removal> first;
   visit_removals(cutter, motion, ray, ray.band, [&](const Removal& removal) {
     if (!first || removal.s < first->s) first = removal;
@@ -65,10 +65,10 @@ std::optional<Removal> first_of_every_move(const Cutter& cutter, const CutterMot
   return first;
 }
 
-std::vector<Removal> every_move_within(const Cutter& cutter, const CutterMotion& motion,
-                                       const Ray& ray, double reach) {
+std::vector<Removal> removals_within_exhaustive(const Cutter& cutter, const CutterMotion& motion,
+                                                const Ray& ray, double reach) {
   std::vector<Removal> removals;
-  const std::optional<Removal> first = first_of_every_move(cutter, motion, ray);
+  const std::optional<Removal> first = first_removal_exhaustive(cutter, motion, ray);
   if (!first || first->s <= -ray.band) return removals;
   visit_removals(cutter, motion, ray, std::min(first->s + reach, ray.band),
                  [&](const Removal& removal) { removals.push_back(removal); });
@@ -113,26 +113,26 @@ bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& point) {
 
 /// Returns the normal of the cutter's skin at a contact. On a sharp rim it is the normal of the
 /// surface that the rim sweeps with the feed, or nothing if the rim moves along itself.
-std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& position,
+std::optional<Vector3d> skin_normal(const Cutter& cutter, const CutterPose& pose,
                                     const Vector3d& feed, const Vector3d& contact) {
-  const Vector3d contact_from_tip = contact - position.tip;
-  const double height = contact_from_tip.dot(position.axis);
-  const Vector3d radial_vector = contact_from_tip - height * position.axis;
+  const Vector3d contact_from_tip = contact - pose.tip;
+  const double height = contact_from_tip.dot(pose.axis);
+  const Vector3d radial_vector = contact_from_tip - height * pose.axis;
   const double axis_distance = radial_vector.norm();
   const Vector3d outward =
       axis_distance > 0.0 ? Vector3d(radial_vector / axis_distance) : Vector3d::Zero();
   const double corner = cutter.corner_radius, ring_radius = cutter.radius - corner;
   if (is_on_rim(cutter, {axis_distance, height})) {
-    const Vector3d swept = position.axis.cross(outward).cross(feed);
+    const Vector3d swept = pose.axis.cross(outward).cross(feed);
     return swept.norm() > 1e-6 * feed.norm() ? std::optional(swept) : std::nullopt;
   }
   if (cutter.outline) {
     const Eigen::Vector2d n = distance(*cutter.outline, {axis_distance, height}).gradient;
-    return n.x() * outward + n.y() * position.axis;
+    return n.x() * outward + n.y() * pose.axis;
   }
   if (height >= corner) return outward;
-  if (axis_distance <= ring_radius) return -position.axis;
-  return Vector3d(contact - (position.tip + corner * position.axis + ring_radius * outward));
+  if (axis_distance <= ring_radius) return -pose.axis;
+  return Vector3d(contact - (pose.tip + corner * pose.axis + ring_radius * outward));
 }
 
 /// Returns the normal of an insert's edge in the rake plane, at the edge point nearest to a
@@ -196,7 +196,7 @@ PassGradients milled_gradients(const Design& design_w, const Surface& surface, c
   return contact_gradients(design_w, surface, [&](Index v, const Vector3d& contact) {
     const auto [interval, u] = locate_instant(motion.time_s, surface.cut_time_s[v]);
     const Move move = move_after(motion, interval);
-    const Position pose = position(move, u);
+    const CutterPose pose = cutter_pose(move, u);
     const Vector3d rotation = move.angle * move.axis.cross(move.side);
     const Vector3d feed = move.step + rotation.cross(contact - pose.tip);
     const Vector3d normal = design_w.normals.row(v);

@@ -22,23 +22,23 @@ struct Removal {
 
 /// Returns the number of parts into which a move is divided so that its axis turns by at most 0.05
 /// rad in each.
-int parts_of(const CutterMotion& motion, int move);
+int move_part_count(const CutterMotion& motion, int move);
 /// Returns one part of a move.
-Move part_of(const CutterMotion& motion, int move, int part);
+Move move_part(const CutterMotion& motion, int move, int part);
 /// Overload for a move whose number of parts is known.
-Move part_of(const CutterMotion& motion, int move, int part, int parts);
+Move move_part(const CutterMotion& motion, int move, int part, int parts);
 
 /// Returns the first removal along the ray by a convex cutter: the smallest s, of equal ones the
 /// earliest move. Tests every move, in time linear in the moves; a SweepTree returns the same
 /// without testing all of them.
-std::optional<Removal> first_of_every_move(const Cutter& cutter, const CutterMotion& motion,
-                                           const Ray& ray);
+std::optional<Removal> first_removal_exhaustive(const Cutter& cutter, const CutterMotion& motion,
+                                                const Ray& ray);
 
 /// Returns, in the order of the motion, the first removal by every move or part of a move whose s
 /// is within `reach` (mm) of the first removal. Empty if nothing is removed or if the ray starts in
 /// removed material. Tests every move.
-std::vector<Removal> every_move_within(const Cutter& cutter, const CutterMotion& motion,
-                                       const Ray& ray, double reach);
+std::vector<Removal> removals_within_exhaustive(const Cutter& cutter, const CutterMotion& motion,
+                                                const Ray& ray, double reach);
 
 /// First-order model of the residual around each vertex of a design, for the pass that cut it: at
 /// the vertex displaced by `d` (mm) the residual is residual - gradient . d.

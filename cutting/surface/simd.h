@@ -39,7 +39,7 @@ inline Vector8 spread(const float (&v)[3]) { return {Float8(v[0]), Float8(v[1]),
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 /// Returns the length, never zero: lengths below 1e-15 are returned too large.
-[[gnu::always_inline]] inline Float8 length_of(const Vector8& a) {
+[[gnu::always_inline]] inline Float8 magnitude(const Vector8& a) {
   return stdx::sqrt(dot(a, a) + tiny);
 }
 [[gnu::always_inline]] inline Vector8 clamp(const Vector8& p, const Vector8& low,

@@ -171,7 +171,7 @@ void sort_by_code(std::vector<CodedVertex>& vertices) {
 
 }  // namespace
 
-std::vector<Index> judged_along_curve(const Design& design) {
+std::vector<Index> judged_vertices(const Design& design) {
   std::vector<Index> judged;
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
   Vector3d high = -low;

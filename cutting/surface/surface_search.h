@@ -39,7 +39,7 @@ bool is_judged(const Design& design, Eigen::Index vertex);
 
 /// Returns the judged vertices along a space-filling curve, so that neighbours in the order are
 /// neighbours in space and have neighbouring removals.
-std::vector<Eigen::Index> judged_along_curve(const Design& design);
+std::vector<Eigen::Index> judged_vertices(const Design& design);
 
 // The second search, of vertices whose ray starts in removed material or is not cut at all.
 
@@ -104,7 +104,7 @@ std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const Cutter
                                   const Ray& ray);
 
 /// Returns the first cuts of the vertices along their normals, from -band on.
-/// @param vertices  consecutive ones should be neighbours, as in `judged_along_curve`
+/// @param vertices  consecutive ones should be neighbours, as in `judged_vertices`
 std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
                                                 const CutterMotion& motion, const Design& design,
                                                 std::span<const Eigen::Index> vertices,

@@ -314,7 +314,7 @@ template <CutterForm form>
                                                  const Vector8& u) {
   const Float8 rise = dot(w, u);
   const Vector8 radial_vector = w - rise * u;
-  const Float8 rho = length_of(radial_vector);
+  const Float8 rho = magnitude(radial_vector);
   if constexpr (form == CutterForm::Outlined) {
     const OutlineDistance8 near = distance(*end.outline, rho, rise);
     return w - (near.value * near.radial / rho) * radial_vector - (near.value * near.axial) * u;
@@ -344,7 +344,7 @@ const RayEnd& central_ray(const PatchEnd& rays) { return rays.end; }
   return stdx::max(dot(m, spread(end.n)), Float8(0.0f));
 }
 [[gnu::always_inline]] inline Float8 normal_correction(const Vector8& m, const PatchEnd& rays) {
-  return stdx::max(dot(m, spread(rays.end.n)) + rays.tilt * length_of(m), Float8(0.0f));
+  return stdx::max(dot(m, spread(rays.end.n)) + rays.tilt * magnitude(m), Float8(0.0f));
 }
 
 /// Returns the largest distance of the rays' ends from their centre along m, times |m|.
@@ -421,12 +421,12 @@ template <CutterForm form, class Rays>
                             stdx::min(in_slab.x * from_low.x, in_slab.x * from_high.x) +
                             stdx::min(in_slab.y * from_low.y, in_slab.y * from_high.y) +
                             stdx::min(in_slab.z * from_low.z, in_slab.z * from_high.z);
-  const Float8 length = length_of(m);
+  const Float8 length = magnitude(m);
   // The u of the cone nearest to m has the largest m u and, if that is negative, also the largest
   // |m x u|. The angle between m and the cone's axis is then at least a right angle, so that
   // nothing cancels in the sine of the angle reduced by the spread.
   const Float8 along = dot(m, cone_axis);
-  const Float8 sine_component = length_of(cross(m, cone_axis));
+  const Float8 sine_component = magnitude(cross(m, cone_axis));
   Float8 upward = along * cos_spread + sine_component * sin_spread;
   stdx::where(along > length * cos_spread, upward) = length;
   Float8 support;
@@ -504,13 +504,13 @@ template <CutterForm form, class Rays>
   const Vector8 m0 = separation_direction<form>(p, end, leaf);
   const Float8 correction = normal_correction(m0, rays);
   const Vector8 m = m0 - correction * n;
-  const Float8 length = length_of(m);
+  const Float8 length = magnitude(m);
   Float8 upward = -length;
   const auto extreme_height = [&](const Vector8& k, const Vector8& u)
       __attribute__((always_inline)) {
     const Float8 along_axis = dot(m, u);
     upward = stdx::max(upward, along_axis);
-    const Float8 across_axis = length_of(cross(m, u));
+    const Float8 across_axis = magnitude(cross(m, u));
     if constexpr (form == CutterForm::Outlined) {
       return dot(m, k) + reach(*end.outline, across_axis, along_axis).value;
     } else {

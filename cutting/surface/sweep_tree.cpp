@@ -84,7 +84,7 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
   // need a wide cone of axes. Therefore the axis times a lever counts as three more coordinates.
   const double lever = 0.5 * std::max(cutter_.flank_length, cutter_.radius);
   std::vector<int> first_item(std::size_t(moves) + 1, 0);
-  for (int i = 0; i < moves; ++i) first_item[i + 1] = first_item[i] + parts_of(motion_, i);
+  for (int i = 0; i < moves; ++i) first_item[i + 1] = first_item[i] + move_part_count(motion_, i);
   std::vector<Key> keys(first_item.back());
   tbb::parallel_for(tbb::blocked_range<int>(0, moves, 4096), [&](const auto& range) {
     for (int i = range.begin(); i < range.end(); ++i) {
@@ -149,7 +149,7 @@ void SweepTree::sort_keys(std::span<Key> keys) {
 }
 
 Move SweepTree::item_move(const Item& item) const {
-  return part_of(motion_, item.move, item.part, item.parts);
+  return move_part(motion_, item.move, item.part, item.parts);
 }
 
 const Move& SweepTree::item_move(int item, Hint& hint) const {

@@ -35,7 +35,7 @@ void check_rise(double previous_height, const Vector2d& point) {
 }
 
 void check_arc_heights(const OutlinePiece& segment, double min_normal_x, const Vector2d& end) {
-  if (!(min_normal_x >= -min_bend))
+  if (!(min_normal_x >= -bend_tolerance))
     throw OutlineError(
         fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
                     "one of {:g} mm to ({:g}, {:g}) mm",
@@ -56,11 +56,11 @@ OutlinePiece reversed_arc(const Vector2d& from, const Vector2d& to, double radiu
                     half_chord, to.x(), to.y(), radius),
         to, Number::Radius);
   check_rise(from.y(), to);
-  const OutlinePiece reversed = arc_piece(to, from, radius);
+  const OutlinePiece reversed = arc_segment(to, from, radius);
   check_arc_heights(reversed, -std::max(reversed.normal_from.x(), reversed.normal_to.x()), to);
   const bool has_minimum = reversed.normal_from.y() > 0.0 && reversed.normal_to.y() < 0.0;
   const double min_distance = reversed.from.x() - radius * (1.0 + reversed.normal_from.x());
-  if (has_minimum && min_distance <= same_place)
+  if (has_minimum && min_distance <= coincidence_tolerance)
     throw OutlineError(fmt::format("outline: expected an arc that stays off the axis, seen one of "
                                    "-{:g} mm to ({:g}, {:g}) mm that comes to {:g} mm from it",
                                    radius, to.x(), to.y(), min_distance),
@@ -77,7 +77,7 @@ struct InwardArc {
   InwardArc(const Vector2d& from, const Vector2d& to, double radius)
       : reversed(reversed_arc(from, to, radius)),
         // The sine of half a circle may be -0, hence the absolute value of the angle.
-        arc_angle(std::abs(std::atan2(sine_between(reversed.normal_from, reversed.normal_to),
+        arc_angle(std::abs(std::atan2(cross2d(reversed.normal_from, reversed.normal_to),
                                       reversed.normal_from.dot(reversed.normal_to)))),
         chord_count(std::max(
             1, int(std::ceil(arc_angle /
@@ -111,7 +111,7 @@ void visit_points(const std::vector<OutlinePoint>& points, const Straight& strai
         std::isfinite(point.radius) && point.radius < 0.0 && point.at.allFinite();
     if (!is_inward_arc)
       straight(point);
-    else if ((point.at - previous).norm() > same_place)
+    else if ((point.at - previous).norm() > coincidence_tolerance)
       arc(point, InwardArc(previous, point.at, -point.radius));
     else
       straight({point.at});
@@ -120,7 +120,7 @@ void visit_points(const std::vector<OutlinePoint>& points, const Straight& strai
 }
 
 std::vector<OutlinePoint> replace_inward_arcs(const std::vector<OutlinePoint>& points) {
-  if (points.empty() || !(std::abs(points.front().at.y()) <= same_place)) return points;
+  if (points.empty() || !(std::abs(points.front().at.y()) <= coincidence_tolerance)) return points;
   std::vector<OutlinePoint> result;
   visit_points(
       points, [&](const OutlinePoint& point) { result.push_back(point); },
@@ -139,7 +139,7 @@ void check_heights(const Segments& pieces) {
     check_rise(segment.from.y(), segment.to);
     check_arc_heights(segment, std::min(segment.normal_from.x(), segment.normal_to.x()),
                       segment.to);
-    if (segment.to.x() <= same_place)
+    if (segment.to.x() <= coincidence_tolerance)
       throw OutlineError(
           fmt::format("outline: expected a radius above 0 above its tip, seen {:g} mm at {:g} mm",
                       segment.to.x(), segment.to.y()),
@@ -150,7 +150,7 @@ void check_heights(const Segments& pieces) {
 void check_turns(const Segments& pieces) {
   for (std::size_t i = 1; i < pieces.size(); ++i) {
     const Vector2d &before = pieces[i - 1].normal_to, &after = pieces[i].normal_from;
-    if (before.dot(after) < 0.0 && std::abs(sine_between(before, after)) <= min_bend)
+    if (before.dot(after) < 0.0 && std::abs(cross2d(before, after)) <= bend_tolerance)
       throw OutlineError(
           fmt::format("outline: expected it to go on, seen that it turns back on itself at "
                       "({:g}, {:g}) mm",
@@ -163,7 +163,7 @@ void check_turns(const Segments& pieces) {
 std::vector<Segments> split_at_inward_corners(const Segments& pieces) {
   std::vector<Segments> runs(1);
   for (const OutlinePiece& segment : pieces) {
-    if (!runs.back().empty() && inward_bend(runs.back().back(), segment) > min_bend)
+    if (!runs.back().empty() && inward_bend(runs.back().back(), segment) > bend_tolerance)
       runs.emplace_back();
     runs.back().push_back(segment);
   }
@@ -174,16 +174,16 @@ std::vector<Segments> split_at_inward_corners(const Segments& pieces) {
 ToolOutline run_outline(const Segments& run) {
   Segments pieces;
   const Vector2d low = run.front().from, high = run.back().to;
-  if (low.x() > same_place) pieces.push_back(line_piece({0.0, low.y()}, low));
+  if (low.x() > coincidence_tolerance) pieces.push_back(line_segment({0.0, low.y()}, low));
   pieces.insert(pieces.end(), run.begin(), run.end());
-  if (high.x() > same_place) pieces.push_back(line_piece(high, {0.0, high.y()}));
+  if (high.x() > coincidence_tolerance) pieces.push_back(line_segment(high, {0.0, high.y()}));
   return closed_outline(pieces);
 }
 
 /// Returns the midpoint of that part of a line from a corner which lies inside a convex outline.
 /// The part ends at half the corner's distance from the axis.
 Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
-  if (std::abs(line.y()) <= min_bend) return corner;
+  if (std::abs(line.y()) <= bend_tolerance) return corner;
   const double end_height = line.y() > 0.0 ? outline.height : outline.pieces.front().from.y();
   double outside_distance = (end_height - corner.y()) / line.y(), inside_distance = 0.0;
   if (line.x() < 0.0) outside_distance = std::min(outside_distance, -0.5 * corner.x() / line.x());
@@ -202,7 +202,7 @@ Vector2d inner_midpoint(const ToolOutline& outline, const Vector2d& corner, cons
 /// Extends a run at its lower end to a point on its end line.
 void extend_start(Segments& run, const Vector2d& start) {
   OutlinePiece& first_segment = run.front();
-  if ((first_segment.from - start).norm() <= same_place) return;
+  if ((first_segment.from - start).norm() <= coincidence_tolerance) return;
   const Vector2d normal = first_segment.normal_from, corner = first_segment.from;
   if (first_segment.is_arc)
     run.insert(run.begin(), {false, start, corner, normal, normal});
@@ -213,7 +213,7 @@ void extend_start(Segments& run, const Vector2d& start) {
 /// Extends a run at its upper end to a point on its end line.
 void extend_end(Segments& run, const Vector2d& end) {
   OutlinePiece& last_segment = run.back();
-  if ((last_segment.to - end).norm() <= same_place) return;
+  if ((last_segment.to - end).norm() <= coincidence_tolerance) return;
   const Vector2d normal = last_segment.normal_to, corner = last_segment.to;
   if (last_segment.is_arc)
     run.push_back({false, corner, end, normal, normal});
@@ -254,7 +254,7 @@ ToolOutline outline_from_runs(const Segments& pieces) {
 /// opened the inward corner between them.
 void join_lines(OutlinePiece& before, OutlinePiece& after, const Vector2d& corner) {
   const Vector2d u = along(before.normal_to), v = along(after.normal_from);
-  const double offset = sine_between(after.from - before.from, v) / sine_between(u, v);
+  const double offset = cross2d(after.from - before.from, v) / cross2d(u, v);
   const Vector2d intersection = before.from + offset * u;
   if (before.is_arc || after.is_arc || !(offset > 0.0) || !((after.to - intersection).dot(v) > 0.0))
     throw std::invalid_argument(
@@ -281,8 +281,8 @@ Segments split_at_widest(const OutlinePiece& segment) {
 Segments side_segments(const ToolOutline& outline) {
   Segments sides;
   for (const OutlinePiece& segment : outline.pieces) {
-    const bool is_flat = std::abs(segment.to.y() - segment.from.y()) <= same_place;
-    if (!is_flat || std::min(segment.from.x(), segment.to.x()) > same_place)
+    const bool is_flat = std::abs(segment.to.y() - segment.from.y()) <= coincidence_tolerance;
+    if (!is_flat || std::min(segment.from.x(), segment.to.x()) > coincidence_tolerance)
       sides.push_back(segment);
   }
   return sides;
@@ -290,7 +290,7 @@ Segments side_segments(const ToolOutline& outline) {
 
 double radius_at(const OutlinePiece& segment, double height) {
   const double rise = segment.to.y() - segment.from.y();
-  if (rise <= same_place) return std::min(segment.from.x(), segment.to.x());
+  if (rise <= coincidence_tolerance) return std::min(segment.from.x(), segment.to.x());
   if (!segment.is_arc)
     return segment.from.x() +
            (height - segment.from.y()) / rise * (segment.to.x() - segment.from.x());
@@ -315,7 +315,7 @@ double min_radius(const Segments& sides, double low, double high) {
 double neck_radius(const Segments& sides) {
   double result = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < sides.size(); ++i)
-    if (inward_bend(sides[i - 1], sides[i]) > min_bend)
+    if (inward_bend(sides[i - 1], sides[i]) > bend_tolerance)
       result = std::min(result, sides[i].from.x());
   return result;
 }
@@ -372,7 +372,7 @@ InsetOutline inset_hollow(const ToolOutline& outline, double margin) {
 }
 
 ToolOutline profile_from_points(const std::vector<OutlinePoint>& points) {
-  const Segments pieces = pieces_from_points(replace_inward_arcs(points));
+  const Segments pieces = segments_from_points(replace_inward_arcs(points));
   check_heights(pieces);
   check_turns(pieces);
   return outline_from_runs(pieces);
@@ -395,11 +395,11 @@ ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
     segment.from += displacement;
     segment.to += displacement;
     const Vector2d previous_end = boundary.empty() ? Vector2d::Zero() : boundary.back().to;
-    if ((segment.from - previous_end).norm() > same_place) {
-      if (!boundary.empty() && inward_bend(boundary.back(), segment) > min_bend)
+    if ((segment.from - previous_end).norm() > coincidence_tolerance) {
+      if (!boundary.empty() && inward_bend(boundary.back(), segment) > bend_tolerance)
         join_lines(boundary.back(), segment, corner);
       else
-        boundary.push_back(line_piece(previous_end, segment.from));
+        boundary.push_back(line_segment(previous_end, segment.from));
     }
     boundary.push_back(segment);
   };
