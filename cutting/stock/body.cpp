@@ -152,19 +152,19 @@ namespace {
 /// contains the arc.
 Eigen::MatrixX2d circumscribed_profile(const ToolOutline& outline, double sag) {
   std::vector<Eigen::Vector2d> points{outline.pieces.front().from};
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlinePiece& segment : outline.pieces) {
     const double arc_angle =
-        std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
-    const int sides = piece.radius > 0.0 ? side_count(piece.radius, sag) : 1;
+        std::acos(std::clamp(segment.normal_from.dot(segment.normal_to), -1.0, 1.0));
+    const int sides = segment.radius > 0.0 ? side_count(segment.radius, sag) : 1;
     const int tangent_count =
         std::max(1, int(std::ceil(arc_angle * sides / (2.0 * std::numbers::pi))));
     const double half_angle = 0.5 * arc_angle / tangent_count;
-    for (int k = 0; k < tangent_count && piece.radius > 0.0; ++k) {
+    for (int k = 0; k < tangent_count && segment.radius > 0.0; ++k) {
       const Eigen::Vector2d direction =
-          Eigen::Rotation2Dd((2 * k + 1) * half_angle) * piece.normal_from / std::cos(half_angle);
-      points.push_back(piece.from + piece.radius * (direction - piece.normal_from));
+          Eigen::Rotation2Dd((2 * k + 1) * half_angle) * segment.normal_from / std::cos(half_angle);
+      points.push_back(segment.from + segment.radius * (direction - segment.normal_from));
     }
-    points.push_back(piece.to);
+    points.push_back(segment.to);
   }
   Eigen::MatrixX2d profile(Index(points.size()), 2);
   Index count = 0;
@@ -209,19 +209,19 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   check_cutter(cutter);
   if (is_hollow(cutter)) {
-    std::vector<ClosedMesh> pieces;
-    for (const Cutter& part : convex_parts(cutter)) pieces.push_back(cutter_mesh(part, sag));
-    return pieces;
+    std::vector<ClosedMesh> meshes;
+    for (const Cutter& part : convex_parts(cutter)) meshes.push_back(cutter_mesh(part, sag));
+    return meshes;
   }
   if (cutter.outline) return {cutter_mesh(cutter, sag)};
   const double r = cutter.corner_radius, flat_radius = cutter.radius - r;
-  std::vector<ClosedMesh> pieces;
+  std::vector<ClosedMesh> meshes;
   if (cutter.flank_length > r) {
     Eigen::MatrixX2d flank(2, 2);
     flank << cutter.radius, r, cutter.radius, cutter.flank_length;
-    pieces.push_back(revolved_mesh(flank, sag));
+    meshes.push_back(revolved_mesh(flank, sag));
   }
-  if (r == 0.0) return pieces;
+  if (r == 0.0) return meshes;
   std::vector<Vector3d> corners{{0.0, 0.0, r}};
   std::vector<std::array<int, 3>> fan;
   const int n = flat_radius > 0.0 ? side_count(flat_radius, sag) : 0;
@@ -233,9 +233,9 @@ std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   }
   // A degenerate triangle with a skin is a ball.
   if (n == 0) fan.push_back({0, 0, 0});
-  pieces.push_back(make_mesh(corners, fan));
-  pieces.back().skin = r;
-  return pieces;
+  meshes.push_back(make_mesh(corners, fan));
+  meshes.back().skin = r;
+  return meshes;
 }
 
 ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T) {
@@ -462,13 +462,13 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
                                                 const std::vector<NonCuttingSection>& sections,
                                                 const CutterMotion& motion, double band) {
-  double tolerated_depth = rubbing;
+  double max_tolerated = rubbing;
   for (const NonCuttingSection& section : sections)
-    tolerated_depth = std::min(tolerated_depth, 0.25 * section.shape.radius);
+    max_tolerated = std::min(max_tolerated, 0.25 * section.shape.radius);
   AlignedBox3d part;
   for (Index v = 0; v < design_w.vertices.rows(); ++v)
     part.extend(Vector3d(design_w.vertices.row(v)));
-  if (part.isEmpty() || !(band > tolerated_depth) || motion.tip.rows() == 0) return std::nullopt;
+  if (part.isEmpty() || !(band > max_tolerated) || motion.tip.rows() == 0) return std::nullopt;
 
   // A deque, because the elements contain references to themselves and must not move in memory.
   std::deque<MovingSection> moving_sections;
@@ -480,7 +480,7 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
   std::vector<ShankCheck> checks;
   for (const MovingSection& section : moving_sections) {
     check_milled(design_w, section.shape, section.path, band);
-    checks.emplace_back(design_w, section.shape, section.path, section.moves, tolerated_depth);
+    checks.emplace_back(design_w, section.shape, section.path, section.moves, max_tolerated);
   }
 
   std::vector<VertexDepth> depths(std::size_t(design_w.vertices.rows()));
@@ -505,7 +505,7 @@ std::optional<ShankContact> non_cutting_contact(const Design& design_w,
   for (const std::vector<VertexDepth>& section : section_depths)
     for (std::size_t v = 0; v < depths.size(); ++v)
       if (section[v].depth > depths[v].depth) depths[v] = section[v];
-  const ShankContact contact = summarize(depths, tolerated_depth);
+  const ShankContact contact = summarize(depths, max_tolerated);
   return contact.vertices > 0 ? std::optional(contact) : std::nullopt;
 }
 

@@ -75,14 +75,14 @@ struct Body {
 Body make_body(const ClosedMesh& mesh);
 /// Returns the body that is the union of meshes that overlap or touch.
 /// @throws std::invalid_argument as for a single mesh, or if there is none
-Body make_body(const std::vector<ClosedMesh>& pieces);
+Body make_body(const std::vector<ClosedMesh>& meshes);
 
 /// Returns the body of one surface, divided into patches: the triangles in each cube of `size` mm.
 /// The surface must be closed, which is not checked. Reuses the patches of an earlier body that are
 /// equal, so that after a small change the cost is little more than the comparison.
-/// @param before  body of an earlier state of the surface with the same size, or an empty body
+/// @param previous  body of an earlier state of the surface with the same size, or an empty body
 /// @throws std::invalid_argument as `make_body`, or for a size that is not positive
-Body make_patched_body(const ClosedMesh& mesh, double size, const Body& before = {});
+Body make_patched_body(const ClosedMesh& mesh, double size, const Body& previous = {});
 
 /// Returns the farthest point of a body in a direction (unit, in its own frame).
 Eigen::Vector3d support_vertex(const Body& body, const Eigen::Vector3d& direction);
@@ -135,7 +135,7 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
 /// Returns the contact of several sections; at each vertex that of the deepest one.
 /// @param band  mm, depth of the search below the design
 std::optional<ShankContact> non_cutting_contact(const Design& design_w,
-                                                const std::vector<NonCuttingSection>& pieces,
+                                                const std::vector<NonCuttingSection>& sections,
                                                 const CutterMotion& motion, double band);
 
 }  // namespace abbe::cutting

@@ -179,12 +179,12 @@ bool is_same(const ClosedMesh& a, const ClosedMesh& b) {
 
 }  // namespace
 
-Body make_patched_body(const ClosedMesh& mesh, double size, const Body& before) {
+Body make_patched_body(const ClosedMesh& mesh, double size, const Body& previous_body) {
   require(size > 0.0, "body: patches must have a size");
   check(mesh);
   std::map<Cube, std::shared_ptr<const Component>> previous_components;
-  if (before.search)
-    for (const auto& component : before.search->components)
+  if (previous_body.search)
+    for (const auto& component : previous_body.search->components)
       previous_components[component->cube] = component;
   const std::map<Cube, ClosedMesh> patches = split_into_patches(mesh, size);
   std::vector<const std::pair<const Cube, ClosedMesh>*> patch_list;
@@ -246,7 +246,7 @@ Body ball_sweep_body(const Points& centres, double radius) {
 
 Vector3d support_vertex(const Body& body, const Vector3d& direction) {
   double max_height = -std::numeric_limits<double>::infinity();
-  Vector3d farthest = Vector3d::Zero();
+  Vector3d support_point = Vector3d::Zero();
   for (const auto& component : body.search->components) {
     if (!(component->centre.dot(direction) + component->radius > max_height)) continue;
     Eigen::Index vertex = 0;
@@ -254,9 +254,10 @@ Vector3d support_vertex(const Body& body, const Vector3d& direction) {
         component->mesh.skin + (component->mesh.vertices * direction).maxCoeff(&vertex);
     if (height <= max_height) continue;
     max_height = height;
-    farthest = component->mesh.vertices.row(vertex).transpose() + component->mesh.skin * direction;
+    support_point =
+        component->mesh.vertices.row(vertex).transpose() + component->mesh.skin * direction;
   }
-  return farthest;
+  return support_point;
 }
 
 double extent(const Body& body, const Vector3d& direction) {
@@ -668,7 +669,7 @@ struct DistanceSample {
 /// An interval of time with a lower bound of the distance.
 struct TimeSegment {
   DistanceSample from, to;
-  double least;
+  double min_distance;
 };
 
 // The distance changes at most at `speed`, so lines of that slope from both ends bound it; their
@@ -702,7 +703,7 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
     return {u, current_gap.distance / (1.0 + options.rough)};
   };
   const auto has_larger_bound = [](const TimeSegment& first, const TimeSegment& second) {
-    return first.least > second.least;
+    return first.min_distance > second.min_distance;
   };
   std::priority_queue<TimeSegment, std::vector<TimeSegment>, decltype(has_larger_bound)> queue(
       has_larger_bound);
@@ -716,8 +717,8 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
     return std::max(options.within, options.share * nearest.gap.distance);
   };
   while (!nearest.contact && !options.contact_only &&
-         queue.top().least < nearest.gap.distance - tolerance()) {
-    const auto [from, to, least] = queue.top();
+         queue.top().min_distance < nearest.gap.distance - tolerance()) {
+    const auto [from, to, min_distance] = queue.top();
     queue.pop();
     const DistanceSample middle = sample(0.5 * (from.u + to.u));
     queue.push(make_segment(from, middle, speed));

@@ -47,8 +47,8 @@ struct Ball {
 };
 
 /// Returns balls whose hull contains a body, in its frame: the vertices with their skins. Empty if
-/// there are more than `most`.
-std::vector<Ball> hull_balls(const Body& body, std::size_t most = 1024);
+/// there are more than `max_balls`.
+std::vector<Ball> hull_balls(const Body& body, std::size_t max_balls = 1024);
 
 /// The balls among the components of a body, such as the end of a ball cutter, and the body of the
 /// other components.
@@ -70,14 +70,15 @@ struct TrianglePair {
   double skins = 0.0;  ///< mm, sum of both
 };
 
-/// Returns the pairs of triangles of two bodies whose distance, skins included, is at most `within`
-/// mm. If there are more than `most` pairs, returns that many from all over the bodies.
+/// Returns the pairs of triangles of two bodies whose distance, skins included, is at most
+/// `max_distance` mm. If there are more than `max_pairs` pairs, returns that many from all over the
+/// bodies.
 std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const kinematics::Pose& T_ab,
-                                     double within, std::size_t most);
+                                     double max_distance, std::size_t max_pairs);
 
 /// Returns the distance of two triangles after a translation of the second; negative if skins
 /// overlap.
-Gap gap(const TrianglePair& pair, const Eigen::Vector3d& moved);
+Gap gap(const TrianglePair& pair, const Eigen::Vector3d& translation);
 
 struct ApproachOptions {
   double resolution = 5e-3;   ///< mm, a smaller distance is contact

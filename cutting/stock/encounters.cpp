@@ -140,7 +140,7 @@ class Chunk {
     for (std::size_t i = begin_; i < end; ++i) poses_.push_back(task.poses(i, 0.0));
     add_travels();
     initialize_states();
-    for (std::size_t stretch = first; stretch < last; ++stretch) follow(stretch);
+    for (std::size_t segment = first; segment < last; ++segment) follow(segment);
     for (const PairState& state : states_) result.best.push_back(state.best);
   }
 
@@ -225,12 +225,12 @@ class Chunk {
     PairState& state = states_[std::size_t(pair)];
     // An exact distance also yields a separating plane.
     const bool exact = task_.has_hulls(pair) && !task_.pairs[std::size_t(pair)].contact_only;
-    const double share = exact ? 0.0 : query_error_fraction * task_.options.share;
+    const double relative_error = exact ? 0.0 : query_error_fraction * task_.options.share;
     Gap current_gap = state.gap;
     if (state.instant != i || !state.is_computed || state.high >= state.max_distance) {
-      GapOptions options{share};
+      GapOptions options{relative_error};
       if (task_.pairs[std::size_t(pair)].contact_only)
-        options.max_distance = (1.0 + share) * max_needed;
+        options.max_distance = (1.0 + relative_error) * max_needed;
       current_gap = gap(task_.fixed(pair).body, Pose::Identity(), task_.moving(pair).body,
                         relative(pair, i), options);
       ++result.queries;
@@ -238,7 +238,7 @@ class Chunk {
           is_inside(pair, i))
         current_gap.distance = 0.0;
       if (i >= state.instant) {
-        state.low = current_gap.distance / (1.0 + share);
+        state.low = current_gap.distance / (1.0 + relative_error);
         state.high = current_gap.distance;
         state.is_in_contact = current_gap.distance <= task_.options.resolution;
         state.instant = i;
@@ -249,7 +249,7 @@ class Chunk {
       }
     }
     record(pair, {begin_ + i, 0.0}, current_gap, nearest);
-    return current_gap.distance / (1.0 + share);
+    return current_gap.distance / (1.0 + relative_error);
   }
 
   /// Returns a lower bound of the distance at an instant from the last separating plane. The bound
@@ -276,24 +276,25 @@ class Chunk {
       return std::max(state.low - relative_travel(p, state.instant, i), plane_bound(pair, i));
     };
     const double begin_bound = at(i0), end_bound = at(i1);
-    double least = 0.5 * (begin_bound + end_bound - relative_travel(p, i0, i1));
-    if (least < required && state.plane && std::min(begin_bound, end_bound) >= required) {
-      least = infinity;
+    double min_distance = 0.5 * (begin_bound + end_bound - relative_travel(p, i0, i1));
+    if (min_distance < required && state.plane && std::min(begin_bound, end_bound) >= required) {
+      min_distance = infinity;
       double left_bound = begin_bound;
-      for (std::size_t i = i0; i < i1 && least >= required; ++i) {
+      for (std::size_t i = i0; i < i1 && min_distance >= required; ++i) {
         const double right_bound = at(i + 1);
-        least = std::min(least, 0.5 * (left_bound + right_bound - relative_travel(p, i, i + 1)));
+        min_distance =
+            std::min(min_distance, 0.5 * (left_bound + right_bound - relative_travel(p, i, i + 1)));
         left_bound = right_bound;
       }
     }
-    if (least < required || !state.plane) return least;
+    if (min_distance < required || !state.plane) return min_distance;
     state.low = end_bound;
     // The distance between two points of the bodies is an upper bound.
     const Vector3d displacement = relative(pair, i1) * state.on_b - state.gap.on_a;
     state.high = std::min(state.high + relative_travel(p, state.instant, i1), displacement.norm());
     state.instant = i1;
     state.is_computed = false;
-    return least;
+    return min_distance;
   }
 
   /// Returns the limit below which a distance improves on the smallest known one significantly.
@@ -353,9 +354,9 @@ class Chunk {
   /// Searches between instants with the distances d0 and d1. Returns true on contact.
   bool search_range(int pair, std::size_t i0, double d0, std::size_t i1, double d1,
                     NearestApproach& nearest) {
-    const double least = 0.5 * (d0 + d1 - relative_travel(std::size_t(pair), i0, i1));
-    if (least >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
-      nearest.at_least = std::min(nearest.at_least, least);
+    const double min_distance = 0.5 * (d0 + d1 - relative_travel(std::size_t(pair), i0, i1));
+    if (min_distance >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
+      nearest.at_least = std::min(nearest.at_least, min_distance);
       return false;
     }
     if (i1 - i0 == 1) return search_interval(pair, i0, nearest);
@@ -424,13 +425,13 @@ class Chunk {
       const Pose T = relative(pair, contact_free.rest);
       const std::vector<Ball>& hull = task_.rest_hulls[p];
       if (advance(plane_distance(contact_free.plane, hull, T))) continue;
-      const double share = query_error_fraction * task_.options.share;
-      const Gap rest =
-          gap(task_.fixed(pair).body, Pose::Identity(), *task_.moving_parts[p].rest, T, {share});
+      const double relative_error = query_error_fraction * task_.options.share;
+      const Gap rest = gap(task_.fixed(pair).body, Pose::Identity(), *task_.moving_parts[p].rest, T,
+                           {relative_error});
       ++result.queries;
       contact_free.plane =
           parting_plane(task_.fixed(pair).body, hull, T, Vector3d(rest.on_b - rest.on_a));
-      if (!advance(rest.distance / (1.0 + share))) return false;
+      if (!advance(rest.distance / (1.0 + relative_error))) return false;
     }
     return true;
   }
@@ -499,9 +500,9 @@ class Chunk {
       nearest.at_least = d0;
       return nearest;
     }
-    const double least = d0 - relative_travel(std::size_t(pair), i0, i1);
-    if (least >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
-      nearest.at_least = least;
+    const double min_distance = d0 - relative_travel(std::size_t(pair), i0, i1);
+    if (min_distance >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
+      nearest.at_least = min_distance;
       return nearest;
     }
     const double d1 = sample(pair, i1, max_needed, nearest);
@@ -509,8 +510,8 @@ class Chunk {
     return nearest;
   }
 
-  void follow(std::size_t stretch) {
-    const std::size_t first = task_.motion.stretches[stretch], end = end_of(task_.motion, stretch);
+  void follow(std::size_t segment) {
+    const std::size_t first = task_.motion.stretches[segment], end = end_of(task_.motion, segment);
     const std::size_t i0 = std::max(first, begin_ + 1) - 1 - begin_, i1 = end - 1 - begin_;
     const std::size_t count = task_.pairs.size();
     std::vector<double> low(count, infinity);
@@ -548,7 +549,7 @@ class Chunk {
         min_distance_ = std::min(min_distance_, nearest.distance);
       if (nearest.distance < states_[next_pair].best.distance) states_[next_pair].best = nearest;
       if (nearest.contact || nearest.distance < task_.options.clearance)
-        result.encounters.push_back({int(next_pair), nearest.contact, stretch, stretch,
+        result.encounters.push_back({int(next_pair), nearest.contact, segment, segment,
                                      nearest.moment, nearest.moment, nearest.distance,
                                      nearest.place});
     }
@@ -698,8 +699,8 @@ class EncounterJoiner {
 
 }  // namespace
 
-std::size_t end_of(const CarrierMotion& motion, std::size_t stretch) {
-  const std::size_t next = stretch + 1;
+std::size_t end_of(const CarrierMotion& motion, std::size_t segment) {
+  const std::size_t next = segment + 1;
   return next < motion.stretches.size() ? motion.stretches[next] : motion.instants;
 }
 
@@ -711,8 +712,8 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
     task.moving_parts.push_back(pair.contact_only && options.accelerated
                                     ? split_into_balls(bodies[std::size_t(pair.b)].body)
                                     : BodyBalls{});
-  for (const BodyBalls& one : task.moving_parts)
-    task.rest_hulls.push_back(one.rest ? hull_balls(*one.rest) : std::vector<Ball>{});
+  for (const BodyBalls& parts : task.moving_parts)
+    task.rest_hulls.push_back(parts.rest ? hull_balls(*parts.rest) : std::vector<Ball>{});
   Encounters result;
   result.pairs.resize(pairs.size());
   const std::vector<Pose> T = task.poses(0, 0.0);
@@ -725,20 +726,20 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
     task.is_followed[p] = overlap ? 0 : 1;
   });
   result.queries = pairs.size();
-  for (const CarrierBody& one : bodies) task.hulls.push_back(hull_balls(one.body));
+  for (const CarrierBody& carried : bodies) task.hulls.push_back(hull_balls(carried.body));
   // Few samples compared with the distances of the search itself.
   const std::size_t sample_count =
       options.accelerated ? std::min<std::size_t>(256, motion.instants / 64) : 0;
   task.sampled_nearest = sampled_distances(task, sample_count);
   result.queries += sample_count * pairs.size();
-  const std::vector<std::size_t> first = chunk_starts(motion, options.chunk);
-  std::vector<EncounterSearchResult> chunks(first.size() - 1);
+  const std::vector<std::size_t> starts = chunk_starts(motion, options.chunk);
+  std::vector<EncounterSearchResult> chunks(starts.size() - 1);
   std::atomic<std::size_t> finished_count{0};
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, chunks.size(), 1),
       [&](const auto& range) {
         for (std::size_t c = range.begin(); c < range.end(); ++c) {
-          chunks[c] = follow(task, first[c], first[c + 1]);
+          chunks[c] = follow(task, starts[c], starts[c + 1]);
           if (options.progress) options.progress(double(++finished_count) / double(chunks.size()));
         }
       },
@@ -755,15 +756,15 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
         result.pairs[p] = {false, best.contact ? 0.0 : best.distance, best.moment};
     }
     std::vector<Encounter> chunk_encounters = chunk.encounters;
-    std::ranges::stable_sort(chunk_encounters, {}, [](const Encounter& one) {
-      return std::tuple(one.first_segment, one.pair);
+    std::ranges::stable_sort(chunk_encounters, {}, [](const Encounter& encounter) {
+      return std::tuple(encounter.first_segment, encounter.pair);
     });
-    for (const Encounter& one : chunk_encounters) joiner.add(one);
+    for (const Encounter& encounter : chunk_encounters) joiner.add(encounter);
   }
   result.list = std::move(joiner.list);
   tbb::parallel_for(std::size_t(0), result.list.size(), [&](std::size_t i) {
-    Encounter& one = result.list[i];
-    one.begin = one.contact ? one.moment : near_miss_begin(task, one);
+    Encounter& encounter = result.list[i];
+    encounter.begin = encounter.contact ? encounter.moment : near_miss_begin(task, encounter);
   });
   return result;
 }

@@ -135,11 +135,11 @@ double DesignDistance::sag(const TriangleTree::Nearest& nearest) const {
   return (smooth.point - nearest.point).dot(facet_normals_.row(nearest.triangle).transpose());
 }
 
-DesignDistance::At DesignDistance::at(const Vector3d& query_point, int guess,
-                                      double max_distance) const {
+DesignDistance::PointDistance DesignDistance::at(const Vector3d& query_point, int guess,
+                                                 double max_distance) const {
   // With a smaller weight of a corner the nearest point is on a side.
   constexpr double max_side_weight = 1e-9;
-  At result;
+  PointDistance result;
   const TriangleTree::Nearest nearest = tree_.nearest(query_point, guess, max_distance);
   result.triangle = nearest.triangle;
   if (nearest.triangle < 0) {
@@ -186,7 +186,7 @@ using Cubes = std::map<GridCube, std::vector<std::size_t>>;
 
 /// Returns the points beyond the band, grouped in cubes of half its size. No design lies between
 /// two points of a cube, because the ball with the radius of the band about one contains the other.
-Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& distances,
+Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::PointDistance>& distances,
                 double band) {
   Cubes cubes;
   for (std::size_t i = 0; i < distances.size(); ++i) {
@@ -201,7 +201,7 @@ Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& di
 
 /// Returns true if the border of the design passes between a cube and a neighbouring cube.
 bool is_at_border(const Cubes& cubes, const GridCube& cube,
-                  const std::vector<DesignDistance::At>& distances) {
+                  const std::vector<DesignDistance::PointDistance>& distances) {
   const auto is_beyond_border = [&](const std::vector<std::size_t>& points) {
     return distances[points.front()].is_beyond;
   };
@@ -216,9 +216,10 @@ bool is_at_border(const Cubes& cubes, const GridCube& cube,
 }
 
 /// Returns the distance of every point of the skin from the design.
-std::vector<DesignDistance::At> point_distances(const StockSkin& skin, const DesignDistance& design,
-                                                double band) {
-  std::vector<DesignDistance::At> distances(skin.line.size());
+std::vector<DesignDistance::PointDistance> point_distances(const StockSkin& skin,
+                                                           const DesignDistance& design,
+                                                           double band) {
+  std::vector<DesignDistance::PointDistance> distances(skin.line.size());
   constexpr std::size_t block_size = 512;  // neighbours, since each is a guess for the next
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, distances.size(), block_size), [&](const auto& range) {
@@ -231,7 +232,7 @@ std::vector<DesignDistance::At> point_distances(const StockSkin& skin, const Des
   const Cubes cubes = far_cubes(skin, distances, band);
   const auto visit_cubes = [&](const auto& visit) {
     std::vector<const Cubes::value_type*> cube_list;
-    for (const auto& one : cubes) cube_list.push_back(&one);
+    for (const auto& entry : cubes) cube_list.push_back(&entry);
     tbb::parallel_for(std::size_t(0), cube_list.size(),
                       [&](std::size_t i) { visit(cube_list[i]->first, cube_list[i]->second); });
   };
@@ -251,8 +252,8 @@ std::vector<DesignDistance::At> point_distances(const StockSkin& skin, const Des
 }
 
 /// Returns true if the deviation of a skin point is informative about the part.
-bool is_informative(const DesignDistance::At& distance, std::int32_t line, const Vector3d& outward,
-                    const DesignDistance& design, double joint) {
+bool is_informative(const DesignDistance::PointDistance& distance, std::int32_t line,
+                    const Vector3d& outward, const DesignDistance& design, double joint) {
   constexpr double min_cosine = 0.1;  // cosine of 84 degrees
   if (distance.triangle < 0 || distance.is_beyond) return false;
   if (design.is_closed() || distance.value >= -joint) return true;
@@ -268,7 +269,8 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
   PartDeviation result{Eigen::VectorXd::Constant(n, nan), Eigen::VectorXd::Constant(n, nan),
                        std::vector<int>(std::size_t(n), -1),
                        std::vector<SkinStatus>(std::size_t(n), SkinStatus::Unresolved)};
-  const std::vector<DesignDistance::At> distances = point_distances(skin, design, options.band);
+  const std::vector<DesignDistance::PointDistance> distances =
+      point_distances(skin, design, options.band);
   const Points outward = directed_area(skin.mesh);
   tbb::parallel_for(Index(0), n, [&](Index i) {
     const auto v = std::size_t(i);
@@ -277,7 +279,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
     bool is_cut_off = false;
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k) {
       const int point = skin.place[std::size_t(k)];
-      const DesignDistance::At& distance = distances[std::size_t(point)];
+      const DesignDistance::PointDistance& distance = distances[std::size_t(point)];
       result.status[v] = SkinStatus::NoDesign;
       if (!is_informative(distance, skin.line[std::size_t(point)],
                           outward.row(i).transpose().normalized(), design, options.joint))

@@ -23,7 +23,7 @@ class DesignDistance {
   explicit DesignDistance(Design design, const DeviationOptions& options = {});
 
   /// The signed distance of one point.
-  struct At {
+  struct PointDistance {
     double value = 0.0;                                ///< mm, > 0 outside the part
     Eigen::Vector3d from = Eigen::Vector3d::Zero();    ///< mm, from the design to the point
     Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< unit, of the design there
@@ -38,9 +38,9 @@ class DesignDistance {
   /// coordinates). For a smooth surface the facet is corrected as by `smooth_facet_point`, whose
   /// bound holds, plus (value / R)^2 of the facet error.
   /// @param guess  a triangle that may be near, which speeds up the search; -1: none
-  /// @param most   mm; larger distances are not computed
-  At at(const Eigen::Vector3d& place, int guess = -1,
-        double most = std::numeric_limits<double>::infinity()) const;
+  /// @param max_distance  mm; larger distances are not computed
+  PointDistance at(const Eigen::Vector3d& query_point, int guess = -1,
+                   double max_distance = std::numeric_limits<double>::infinity()) const;
 
   /// Returns true if the design has no border.
   bool is_closed() const { return is_closed_; }

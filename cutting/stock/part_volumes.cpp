@@ -305,7 +305,7 @@ class RegionVolume {
   }
 
   DeviationSample sample(const LatticeLine& line, double height, int guess) const {
-    const DesignDistance::At distance =
+    const DesignDistance::PointDistance distance =
         design_.at(lattice_.point(line.node, line.direction, height), guess);
     const double length = distance.from.norm();
     const Vector3d direction = length > 1e-6 ? Vector3d(distance.from / length) : distance.normal;

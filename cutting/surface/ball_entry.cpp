@@ -225,15 +225,15 @@ std::array<int, 8> ball_bounds(std::span<const BallChord> moves, const Ray8& ray
   return nearest_moves;
 }
 
-bool is_below_centre(const Cutter& cutter, const Move& move, const Vector3d& place, double around,
-                     const Vector3d& normal, double tilt) {
+bool is_below_centre(const Cutter& cutter, const Move& move, const Vector3d& centre,
+                     double bundle_radius, const Vector3d& normal, double tilt) {
   // The axis turns by at most `angle`, so every ray still rises along it at the end of the move.
   if (normal.dot(move.axis) < tilt + move.angle) return false;
-  const Vector3d from_tip = place - move.tip;
+  const Vector3d from_tip = centre - move.tip;
   const double height = from_tip.dot(move.axis) - cutter.radius;
   const double rise =
       std::max(0.0, -move.step.dot(move.axis)) + move.angle * (from_tip.norm() + move.step.norm());
-  return height + rise + around < 0.0;
+  return height + rise + bundle_radius < 0.0;
 }
 
 }  // namespace abbe::cutting

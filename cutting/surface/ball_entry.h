@@ -58,9 +58,9 @@ std::array<int, 8> ball_bounds(std::span<const BallChord> moves, const Ray8& ray
 
 /// Returns true if all rays of a bundle stay below the ball's centre up to their ends during the
 /// move.
-/// @param place, around  mm, all ray ends lie within `around` of `place`
+/// @param centre, bundle_radius  mm, ball that contains all ray ends
 /// @param normal, tilt   unit, and the tangent of the largest angle between `normal` and a ray
-bool is_below_centre(const Cutter& cutter, const Move& move, const Eigen::Vector3d& place,
-                     double around, const Eigen::Vector3d& normal, double tilt);
+bool is_below_centre(const Cutter& cutter, const Move& move, const Eigen::Vector3d& centre,
+                     double bundle_radius, const Eigen::Vector3d& normal, double tilt);
 
 }  // namespace abbe::cutting

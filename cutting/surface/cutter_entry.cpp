@@ -382,14 +382,14 @@ std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray
 /// Returns the entry of the whole line of the ray into the cutter.
 /// @param least  lower bound of the entry, from which the iteration starts
 std::optional<Hit> ray_entry(const Cutter& cutter, const CutterPose& pose, const Vector3d& point,
-                             const Vector3d& normal, double least) {
+                             const Vector3d& normal, double min_s) {
   const LocalRay ray(pose, point, normal);
   const Interval cylinder = within_cylinder(ray, cutter.radius);
   const Interval slab = within_slab(ray, cutter.flank_length);
   const double s = std::max(cylinder.in, slab.in);
   const double out = std::min(cylinder.out, slab.out);
   if (!(s <= out)) return std::nullopt;
-  if (cutter.outline) return outline_entry(*cutter.outline, ray, std::max(s, least));
+  if (cutter.outline) return outline_entry(*cutter.outline, ray, std::max(s, min_s));
   const bool enters_through_end = slab.in >= cylinder.in;
   if (enters_through_end && ray.dh < 0) return Hit{s, pose.axis};
   const double ring_radius = cutter.radius - cutter.corner_radius;
@@ -409,7 +409,7 @@ std::optional<Hit> ray_entry(const Cutter& cutter, const CutterPose& pose, const
     if (sphere_entry > out) return std::nullopt;
     return Hit{sphere_entry, (w + sphere_entry * normal) / cutter.radius};
   }
-  return corner_entry(cutter, ray, std::max(s, least), out);
+  return corner_entry(cutter, ray, std::max(s, min_s), out);
 }
 
 /// A convex function of position: the distance from the cutter, or less beside sharp edges,
@@ -457,11 +457,11 @@ SignedDistance signed_distance(const Cutter& cutter, const CutterPose& pose,
 class EntryFunction {
  public:
   /// @param least  lower bound of the entry at every instant
-  EntryFunction(const Cutter& cutter, const Move& move, const Ray& ray, double least = -infinity)
+  EntryFunction(const Cutter& cutter, const Move& move, const Ray& ray, double min_s = -infinity)
       : cutter_(cutter),
         move_(move),
         ray_(ray),
-        min_(least),
+        min_(min_s),
         omega_(move.angle * move.axis.cross(move.side)) {
     const double max_coordinate =
         std::max({ray.point.lpNorm<Eigen::Infinity>(), move.tip.lpNorm<Eigen::Infinity>(),
@@ -680,8 +680,8 @@ class EntryFunction {
 }  // namespace
 
 std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
-                                    const Ray& ray, float least) {
-  const Sample sample = EntryFunction(cutter, move, ray, double(least)).entry(t);
+                                    const Ray& ray, float min_s) {
+  const Sample sample = EntryFunction(cutter, move, ray, double(min_s)).entry(t);
   return sample.is_defined ? std::optional(sample.value) : std::nullopt;
 }
 
@@ -735,10 +735,10 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
 }
 
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
-                                 double limit, float part, float least) {
-  const double about = instant(move, part);
+                                 double limit, float fraction, float min_s) {
+  const double about = instant(move, fraction);
   const Sample sample =
-      EntryFunction(cutter, move, ray, double(least)).smallest_entry(limit, about);
+      EntryFunction(cutter, move, ray, double(min_s)).smallest_entry(limit, about);
   if (!sample.is_defined || sample.value > limit) return std::nullopt;
   return Entry{sample.value, sample.t};
 }

@@ -54,21 +54,21 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
                                  double limit);
 
 /// Overload for every cutter except a ball, and for a ball where the closed form is undecided. The
-/// search starts from `part` and `least`, so the last bits of the value depend on both.
-/// @param part   of the move's `EntryBounds`, or any value 0 .. 1
-/// @param least  of the same bounds, or any s before which the ray does not enter, mm
+/// search starts from `fraction` and `min_s`, so the last bits of the value depend on both.
+/// @param fraction  of the move's `EntryBounds`, or any value 0 .. 1
+/// @param min_s     of the same bounds, or any s before which the ray does not enter, mm
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
-                                 double limit, float part, float least);
+                                 double limit, float fraction, float min_s);
 
 /// Returns the s at which the ray meets the cutter in its pose at instant t (0 .. 1 of the whole
-/// move); -band if the ray starts inside it. Returns the same bits as a search with this `least`
+/// move); -band if the ray starts inside it. Returns the same bits as a search with this `min_s`
 /// computes at this instant.
 std::optional<double> instant_entry(const Cutter& cutter, const Move& move, double t,
-                                    const Ray& ray, float least);
+                                    const Ray& ray, float min_s);
 
 /// Returns the depth of a point below the skin of the cutter at instant t, mm; beside sharp edges
 /// the value may be smaller. Negative outside.
-double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& place);
+double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& point);
 
 /// A move is ruled out only if it exceeds the bound of a search by this margin. The margin is
 /// larger than the error of first_entry, so the result does not depend on the order of the search.
@@ -80,9 +80,9 @@ struct CutterPose {
   Eigen::Vector3d axis;
 };
 
-/// Returns the instant of the whole move at fraction `part` (0 .. 1) of its range `from` .. `to`.
-inline double instant(const Move& move, double part) {
-  return move.from + part * (move.to - move.from);
+/// Returns the instant of the whole move at a fraction (0 .. 1) of its range `from` .. `to`.
+inline double instant(const Move& move, double fraction) {
+  return move.from + fraction * (move.to - move.from);
 }
 
 /// Returns the pose of the cutter at instant t (0 .. 1) of a move.

@@ -176,7 +176,7 @@ double corner_height(const ToolOutline& outline) {
 
 // Clips the bounding rectangle to the half planes inside all lines and tangents, after a shift
 // inwards by the margin.
-InsetOutline inside(const ToolOutline& outline, double margin) {
+InsetOutline inset_convex(const ToolOutline& outline, double margin) {
   require(!is_hollow(outline), "outline: expected a convex one to go inside of, seen a hollow one");
   std::vector<Vector2d> corners{
       {0.0, 0.0}, {outline.radius, 0.0}, {outline.radius, outline.height}, {0.0, outline.height}};
@@ -263,17 +263,18 @@ OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d
   };
   for (const OutlinePiece& segment : pieces) {
     const Vector2d v = point - segment.from, w = point - segment.to;
-    const double off = segment.normal_from.dot(v);
+    const double offset = segment.normal_from.dot(v);
     if (segment.is_arc && cross2d(segment.normal_from, v) >= 0.0 &&
         cross2d(w, segment.normal_to) >= 0.0) {
       const Vector2d from_centre = v + segment.radius * segment.normal_from;
       const double centre_distance = from_centre.norm();
       if (centre_distance > 0.0)
         // Equal to far - radius without its cancellation for large radii.
-        update((v.squaredNorm() + 2.0 * segment.radius * off) / (centre_distance + segment.radius),
-               from_centre / centre_distance);
+        update(
+            (v.squaredNorm() + 2.0 * segment.radius * offset) / (centre_distance + segment.radius),
+            from_centre / centre_distance);
     } else {
-      update(off, segment.normal_from);
+      update(offset, segment.normal_from);
       if (segment.is_arc) update(segment.normal_to.dot(w), segment.normal_to);
     }
   }
@@ -361,15 +362,15 @@ std::vector<OutlinePiece> segments_from_points(const std::vector<OutlinePoint>& 
   return pieces;
 }
 
-double inward_bend(const OutlinePiece& before, const OutlinePiece& segment) {
-  return -cross2d(before.normal_to, segment.normal_from);
+double inward_bend(const OutlinePiece& previous, const OutlinePiece& segment) {
+  return -cross2d(previous.normal_to, segment.normal_from);
 }
 
 std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
-                                       const Vector2d& before) {
+                                       const Vector2d& normal_before) {
   std::vector<OutlinePiece> result;
   for (const OutlinePiece& segment : pieces) {
-    const Vector2d previous_normal = result.empty() ? before : result.back().normal_to;
+    const Vector2d previous_normal = result.empty() ? normal_before : result.back().normal_to;
     const double bend = cross2d(previous_normal, segment.normal_from);
     // The sine is near 0 also where the outline turns back on itself; only the cosine tells.
     const bool turns_back = previous_normal.dot(segment.normal_from) < 0.0;

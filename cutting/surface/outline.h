@@ -128,7 +128,7 @@ struct InsetOutline {
 };
 /// Returns the interior of a convex outline at a margin, mm.
 /// @throws std::invalid_argument if nothing is left
-InsetOutline inside(const ToolOutline& outline, double margin);
+InsetOutline inset_convex(const ToolOutline& outline, double margin);
 
 /// Returns the maximum difference between the reaches of two outlines, mm, over directions in steps
 /// of 1 deg. If an outline is hollow, the distances of the corners of each outline from the other
@@ -143,9 +143,9 @@ struct OutlineDistance {
   Eigen::Vector2d gradient;
 };
 /// Returns the signed distance of a point from an outline.
-OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& place);
+OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& point);
 /// Overload for the boundary of a convex region.
-OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& place);
+OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& point);
 
 /// Returns the point of the segments' hull that lies farthest in a direction, which may have any
 /// length.
@@ -184,14 +184,14 @@ inline constexpr double bend_tolerance = 1e-7;
 
 /// Returns the sine of the angle by which an outline bends inwards at the start of a segment; not
 /// positive if it does not bend inwards.
-double inward_bend(const OutlinePiece& before, const OutlinePiece& segment);
+double inward_bend(const OutlinePiece& previous, const OutlinePiece& segment);
 
 /// Returns consecutive segments with the sharp corners inserted between them. Splits arcs of more
 /// than a right angle in two.
-/// @param before  outward normal at the end of the segment before the first one
+/// @param normal_before  outward normal at the end of the segment before the first one
 /// @throws std::invalid_argument if a joint bends inwards; the message gives the point and the
 /// angle
 std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
-                                       const Eigen::Vector2d& before);
+                                       const Eigen::Vector2d& normal_before);
 
 }  // namespace abbe::cutting

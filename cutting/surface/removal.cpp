@@ -180,19 +180,19 @@ PassGradients contact_gradients(const Design& design, const Surface& surface,
 
 }  // namespace
 
-Eigen::VectorXd way_of(const CutterMotion& motion, double before) {
+Eigen::VectorXd way_of(const CutterMotion& motion, double initial_length) {
   const Index samples = motion.tip.rows();
-  Eigen::VectorXd path_lengths = Eigen::VectorXd::Constant(samples, before);
+  Eigen::VectorXd lengths = Eigen::VectorXd::Constant(samples, initial_length);
   for (Index i = 1; i < samples; ++i)
-    path_lengths[i] = path_lengths[i - 1] + (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
-  return path_lengths;
+    lengths[i] = lengths[i - 1] + (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
+  return lengths;
 }
 
 PassGradients milled_gradients(const Design& design_w, const Surface& surface, const Cutter& cutter,
-                               const CutterMotion& motion, double before) {
+                               const CutterMotion& motion, double initial_length) {
   check_cutter(cutter);
   const Index samples = motion.tip.rows();
-  const Eigen::VectorXd path_length = way_of(motion, before);
+  const Eigen::VectorXd path_length = way_of(motion, initial_length);
   return contact_gradients(design_w, surface, [&](Index v, const Vector3d& contact) {
     const auto [interval, u] = locate_instant(motion.time_s, surface.cut_time_s[v]);
     const Move move = move_after(motion, interval);

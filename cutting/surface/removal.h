@@ -52,14 +52,14 @@ struct PassGradients {
 
 /// Returns the gradients of a surface computed by `milled_surface`. Uses the skin of the tool
 /// itself where the tool stands still.
-/// @param before  mm, path length of the tool before the motion begins
+/// @param initial_length  mm, path length of the tool before the motion begins
 /// @throws std::invalid_argument if sizes differ
 PassGradients milled_gradients(const Design& design_w, const Surface& surface, const Cutter& cutter,
-                               const CutterMotion& motion, double before = 0.0);
+                               const CutterMotion& motion, double initial_length = 0.0);
 
 /// Returns the path length of the tip until each sample, (n) mm.
-/// @param before  mm, path length before the first sample
-Eigen::VectorXd way_of(const CutterMotion& motion, double before = 0.0);
+/// @param initial_length  mm, path length before the first sample
+Eigen::VectorXd way_of(const CutterMotion& motion, double initial_length = 0.0);
 
 /// Returns the gradients of a surface computed by `turned_surface`; the travel is that of the
 /// vertex about the spindle line. The gradient neglects the waves of the nose, which causes an

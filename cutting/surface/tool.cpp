@@ -230,8 +230,8 @@ ToolOutline outline_from_runs(const Segments& pieces) {
   for (const Segments& run : runs) cores.push_back(run_outline(run));
   ToolOutline outline;
   for (std::size_t k = 0; k < runs.size(); ++k) {
-    const Vector2d before = k == 0 ? Vector2d(0, -1) : runs[k].front().normal_from;
-    const Segments run_boundary = with_corners(runs[k], before);
+    const Vector2d previous_normal = k == 0 ? Vector2d(0, -1) : runs[k].front().normal_from;
+    const Segments run_boundary = with_corners(runs[k], previous_normal);
     outline.pieces.insert(outline.pieces.end(), run_boundary.begin(), run_boundary.end());
     Segments extended_run = runs[k];
     if (k > 0)
@@ -252,16 +252,16 @@ ToolOutline outline_from_runs(const Segments& pieces) {
 
 /// Moves the end of one line and the start of the next to their intersection, after a displacement
 /// opened the inward corner between them.
-void join_lines(OutlinePiece& before, OutlinePiece& after, const Vector2d& corner) {
-  const Vector2d u = along(before.normal_to), v = along(after.normal_from);
-  const double offset = cross2d(after.from - before.from, v) / cross2d(u, v);
-  const Vector2d intersection = before.from + offset * u;
-  if (before.is_arc || after.is_arc || !(offset > 0.0) || !((after.to - intersection).dot(v) > 0.0))
+void join_lines(OutlinePiece& lower, OutlinePiece& upper, const Vector2d& corner) {
+  const Vector2d u = along(lower.normal_to), v = along(upper.normal_from);
+  const double offset = cross2d(upper.from - lower.from, v) / cross2d(u, v);
+  const Vector2d intersection = lower.from + offset * u;
+  if (lower.is_arc || upper.is_arc || !(offset > 0.0) || !((upper.to - intersection).dot(v) > 0.0))
     throw std::invalid_argument(
         fmt::format("run-out along the axis: expected a groove of straight lines that is higher, "
                     "seen a tool whose outline bends inwards at ({:g}, {:g}) mm",
                     corner.x(), corner.y()));
-  before.to = after.from = intersection;
+  lower.to = upper.from = intersection;
 }
 
 /// Returns the segment, or the two parts of an arc below and above its widest point: axial run-out
@@ -441,8 +441,8 @@ InsetCutter shrunk(const Cutter& cutter, double margin) {
   const double offset = std::min(margin, 0.25 * cutter.radius);
   if (cutter.outline) {
     const double depth = std::min(offset, 0.25 * cutter.flank_length);
-    InsetOutline inner =
-        is_hollow(cutter) ? inset_hollow(*cutter.outline, depth) : inside(*cutter.outline, depth);
+    InsetOutline inner = is_hollow(cutter) ? inset_hollow(*cutter.outline, depth)
+                                           : inset_convex(*cutter.outline, depth);
     return {form_cutter(std::move(inner.outline)), inner.raised};
   }
   return {

@@ -98,8 +98,8 @@ struct InsetCutter {
 };
 /// Returns a cutter with its surface moved inwards.
 /// @param margin  mm; limited to a quarter of the radius and, for a form cutter, of the height; the
-///                arcs of a form cutter become polygons (`inside` in outline.h, `inset_hollow` for
-///                a hollow one)
+///                arcs of a form cutter become polygons (`inset_convex` in outline.h,
+///                `inset_hollow` for a hollow one)
 InsetCutter shrunk(const Cutter& cutter, double margin);
 
 /// Harmonic form error of a nose: the edge protrudes by amplitude cos(order psi + phase).

@@ -584,7 +584,7 @@ TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
   EXPECT_THROW(first_removal_exhaustive(cutter, motion, {{0, 0, 0}, {0, 0, 1}}),
                std::invalid_argument);
   EXPECT_THROW(SweepTree(cutter, motion), std::invalid_argument);
-  EXPECT_THROW(inside(*cutter.outline, 0.1), std::invalid_argument);
+  EXPECT_THROW(inset_convex(*cutter.outline, 0.1), std::invalid_argument);
 }
 
 }  // namespace
