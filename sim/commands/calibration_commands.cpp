@@ -49,7 +49,7 @@ InstrumentSelection select_instruments(const Scene& scene, const std::vector<std
   return result;
 }
 
-/// Readings of a part, and the warnings of the cut before.
+/// The readings of a part, and the warnings of the cut that they were measured on.
 struct PartMeasurement {
   PartReadingsFile file;
   std::vector<std::string> warnings;

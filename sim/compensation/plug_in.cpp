@@ -176,6 +176,7 @@ std::string response_line(const abbe_compensator_v1& compensator, void* instance
   return line + (rows.empty() ? "]}" : "]]}");
 }
 
+/// Returns the message as JSON on one line, invalid UTF-8 replaced.
 std::string json_text_line(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
 }
@@ -284,6 +285,7 @@ std::string replace_invalid_utf8(const std::string& text) {
       .get<std::string>();
 }
 
+/// Returns the lines with two spaces before each.
 std::string indented(std::string lines) {
   for (std::size_t position = lines.find('\n'); position != std::string::npos;
        position = lines.find('\n', position + 3))
