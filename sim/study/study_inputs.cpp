@@ -85,7 +85,7 @@ void add_identified(const errors::GeometricErrors& belief, BeliefInputs& result)
     per_unit[i] = 1.0 / errors::identification::shown_unit(name);
     if (!(covariance.matrix(i, i) > 0.0)) continue;  // zero by a convention of the model
     Input input;
-    input.name = input.index = name;
+    input.name = input.number = name;
     input.unit = is_angle(name) ? "urad" : "um";
     const auto index = std::ranges::find(numbers, covariance.of[k]) - numbers.begin();
     input.distribution.centre = values[index] * per_unit[i];
