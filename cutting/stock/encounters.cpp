@@ -18,8 +18,12 @@
 #include "cutting/stock/separation.h"
 #include "kinematics/bad_input.h"
 
-/// The search of `encounters` through consecutive segments of a program, one thread for each chunk.
 namespace abbe::cutting {
+
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Pose;
 
 /// The nearest approach of a pair within a segment.
 struct NearestApproach {
@@ -27,7 +31,7 @@ struct NearestApproach {
   double distance = std::numeric_limits<double>::infinity();  ///< mm, smallest computed
   bool contact = false;
   Moment moment;
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Vector3d place = Vector3d::Zero();
 };
 
 /// The bodies, the pairs and their motion, shared by all threads.
@@ -53,8 +57,8 @@ struct EncounterSearch {
   const CarrierBody& moving(int pair) const {
     return bodies[std::size_t(pairs[std::size_t(pair)].b)];
   }
-  std::vector<kinematics::Pose> poses(std::size_t instant, double u) const {
-    std::vector<kinematics::Pose> T(std::size_t(motion.carriers), kinematics::Pose::Identity());
+  std::vector<Pose> poses(std::size_t instant, double u) const {
+    std::vector<Pose> T(std::size_t(motion.carriers), Pose::Identity());
     motion.place(instant, u, T);
     return T;
   }
@@ -67,15 +71,6 @@ struct EncounterSearchResult {
   std::vector<NearestApproach> best;  ///< (pairs)
   std::size_t queries = 0;            ///< number of distances computed
 };
-
-/// Follows the pairs through segments.
-/// @param first, last  segments, the second excluded
-EncounterSearchResult follow(const EncounterSearch& task, std::size_t first, std::size_t last);
-
-namespace {
-
-using Eigen::Vector3d;
-using kinematics::Pose;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double clearance_accuracy = 1e-2;   // mm, if larger than the relative accuracy `share`
@@ -129,16 +124,17 @@ std::vector<std::size_t> simplified_polyline(const std::vector<Vector3d>& points
 }
 
 /// The search through one chunk of the program.
-class Chunk {
+class ChunkSearch {
  public:
   /// @param first, last  segments, the second excluded
-  Chunk(const EncounterSearch& task, std::size_t first, std::size_t last) : task_(task) {
-    begin_ = task.motion.stretches[first];
+  ChunkSearch(const EncounterSearch& search, std::size_t first, std::size_t last)
+      : search_(search) {
+    begin_ = search.motion.stretches[first];
     // The interval between two segments belongs to the second.
     if (begin_ > 0) --begin_;
-    const std::size_t end = end_of(task.motion, last - 1);
-    for (std::size_t i = begin_; i < end; ++i) poses_.push_back(task.poses(i, 0.0));
-    add_travels();
+    const std::size_t end = end_of(search.motion, last - 1);
+    for (std::size_t i = begin_; i < end; ++i) poses_.push_back(search.poses(i, 0.0));
+    compute_travels();
     initialize_states();
     for (std::size_t segment = first; segment < last; ++segment) follow(segment);
     for (const PairState& state : states_) result.best.push_back(state.best);
@@ -148,10 +144,10 @@ class Chunk {
 
  private:
   /// Computes an upper bound of each pair's relative motion since the first instant.
-  void add_travels() {
+  void compute_travels() {
     std::map<std::tuple<int, int>, std::size_t> travel_by_bodies;  // carrier of a, body b
-    for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
-      const auto key = std::tuple(task_.fixed(int(p)).carrier, task_.pairs[p].b);
+    for (std::size_t p = 0; p < search_.pairs.size(); ++p) {
+      const auto key = std::tuple(search_.fixed(int(p)).carrier, search_.pairs[p].b);
       const auto [entry, is_new] = travel_by_bodies.emplace(key, travels_.size());
       travel_of_pair_.push_back(entry->second);
       if (is_new) travels_.push_back(pair_travel(int(p)));
@@ -160,35 +156,35 @@ class Chunk {
 
   std::vector<double> pair_travel(int pair) const {
     std::vector<double> travel(poses_.size(), 0.0);
-    const Body& body = task_.moving(pair).body;
-    Pose previous = relative(pair, 0);
+    const Body& body = search_.moving(pair).body;
+    Pose previous = relative_pose(pair, 0);
     for (std::size_t i = 1; i < poses_.size(); ++i) {
-      const Pose current = relative(pair, i);
+      const Pose current = relative_pose(pair, i);
       const double step = farthest(previous, current, body);
-      travel[i] = travel[i - 1] + (step > 0.0 ? step + task_.motion.bulge[begin_ + i - 1] : 0.0);
+      travel[i] = travel[i - 1] + (step > 0.0 ? step + search_.motion.bulge[begin_ + i - 1] : 0.0);
       previous = current;
     }
     return travel;
   }
 
   void initialize_states() {
-    for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
-      const Body &a = task_.fixed(int(p)).body, &b = task_.moving(int(p)).body;
-      const double centre_distance = (relative(int(p), 0) * b.centre - a.centre).norm();
+    for (std::size_t p = 0; p < search_.pairs.size(); ++p) {
+      const Body &a = search_.fixed(int(p)).body, &b = search_.moving(int(p)).body;
+      const double centre_distance = (relative_pose(int(p), 0) * b.centre - a.centre).norm();
       PairState state;
       state.low = std::max(0.0, centre_distance - a.radius - b.radius);
-      state.best = task_.sampled_nearest[p];
+      state.best = search_.sampled_nearest[p];
       states_.push_back(state);
     }
-    contact_free_.resize(task_.pairs.size());
+    contact_free_.resize(search_.pairs.size());
   }
 
   /// Returns the pose of b relative to a, both in their carriages.
   /// @param i  relative to the chunk's first instant
-  Pose relative(int pair, std::size_t i) const { return relative(pair, poses_[i]); }
-  Pose relative(int pair, const std::vector<Pose>& T) const {
-    return T[std::size_t(task_.fixed(pair).carrier)].inverse() *
-           T[std::size_t(task_.moving(pair).carrier)];
+  Pose relative_pose(int pair, std::size_t i) const { return relative_pose(pair, poses_[i]); }
+  Pose relative_pose(int pair, const std::vector<Pose>& T) const {
+    return T[std::size_t(search_.fixed(pair).carrier)].inverse() *
+           T[std::size_t(search_.moving(pair).carrier)];
   }
 
   /// Returns an upper bound of the relative motion between two instants, mm.
@@ -199,22 +195,22 @@ class Chunk {
 
   /// Records a distance: the first contact, or without contact the least distance.
   void record(int pair, const Moment& moment, const Gap& gap, NearestApproach& nearest) const {
-    const bool is_contact = gap.distance <= task_.options.resolution;
+    const bool is_contact = gap.distance <= search_.options.resolution;
     const bool is_earlier =
         std::tie(moment.instant, moment.u) < std::tie(nearest.moment.instant, nearest.moment.u);
     if (nearest.contact ? !(is_contact && is_earlier) : !(gap.distance < nearest.distance)) return;
     nearest.distance = gap.distance;
     nearest.moment = moment;
     nearest.contact = is_contact;
-    const std::vector<Pose> T = task_.poses(moment.instant, moment.u);
+    const std::vector<Pose> T = search_.poses(moment.instant, moment.u);
     nearest.place =
-        T[std::size_t(task_.fixed(pair).carrier)] * Vector3d(0.5 * (gap.on_a + gap.on_b));
+        T[std::size_t(search_.fixed(pair).carrier)] * Vector3d(0.5 * (gap.on_a + gap.on_b));
   }
 
   /// Returns true if one of two bodies with disjoint surfaces is inside the other.
   bool is_inside(int pair, std::size_t i) const {
-    const Body &a = task_.fixed(pair).body, &b = task_.moving(pair).body;
-    const Pose T = relative(pair, i);
+    const Body &a = search_.fixed(pair).body, &b = search_.moving(pair).body;
+    const Pose T = relative_pose(pair, i);
     return (T * b.centre - a.centre).norm() < std::max(a.radius, b.radius) &&
            cutting::is_inside(a, Pose::Identity(), b, T);
   }
@@ -224,23 +220,23 @@ class Chunk {
   double sample(int pair, std::size_t i, double max_needed, NearestApproach& nearest) {
     PairState& state = states_[std::size_t(pair)];
     // An exact distance also yields a separating plane.
-    const bool exact = task_.has_hulls(pair) && !task_.pairs[std::size_t(pair)].contact_only;
-    const double relative_error = exact ? 0.0 : query_error_fraction * task_.options.share;
+    const bool exact = search_.has_hulls(pair) && !search_.pairs[std::size_t(pair)].contact_only;
+    const double relative_error = exact ? 0.0 : query_error_fraction * search_.options.share;
     Gap current_gap = state.gap;
     if (state.instant != i || !state.is_computed || state.high >= state.max_distance) {
       GapOptions options{relative_error};
-      if (task_.pairs[std::size_t(pair)].contact_only)
+      if (search_.pairs[std::size_t(pair)].contact_only)
         options.max_distance = (1.0 + relative_error) * max_needed;
-      current_gap = gap(task_.fixed(pair).body, Pose::Identity(), task_.moving(pair).body,
-                        relative(pair, i), options);
+      current_gap = gap(search_.fixed(pair).body, Pose::Identity(), search_.moving(pair).body,
+                        relative_pose(pair, i), options);
       ++result.queries;
-      if (current_gap.distance > task_.options.resolution && state.is_in_contact &&
+      if (current_gap.distance > search_.options.resolution && state.is_in_contact &&
           is_inside(pair, i))
         current_gap.distance = 0.0;
       if (i >= state.instant) {
         state.low = current_gap.distance / (1.0 + relative_error);
         state.high = current_gap.distance;
-        state.is_in_contact = current_gap.distance <= task_.options.resolution;
+        state.is_in_contact = current_gap.distance <= search_.options.resolution;
         state.instant = i;
         state.is_computed = true;
         state.max_distance = options.max_distance;
@@ -256,14 +252,15 @@ class Chunk {
   /// remains tight while a body slides along another.
   double plane_bound(int pair, std::size_t i) {
     PairState& state = states_[std::size_t(pair)];
-    const std::vector<Ball>& hull = task_.hulls[std::size_t(task_.pairs[std::size_t(pair)].b)];
+    const std::vector<Ball>& hull = search_.hulls[std::size_t(search_.pairs[std::size_t(pair)].b)];
     if (!state.plane) {
       if (!state.is_computed || state.is_in_contact || state.high >= state.max_distance) return 0.0;
-      const Pose T = relative(pair, state.instant);
-      state.plane = parting_plane(task_.fixed(pair).body, hull, T, state.gap.on_b - state.gap.on_a);
+      const Pose T = relative_pose(pair, state.instant);
+      state.plane =
+          parting_plane(search_.fixed(pair).body, hull, T, state.gap.on_b - state.gap.on_a);
       state.on_b = T.inverse() * state.gap.on_b;
     }
-    return plane_distance(*state.plane, hull, relative(pair, i));
+    return plane_distance(*state.plane, hull, relative_pose(pair, i));
   }
 
   /// Returns the same bound for an interval. If it reaches `required`, advances the state of the
@@ -290,7 +287,7 @@ class Chunk {
     if (min_distance < required || !state.plane) return min_distance;
     state.low = end_bound;
     // The distance between two points of the bodies is an upper bound.
-    const Vector3d displacement = relative(pair, i1) * state.on_b - state.gap.on_a;
+    const Vector3d displacement = relative_pose(pair, i1) * state.on_b - state.gap.on_a;
     state.high = std::min(state.high + relative_travel(p, state.instant, i1), displacement.norm());
     state.instant = i1;
     state.is_computed = false;
@@ -300,46 +297,46 @@ class Chunk {
   /// Returns the limit below which a distance improves on the smallest known one significantly.
   double improvement_limit(double known_distance) const {
     return known_distance == infinity ? infinity
-                                      : std::min((1.0 - task_.options.share) * known_distance,
+                                      : std::min((1.0 - search_.options.share) * known_distance,
                                                  known_distance - clearance_accuracy);
   }
 
   /// Returns the distance below which a pair must be searched: for the clearance of the segment,
   /// the clearance of the pair, a contact, or the report of a near miss.
   double needed_distance(int pair, double known_distance) const {
-    if (task_.pairs[std::size_t(pair)].contact_only) return task_.options.resolution;
+    if (search_.pairs[std::size_t(pair)].contact_only) return search_.options.resolution;
     const double segment_limit = improvement_limit(std::min(min_distance_, known_distance)),
                  pair_limit = improvement_limit(
                      std::min(states_[std::size_t(pair)].best.distance, known_distance));
-    return std::max({segment_limit, pair_limit, task_.options.resolution,
-                     std::min(task_.options.clearance, improvement_limit(known_distance))});
+    return std::max({segment_limit, pair_limit, search_.options.resolution,
+                     std::min(search_.options.clearance, improvement_limit(known_distance))});
   }
 
   /// Searches between two adjacent instants. Returns true on contact.
   bool search_interval(int pair, std::size_t i, NearestApproach& nearest) {
     const std::vector<Pose>& from = poses_[i];
-    return search_interval(pair, i, 0.0, relative(pair, from), 1.0, relative(pair, i + 1), nearest,
-                           0);
+    return search_interval(pair, i, 0.0, relative_pose(pair, from), 1.0, relative_pose(pair, i + 1),
+                           nearest, 0);
   }
 
   bool search_interval(int pair, std::size_t i, double u0, const Pose& T0, double u1,
                        const Pose& T1, NearestApproach& nearest, int depth) {
-    const Body &a = task_.fixed(pair).body, &b = task_.moving(pair).body;
+    const Body &a = search_.fixed(pair).body, &b = search_.moving(pair).body;
     const kinematics::Screw screw = kinematics::screw_between(T0, T1);
     const double middle_u = 0.5 * (u0 + u1);
-    const Pose T = relative(pair, task_.poses(begin_ + i, middle_u));
+    const Pose T = relative_pose(pair, search_.poses(begin_ + i, middle_u));
     // No motion requires 30 halvings; the limit only ends the recursion on a jump.
     constexpr int max_depth = 30;
     if (depth < max_depth &&
-        farthest(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * task_.options.resolution)
+        farthest(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * search_.options.resolution)
       return search_interval(pair, i, u0, T0, middle_u, T, nearest, depth + 1) ||
              search_interval(pair, i, middle_u, T, u1, T1, nearest, depth + 1);
     ApproachOptions options;
-    options.resolution = task_.options.resolution;
+    options.resolution = search_.options.resolution;
     options.within = clearance_accuracy;
-    options.share = task_.options.share;
-    options.rough = query_error_fraction * task_.options.share;
-    options.contact_only = task_.pairs[std::size_t(pair)].contact_only;
+    options.share = search_.options.share;
+    options.rough = query_error_fraction * search_.options.share;
+    options.contact_only = search_.pairs[std::size_t(pair)].contact_only;
     const Approach nearest_approach = approach(a, b, screw, options);
     result.queries += std::size_t(nearest_approach.queries);
     const Moment moment{begin_ + i, u0 + nearest_approach.u * (u1 - u0)};
@@ -355,14 +352,14 @@ class Chunk {
   bool search_range(int pair, std::size_t i0, double d0, std::size_t i1, double d1,
                     NearestApproach& nearest) {
     const double min_distance = 0.5 * (d0 + d1 - relative_travel(std::size_t(pair), i0, i1));
-    if (min_distance >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
+    if (min_distance >= needed_distance(pair, nearest.distance) && search_.options.accelerated) {
       nearest.at_least = std::min(nearest.at_least, min_distance);
       return false;
     }
     if (i1 - i0 == 1) return search_interval(pair, i0, nearest);
     const std::size_t i = i0 + (i1 - i0) / 2;
     const double max_needed =
-        relative_travel(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+        relative_travel(std::size_t(pair), i0, i1) + 2.0 * search_.options.resolution;
     const double d = sample(pair, i, max_needed, nearest);
     return search_range(pair, i0, d0, i, d, nearest) || search_range(pair, i, d, i1, d1, nearest);
   }
@@ -376,9 +373,9 @@ class Chunk {
     const double travel_before = relative_travel(p, i0, i),
                  travel_after = relative_travel(p, i, i1);
     const double d =
-        sample(pair, i, std::max(travel_before, travel_after) + 2.0 * task_.options.resolution,
+        sample(pair, i, std::max(travel_before, travel_after) + 2.0 * search_.options.resolution,
                nearest) -
-        task_.options.resolution;
+        search_.options.resolution;
     std::size_t free_begin = i, free_end = i;
     while (free_begin > i0 && relative_travel(p, free_begin - 1, i) < d) --free_begin;
     while (free_end < i1 && relative_travel(p, i, free_end + 1) < d) ++free_end;
@@ -391,7 +388,7 @@ class Chunk {
   /// that distances would be needed every fraction of a millimetre, while the rest is far away.
   bool is_contact_free(int pair, std::size_t i0, std::size_t i1) {
     const auto p = std::size_t(pair);
-    const BodyBalls& moving_parts = task_.moving_parts[p];
+    const BodyBalls& moving_parts = search_.moving_parts[p];
     ContactFreeUntil& contact_free = contact_free_[p];
     if (!moving_parts.balls.empty() && contact_free.balls < i1) {
       if (i0 < contact_free.undecided_until) return false;
@@ -417,20 +414,20 @@ class Chunk {
       const std::size_t from = contact_free.rest;
       while (contact_free.rest + 1 < poses_.size() &&
              relative_travel(p, from, contact_free.rest + 1) <
-                 max_needed - task_.options.resolution)
+                 max_needed - search_.options.resolution)
         ++contact_free.rest;
       return contact_free.rest > from;
     };
     while (contact_free.rest < i1) {
-      const Pose T = relative(pair, contact_free.rest);
-      const std::vector<Ball>& hull = task_.rest_hulls[p];
+      const Pose T = relative_pose(pair, contact_free.rest);
+      const std::vector<Ball>& hull = search_.rest_hulls[p];
       if (advance(plane_distance(contact_free.plane, hull, T))) continue;
-      const double relative_error = query_error_fraction * task_.options.share;
-      const Gap rest = gap(task_.fixed(pair).body, Pose::Identity(), *task_.moving_parts[p].rest, T,
-                           {relative_error});
+      const double relative_error = query_error_fraction * search_.options.share;
+      const Gap rest = gap(search_.fixed(pair).body, Pose::Identity(),
+                           *search_.moving_parts[p].rest, T, {relative_error});
       ++result.queries;
       contact_free.plane =
-          parting_plane(task_.fixed(pair).body, hull, T, Vector3d(rest.on_b - rest.on_a));
+          parting_plane(search_.fixed(pair).body, hull, T, Vector3d(rest.on_b - rest.on_a));
       if (!advance(rest.distance / (1.0 + relative_error))) return false;
     }
     return true;
@@ -438,8 +435,8 @@ class Chunk {
 
   /// Returns true if the fixed body of a pair has no contact with a body in its frame.
   bool is_apart_from(const Body& other, int pair) const {
-    const double resolution = task_.options.resolution;
-    const Gap distance = gap(task_.fixed(pair).body, Pose::Identity(), other, Pose::Identity(),
+    const double resolution = search_.options.resolution;
+    const Gap distance = gap(search_.fixed(pair).body, Pose::Identity(), other, Pose::Identity(),
                              {0.0, 2.0 * resolution});
     return distance.distance > resolution;
   }
@@ -461,8 +458,8 @@ class Chunk {
     constexpr double chord_tolerance = 2e-3;
     std::vector<Vector3d> path;
     double bulge = 0.0;
-    for (std::size_t i = i0; i <= i1; ++i) path.push_back(relative(pair, i) * ball.centre);
-    for (std::size_t i = i0; i < i1; ++i) bulge = std::max(bulge, task_.motion.bulge[begin_ + i]);
+    for (std::size_t i = i0; i <= i1; ++i) path.push_back(relative_pose(pair, i) * ball.centre);
+    for (std::size_t i = i0; i < i1; ++i) bulge = std::max(bulge, search_.motion.bulge[begin_ + i]);
     const std::vector<std::size_t> vertices = simplified_polyline(path, chord_tolerance);
     Points centres(Eigen::Index(vertices.size()), 3);
     for (std::size_t k = 0; k < vertices.size(); ++k)
@@ -473,15 +470,15 @@ class Chunk {
   NearestApproach contact_search(int pair, std::size_t i0, std::size_t i1) {
     NearestApproach nearest;
     const double max_needed =
-        relative_travel(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+        relative_travel(std::size_t(pair), i0, i1) + 2.0 * search_.options.resolution;
     PairState& state = states_[std::size_t(pair)];
     if (!state.is_in_contact && i0 < i1 && is_contact_free(pair, i0, i1)) {
-      nearest.at_least = task_.options.resolution;
+      nearest.at_least = search_.options.resolution;
       return nearest;
     }
     if (state.is_in_contact || i0 == i1) sample(pair, i0, max_needed, nearest);
     if (!nearest.contact && i0 < i1) state.is_in_contact = search_contact(pair, i0, i1, nearest);
-    nearest.at_least = nearest.contact ? 0.0 : task_.options.resolution;
+    nearest.at_least = nearest.contact ? 0.0 : search_.options.resolution;
     return nearest;
   }
 
@@ -490,7 +487,7 @@ class Chunk {
   NearestApproach nearest_search(int pair, std::size_t i0, std::size_t i1) {
     NearestApproach nearest;
     const double max_needed =
-        relative_travel(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+        relative_travel(std::size_t(pair), i0, i1) + 2.0 * search_.options.resolution;
     const double d0 = sample(pair, i0, max_needed, nearest);
     if (nearest.contact) {
       nearest.at_least = 0.0;
@@ -501,7 +498,7 @@ class Chunk {
       return nearest;
     }
     const double min_distance = d0 - relative_travel(std::size_t(pair), i0, i1);
-    if (min_distance >= needed_distance(pair, nearest.distance) && task_.options.accelerated) {
+    if (min_distance >= needed_distance(pair, nearest.distance) && search_.options.accelerated) {
       nearest.at_least = min_distance;
       return nearest;
     }
@@ -511,20 +508,22 @@ class Chunk {
   }
 
   void follow(std::size_t segment) {
-    const std::size_t first = task_.motion.stretches[segment], end = end_of(task_.motion, segment);
+    const std::size_t first = search_.motion.stretches[segment],
+                      end = end_of(search_.motion, segment);
     const std::size_t i0 = std::max(first, begin_ + 1) - 1 - begin_, i1 = end - 1 - begin_;
-    const std::size_t count = task_.pairs.size();
+    const std::size_t count = search_.pairs.size();
     std::vector<double> low(count, infinity);
     min_distance_ = infinity;
     for (std::size_t p = 0; p < count; ++p) {
-      if (task_.is_followed[p] == 0) continue;
+      if (search_.is_followed[p] == 0) continue;
       const PairState& state = states_[p];
       low[p] = std::max(0.0, state.low - relative_travel(p, state.instant, i1));
-      if (!task_.pairs[p].contact_only)
+      if (!search_.pairs[p].contact_only)
         min_distance_ = std::min(min_distance_, state.high + relative_travel(p, state.instant, i0));
     }
     for (std::size_t p = 0; p < count; ++p) {
-      if (!task_.options.accelerated || task_.is_followed[p] == 0 || task_.pairs[p].contact_only)
+      if (!search_.options.accelerated || search_.is_followed[p] == 0 ||
+          search_.pairs[p].contact_only)
         continue;
       const double required = needed_distance(int(p), infinity);
       if (low[p] < required) low[p] = std::max(low[p], plane_bound(int(p), i0, i1, required));
@@ -534,34 +533,35 @@ class Chunk {
     for (;;) {
       std::size_t next_pair = count;
       for (std::size_t p = 0; p < count; ++p)
-        if (is_done[p] == 0 && task_.is_followed[p] != 0 &&
-            (low[p] < needed_distance(int(p), infinity) || !task_.options.accelerated) &&
+        if (is_done[p] == 0 && search_.is_followed[p] != 0 &&
+            (low[p] < needed_distance(int(p), infinity) || !search_.options.accelerated) &&
             (next_pair == count || low[p] < low[next_pair]))
           next_pair = p;
       if (next_pair == count) break;
       is_done[next_pair] = 1;
-      const bool contact_only = task_.pairs[next_pair].contact_only && task_.options.accelerated;
+      const bool contact_only =
+          search_.pairs[next_pair].contact_only && search_.options.accelerated;
       const NearestApproach nearest = contact_only ? contact_search(int(next_pair), i0, i1)
                                                    : nearest_search(int(next_pair), i0, i1);
       low[next_pair] = nearest.contact ? 0.0 : std::min(nearest.at_least, nearest.distance);
-      if (task_.pairs[next_pair].contact_only && !nearest.contact) continue;
-      if (!task_.pairs[next_pair].contact_only)
+      if (search_.pairs[next_pair].contact_only && !nearest.contact) continue;
+      if (!search_.pairs[next_pair].contact_only)
         min_distance_ = std::min(min_distance_, nearest.distance);
       if (nearest.distance < states_[next_pair].best.distance) states_[next_pair].best = nearest;
-      if (nearest.contact || nearest.distance < task_.options.clearance)
+      if (nearest.contact || nearest.distance < search_.options.clearance)
         result.encounters.push_back({int(next_pair), nearest.contact, segment, segment,
                                      nearest.moment, nearest.moment, nearest.distance,
                                      nearest.place});
     }
     SegmentClearance clearance;
     for (std::size_t p = 0; p < count; ++p)
-      if (task_.is_followed[p] != 0 && !task_.pairs[p].contact_only &&
+      if (search_.is_followed[p] != 0 && !search_.pairs[p].contact_only &&
           (clearance.pair < 0 || low[p] < clearance.at_least))
         clearance = {low[p], int(p)};
     result.clearances.push_back(clearance);
   }
 
-  const EncounterSearch& task_;
+  const EncounterSearch& search_;
   std::size_t begin_ = 0;  // first instant
   std::vector<std::vector<Pose>> poses_;
   std::vector<std::vector<double>> travels_;
@@ -570,14 +570,6 @@ class Chunk {
   std::vector<ContactFreeUntil> contact_free_;  // (pairs)
   double min_distance_ = infinity;              // smallest distance of the segment
 };
-
-}  // namespace
-
-EncounterSearchResult follow(const EncounterSearch& task, std::size_t first, std::size_t last) {
-  return std::move(Chunk(task, first, last).result);
-}
-
-namespace {
 
 void check(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& pairs,
            const CarrierMotion& motion, const EncounterOptions& options) {
@@ -612,22 +604,23 @@ std::vector<std::size_t> chunk_starts(const CarrierMotion& motion, std::size_t s
 
 /// Returns the least distances at some sampled instants, which let the search skip larger ones.
 /// Samples in contact are not included.
-std::vector<NearestApproach> sampled_distances(const EncounterSearch& task,
+std::vector<NearestApproach> sampled_distances(const EncounterSearch& search,
                                                std::size_t sample_count) {
-  std::vector<NearestApproach> nearest(task.pairs.size());
+  std::vector<NearestApproach> nearest(search.pairs.size());
   std::vector<std::size_t> instants;
   for (std::size_t k = 0; k < sample_count; ++k)
-    instants.push_back(k * (task.motion.instants - 1) / std::max<std::size_t>(sample_count - 1, 1));
+    instants.push_back(k * (search.motion.instants - 1) /
+                       std::max<std::size_t>(sample_count - 1, 1));
   std::vector<std::vector<Pose>> T;
-  for (const std::size_t i : instants) T.push_back(task.poses(i, 0.0));
-  tbb::parallel_for(std::size_t(0), task.pairs.size(), [&](std::size_t p) {
-    if (task.is_followed[p] == 0 || task.pairs[p].contact_only) return;
-    const CarrierBody &a = task.fixed(int(p)), &b = task.moving(int(p));
+  for (const std::size_t i : instants) T.push_back(search.poses(i, 0.0));
+  tbb::parallel_for(std::size_t(0), search.pairs.size(), [&](std::size_t p) {
+    if (search.is_followed[p] == 0 || search.pairs[p].contact_only) return;
+    const CarrierBody &a = search.fixed(int(p)), &b = search.moving(int(p));
     for (std::size_t k = 0; k < instants.size(); ++k) {
       const Gap current_gap = gap(a.body, T[k][std::size_t(a.carrier)], b.body,
                                   T[k][std::size_t(b.carrier)], {0.0, nearest[p].distance});
       if (!(current_gap.distance < nearest[p].distance) ||
-          current_gap.distance <= task.options.resolution)
+          current_gap.distance <= search.options.resolution)
         continue;
       nearest[p].distance = current_gap.distance;
       nearest[p].moment = {instants[k], 0.0};
@@ -639,22 +632,22 @@ std::vector<NearestApproach> sampled_distances(const EncounterSearch& task,
 
 /// Returns the time, in the first segment of a near miss, at which the two bodies come within the
 /// clearance.
-Moment near_miss_begin(const EncounterSearch& task, const Encounter& near_miss) {
-  const CarrierBody &a = task.fixed(near_miss.pair), &b = task.moving(near_miss.pair);
-  const auto relative = [&](std::size_t i) {
-    const std::vector<Pose> T = task.poses(i, 0.0);
+Moment near_miss_begin(const EncounterSearch& search, const Encounter& near_miss) {
+  const CarrierBody &a = search.fixed(near_miss.pair), &b = search.moving(near_miss.pair);
+  const auto relative_pose = [&](std::size_t i) {
+    const std::vector<Pose> T = search.poses(i, 0.0);
     return Pose(T[std::size_t(a.carrier)].inverse() * T[std::size_t(b.carrier)]);
   };
-  const std::size_t first = task.motion.stretches[near_miss.first_segment];
+  const std::size_t first = search.motion.stretches[near_miss.first_segment];
   const std::size_t end =
-      std::min(end_of(task.motion, near_miss.first_segment) - 1, near_miss.moment.instant + 1);
+      std::min(end_of(search.motion, near_miss.first_segment) - 1, near_miss.moment.instant + 1);
   const std::size_t begin = std::max<std::size_t>(first, 1) - 1;
-  Pose previous = relative(begin);
+  Pose previous = relative_pose(begin);
   for (std::size_t i = begin; i < end; ++i) {
-    const Pose next = relative(i + 1);
+    const Pose next = relative_pose(i + 1);
     const std::optional<double> u =
         comes_within(a.body, b.body, kinematics::screw_between(previous, next),
-                     task.options.clearance, task.options.resolution);
+                     search.options.clearance, search.options.resolution);
     if (u) return {i, *u};
     previous = next;
   }
@@ -707,30 +700,30 @@ std::size_t end_of(const CarrierMotion& motion, std::size_t segment) {
 Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<BodyPair>& pairs,
                       const CarrierMotion& motion, const EncounterOptions& options) {
   check(bodies, pairs, motion, options);
-  EncounterSearch task{bodies, pairs, motion, options, std::vector<char>(pairs.size(), 1)};
+  EncounterSearch search{bodies, pairs, motion, options, std::vector<char>(pairs.size(), 1)};
   for (const BodyPair& pair : pairs)
-    task.moving_parts.push_back(pair.contact_only && options.accelerated
-                                    ? split_into_balls(bodies[std::size_t(pair.b)].body)
-                                    : BodyBalls{});
-  for (const BodyBalls& parts : task.moving_parts)
-    task.rest_hulls.push_back(parts.rest ? hull_balls(*parts.rest) : std::vector<Ball>{});
+    search.moving_parts.push_back(pair.contact_only && options.accelerated
+                                      ? split_into_balls(bodies[std::size_t(pair.b)].body)
+                                      : BodyBalls{});
+  for (const BodyBalls& parts : search.moving_parts)
+    search.rest_hulls.push_back(parts.rest ? hull_balls(*parts.rest) : std::vector<Ball>{});
   Encounters result;
   result.pairs.resize(pairs.size());
-  const std::vector<Pose> T = task.poses(0, 0.0);
+  const std::vector<Pose> T = search.poses(0, 0.0);
   tbb::parallel_for(std::size_t(0), pairs.size(), [&](std::size_t p) {
-    const CarrierBody &a = task.fixed(int(p)), &b = task.moving(int(p));
+    const CarrierBody &a = search.fixed(int(p)), &b = search.moving(int(p));
     const Pose &T_a = T[std::size_t(a.carrier)], &T_b = T[std::size_t(b.carrier)];
     const bool overlap = gap(a.body, T_a, b.body, T_b).distance <= options.resolution ||
                          is_inside(a.body, T_a, b.body, T_b);
     result.pairs[p].overlaps_at_start = overlap;
-    task.is_followed[p] = overlap ? 0 : 1;
+    search.is_followed[p] = overlap ? 0 : 1;
   });
   result.queries = pairs.size();
-  for (const CarrierBody& carried : bodies) task.hulls.push_back(hull_balls(carried.body));
+  for (const CarrierBody& carried : bodies) search.hulls.push_back(hull_balls(carried.body));
   // Few samples compared with the distances of the search itself.
   const std::size_t sample_count =
       options.accelerated ? std::min<std::size_t>(256, motion.instants / 64) : 0;
-  task.sampled_nearest = sampled_distances(task, sample_count);
+  search.sampled_nearest = sampled_distances(search, sample_count);
   result.queries += sample_count * pairs.size();
   const std::vector<std::size_t> starts = chunk_starts(motion, options.chunk);
   std::vector<EncounterSearchResult> chunks(starts.size() - 1);
@@ -739,7 +732,7 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
       tbb::blocked_range<std::size_t>(0, chunks.size(), 1),
       [&](const auto& range) {
         for (std::size_t c = range.begin(); c < range.end(); ++c) {
-          chunks[c] = follow(task, starts[c], starts[c + 1]);
+          chunks[c] = std::move(ChunkSearch(search, starts[c], starts[c + 1]).result);
           if (options.progress) options.progress(double(++finished_count) / double(chunks.size()));
         }
       },
@@ -752,7 +745,7 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
                             chunk.clearances.end());
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const NearestApproach& best = chunk.best[p];
-      if (task.is_followed[p] != 0 && best.distance < result.pairs[p].distance)
+      if (search.is_followed[p] != 0 && best.distance < result.pairs[p].distance)
         result.pairs[p] = {false, best.contact ? 0.0 : best.distance, best.moment};
     }
     std::vector<Encounter> chunk_encounters = chunk.encounters;
@@ -764,7 +757,7 @@ Encounters encounters(const std::vector<CarrierBody>& bodies, const std::vector<
   result.list = std::move(joiner.list);
   tbb::parallel_for(std::size_t(0), result.list.size(), [&](std::size_t i) {
     Encounter& encounter = result.list[i];
-    encounter.begin = encounter.contact ? encounter.moment : near_miss_begin(task, encounter);
+    encounter.begin = encounter.contact ? encounter.moment : near_miss_begin(search, encounter);
   });
   return result;
 }

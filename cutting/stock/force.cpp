@@ -15,8 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double min_chip_fraction =
-    1e-12;  // of the feed; a thinner chip is rounding at a surface along the feed
+constexpr double min_chip_fraction = 1e-12;   // of the feed; a thinner chip is rounding
 constexpr double max_upright_extent = 1e-12;  // rad; an edge with less is upright
 
 void expect(bool holds, const char* expected, double value) {

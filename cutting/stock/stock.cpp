@@ -155,9 +155,8 @@ namespace {
 // Depths are in spacings; beyond the following limits only their sign is meaningful. The nodes of a
 // cell that a plane crosses are at most 3 spacings from the plane along the steepest line.
 constexpr float max_depth_of_three = 3.0F;  // with three directions
-constexpr float depth_off_edge =
-    1.0F;  // with three directions, for a node whose lines have no skin
-constexpr double max_depth_of_one = 4.0;  // with one direction
+constexpr float depth_off_edge = 1.0F;      // the same, for a node whose lines have no skin
+constexpr double max_depth_of_one = 4.0;    // with one direction
 constexpr float no_skin = 1e6F;
 
 const DexelLine& dexel_line(const DexelField& field, int first, int second) {
@@ -263,8 +262,8 @@ const DepthProbe::NodeDepths& DepthProbe::cached_depths(const int* cell) {
   const auto& nodes = stock_.nodes;
   const std::int64_t cell_number =
       cell[0] + std::int64_t(nodes[0]) * (cell[1] + std::int64_t(nodes[1]) * cell[2]);
-  constexpr std::uint64_t hash_factor =
-      0x9E3779B97F4A7C15;  // spreads neighbouring cells over the cache
+  // Spreads neighbouring cells over the cache.
+  constexpr std::uint64_t hash_factor = 0x9E3779B97F4A7C15;
   CachedCell& entry = cache_[(std::uint64_t(cell_number) * hash_factor) >> 55];
   if (entry.cell != cell_number) entry = {cell_number, node_depths(cell)};
   return entry.depths;

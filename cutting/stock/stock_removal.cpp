@@ -18,6 +18,8 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
+namespace {
+
 /// The tool at an instant: the rows of R are its axes in the grid frame, z to the spindle.
 struct ToolPose {
   Eigen::Vector3d tip;  // mm, from the grid's origin
@@ -45,15 +47,11 @@ class ToolPath {
   double angle_;
 };
 
-namespace {
-
 /// Returns the unit vector of v's component normal to the axis. The difference of two nearly equal
 /// axes is mostly rounding and need not be normal to them.
 Vector3d normal_to_axis(const Vector3d& direction, const Vector3d& axis) {
   return (direction - direction.dot(axis) * axis).normalized();
 }
-
-}  // namespace
 
 ToolPath::ToolPath(const Stock& stock, const StockMove& move) {
   const Eigen::Isometry3d T_kw = stock.T_wk.inverse();
@@ -82,8 +80,6 @@ ToolPose ToolPath::at(double t) const {
   pose.R.row(2) = sine * R_.row(0) + cosine * R_.row(2);
   return pose;
 }
-
-namespace {
 
 constexpr double max_part_sag = 1e-3;   // mm, deviation of a part of a move from a translation
 constexpr double max_twist = 5e-4;      // mm, the same along one line

@@ -15,14 +15,13 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr float rounding = 3e-6f;  // of a distance, as for a move in sweep_bounds.cpp
-constexpr float min_plane_cosine =
-    1e-3f;                       // between plane normal and ray; below it a plane gives no bound
-constexpr int newton_steps = 3;  // Newton steps towards the first contact
+// Between plane normal and ray; with a smaller cosine a plane gives no bound.
+constexpr float min_plane_cosine = 1e-3f;
+constexpr int newton_steps = 3;        // towards the first contact
 constexpr int sharp_newton_steps = 5;  // the same for cutters with sharp edges
-constexpr float rounding_fractions[] = {0.05f, 0.05f, 0.01f,
-                                        0.002f};  // fraction of the radius by which sharp
-                                                  // edges are rounded in each step, since
-                                                  // a Newton step needs their curvature
+// Fractions of the radius by which sharp edges are rounded in each step, since a Newton step needs
+// their curvature.
+constexpr float rounding_fractions[] = {0.05f, 0.05f, 0.01f, 0.002f};
 
 [[gnu::always_inline]] inline Float8 clamp_to(const Float8& x, float low, float high) {
   return stdx::min(stdx::max(x, Float8(low)), Float8(high));

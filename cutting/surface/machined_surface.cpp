@@ -400,11 +400,11 @@ Surface combined_surface(const Design& design_w, const std::vector<SurfaceFuncti
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double slack = 0.02;  // fraction of the corner's radius
-constexpr double min_rise =
-    slack;  // mm per mm, slope of the corner's round at the distance slack R from its lowest point
-constexpr double min_leftover = 0.5 * slack * slack;  // fraction of the radius, height of the round
-                                                      // there: R min_rise^2 / 2
+constexpr double slack = 0.02;  // fraction of the corner's radius R
+// Slope, mm per mm, of the corner's round at the distance slack R from its lowest point.
+constexpr double min_rise = slack;
+// Height of the round at that distance, as a fraction of R: min_rise^2 / 2.
+constexpr double min_leftover = 0.5 * slack * slack;
 
 /// The vertices that share an edge or a seam with each vertex, concatenated.
 struct MeshNeighbours {

@@ -17,8 +17,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr std::size_t max_slab_leaves =
-    512;                                // of a child; over more leaves the surface is not flat
+// Of a child; over more leaves the surface is not flat.
+constexpr std::size_t max_slab_leaves = 512;
 constexpr int core_steps = 4;           // iterations towards the nearest point of a tool
 constexpr int shaft_steps = 2;          // the same for a ball on its shaft
 constexpr float move_rounding = 3e-6f;  // fraction of a distance; derived below

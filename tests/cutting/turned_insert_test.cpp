@@ -294,7 +294,7 @@ TEST(InsertEdge, EntersWhereItsDistanceSays) {
     const std::optional<Chord> inside = chord(profile, point, step);
     ASSERT_EQ(entry.has_value(), inside.has_value());
     if (!entry) {
-      const double s = edge.nearest(point, step, -30.0);
+      const double s = edge.nearest_s(point, step, -30.0);
       for (const double off : {-0.01, 0.01})
         EXPECT_LE(edge.distance_bound(point + s * step),
                   edge.distance_bound(point + (s + off) * step) + 1e-12);
